@@ -1,0 +1,1 @@
+"""Thin rclpy adapters that put stages on the bus."""

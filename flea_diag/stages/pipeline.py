@@ -1,0 +1,36 @@
+"""Several stages as one: what one of them returns is handed on to those that consume it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+from flea_diag.stages import Stage
+from flea_diag.wire.records import Record
+
+
+class Pipeline:
+    """A stage made of stages; drives replay, tests and the one-process diagnoser alike.
+
+    ``handle`` returns every record that ``record`` caused, in causal order, each before
+    the records that it caused in turn.
+    """
+
+    def __init__(self, stages: Sequence[Stage]) -> None:
+        self._stages = tuple(stages)
+        self.consumes: tuple[type, ...] = tuple(
+            dict.fromkeys(kind for stage in self._stages for kind in stage.consumes)
+        )
+
+    def handle(self, record: Record) -> tuple[Record, ...]:
+        """Run ``record`` and all that follows from it through the stages that consume it."""
+        caused: list[Record] = []
+        waiting = deque([record])
+        while waiting:
+            current = waiting.popleft()
+            for stage in self._stages:
+                if type(current) in stage.consumes:
+                    produced = stage.handle(current)
+                    caused.extend(produced)
+                    waiting.extend(produced)
+        return tuple(caused)

@@ -1,0 +1,1 @@
+"""The ``flea`` command: works on bags, without ROS."""

@@ -1,0 +1,1 @@
+"""What crosses a process: records, their codec, topics and bags."""

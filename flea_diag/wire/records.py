@@ -1,0 +1,337 @@
+"""Everything that crosses a process, as frozen values.
+
+One dataclass a topic (see ``topics.TOPICS``). Times are integer nanoseconds since the Unix
+epoch, taken when the data were acquired; values are SI (REP-103, temperatures in degC), NaN
+means "not measured". Records compare by value and are safe to share.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+NEVER_NS = -1
+"""Stamp of an event that has not happened."""
+
+
+class Outcome(str, Enum):
+    """What the diagnoser concludes (one enum everywhere)."""
+
+    NOMINAL = "NOMINAL"
+    DETECTED = "DETECTED"
+    ISOLATED = "ISOLATED"
+    INDISTINGUISHABLE = "INDISTINGUISHABLE"
+    UNEXPLAINED = "UNEXPLAINED"
+    NOT_OBSERVABLE = "NOT_OBSERVABLE"
+    MODEL_MISMATCH = "MODEL_MISMATCH"
+    DATA_UNUSABLE = "DATA_UNUSABLE"
+
+
+class Level(IntEnum):
+    """Severity as diagnostic_msgs/DiagnosticStatus counts it."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+OUTCOME_LEVEL: dict[Outcome, Level] = {
+    Outcome.NOMINAL: Level.OK,
+    Outcome.DETECTED: Level.WARN,
+    Outcome.NOT_OBSERVABLE: Level.WARN,
+    Outcome.MODEL_MISMATCH: Level.WARN,
+    Outcome.DATA_UNUSABLE: Level.WARN,
+    Outcome.ISOLATED: Level.ERROR,
+    Outcome.INDISTINGUISHABLE: Level.ERROR,
+    Outcome.UNEXPLAINED: Level.ERROR,
+}
+
+
+class Quality(str, Enum):
+    """State of one channel."""
+
+    GOOD = "good"
+    BAD = "bad"
+    STALE = "stale"
+    SATURATED = "saturated"
+    ABSENT = "absent"
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """All slow channels at one instant: ``values[k]`` belongs to ``channels[k]`` (SI)."""
+
+    stamp_ns: int
+    channels: tuple[str, ...]
+    values: tuple[float, ...]
+
+    def value(self, channel: str) -> float:
+        """Value of one channel, NaN when this scan does not carry it."""
+        try:
+            return self.values[self.channels.index(channel)]
+        except ValueError:
+            return float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelInfo:
+    """One row of the channel table: what a number in a Scan or a block means."""
+
+    name: str
+    unit: str
+    minimum: float
+    maximum: float
+    rate_hz: float
+    serial: str = ""
+    mount: str = ""
+    sampling: str = "mean"
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelTable:
+    """Units, ranges, serials, rates and mounts of every channel of a stand."""
+
+    stamp_ns: int
+    stand: str
+    channels: tuple[ChannelInfo, ...]
+
+    def info(self, channel: str) -> ChannelInfo | None:
+        """Row of one channel, or None."""
+        return next((row for row in self.channels if row.name == channel), None)
+
+
+@dataclass(frozen=True, slots=True)
+class VibrationBlock:
+    """20 to 100 ms of all accelerometer axes, still packed as it came in.
+
+    ``data`` holds ``count`` points, each a little-endian uint32 (ns after ``stamp_ns``)
+    followed by one float32 (m/s^2) per axis. Nothing is decoded until ``points`` is called.
+    """
+
+    stamp_ns: int
+    axes: tuple[str, ...]
+    count: int
+    data: bytes
+
+    @staticmethod
+    def point_dtype(axes: int) -> np.dtype[np.void]:
+        """Layout of one point with so many axes."""
+        return np.dtype([("t", "<u4"), ("a", "<f4", (axes,))])
+
+    @classmethod
+    def pack(
+        cls,
+        stamp_ns: int,
+        axes: tuple[str, ...],
+        offset_ns: npt.NDArray[np.integer],
+        samples: npt.NDArray[np.floating],
+    ) -> VibrationBlock:
+        """Pack ``samples`` of shape (count, axes) taken ``offset_ns`` after the stamp."""
+        points = np.empty(len(offset_ns), dtype=cls.point_dtype(len(axes)))
+        points["t"] = offset_ns
+        points["a"] = samples
+        return cls(stamp_ns, axes, len(points), points.tobytes())
+
+    def points(self) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.float32]]:
+        """Decode: offsets in ns, shape (count,), and samples in m/s^2, shape (count, axes)."""
+        points = np.frombuffer(self.data, dtype=self.point_dtype(len(self.axes)), count=self.count)
+        return points["t"], points["a"]
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """Residuals of one scan: r in the channel's unit, z in its nominal sigma, and |z| limits.
+
+    NaN where a residual cannot be formed (a bad channel) or is gated (no excitation).
+    ``regressors`` are the model signals that the quantitative confirmation needs
+    (speed_m_s, acceleration_m_s2, ...), by name.
+    """
+
+    stamp_ns: int
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    z: tuple[float, ...]
+    thresholds: tuple[float, ...]
+    regressor_names: tuple[str, ...] = ()
+    regressors: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class VibrationLevel:
+    """The always-on sentinel: standard deviation of one block, per axis (m/s^2)."""
+
+    stamp_ns: int
+    axes: tuple[str, ...]
+    std: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelQuality:
+    """State of one channel, since when, why, and what was counted on it so far."""
+
+    channel: str
+    quality: Quality
+    since_ns: int
+    reason: str
+    counters: tuple[tuple[str, int], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class DataQuality:
+    """State of every channel and stream, on change."""
+
+    stamp_ns: int
+    channels: tuple[ChannelQuality, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """The fault flag: raised by the first residual whose |z| passed its threshold."""
+
+    stamp_ns: int
+    episode: int
+    detected: bool
+    residual: str
+    z: float
+    threshold: float
+    test: str
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol:
+    """Magnitude and slope of one residual as signs (+, -, 0; ``?`` = not yet known)."""
+
+    residual: str
+    magnitude: str
+    slope: str
+    since_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Symbols:
+    """Symbols of every residual in an episode, published on change."""
+
+    stamp_ns: int
+    episode: int
+    symbols: tuple[Symbol, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Why a hypothesis was kept or dropped: one observation held against its prediction."""
+
+    stamp_ns: int
+    source: str
+    observed: str
+    predicted: str
+    verdict: str
+    path: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One fault of the catalogue, with everything that was ever held for or against it."""
+
+    fault: str
+    hypothesis: str
+    probability: float
+    reason: str
+    evidence: tuple[Evidence, ...] = ()
+    size: float = float("nan")
+    size_sigma: float = float("nan")
+    size_unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class AmbiguityGroup:
+    """The verdict: the faults still possible, ranked, and those dropped, each with its why."""
+
+    stamp_ns: int
+    outcome: Outcome
+    episode: int
+    step: int
+    seq: int
+    members: tuple[Candidate, ...]
+    dropped: tuple[Candidate, ...]
+    detected_stamp_ns: int
+    words: str
+    calibration_sha256: str
+    source: str
+    not_observable: tuple[tuple[str, str], ...] = ()
+    features_computed: tuple[str, ...] = ()
+    features_available: int = 0
+    stale: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureRequest:
+    """Ask for one feature on one window of the vibration stream."""
+
+    stamp_ns: int
+    episode: int
+    step: int
+    feature: str
+    window_start_ns: int
+    window_end_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureValue:
+    """The answer to one request; ``value`` is NaN and ``reason`` says why when not computable."""
+
+    stamp_ns: int
+    episode: int
+    step: int
+    feature: str
+    window_start_ns: int
+    window_end_ns: int
+    value: float
+    unit: str
+    symbol: str
+    nominal_low: float
+    nominal_high: float
+    reason: str
+    cost_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What the source knows to be wrong with the stand; never read by a stage."""
+
+    stamp_ns: int
+    fault: str
+    onset_ns: int
+    details: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """Health of one of our own nodes (REP-107), not of the actuator."""
+
+    stamp_ns: int
+    node: str
+    level: Level
+    message: str
+    values: tuple[tuple[str, str], ...] = ()
+
+
+Record = (
+    Scan
+    | ChannelTable
+    | VibrationBlock
+    | Residual
+    | VibrationLevel
+    | DataQuality
+    | Detection
+    | Symbols
+    | AmbiguityGroup
+    | FeatureRequest
+    | FeatureValue
+    | Truth
+    | Health
+)

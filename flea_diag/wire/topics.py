@@ -1,0 +1,48 @@
+"""Which record travels on which topic, as which standard message, with which QoS.
+
+Three carriers only: numbers for machines are JointState, judgements are DiagnosticArray,
+waveforms are PointCloud2. Names are relative (a namespace makes a second stand);
+``/diagnostics`` alone is absolute, as REP-107 has it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flea_diag.wire import records as r
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+DIAGNOSTIC_ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
+POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One row: ``rank`` orders records of equal stamp wherever topics are merged."""
+
+    record: type
+    name: str
+    message: str
+    depth: int
+    latched: bool
+    rank: int
+
+
+TOPICS: tuple[Topic, ...] = (
+    Topic(r.ChannelTable, "sensors/channels", DIAGNOSTIC_ARRAY, 1, True, 0),
+    Topic(r.Truth, "truth", DIAGNOSTIC_ARRAY, 10, True, 1),
+    Topic(r.VibrationBlock, "sensors/vibration", POINT_CLOUD, 50, False, 2),
+    Topic(r.Scan, "sensors/slow", JOINT_STATE, 100, False, 3),
+    Topic(r.DataQuality, "data_quality", DIAGNOSTIC_ARRAY, 1, True, 4),
+    Topic(r.Residual, "residual", JOINT_STATE, 100, False, 5),
+    Topic(r.Detection, "fault_detected", DIAGNOSTIC_ARRAY, 1, True, 6),
+    Topic(r.Symbols, "symbol", DIAGNOSTIC_ARRAY, 50, False, 7),
+    Topic(r.VibrationLevel, "vibration_level", JOINT_STATE, 50, False, 8),
+    Topic(r.FeatureRequest, "feature_request", DIAGNOSTIC_ARRAY, 50, False, 9),
+    Topic(r.FeatureValue, "feature", DIAGNOSTIC_ARRAY, 50, False, 10),
+    Topic(r.AmbiguityGroup, "ambiguity_group", DIAGNOSTIC_ARRAY, 1, True, 11),
+    Topic(r.Health, "/diagnostics", DIAGNOSTIC_ARRAY, 10, False, 12),
+)
+
+TOPIC_OF: dict[type, Topic] = {topic.record: topic for topic in TOPICS}
+TOPIC_NAMED: dict[str, Topic] = {topic.name.lstrip("/"): topic for topic in TOPICS}
