@@ -1,0 +1,75 @@
+# Sourced by the other scripts: makes .venv on first use and keeps it up to date.
+# Sets $python. A ROS installation that is sourced in this shell is left out on purpose: its
+# rclpy and the one in .venv would mix.
+
+unset PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1 PYTHONUNBUFFERED=1
+
+venv=$root/.venv
+python=$venv/bin/python3
+
+say() { printf '%s\n' "$*" >&2; }
+
+fail() {
+    say "$*"
+    exit 2
+}
+
+base_python() {
+    base=${PYTHON:-python3}
+    command -v "$base" >/dev/null || fail "no $base found: install Python 3.10 or newer"
+    "$base" -c 'import sys; sys.exit(sys.version_info < (3, 10))' ||
+        fail "$("$base" -V) is too old, 3.10 is the oldest supported: set PYTHON=python3.12, say"
+    "$base" -c 'import ensurepip, venv' 2>/dev/null ||
+        fail "$("$base" -V) has no venv module: apt-get install python3-venv"
+}
+
+make_venv() {
+    [ -x "$python" ] && "$python" -c '' 2>/dev/null && return
+    base_python
+    say "making .venv with $("$base" -V) (first use only)"
+    "$base" -m venv --clear "$venv" || fail "cannot make $venv: is the disk full or read-only?"
+}
+
+# The sum over names and contents of the files given by a find expression.
+sum_of() { find "$@" -type f ! -name '*.pyc' -print0 | sort -z | xargs -0 sha256sum | sha256sum; }
+
+pip_install() {
+    "$python" -m pip install --progress-bar off --no-build-isolation \
+        --constraint "$root/constraints.txt" "$@" >"$venv/pip.log" 2>&1 &
+    installer=$!
+    # Which package pip is at, so that a slow line does not look like a hang.
+    while kill -0 $installer 2>/dev/null; do
+        at=$(grep -c '^Collecting' "$venv/pip.log")
+        [ -t 2 ] && printf '\r  %s packages looked up … ' "$at" >&2
+        sleep 1
+    done
+    [ -t 2 ] && printf '\r\033[K' >&2
+    wait $installer || {
+        grep -v WARNING "$venv/pip.log" | tail -n 5 >&2
+        fail "pip failed, its whole log is in $venv/pip.log: is the package index reachable?"
+    }
+}
+
+# $1: extras, e.g. numba or numba,test. A plain install: an editable one leaves out the data
+# files by which ros2 and the nodes find each other. Both steps do nothing when nothing changed.
+install() {
+    make_venv
+    stamp=$venv/.dependencies-$1
+    wanted=$(cd "$root" && sum_of constraints.txt setup.cfg)
+    if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
+        say "installing ROS 2 Jazzy and the other dependencies [$1] into .venv (a few minutes)"
+        pip_install setuptools
+        pip_install "$root[$1]"
+        printf '%s' "$wanted" >"$stamp"
+        rm -f "$venv/.sources"
+    fi
+    stamp=$venv/.sources
+    wanted=$(cd "$root" && sum_of flea_diag flea_sim_driver config launch launcher resource \
+        package.xml setup.py setup.cfg)
+    if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
+        say "installing flea_diag into .venv"
+        pip_install --no-deps --force-reinstall "$root"
+        printf '%s' "$wanted" >"$stamp"
+    fi
+}
