@@ -1,0 +1,160 @@
+"""Common Data Representation, little endian: just what the three carriers of the wire need.
+
+Plain CDR (XCDR version 1, OMG formal/2002-06-51 chapter 15), as every ROS 2 middleware and
+rosbag2 write it: four bytes of encapsulation, then each primitive aligned to its own size,
+counted from the end of the encapsulation; a string is a uint32 length that includes its
+closing zero, the bytes and the zero. Reading checks every length against the bytes that are
+there before anything is allocated, so memory is bounded by the size of the input.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import NoReturn
+
+from flea_diag.errors import WireError
+
+ENCAPSULATION = b"\x00\x01\x00\x00"
+"""CDR, little endian, no options."""
+
+_U32 = struct.Struct("<I")
+_STAMP = struct.Struct("<iI")
+_NS = 1_000_000_000
+_SECONDS = range(-(2**31), 2**31)
+_TRAILING = 16
+"""Bytes that may follow a message: rclpy 7.1 leaves 8 unset ones after a JointState, since its
+size is estimated with an alignment that an empty sequence does not have."""
+
+
+def stamp_bytes(stamp_ns: int) -> bytes:
+    """``builtin_interfaces/Time`` of a stamp in ns; WireError beyond its 32 bits of seconds."""
+    seconds, nanoseconds = divmod(int(stamp_ns), _NS)
+    if seconds not in _SECONDS:
+        raise WireError(
+            f"stamp {stamp_ns} ns does not fit a message: its seconds must lie in "
+            f"{_SECONDS.start} to {_SECONDS.stop - 1}"
+        )
+    return _STAMP.pack(seconds, nanoseconds)
+
+
+def text_bytes(value: str) -> bytes:
+    """UTF-8 bytes of a string that can travel: no zero character, no lone surrogate."""
+    try:
+        raw = value.encode()
+    except UnicodeEncodeError as error:
+        raise WireError(f"text {value[:40]!r} cannot be written as UTF-8: {error.reason}") from None
+    if b"\0" in raw:
+        raise WireError(f"text {value[:40]!r} holds a zero character, which would cut it off")
+    return raw
+
+
+class CdrWriter:
+    """Grows one message; ``bytes()`` of it includes the encapsulation."""
+
+    __slots__ = ("_body",)
+
+    def __init__(self, stamp_ns: int) -> None:
+        """Start with a ``std_msgs/Header`` of this stamp and an empty frame."""
+        self._body = bytearray(stamp_bytes(stamp_ns))
+        self.text("")
+
+    def align(self, size: int) -> None:
+        """Pad with zeros to a multiple of ``size`` bytes."""
+        self._body += bytes(-len(self._body) % size)
+
+    def u8(self, value: int) -> None:
+        """One byte."""
+        self._body.append(value)
+
+    def u32(self, value: int) -> None:
+        """One unsigned 32-bit integer, aligned."""
+        self._body += bytes(-len(self._body) & 3)
+        self._body += _U32.pack(value)
+
+    def text(self, value: str) -> None:
+        """One string."""
+        raw = text_bytes(value)
+        self.u32(len(raw) + 1)
+        self._body += raw
+        self._body.append(0)
+
+    def raw(self, data: bytes | memoryview) -> None:
+        """Bytes as they are."""
+        self._body += data
+
+    def __bytes__(self) -> bytes:
+        return ENCAPSULATION + self._body
+
+
+class CdrReader:
+    """Walks through one message; anything that does not fit is a WireError naming the place."""
+
+    __slots__ = ("_body", "_position")
+
+    def __init__(self, data: bytes | memoryview) -> None:
+        view = memoryview(data)
+        if len(view) < len(ENCAPSULATION) or view[:2] != ENCAPSULATION[:2]:
+            start = bytes(view[:4]).hex(" ")
+            raise WireError(f"not little-endian CDR: the message starts with {start or 'nothing'}")
+        self._body = view[len(ENCAPSULATION) :]
+        self._position = 0
+
+    def refuse(self, why: str) -> NoReturn:
+        """Raise a WireError that names the byte reached."""
+        raise WireError(f"malformed message at byte {self._position + 4}: {why}")
+
+    def align(self, size: int) -> None:
+        """Skip padding."""
+        self._position += -self._position % size
+
+    def take(self, count: int) -> memoryview:
+        """Take the next ``count`` bytes, without a copy."""
+        start, end = self._position, self._position + count
+        if end > len(self._body):
+            self.refuse(f"{count} bytes announced, {max(0, len(self._body) - start)} are left")
+        self._position = end
+        return self._body[start:end]
+
+    def u8(self) -> int:
+        """One byte."""
+        return self.take(1)[0]
+
+    def u32(self) -> int:
+        """One unsigned 32-bit integer, aligned."""
+        self.align(4)
+        return int(_U32.unpack(self.take(4))[0])
+
+    def count(self, least_bytes: int) -> int:
+        """Length of a sequence whose elements take at least so many bytes each."""
+        count = self.u32()
+        left = len(self._body) - self._position
+        if count * least_bytes > left:
+            self.refuse(f"{count} elements announced, {left} bytes are left")
+        return count
+
+    def stamp_ns(self) -> int:
+        """``std_msgs/Header``: its stamp in ns; the frame is passed over."""
+        seconds, nanoseconds = _STAMP.unpack(self.take(8))
+        if nanoseconds >= _NS:
+            self.refuse(f"{nanoseconds} ns within a second")
+        self.text()
+        return int(seconds) * _NS + int(nanoseconds)
+
+    def text(self) -> str:
+        """One string."""
+        length = self.u32()
+        if length == 0:
+            return ""
+        raw = bytes(self.take(length))
+        if raw.find(0) != length - 1:
+            self.refuse("a string without its closing zero, or with one inside")
+        try:
+            return raw[:-1].decode()
+        except UnicodeDecodeError:
+            self.refuse("a string that is not UTF-8")
+
+    def end(self) -> None:
+        """Nothing but a middleware's padding may be left."""
+        left = len(self._body) - self._position
+        if left > _TRAILING:
+            self.refuse(f"{left} bytes are left over")

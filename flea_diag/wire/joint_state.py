@@ -1,0 +1,132 @@
+"""Numbers for machines: records as sensor_msgs/JointState, in ``name`` and ``position`` alone."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from functools import lru_cache
+from operator import attrgetter
+from typing import Any
+
+from flea_diag.errors import WireError
+from flea_diag.wire import records as r
+from flea_diag.wire.cdr import ENCAPSULATION, CdrReader, CdrWriter, stamp_bytes
+
+Z, THRESHOLD, REGRESSOR = "/z", "/threshold", "regressor/"
+"""How the names on ``residual`` say what a number is."""
+
+_STAMP_BYTES = 8
+
+
+def encode(record: Any, _: str) -> bytes:
+    """CDR bytes of a Scan, Residual or VibrationLevel."""
+    if isinstance(record, r.Residual):
+        _check_residual(record)
+    names, values = _COLUMNS[type(record)]
+    return _joint_state(record.stamp_ns, names(record), values(record), type(record).__name__)
+
+
+def _joint_state(
+    stamp_ns: int, names: tuple[str, ...], values: tuple[float, ...], kind: str
+) -> bytes:
+    if len(names) != len(values):
+        raise WireError(f"{kind}: {len(names)} names but {len(values)} values")
+    positions = struct.pack(f"<{len(values)}d", *values)
+    no_velocity_nor_effort = bytes(8)
+    section = _names_section(tuple(names))
+    return b"".join(
+        (ENCAPSULATION, stamp_bytes(stamp_ns), section, positions, no_velocity_nor_effort)
+    )
+
+
+@lru_cache(maxsize=64)
+def _names_section(names: tuple[str, ...]) -> bytes:
+    """Bytes from the frame to the first position: the same in every message of a stream."""
+    writer = CdrWriter(0)
+    writer.u32(len(names))
+    for name in names:
+        writer.text(name)
+    writer.u32(len(names))
+    if names:
+        writer.align(8)
+    return bytes(writer)[len(ENCAPSULATION) + _STAMP_BYTES :]
+
+
+def decode(record_type: type, reader: CdrReader) -> Any:
+    """Read a Scan, Residual or VibrationLevel; velocity and effort are passed over."""
+    stamp_ns = reader.stamp_ns()
+    names = tuple(reader.text() for _ in range(reader.count(4)))
+    values, _, _ = _floats(reader), _floats(reader), _floats(reader)
+    reader.end()
+    if len(names) != len(values):
+        raise WireError(f"{len(names)} names but {len(values)} positions")
+    return _RECORD[record_type](stamp_ns, names, values)
+
+
+def _floats(reader: CdrReader) -> tuple[float, ...]:
+    count = reader.count(8)
+    if count:
+        reader.align(8)
+    return struct.unpack(f"<{count}d", reader.take(8 * count))
+
+
+def _check_residual(record: r.Residual) -> None:
+    wrong = next((n for n in (*record.names, *record.regressor_names) if "/" in n), None)
+    if wrong is not None:
+        raise WireError(f"Residual: name {wrong!r} holds a '/', which the wire needs for itself")
+    lengths = {len(column) for column in (record.names, record.values, record.z, record.thresholds)}
+    if len(lengths) > 1:
+        raise WireError(
+            f"Residual: {len(record.names)} names but {len(record.values)} values, "
+            f"{len(record.z)} z and {len(record.thresholds)} thresholds"
+        )
+
+
+def _residual_names(record: r.Residual) -> tuple[str, ...]:
+    return _triples(record.names, record.regressor_names)
+
+
+@lru_cache(maxsize=64)
+def _triples(names: tuple[str, ...], regressor_names: tuple[str, ...]) -> tuple[str, ...]:
+    residuals = (name + part for name in names for part in ("", Z, THRESHOLD))
+    return (*residuals, *(REGRESSOR + name for name in regressor_names))
+
+
+def _residual_values(record: r.Residual) -> tuple[float, ...]:
+    columns = zip(record.values, record.z, record.thresholds, strict=True)
+    return (*(value for row in columns for value in row), *record.regressors)
+
+
+def _residual(stamp_ns: int, names: tuple[str, ...], values: tuple[float, ...]) -> r.Residual:
+    end = next((k for k, name in enumerate(names) if name.startswith(REGRESSOR)), len(names))
+    residual_names = names[:end:3]
+    regressor_names = tuple(name[len(REGRESSOR) :] for name in names[end:])
+    if _triples(residual_names, regressor_names) != names:
+        raise WireError("the names are not those of residuals, each with /z and /threshold")
+    record = r.Residual(
+        stamp_ns,
+        residual_names,
+        values[0:end:3],
+        values[1:end:3],
+        values[2:end:3],
+        regressor_names,
+        values[end:],
+    )
+    _check_residual(record)
+    return record
+
+
+_COLUMNS: dict[type, tuple[Callable[[Any], tuple[str, ...]], Callable[[Any], tuple[float, ...]]]]
+_COLUMNS = {
+    r.Scan: (attrgetter("channels"), attrgetter("values")),
+    r.Residual: (_residual_names, _residual_values),
+    r.VibrationLevel: (attrgetter("axes"), attrgetter("std")),
+}
+"""Record -> what becomes ``name`` and what becomes ``position``."""
+
+_RECORD: dict[type, Callable[[int, tuple[str, ...], tuple[float, ...]], Any]] = {
+    r.Scan: r.Scan,
+    r.Residual: _residual,
+    r.VibrationLevel: r.VibrationLevel,
+}
+"""Record -> what makes it from stamp, ``name`` and ``position``."""

@@ -1,0 +1,140 @@
+r"""The sentences of the wire: each judgement said so that a person can read it anywhere.
+
+``ros2 topic echo`` prints a level as ``\x01``, so the level is said in words, too. Nothing
+here is ever read back: the key/values beside it hold the record.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from flea_diag.wire import records as r
+from flea_diag.wire.records import Level, Quality
+
+
+class Words(NamedTuple):
+    """Level, name and message of one status."""
+
+    level: Level
+    name: str
+    message: str
+
+
+QUALITY_LEVEL: dict[Quality, Level] = {
+    Quality.GOOD: Level.OK,
+    Quality.ABSENT: Level.OK,
+    Quality.BAD: Level.WARN,
+    Quality.SATURATED: Level.WARN,
+    Quality.STALE: Level.STALE,
+}
+
+
+def words_of(part: Any, whole: Any = None) -> Words:
+    """Words of a record, or of one part of the record ``whole``."""
+    words: Words = _WORDS[type(part)](part, whole)
+    return words._replace(message=f"{words.level.name}: {words.message}")
+
+
+def _verdict_level(group: r.AmbiguityGroup) -> Level:
+    return Level.STALE if group.stale else r.OUTCOME_LEVEL[group.outcome]
+
+
+def _channel_table(table: r.ChannelTable, _: None) -> Words:
+    sentence = f"{len(table.channels)} channels of stand {table.stand}"
+    return Words(Level.OK, "sensors/channels", sentence)
+
+
+def _channel_info(info: r.ChannelInfo, _: r.ChannelTable) -> Words:
+    sentence = f"{info.minimum:g} to {info.maximum:g} {info.unit} at {info.rate_hz:g} Hz"
+    return Words(Level.OK, f"sensors/channels/{info.name}", sentence)
+
+
+def _data_quality(quality: r.DataQuality, _: None) -> Words:
+    wrong = [row for row in quality.channels if QUALITY_LEVEL[row.quality] is not Level.OK]
+    sentence = ", ".join(f"{row.channel} {row.quality.value}" for row in wrong)
+    return Words(
+        Level.WARN if wrong else Level.OK,
+        "data_quality",
+        sentence or f"{len(quality.channels)} channels, none bad",
+    )
+
+
+def _channel_quality(row: r.ChannelQuality, _: r.DataQuality) -> Words:
+    sentence = f"{row.quality.value}: {row.reason}" if row.reason else row.quality.value
+    return Words(QUALITY_LEVEL[row.quality], f"data_quality/{row.channel}", sentence)
+
+
+def _detection(flag: r.Detection, _: None) -> Words:
+    if not flag.detected:
+        return Words(Level.OK, "fault_detected", "no fault detected")
+    sentence = (
+        f"{flag.test} on {flag.residual}: z = {flag.z:.4g}, threshold {flag.threshold:.4g}, "
+        f"episode {flag.episode}"
+    )
+    return Words(Level.WARN, "fault_detected", sentence)
+
+
+def _symbols(symbols: r.Symbols, _: None) -> Words:
+    sentence = ", ".join(f"{s.residual} ({s.magnitude}{s.slope})" for s in symbols.symbols)
+    return Words(Level.WARN, "symbol", sentence or "no symbols")
+
+
+def _symbol(symbol: r.Symbol, _: r.Symbols) -> Words:
+    sentence = f"magnitude {symbol.magnitude}, slope {symbol.slope}"
+    return Words(Level.OK, f"symbol/{symbol.residual}", sentence)
+
+
+def _ambiguity_group(group: r.AmbiguityGroup, _: None) -> Words:
+    stale = "the source has stopped; last verdict: " if group.stale else ""
+    return Words(_verdict_level(group), "ambiguity_group", f"{stale}{group.words}")
+
+
+def _candidate(candidate: r.Candidate, group: r.AmbiguityGroup) -> Words:
+    # The name is the same for a fault still possible and for one dropped: a viewer that
+    # keeps the last status of each name then shows the change and no stale suspect.
+    name = f"ambiguity_group/{candidate.fault}"
+    if not any(candidate is member for member in group.members):
+        return Words(Level.OK, name, f"dropped: {candidate.reason}")
+    sentence = f"possible, probability {candidate.probability:.3g}: {candidate.reason}"
+    return Words(_verdict_level(group), name, sentence)
+
+
+def _window(start_ns: int, end_ns: int) -> str:
+    return f"over {(end_ns - start_ns) * 1e-9:.3f} s"
+
+
+def _feature_request(request: r.FeatureRequest, _: None) -> Words:
+    window = _window(request.window_start_ns, request.window_end_ns)
+    return Words(Level.OK, "feature_request", f"{request.feature} {window}")
+
+
+def _feature_value(value: r.FeatureValue, _: None) -> Words:
+    if value.reason:
+        sentence = f"{value.feature} not computable: {value.reason}"
+        return Words(Level.WARN, "feature", sentence)
+    sentence = (
+        f"{value.feature} = {value.value:.4g} {value.unit} ({value.symbol}), nominal "
+        f"{value.nominal_low:.4g} to {value.nominal_high:.4g}"
+    )
+    return Words(Level.OK, "feature", sentence)
+
+
+def _truth(truth: r.Truth, _: None) -> Words:
+    level = Level.OK if truth.fault == "nominal" else Level.WARN
+    return Words(level, "truth", truth.fault)
+
+
+_WORDS: dict[type, Any] = {
+    r.ChannelTable: _channel_table,
+    r.ChannelInfo: _channel_info,
+    r.DataQuality: _data_quality,
+    r.ChannelQuality: _channel_quality,
+    r.Detection: _detection,
+    r.Symbols: _symbols,
+    r.Symbol: _symbol,
+    r.AmbiguityGroup: _ambiguity_group,
+    r.Candidate: _candidate,
+    r.FeatureRequest: _feature_request,
+    r.FeatureValue: _feature_value,
+    r.Truth: _truth,
+}
