@@ -1,0 +1,11 @@
+"""The one seam to rclpy: records out of and into a ROS graph.
+
+``program`` runs a node as an executable, ``endpoint`` holds its publishers and subscriptions,
+``declared`` its parameters. Importing this package does not import rclpy, so that ``--help``
+works without ROS.
+"""
+
+from flea_diag.wire.bus.endpoint import Bus, Stream
+from flea_diag.wire.bus.program import Program, run
+
+__all__ = ["Bus", "Program", "Stream", "run"]

@@ -1,0 +1,146 @@
+"""ROS parameters of a node, declared from a frozen parameter class (``wire.parameters``).
+
+Types, defaults, units, bounds and prose reach ``ros2 param describe`` from the one place
+where they stand. A bad value stops the node at start; later it is refused with the reason.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Generic, TypeVar
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.wire.parameters import Descriptor, build, checked, descriptors, parameter
+
+P = TypeVar("P")
+
+FOREIGN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+"""Parameters that rclpy declares by itself."""
+
+INTEGER_LIMITS = (-(2**63), 2**63 - 1)
+
+
+@dataclass(frozen=True)
+class Common:
+    """Parameters that every node has besides its own."""
+
+    executor: str = parameter(
+        "events",
+        "Executor of rclpy: events costs a tenth of single, which is the older one",
+        choices=("events", "single"),
+        read_only=True,
+    )
+
+
+class Declared(Generic[P]):
+    """The parameters of one node: ``value`` is always whole and valid."""
+
+    def __init__(self, node: Any, parameters: type[P]) -> None:
+        where = f"node {node.get_name()}"
+        given = _take_overrides(node)
+        common = {
+            entry.name: given.pop(entry.name) for entry in fields(Common) if entry.name in given
+        }
+        self._known = {entry.name: entry for entry in descriptors(parameters)}
+        self._where = where
+        self.common = build(Common, common, where)
+        self.value: P = build(parameters, self._converted(given), where)
+        self.on_change: list[Callable[[P], None]] = []
+        for owner, kind in ((self.common, Common), (self.value, parameters)):
+            for entry in descriptors(kind):
+                _declare(node, entry, getattr(owner, entry.name))
+        node.add_on_set_parameters_callback(self._validate)
+        node.add_post_set_parameters_callback(self._apply)
+
+    def _converted(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            name: _from_ros(self._known[name], value) if name in self._known else value
+            for name, value in given.items()
+        }
+
+    def _validate(self, parameters: list[Any]) -> Any:
+        from rcl_interfaces.msg import SetParametersResult
+
+        try:
+            self._merged(parameters)
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: list[Any]) -> None:
+        merged = self._merged(parameters)
+        if merged != self.value:
+            self.value = merged
+            for apply in self.on_change:
+                apply(merged)
+
+    def _merged(self, parameters: list[Any]) -> P:
+        changes = {
+            entry.name: checked(
+                self._known[entry.name],
+                _from_ros(self._known[entry.name], entry.value),
+                self._where,
+            )
+            for entry in parameters
+            if entry.name in self._known
+        }
+        return replace(self.value, **changes)  # type: ignore[type-var]
+
+
+def _take_overrides(node: Any) -> dict[str, Any]:
+    """Values given on the command line or in a file, by name, taken out of the node again.
+
+    The node was made with ``automatically_declare_parameters_from_overrides``: there they are
+    all seen, those too that nobody declares, and a typing error does not go unnoticed.
+    """
+    given = {
+        name: entry.value
+        for name, entry in node.get_parameters_by_prefix("").items()
+        if not name.startswith(FOREIGN)
+    }
+    for name in given:
+        node.undeclare_parameter(name)
+    return given
+
+
+def _declare(node: Any, entry: Descriptor, value: Any) -> None:
+    node.declare_parameter(
+        entry.name,
+        list(value) if isinstance(value, tuple) else value,
+        _ros_descriptor(entry),
+        ignore_override=True,
+    )
+
+
+def _from_ros(entry: Descriptor, value: Any) -> Any:
+    return tuple(value) if entry.kind is tuple and isinstance(value, list) else value
+
+
+def _ros_descriptor(entry: Descriptor) -> Any:
+    from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+
+    descriptor = ParameterDescriptor(
+        name=entry.name,
+        description=entry.doc + (f" [{entry.unit}]" if entry.unit else ""),
+        additional_constraints=" | ".join(entry.choices),
+        read_only=entry.read_only,
+    )
+    if entry.minimum is None and entry.maximum is None:
+        return descriptor
+    if entry.kind is float:
+        low, high = _limits(entry, (-math.inf, math.inf))
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    elif entry.kind is int:
+        low, high = _limits(entry, INTEGER_LIMITS)
+        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+    return descriptor
+
+
+def _limits(entry: Descriptor, unlimited: tuple[float, float]) -> tuple[float, float]:
+    low, high = unlimited
+    return (
+        low if entry.minimum is None else entry.minimum,
+        high if entry.maximum is None else entry.maximum,
+    )

@@ -1,0 +1,222 @@
+"""Publishers and subscriptions of one node, in records.
+
+Messages travel as the bytes that the codec writes and reads: ``publish(bytes)`` and raw
+subscriptions cost one memcpy, where a message object costs up to a millisecond.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from flea_diag.errors import InputError, WireError
+from flea_diag.wire import codec
+from flea_diag.wire.bus.declared import Declared
+from flea_diag.wire.records import Record
+from flea_diag.wire.topics import TOPIC_OF, Topic
+
+P = TypeVar("P")
+
+WARN_EVERY_S = 5.0
+"""A warning that repeats is logged at most this often; the counters miss none."""
+
+POLL_S = 0.02
+
+
+@dataclass
+class Stream:
+    """Counters of one subscription: messages that came, and why some were passed over."""
+
+    topic: Topic
+    received: int = 0
+    malformed: int = 0
+    refused: int = 0
+    lost: int = 0
+
+
+class Bus(Generic[P]):
+    """Has a node, is not a node: what a program needs of ROS, and nothing else.
+
+    Parameters
+    ----------
+    node, executor
+        Of rclpy; the executor already holds the node.
+    declared
+        The node's parameters.
+    """
+
+    def __init__(self, node: Any, executor: Any, declared: Declared[P]) -> None:
+        self._node = node
+        self._executor = executor
+        self._declared = declared
+        self._publishers: dict[type, Any] = {}
+        self.streams: dict[type, Stream] = {}
+        self.stand = node.get_namespace().strip("/") or "stand"
+
+    @property
+    def name(self) -> str:
+        """Node name with its namespace, without the leading slash."""
+        return str(self._node.get_fully_qualified_name()).lstrip("/")
+
+    @property
+    def ok(self) -> bool:
+        """Whether the node still runs: false once SIGINT or SIGTERM came."""
+        return bool(self._node.context.ok())
+
+    def now_ns(self) -> int:
+        """Clock of the node (simulated if use_sim_time): for lags only, never for inference."""
+        return int(self._node.get_clock().now().nanoseconds)
+
+    def on_parameters(self, apply: Callable[[P], None]) -> None:
+        """Call ``apply`` with all parameters whenever one of them was changed."""
+        self._declared.on_change.append(apply)
+
+    # -- out
+
+    def advertise(self, *record_types: type) -> None:
+        """Create publishers now, so that subscribers find them before the first record."""
+        for record_type in record_types:
+            if record_type not in self._publishers:
+                self._publishers[record_type] = self._create_publisher(record_type)
+
+    def publish(self, record: Record) -> None:
+        """Publish a record on its topic; does nothing once the node is being shut down."""
+        self.publish_raw(type(record), codec.encode(record, self.stand))
+
+    def publish_raw(self, record_type: type, data: bytes) -> None:
+        """Publish bytes that the codec wrote."""
+        self.advertise(record_type)
+        if self.ok:
+            self._publishers[record_type].publish(data)
+
+    def _create_publisher(self, record_type: type) -> Any:
+        topic = TOPIC_OF[record_type]
+        return self._node.create_publisher(
+            codec.message_class(record_type),
+            topic.name,
+            _qos(topic),
+            qos_overriding_options=_overriding(),
+        )
+
+    # -- in
+
+    def subscribe(self, record_type: type, take: Callable[[Any], None]) -> Stream:
+        """Call ``take`` with each record; what cannot be used is counted and passed over."""
+
+        def decoded(data: bytes) -> None:
+            take(codec.decode(record_type, data))
+
+        return self.subscribe_raw(record_type, decoded)
+
+    def subscribe_raw(self, record_type: type, take: Callable[[bytes], None]) -> Stream:
+        """Call ``take`` with the bytes of each message as they came in."""
+        from rclpy.event_handler import SubscriptionEventCallbacks
+
+        topic = TOPIC_OF[record_type]
+        stream = self.streams.setdefault(record_type, Stream(topic))
+
+        def received(data: bytes) -> None:
+            stream.received += 1
+            try:
+                take(data)
+            except WireError as error:
+                stream.malformed += 1
+                self.warn(f"{topic.name}: message passed over: {error}")
+            except InputError as error:
+                stream.refused += 1
+                self.warn(f"{topic.name}: record passed over: {error}")
+
+        def lost(event: Any) -> None:
+            stream.lost += event.total_count_change
+            self.warn(
+                f"{topic.name}: {event.total_count} messages lost: reader or network too slow"
+            )
+
+        self._node.create_subscription(
+            codec.message_class(record_type),
+            topic.name,
+            received,
+            _qos(topic),
+            event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
+            qos_overriding_options=_overriding(),
+            raw=True,
+        )
+        return stream
+
+    # -- time, services, words
+
+    def every(self, seconds: float, call: Callable[[], None]) -> None:
+        """Call at a steady period, also while simulated time stands still."""
+        from rclpy.clock import Clock, ClockType
+
+        self._node.create_timer(seconds, call, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def serve_trigger(self, name: str, answer: Callable[[], str]) -> None:
+        """Offer a std_srvs/Trigger; ``answer`` does it and says in words what was done."""
+        from std_srvs.srv import Trigger
+
+        def respond(_request: Any, response: Any) -> Any:
+            response.success, response.message = True, answer()
+            return response
+
+        self._node.create_service(Trigger, name, respond)
+
+    def info(self, text: str) -> None:
+        """Log a line."""
+        self._node.get_logger().info(text)
+
+    def warn(self, text: str) -> None:
+        """Log a warning, throttled."""
+        # The throttle of rclpy belongs to this line of code, not to the text: one a node.
+        self._node.get_logger().warning(text, throttle_duration_sec=WARN_EVERY_S)
+
+    # -- discovery
+
+    def subscribers(self, record_type: type) -> int:
+        """How many subscriptions this node knows on the record's topic, in any process."""
+        return int(self._node.count_subscribers(TOPIC_OF[record_type].name))
+
+    def publishers(self, record_type: type) -> int:
+        """How many publishers this node knows on the record's topic, in any process."""
+        return int(self._node.count_publishers(TOPIC_OF[record_type].name))
+
+    def wait_for_subscribers(
+        self, *record_types: type, count: int = 1, timeout_s: float = 10.0
+    ) -> bool:
+        """Serve the node until each topic has ``count`` subscribers; False when time ran out."""
+        return self.wait_until(
+            lambda: all(self._matched(record_type) >= count for record_type in record_types),
+            timeout_s,
+        )
+
+    def wait_until(self, predicate: Callable[[], bool], timeout_s: float) -> bool:
+        """Serve the node until ``predicate`` holds; False when time ran out or it shuts down."""
+        deadline_ns = time.monotonic_ns() + int(timeout_s * 1e9)
+        while not predicate():
+            if not self.ok or time.monotonic_ns() > deadline_ns:
+                return False
+            self._executor.spin_once(timeout_sec=POLL_S)
+        return True
+
+    def _matched(self, record_type: type) -> int:
+        self.advertise(record_type)
+        return int(self._publishers[record_type].get_subscription_count())
+
+
+def _qos(topic: Topic) -> Any:
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=topic.depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def _overriding() -> Any:
+    from rclpy.qos_overriding_options import QoSOverridingOptions
+
+    return QoSOverridingOptions.with_default_policies()

@@ -1,0 +1,204 @@
+"""A node as an executable: help, signals, executor and exit status, the same for all.
+
+Exit status 0 when it ended by itself or by SIGINT or SIGTERM (each as often as anybody likes),
+2 with one line when something given to it cannot be used.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from flea_diag.errors import ConfigurationError, FleaError
+from flea_diag.wire.bus.declared import Common, Declared
+from flea_diag.wire.bus.endpoint import Bus
+from flea_diag.wire.parameters import Descriptor, descriptors
+from flea_diag.wire.topics import TOPIC_OF
+
+ENDLESS_S = 1e6
+"""A wait without a time limit livelocks the EventsExecutor of rclpy 7.1 (overflow)."""
+
+NO_RCLPY = (
+    "ROS 2 is not installed: `pip install flea_diag` brings it on Linux x86-64, elsewhere install "
+    "ROS 2 Jazzy and source its setup.bash (rclpy: {error})"
+)
+
+Closing = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Program:
+    """What an executable is and how it starts.
+
+    ``start`` subscribes, advertises and returns at once, with what is to be called at the end
+    (or None). The node is served from then on.
+    """
+
+    name: str
+    summary: str
+    parameters: type
+    start: Callable[[Bus[Any], Any], Closing | None]
+    subscribes: tuple[type, ...] = ()
+    publishes: tuple[type, ...] = ()
+    examples: tuple[str, ...] = ()
+
+
+def run(make: Callable[[], Program], argv: Sequence[str] | None = None) -> int:
+    """Run the program that ``make`` returns until it ends; the exit status.
+
+    ``make`` is called after the signals are in hand, so that the slow imports of a node belong
+    into it.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _end_at_once)
+    try:
+        program = make()
+        if _wants_help(arguments):
+            print(usage(program))
+            return 0
+        _refuse_unknown(program, arguments)
+        return _run(program, arguments)
+    except FleaError as error:
+        print(f"flea_diag: {error}", file=sys.stderr)
+        return 2
+
+
+def usage(program: Program) -> str:
+    """The text of ``--help``; needs no ROS."""
+    lines = [f"ros2 run flea_diag {program.name} [--ros-args …]", "", program.summary]
+    for title, record_types in (
+        ("subscribes", program.subscribes),
+        ("publishes", program.publishes),
+    ):
+        if record_types:
+            lines += ["", f"{title}:"]
+            lines += [
+                f"  {TOPIC_OF[kind].name:20} {TOPIC_OF[kind].message} ({kind.__name__})"
+                for kind in record_types
+            ]
+    lines += ["", "parameters (--ros-args -p NAME:=VALUE):"]
+    lines += [
+        _explained(entry) for entry in (*descriptors(program.parameters), *descriptors(Common))
+    ]
+    lines += ["", "ROS arguments: -r __ns:=/stand_2 (a second stand), -r TOPIC:=OTHER, "]
+    lines += [
+        "  --params-file FILE, --log-level debug, -p use_sim_time:=true, all after --ros-args"
+    ]
+    if program.examples:
+        lines += ["", "examples:", *(f"  {example}" for example in program.examples)]
+    return "\n".join(lines)
+
+
+def _explained(entry: Descriptor) -> str:
+    notes = [f"default {entry.default!r}"]
+    notes += [f"at least {entry.minimum!r}"] if entry.minimum is not None else []
+    notes += [f"at most {entry.maximum!r}"] if entry.maximum is not None else []
+    notes += ["one of " + ", ".join(entry.choices)] if entry.choices else []
+    notes += ["fixed at start"] if entry.read_only else []
+    unit = f" [{entry.unit}]" if entry.unit else ""
+    kind = "list" if entry.kind is tuple else entry.kind.__name__
+    return f"  {entry.name:20} {entry.doc}{unit}\n  {'':20} ({kind}, {', '.join(notes)})"
+
+
+def _wants_help(arguments: list[str]) -> bool:
+    return bool({"-h", "--help"} & set(arguments))
+
+
+def _refuse_unknown(program: Program, arguments: list[str]) -> None:
+    first = arguments[0] if arguments else "--ros-args"
+    if first != "--ros-args":
+        raise ConfigurationError(
+            f"unknown argument {first!r}: nodes take --ros-args only, "
+            f"see ros2 run flea_diag {program.name} --help"
+        )
+
+
+def _end_at_once(*_: Any) -> None:
+    # Nothing is open yet; an exception here would come out of the middle of some import.
+    os._exit(0)
+
+
+def _run(program: Program, arguments: list[str]) -> int:
+    try:
+        import rclpy
+        from rclpy.executors import ExternalShutdownException
+    except ImportError as error:
+        raise ConfigurationError(NO_RCLPY.format(error=error)) from None
+    # From here on rclpy's own handler shuts the context down, which ends the spinning below. It
+    # then calls the handler it found, and Python's would raise KeyboardInterrupt anywhere.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)
+    _init(rclpy, arguments)
+    close: Closing | None = None
+    node = None
+    try:
+        node = _node(rclpy, program.name)
+        declared: Declared[Any] = Declared(node, program.parameters)
+        executor = make_executor(declared.common.executor)
+        executor.add_node(node)
+        close = program.start(Bus(node, executor, declared), declared.value)
+        spin(executor)
+    except ExternalShutdownException:
+        pass
+    except _shutdown_errors():
+        if rclpy.ok():
+            raise
+    finally:
+        if close is not None:
+            close()
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _init(rclpy: Any, arguments: list[str]) -> None:
+    try:
+        rclpy.init(args=["flea_diag", *arguments])
+    except Exception as error:
+        # rcl names the argument, but in a traceback of several lines.
+        first = str(error).strip().splitlines()[0]
+        raise ConfigurationError(f"ROS refuses the arguments {arguments}: {first}") from None
+
+
+def _node(rclpy: Any, name: str) -> Any:
+    try:
+        return rclpy.create_node(name, automatically_declare_parameters_from_overrides=True)
+    except ValueError as error:
+        raise ConfigurationError(f"node {name}: a parameter was given no value: {error}") from None
+
+
+def _shutdown_errors() -> tuple[type[Exception], ...]:
+    """What rclpy raises when its context ends in the middle of a call."""
+    from rclpy.exceptions import NotInitializedException
+    from rclpy.impl.implementation_singleton import rclpy_implementation as c
+
+    return (NotInitializedException, c.InvalidHandle, c.RCLError)
+
+
+def make_executor(kind: str = "events") -> Any:
+    """Make the executor of this name; the single-threaded one where rclpy has no other."""
+    from rclpy.executors import SingleThreadedExecutor
+
+    if kind == "events":
+        try:
+            from rclpy.experimental import EventsExecutor
+        except ImportError:
+            return SingleThreadedExecutor()
+        return EventsExecutor()
+    return SingleThreadedExecutor()
+
+
+def spin(executor: Any) -> None:
+    """Serve until the context is shut down (``ExternalShutdownException``)."""
+    import rclpy
+    from rclpy.task import Future
+
+    never: Any = Future()
+    while rclpy.ok():
+        executor.spin_until_future_complete(never, timeout_sec=ENDLESS_S)
