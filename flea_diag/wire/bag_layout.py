@@ -1,0 +1,139 @@
+"""What a bag looks like: topic names with a namespace, QoS, metadata.yaml of rosbag2.
+
+The layout is version 9 of rosbag2 (ROS 2 Jazzy): one folder, ``<folder>_0.mcap`` in it, and
+a metadata.yaml that names topics, types, type hashes, QoS and message counts.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from flea_diag.errors import RecordingError
+from flea_diag.wire.topics import TOPICS, Topic
+
+VERSION = 9
+DISTRIBUTION = "jazzy"
+METADATA_FILE = "metadata.yaml"
+
+_NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)*")
+_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+"""A QoS duration that is not set, as rosbag2 writes it."""
+
+
+class MessageType(NamedTuple):
+    """Definition with all its dependencies (ros2msg) and RIHS01 hash of a message type."""
+
+    definition: str
+    type_hash: str
+
+
+@lru_cache(maxsize=1)
+def _typestore() -> Any:
+    try:
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise RecordingError(f"bags need the package rosbags: pip install rosbags ({error})") from (
+            error
+        )
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@lru_cache(maxsize=8)
+def message_type(message: str) -> MessageType:
+    """Look up definition and hash of a message type of ROS 2 Jazzy."""
+    definition, _ = _typestore().generate_msgdef(message, ros_version=2)
+    return MessageType(definition, _typestore().hash_rihs01(message))
+
+
+def absolute(topic: Topic, namespace: str) -> str:
+    """Full name of a topic under a namespace (``/stand_b`` or empty)."""
+    return topic.name if topic.name.startswith("/") else f"{namespace}/{topic.name}"
+
+
+def checked_namespace(namespace: str) -> str:
+    """Namespace with its leading slash and no trailing one.
+
+    Raises
+    ------
+    RecordingError
+        When it is no ROS namespace.
+    """
+    full = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+    if not _NAMESPACE.fullmatch(full):
+        raise RecordingError(
+            f"namespace {namespace!r} is not a ROS name: letters, digits and _ between slashes, "
+            f"no digit first"
+        )
+    return full
+
+
+def split_name(name: str) -> tuple[str, Topic] | None:
+    """Namespace and row of a topic of ours by its full name, None for any other."""
+    for topic in TOPICS:
+        if name == absolute(topic, ""):
+            return "", topic
+        if not topic.name.startswith("/") and name.endswith(f"/{topic.name}"):
+            return name[: -len(topic.name) - 1], topic
+    return None
+
+
+def quality_of_service(topic: Topic) -> dict[str, Any]:
+    """QoS that our publishers offer, in the words of rosbag2."""
+    return {
+        "history": "keep_last",
+        "depth": topic.depth,
+        "reliability": "reliable",
+        "durability": "transient_local" if topic.latched else "volatile",
+        "deadline": dict(_INFINITE),
+        "lifespan": dict(_INFINITE),
+        "liveliness": "automatic",
+        "liveliness_lease_duration": dict(_INFINITE),
+        "avoid_ros_namespace_conventions": False,
+    }
+
+
+class Span(NamedTuple):
+    """Messages so far: how many on each topic, and the range of their log times in ns."""
+
+    counts: dict[str, int]
+    start_ns: int
+    end_ns: int
+
+
+def metadata(bag_file: str, topics: dict[str, Topic], span: Span) -> dict[str, Any]:
+    """Content of metadata.yaml for a bag of one file; ``topics`` by full name."""
+    return {
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        "relative_file_paths": [bag_file],
+        **_times(span),
+        "topics_with_message_count": [
+            {"topic_metadata": _topic_metadata(name, topic), "message_count": span.counts[name]}
+            for name, topic in topics.items()
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "files": [{"path": bag_file, **_times(span)}],
+        "custom_data": None,
+        "ros_distro": DISTRIBUTION,
+    }
+
+
+def _times(span: Span) -> dict[str, Any]:
+    return {
+        "duration": {"nanoseconds": span.end_ns - span.start_ns},
+        "starting_time": {"nanoseconds_since_epoch": span.start_ns},
+        "message_count": sum(span.counts.values()),
+    }
+
+
+def _topic_metadata(name: str, topic: Topic) -> dict[str, Any]:
+    return {
+        "name": name,
+        "type": topic.message,
+        "serialization_format": "cdr",
+        "offered_qos_profiles": [quality_of_service(topic)],
+        "type_description_hash": message_type(topic.message).type_hash,
+    }

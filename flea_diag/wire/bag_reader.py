@@ -1,0 +1,233 @@
+"""Records out of a bag, ours or another's, as far as it is whole."""
+
+from __future__ import annotations
+
+import heapq
+import sqlite3
+from collections.abc import Iterable, Iterator
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from flea_diag.errors import RecordingError, WireError
+from flea_diag.wire.bag_layout import METADATA_FILE, checked_namespace, split_name
+from flea_diag.wire.codec import decode
+from flea_diag.wire.mcap_scan import Channel, McapScan, Message
+from flea_diag.wire.records import Record
+from flea_diag.wire.topics import TOPICS, Topic
+
+_METADATA_LIMIT_BYTES = 1 << 20
+
+
+class BagReader:
+    """One bag: a folder of rosbag2, or a single .mcap file.
+
+    Attributes
+    ----------
+    namespaces
+        Namespaces that hold topics of ours.
+    topics
+        Every topic of the bag with its message type.
+    attachments
+        Texts kept beside the messages, by name.
+    losses
+        What could not be read, in words; complete once ``records`` has been read to its end.
+
+    Raises
+    ------
+    RecordingError
+        When there is no bag, or no topic of ours in it.
+    """
+
+    def __init__(self, directory: Path | str) -> None:
+        self.path = Path(directory)
+        self.losses: list[str] = []
+        self._unreadable: dict[str, int] = {}
+        self._sources = _sources(self.path, self.losses)
+        self.topics: dict[str, str] = {}
+        for source in self._sources:
+            channels = source.channels.values()
+            self.topics.update((c.topic, c.message) for c in channels if c.encoding == "cdr")
+        self._rows = {
+            name: found
+            for name, message in self.topics.items()
+            if (found := split_name(name)) is not None and found[1].message == message
+        }
+        if not self._rows:
+            raise RecordingError(self._foreign())
+        self.namespaces = self._find_namespaces()
+
+    def _find_namespaces(self) -> tuple[str, ...]:
+        """Only /diagnostics belongs to no stand in particular."""
+        own = {space for space, topic in self._rows.values() if not topic.name.startswith("/")}
+        return tuple(sorted(own)) or ("",)
+
+    @property
+    def attachments(self) -> dict[str, str]:
+        """Texts kept beside the messages, by name."""
+        return {
+            name: data.decode(errors="replace")
+            for source in self._sources
+            for name, data in source.attachments.items()
+        }
+
+    def _foreign(self) -> str:
+        has = ", ".join(f"{name} ({kind})" for name, kind in sorted(self.topics.items())[:5])
+        scan = TOPICS[3]
+        return (
+            f"{self.path} holds no topic of flea_diag, such as {scan.name} ({scan.message}); "
+            f"it has {has or 'no topics at all'}"
+        )
+
+    def records(
+        self, types: Iterable[type] | None = None, namespace: str | None = None
+    ) -> Iterator[tuple[int, Record]]:
+        """Log times in ns and records, in log order; all types of one namespace by default.
+
+        Raises
+        ------
+        RecordingError
+            When the bag holds several namespaces and none is chosen.
+        """
+        wanted = self._wanted(None if types is None else set(types), self._chosen(namespace))
+        ordered = heapq.merge(*(s.messages() for s in self._sources), key=itemgetter(0))
+        for message in ordered:
+            topic = wanted.get(message.channel.topic)
+            if topic is None or message.channel.message != topic.message:
+                continue
+            try:
+                record: Record = decode(topic.record, message.data)
+            except WireError as error:
+                self._count_unreadable(message, error)
+            else:
+                yield message.log_ns, record
+        self._collect_losses()
+
+    def _chosen(self, namespace: str | None) -> str:
+        has = ", ".join(name or "/" for name in self.namespaces)
+        if namespace is None:
+            if len(self.namespaces) > 1:
+                raise RecordingError(f"{self.path} holds several stands, choose one of {has}")
+            return self.namespaces[0]
+        chosen = checked_namespace(namespace)
+        if chosen not in self.namespaces:
+            raise RecordingError(f"{self.path} has no namespace {namespace!r}, it has {has}")
+        return chosen
+
+    def _wanted(self, types: set[type] | None, namespace: str) -> dict[str, Topic]:
+        return {
+            name: topic
+            for name, (space, topic) in self._rows.items()
+            if (space == namespace or topic.name.startswith("/"))
+            and (types is None or topic.record in types)
+        }
+
+    def _count_unreadable(self, message: Message, error: WireError) -> None:
+        topic = message.channel.topic
+        self._unreadable[topic] = self._unreadable.get(topic, 0) + 1
+        if self._unreadable[topic] == 1:
+            self.losses.append(f"{topic}: first unreadable message at {message.log_ns} ns: {error}")
+
+    def _collect_losses(self) -> None:
+        for source in self._sources:
+            self.losses += [loss for loss in source.losses if loss not in self.losses]
+        self.losses += [
+            f"{topic}: {count} unreadable messages" for topic, count in self._unreadable.items()
+        ]
+
+
+def read_bag(
+    directory: Path | str,
+    types: Iterable[type] | None = None,
+    namespace: str | None = None,
+    losses: list[str] | None = None,
+) -> Iterator[tuple[int, Record]]:
+    """Log times in ns and records of a bag, in log order.
+
+    Parameters
+    ----------
+    directory
+        Folder of a bag (MCAP or SQLite storage), or one .mcap file.
+    types
+        Record types wanted; all by default.
+    namespace
+        Which stand, where the bag holds several.
+    losses
+        A list to which is added, in words, what could not be read.
+
+    Raises
+    ------
+    RecordingError
+        When there is no bag, or no topic of ours in it.
+    """
+    reader = BagReader(directory)
+    yield from reader.records(types, namespace)
+    if losses is not None:
+        losses += reader.losses
+
+
+class _SqliteSource:
+    """A bag in SQLite storage, read through rosbags."""
+
+    def __init__(self, directory: Path) -> None:
+        self.attachments: dict[str, bytes] = {}
+        self.losses: list[str] = []
+        self._directory = directory
+        with self._opened() as reader:
+            self.channels = {c.id: Channel(c.topic, c.msgtype, "cdr") for c in reader.connections}
+
+    def _opened(self) -> Any:
+        from rosbags.rosbag2 import Reader
+
+        return Reader(self._directory)
+
+    def messages(self) -> Iterator[Message]:
+        """All messages in order of log time."""
+        with self._opened() as reader:
+            for connection, log_ns, data in reader.messages():
+                channel = Channel(connection.topic, connection.msgtype, "cdr")
+                yield Message(log_ns, log_ns, channel, bytes(data))
+
+
+def _sources(path: Path, losses: list[str]) -> list[Any]:
+    if path.is_file():
+        return [McapScan(path)]
+    if not path.is_dir():
+        raise RecordingError(f"{path} does not exist")
+    described = _described(path, losses)
+    if described.get("storage_identifier") == "sqlite3":
+        return [_sqlite(path)]
+    names = described.get("relative_file_paths") or []
+    files = [path / Path(str(name)).name for name in names if str(name).endswith(".mcap")]
+    files = files or sorted(path.glob("*.mcap"))
+    if not files:
+        raise RecordingError(f"{path} is no bag: neither {METADATA_FILE} nor an .mcap file in it")
+    losses += [f"{file.name} is missing" for file in files if not file.exists()]
+    return [McapScan(file) for file in files if file.exists()]
+
+
+def _described(path: Path, losses: list[str]) -> dict[str, Any]:
+    """Content of metadata.yaml; empty where it is missing or broken, for a bag may do without."""
+    file = path / METADATA_FILE
+    try:
+        if file.stat().st_size > _METADATA_LIMIT_BYTES:
+            raise ValueError(f"above its limit of {_METADATA_LIMIT_BYTES} bytes")
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        described = content["rosbag2_bagfile_information"]
+        return dict(described)
+    except FileNotFoundError:
+        losses.append(f"{METADATA_FILE} is missing")
+    except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError) as error:
+        losses.append(f"{METADATA_FILE} is unreadable ({type(error).__name__})")
+    return {}
+
+
+def _sqlite(path: Path) -> _SqliteSource:
+    from rosbags.rosbag2 import ReaderError
+
+    try:
+        return _SqliteSource(path)
+    except (ReaderError, sqlite3.Error, OSError) as error:
+        raise RecordingError(f"cannot read bag {path}: {error}") from error
