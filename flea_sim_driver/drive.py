@@ -1,0 +1,96 @@
+"""What a slow freewheeling PWM drive shows to a DAQ that samples it once in ten milliseconds.
+
+The public FLEA recordings sample the bridge stroboscopically: the lines at 11.7 Hz are aliases
+of the PWM, and one apparent period shows the bridge switched on (supply), freewheeling through
+its diodes (just below zero) until the current has died, then floating at the back-EMF. The
+product of inductance and PWM frequency, about 1.5 to 3 ohm, can be read from those pictures;
+either alone is an assumption.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+BISECTIONS = 30
+RC_TAIL_PERIODS = 0.03
+
+
+@dataclass(frozen=True)
+class Waveform:
+    """One PWM period at each instant: shares of the period, levels and peak; shapes (n,)."""
+
+    way: Array
+    on: Array
+    freewheel: Array
+    peak_a: Array
+    valley_a: Array
+    supply_v: float
+    drop_v: float
+    emf_v: Array
+
+    def current(self, phase: Array) -> Array:
+        """Winding current in A at a phase in 0..1 of the period."""
+        rise = self.valley_a + (self.peak_a - self.valley_a) * phase / self.on
+        fall = self.peak_a + (self.valley_a - self.peak_a) * (phase - self.on) / self.freewheel
+        in_rest = phase > self.on + self.freewheel
+        shape = np.where(phase < self.on, rise, np.where(in_rest, 0.0, fall))
+        return np.asarray(self.way * shape)
+
+    def voltage(self, phase: Array) -> Array:
+        """Terminal voltage in V at a phase, with the tails of the sensor's RC filter."""
+        ends = (self.on, self.on + self.freewheel)
+        floating = np.where(ends[1] >= 1.0 - 1e-9, -self.drop_v, self.emf_v)
+        levels = (np.full_like(phase, self.supply_v), np.full_like(phase, -self.drop_v), floating)
+        second = levels[1] + (levels[0] - levels[1]) * _tail(phase - ends[0])
+        third = levels[2] + (levels[1] - levels[2]) * _tail(phase - ends[1])
+        first = levels[0] + (levels[2] - levels[0]) * _tail(phase)
+        shape = np.where(phase < ends[0], first, np.where(phase < ends[1], second, third))
+        return np.asarray(self.way * shape)
+
+    def mean_square_current(self) -> Array:
+        """Mean square of the current over one period, A^2."""
+        peak, valley = self.peak_a, self.valley_a
+        return np.asarray(
+            (self.on + self.freewheel) * (peak**2 + peak * valley + valley**2) / 3.0
+        )
+
+
+def _tail(periods: Array) -> Array:
+    return np.asarray(np.exp(-np.maximum(periods, 0.0) / RC_TAIL_PERIODS))
+
+
+def waveform(
+    mean_a: Array, emf_v: Array, resistance: float, reactance: float, supply_v: float, drop_v: float
+) -> Waveform:
+    """The PWM period that carries a mean current against a back-EMF.
+
+    ``reactance`` is inductance times PWM frequency, ohm. The duty is found by bisection: the
+    mean current of a discontinuous triangle rises with it.
+    """
+    way = np.where(mean_a >= 0.0, 1.0, -1.0)
+    wanted, emf = np.abs(mean_a), way * emf_v
+    low, high = np.full_like(wanted, 1e-4), np.full_like(wanted, 1.0)
+    for _ in range(BISECTIONS):
+        duty = 0.5 * (low + high)
+        _, _, mean = _triangle(duty, emf, resistance, reactance, supply_v, drop_v)
+        low, high = np.where(mean < wanted, duty, low), np.where(mean < wanted, high, duty)
+    duty = 0.5 * (low + high)
+    peak, freewheel, mean = _triangle(duty, emf, resistance, reactance, supply_v, drop_v)
+    # Where the current never dies the triangle rides on a floor.
+    floor = np.where(freewheel >= 1.0 - duty - 1e-9, np.maximum(wanted - mean, 0.0), 0.0)
+    return Waveform(way, duty, freewheel, peak + floor, floor, supply_v, drop_v, emf)
+
+
+def _triangle(
+    duty: Array, emf: Array, resistance: float, reactance: float, supply_v: float, drop_v: float
+) -> tuple[Array, Array, Array]:
+    """Peak, freewheeling share and mean of the triangle of one duty."""
+    drive = np.maximum(supply_v - emf, 0.1)
+    peak = drive * duty / (reactance + 0.5 * resistance * duty)
+    against = np.maximum(drop_v + emf + 0.5 * resistance * peak, 0.05)
+    freewheel = np.minimum(peak * reactance / against, 1.0 - duty)
+    return peak, np.maximum(freewheel, 1e-6), 0.5 * peak * (duty + freewheel)

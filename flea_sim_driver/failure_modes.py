@@ -1,0 +1,73 @@
+"""The common failure modes of electro-mechanical actuators and how this stand shows them.
+
+Modes and approaches are those of Narasimhan et al. 2010, Table 1; a mode that cannot act on
+any signal of this stand says why.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class FailureMode:
+    """One row: ``faults`` are ids of the catalogue, empty where ``reason`` says why not."""
+
+    component: str
+    mode: str
+    approach: str
+    faults: tuple[str, ...]
+    how: str = ""
+    reason: str = ""
+
+
+NO_RESOLVER = "the stand has an encoder and a potentiometer, no resolver"
+INSIDE_CONTROLLER = (
+    "acts inside the motor controller, of which the stand measures the output voltage alone"
+)
+
+FAILURE_MODES: tuple[FailureMode, ...] = (
+    FailureMode("Actuator", "Jam", "physics", ("jam",), "hardware: the jammed unit is switched in"),
+    FailureMode("Actuator", "Spall", "hybrid", ("spall",), "hardware: the spalled unit"),
+    FailureMode("Motor", "Winding short", "physics", ("winding_short",), "programmable rheostat"),
+    FailureMode("Connectors", "Degraded operation", "data", ("winding_open",),
+                "size below 1: contact resistance in the motor lead"),
+    FailureMode("Connectors", "Intermittent contact", "data", ("winding_open",),
+                "with on_s and off_s"),
+    FailureMode("Stator", "Stator coil fails open", "physics", ("winding_open",), "size 1"),
+    FailureMode("Stator", "Insulation deterioration / wire chafing", "data", ("winding_short",),
+                "with growth_s: turns bypassed one after another"),
+    FailureMode("Resolver", "Coil fails open", "physics", ("actuator_position_dead",),
+                "as a dead position sensor; " + NO_RESOLVER),
+    FailureMode("Resolver", "Intermittent coil failures", "data", ("actuator_position_dropout",),
+                "as drop-outs of the position sensor; " + NO_RESOLVER),
+    FailureMode("Sensor", "Insulation deterioration / wire chafing", "data",
+                ("motor_current_noise", "load_position_noise"), "noise with growth_s"),
+    FailureMode("Sensor", "Bias", "physics", ("motor_current_bias", "motor_temperature_bias"),
+                "software: every channel has this mode"),
+    FailureMode("Sensor", "Scaling", "physics",
+                ("motor_current_scaling", "motor_temperature_scaling"), "software"),
+    FailureMode("Sensor", "Drift", "data", ("motor_current_drift", "motor_temperature_drift"),
+                "software"),
+    FailureMode("Power supply", "Noise", "data", (),
+                reason="the 100 Hz channels average it away and the supply is not measured"),
+    FailureMode("Power supply", "Intermittent dropout", "physics", ("supply_open",),
+                "with on_s and off_s"),
+    FailureMode("Power supply", "Short circuit", "hybrid", ("supply_short",), "size 1"),
+    FailureMode("Power supply", "Open circuit", "hybrid", ("supply_open",), "size 1"),
+    FailureMode("Controller capacitors", "Intermittent performance", "data", ("supply_open",),
+                "size below 1 with on_s and off_s: the link voltage sags"),
+    FailureMode("Controller capacitors", "Thermal runaway", "hybrid", (),
+                reason="no temperature of the controller is measured"),
+    FailureMode("Controller capacitors", "Dielectric breakdown", "hybrid", ("supply_short",),
+                "a shorted link capacitor pulls the rail down"),
+    FailureMode("Controller transistors", "Dielectric breakdown", "hybrid", (),
+                reason="gate leakage " + INSIDE_CONTROLLER),
+    FailureMode("Controller transistors", "Short circuit", "hybrid", ("supply_short",),
+                "a shorted half bridge shorts the rail"),
+    FailureMode("Wiring", "Open circuit", "hybrid", ("winding_open",), "size 1"),
+    FailureMode("Wiring", "Insulation deterioration / wire chafing", "data", ("winding_short",),
+                "with growth_s"),
+    FailureMode("Solder joints", "Intermittent contact", "hybrid", ("winding_open",),
+                "with on_s and off_s"),
+)  # fmt: skip

@@ -1,0 +1,120 @@
+"""The flight interface: an aircraft's control surface drives the stand.
+
+A CSV with the columns ``time_s, position_m, load_N`` is taken as it stands; what the stand
+cannot follow is refused with the row that says so.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.errors import ConfigurationError
+
+COLUMNS = ("time_s", "position_m", "load_N")
+STROKE_M = 0.100
+SPEED_LIMIT_M_S = 0.120
+LOAD_LIMIT_N = 70.0 * 4.4482216152605
+GAP_LIMIT_S = 0.5
+FILE_LIMIT_BYTES = 64 << 20
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """Position and load of a control surface, interpolated between its rows."""
+
+    time_s: Array
+    position_m: Array
+    load_n: Array
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last row after the first."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    def at(self, time_s: Array) -> tuple[Array, Array]:
+        """Position in m and load in N so long after the first row; held after the last."""
+        when = time_s + self.time_s[0]
+        position = np.interp(when, self.time_s, self.position_m)
+        return position, np.interp(when, self.time_s, self.load_n)
+
+
+def read_flight(path: Path) -> Flight:
+    """Read and check one flight.
+
+    Raises
+    ------
+    ConfigurationError
+        Unreadable, wrong columns, gaps, or outside stroke, speed or load: names file and row.
+    """
+    rows = _rows(path)
+    table = np.array(rows, dtype=np.float64).reshape(-1, 3)
+    if len(table) < 2:
+        raise ConfigurationError(f"{path}: {len(table)} rows, a flight needs at least 2")
+    flight = Flight(table[:, 0].copy(), table[:, 1].copy(), table[:, 2].copy())
+    _check(flight, path)
+    return flight
+
+
+def _rows(path: Path) -> list[list[float]]:
+    try:
+        if path.stat().st_size > FILE_LIMIT_BYTES:
+            raise ConfigurationError(f"{path}: larger than the limit of {FILE_LIMIT_BYTES} bytes")
+        with path.open(newline="", encoding="utf-8") as stream:
+            reader = csv.reader(stream)
+            header = tuple(cell.strip() for cell in next(reader, []))
+            if header != COLUMNS:
+                raise ConfigurationError(
+                    f"{path}: columns {', '.join(header) or 'none'}, must be {', '.join(COLUMNS)}"
+                )
+            return [_row(cells, path, reader.line_num) for cells in reader if cells]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error}") from error
+
+
+def _row(cells: list[str], path: Path, line: int) -> list[float]:
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError:
+        values = []
+    if len(values) != len(COLUMNS) or not all(math.isfinite(value) for value in values):
+        raise ConfigurationError(
+            f"{path}, line {line}: {','.join(cells)!r} is not three finite numbers"
+        )
+    return values
+
+
+def _check(flight: Flight, path: Path) -> None:
+    step = np.diff(flight.time_s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = np.abs(np.diff(flight.position_m)) / step
+    checks = (
+        (step <= 0.0, step, "time step", "above 0 s: time must rise"),
+        (step > GAP_LIMIT_S, step, "gap", f"at most {GAP_LIMIT_S} s"),
+        (
+            (flight.position_m < 0.0) | (flight.position_m > STROKE_M),
+            flight.position_m,
+            "position_m",
+            f"0 to {STROKE_M} m: scale it to the stroke",
+        ),
+        (
+            np.abs(flight.load_n) > LOAD_LIMIT_N,
+            flight.load_n,
+            "load_N",
+            f"within +-{LOAD_LIMIT_N:.1f} N: scale it to the load actuator",
+        ),
+        (speed > SPEED_LIMIT_M_S, speed, "speed in m/s", f"at most {SPEED_LIMIT_M_S} m/s"),
+    )
+    for bad, values, name, limit in checks:
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise ConfigurationError(
+                f"{path}, row {row + 1} (time_s {flight.time_s[row]:g}): {name} = "
+                f"{values[row]:g}, must be {limit}"
+            )

@@ -1,0 +1,185 @@
+"""The physics of the stand: motor, screw, coupling, load actuator and control loop.
+
+Integrated at 2 kHz: the winding exactly (its time constant equals the step), the friction as
+an impulse that can stop a mass and never turns it, the rest semi-implicitly. The coupling
+mode, near 45 Hz, takes forty steps a period. Only +, -, *, / and sin are used inside the
+loop, so that numba, where installed, gives the bits of plain Python.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+STEP_S = 0.5e-3
+STATES = ("current", "speed", "position", "load_speed", "load_position", "load_current", "trim")
+SIGNALS = (
+    "current", "voltage", "command", "speed", "position", "load_position", "force",
+    "load_current", "friction_power",
+)  # fmt: skip
+Array = npt.NDArray[np.float64]
+
+
+class Coefficients(NamedTuple):
+    """Everything the integrator needs, constant over one call; linear coordinates, SI."""
+
+    resistance: float
+    current_decay: float
+    force_constant: float
+    mass: float
+    coulomb: float
+    stribeck: float
+    stribeck_speed: float
+    viscous: float
+    load_friction: float
+    backlash: float
+    lead_error: float
+    ripple: float
+    ripple_order: float
+    eccentric: float
+    spall: float
+    spall_order: float
+    screw_ratio: float
+    nominal_supply: float
+    supply: float
+    supply_resistance: float
+    current_limit: float
+    dead_time_drop: float
+    bridge: float
+    position_gain: float
+    position_knee: float
+    droop: float
+    feedback_scale: float
+    feedback_offset: float
+    feedback_noise: float
+    current_feedback_scale: float
+    current_feedback_offset: float
+    force_feedback_scale: float
+    force_feedback_offset: float
+    coupling_stiffness: float
+    coupling_damping: float
+    load_mass: float
+    load_coulomb: float
+    load_viscous: float
+    load_constant: float
+    load_resistance: float
+    load_lag: float
+    trim_rate: float
+    trim_limit: float
+    stroke: float
+    stop_stiffness: float
+    stop_damping: float
+
+
+def _stopped(speed: float, impulse: float) -> float:
+    """Speed after a friction impulse: slower, at most stopped, never turned."""
+    if speed > impulse:
+        return speed - impulse
+    if speed < -impulse:
+        return speed + impulse
+    return 0.0
+
+
+def _clipped(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
+
+
+def _integrate(
+    state: Array, reference: Array, load: Array, noise: Array, c: Any, dt: float, out: Array
+) -> None:
+    """Advance ``state`` in place over ``len(reference)`` steps and fill ``out`` (n, signals)."""
+    i, v, x, vl, xl, iz, trim = state
+    for k in range(reference.shape[0]):
+        # Position loop: soft near zero error, drooping with current, limited in current.
+        seen = c.feedback_scale * x + c.feedback_offset + c.feedback_noise * noise[k]
+        error = reference[k] - seen
+        felt = c.current_feedback_scale * i + c.current_feedback_offset
+        command = c.position_gain * error * abs(error) / (abs(error) + c.position_knee)
+        command -= c.droop * felt
+        over = abs(felt) - c.current_limit
+        if over > 0.0:
+            command -= math.copysign(20.0 * over, felt)
+        command = _clipped(command, c.nominal_supply)
+        available = max(c.supply - c.supply_resistance * abs(i), 0.0)
+        # Winding, exact over the step; bridge 0 = high impedance, nothing flows.
+        voltage = _clipped(command, available) - c.dead_time_drop * i / (abs(i) + 0.1)
+        settled = (voltage - c.force_constant * v) / c.resistance
+        i = settled + (i - settled) * c.current_decay
+        if c.bridge == 0.0:
+            i = 0.0
+            voltage = c.force_constant * v
+        # Coupling: backlash, then spring and damper that can only push.
+        angle = x / c.screw_ratio
+        gap = x + c.lead_error * math.sin(angle) - xl
+        half = 0.5 * c.backlash
+        force = 0.0
+        if gap > half:
+            force = max(c.coupling_stiffness * (gap - half) + c.coupling_damping * (v - vl), 0.0)
+        elif gap < -half:
+            force = min(c.coupling_stiffness * (gap + half) + c.coupling_damping * (v - vl), 0.0)
+        # Motor and screw.
+        ripple = c.ripple * math.sin(c.ripple_order * angle) + c.eccentric * math.sin(angle)
+        if c.spall != 0.0:
+            bump = math.sin(0.5 * c.spall_order * angle)
+            bump = bump * bump
+            bump = bump * bump
+            ripple += c.spall * (bump * bump - 0.27)
+        slip = v / c.stribeck_speed
+        drag = c.coulomb + c.stribeck / (1.0 + slip * slip) + c.load_friction * abs(force)
+        push = c.force_constant * i - c.viscous * v - force - ripple
+        v = _stopped(v + dt * push / c.mass, dt * drag / c.mass)
+        x += dt * v
+        # Load actuator: a motor that pushes one way only, its current follows its back-EMF.
+        wanted = load[k]
+        way = 1.0 if wanted >= 0.0 else -1.0
+        measured = c.force_feedback_scale * force + c.force_feedback_offset
+        trim = _clipped(trim + dt * c.trim_rate * (wanted - measured), c.trim_limit)
+        emf = c.load_constant * vl
+        target = wanted / c.load_constant
+        target += (0.45 * emf + trim) / c.load_resistance
+        if target * way < 0.0 or abs(wanted) < 1.0:
+            target = 0.0
+        iz += dt * (target - iz) / c.load_lag
+        stop = 0.0
+        if xl > c.stroke:
+            stop = max(c.stop_stiffness * (xl - c.stroke) + c.stop_damping * vl, 0.0)
+        elif xl < 0.0:
+            stop = min(c.stop_stiffness * xl + c.stop_damping * vl, 0.0)
+        resist = c.load_constant * iz + c.load_viscous * vl + stop
+        vl = _stopped(vl + dt * (force - resist) / c.load_mass, dt * c.load_coulomb / c.load_mass)
+        xl += dt * vl
+        out[k, 0] = i
+        out[k, 1] = voltage
+        out[k, 2] = command
+        out[k, 3] = v
+        out[k, 4] = x
+        out[k, 5] = xl
+        out[k, 6] = force
+        out[k, 7] = iz
+        out[k, 8] = (drag + c.viscous * abs(v)) * abs(v)
+    state[0] = i
+    state[1] = v
+    state[2] = x
+    state[3] = vl
+    state[4] = xl
+    state[5] = iz
+    state[6] = trim
+
+
+@lru_cache(maxsize=1)
+def integrator() -> Callable[..., None]:
+    """The integrator, compiled where numba is installed."""
+    try:
+        import numba
+    except ImportError:
+        return _integrate
+    compile_ = numba.njit(cache=True, fastmath=False)
+    globals()["_stopped"] = compile_(_stopped)
+    globals()["_clipped"] = compile_(_clipped)
+    compiled: Callable[..., None] = compile_(_integrate)
+    return compiled

@@ -1,0 +1,117 @@
+"""One physical test actuator, and the stand that it is bolted to, as numbers.
+
+Mechanical quantities stand in linear coordinates (force along the screw, speed of the nut):
+the public FLEA recordings identify the product K * 2 pi / lead, never the lead itself.
+Values marked (measured) were regressed from those recordings; the others are assumptions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Parameters of one test actuator at 25 degC."""
+
+    winding_resistance_ohm: float = 2.95  # measured
+    winding_inductance_h: float = 1.5e-3
+    force_constant_n_per_a: float = 176.7  # measured: K * 2 pi / lead, motor and back-EMF alike
+    coulomb_friction_n: float = 42.0  # measured 47 together with the load-dependent part
+    stribeck_friction_n: float = 10.0
+    stribeck_speed_m_s: float = 2.5e-3
+    viscous_friction_n_s_m: float = 412.0  # measured
+    load_friction_ratio: float = 0.05
+    reflected_mass_kg: float = 130.0  # measured 110 to 152
+    backlash_m: float = 20e-6
+    lead_error_m: float = 8e-6
+    ball_pass_ripple_n: float = 4.0
+    lead_m: float = 3.175e-3
+    screw_pitch_diameter_m: float = 9.9e-3
+    ball_diameter_m: float = 1.588e-3
+    contact_angle_rad: float = np.pi / 4
+    winding_heat_capacity_j_k: float = 40.0
+    housing_heat_capacity_j_k: float = 262.0
+    frame_heat_capacity_j_k: float = 600.0
+    nut_heat_capacity_j_k: float = 60.0
+    winding_to_housing_k_w: float = 0.5
+    housing_to_frame_k_w: float = 3.6
+    frame_to_ambient_k_w: float = 2.5
+    nut_to_ambient_k_w: float = 4.0
+    nut_heat_share: float = 0.6
+    start_temperature_degc: float = 24.0
+    current_offset_a: float = 0.32  # measured, on every motor
+    voltage_offset_v: float = -1.35  # measured -1.0 to -1.7
+
+    @property
+    def screw_ratio_m_rad(self) -> float:
+        """Travel of the nut per radian of the motor."""
+        return self.lead_m / (2.0 * np.pi)
+
+
+UNIT_SPREAD: dict[str, float] = {
+    "winding_resistance_ohm": 0.05,
+    "winding_inductance_h": 0.05,
+    "force_constant_n_per_a": 0.01,
+    "coulomb_friction_n": 0.10,
+    "stribeck_friction_n": 0.20,
+    "viscous_friction_n_s_m": 0.15,
+    "load_friction_ratio": 0.15,
+    "reflected_mass_kg": 0.08,
+    "backlash_m": 0.25,
+    "lead_error_m": 0.25,
+    "ball_pass_ripple_n": 0.25,
+    "housing_heat_capacity_j_k": 0.03,
+    "housing_to_frame_k_w": 0.10,
+    "frame_to_ambient_k_w": 0.10,
+    "nut_heat_capacity_j_k": 0.05,
+    "nut_to_ambient_k_w": 0.10,
+    "current_offset_a": 0.03,
+    "voltage_offset_v": 0.12,
+}
+"""One standard deviation of each parameter between units, relative, at ``unit_spread`` 1."""
+
+SPREAD_LIMIT = 2.0
+"""Draws are cut at so many standard deviations: a unit beyond would fail its acceptance."""
+
+
+def draw_unit(generator: np.random.Generator, spread: float, start_degc: float) -> Unit:
+    """A unit drawn around the nominal one; every parameter takes one draw, whatever the spread."""
+    names = [entry.name for entry in fields(Unit) if entry.name in UNIT_SPREAD]
+    draws = np.clip(generator.standard_normal(len(names)), -SPREAD_LIMIT, SPREAD_LIMIT)
+    nominal = Unit()
+    values = {
+        name: getattr(nominal, name) * (1.0 + spread * UNIT_SPREAD[name] * draw)
+        for name, draw in zip(names, draws)
+    }
+    return replace(nominal, start_temperature_degc=start_degc, **values)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What both test actuators share: drive, control loop, coupling, load actuator, end stops."""
+
+    supply_v: float = 24.3
+    supply_resistance_ohm: float = 0.08
+    current_limit_a: float = 8.0
+    dead_time_drop_v: float = 0.3
+    pwm_frequency_hz: float = 1988.3  # aliases to the 11.7 Hz line of the 100 Hz recordings
+    freewheel_drop_v: float = 0.8
+    position_gain_v_m: float = 1100.0  # with knee and droop: fits six measured strokes
+    position_knee_m: float = 2.15e-3
+    droop_ohm: float = 4.2
+    coupling_stiffness_n_m: float = 5e6
+    coupling_damping_n_s_m: float = 8e3
+    load_mass_kg: float = 180.0  # measured
+    load_coulomb_n: float = 70.0  # measured 59 to 84
+    load_viscous_n_s_m: float = 650.0  # measured 450 to 900
+    load_force_constant_n_per_a: float = 176.7
+    load_effective_resistance_ohm: float = 6.0
+    load_current_lag_s: float = 0.03
+    load_trim_v_n_s: float = 2e-3
+    load_trim_limit_v: float = 6.0
+    stroke_m: float = 0.100
+    end_stop_stiffness_n_m: float = 2e6
+    end_stop_damping_n_s_m: float = 6e3
