@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from flea_diag.errors import InputError, WireError
+from flea_diag.errors import FleaError, InputError, WireError
 from flea_diag.wire import codec
 from flea_diag.wire.bus.declared import Declared
 from flea_diag.wire.records import Record
@@ -45,12 +45,15 @@ class Bus(Generic[P]):
         Of rclpy; the executor already holds the node.
     declared
         The node's parameters.
+    finished
+        Future that ends the program when it is done.
     """
 
-    def __init__(self, node: Any, executor: Any, declared: Declared[P]) -> None:
+    def __init__(self, node: Any, executor: Any, declared: Declared[P], finished: Any) -> None:
         self._node = node
         self._executor = executor
         self._declared = declared
+        self._finished = finished
         self._publishers: dict[type, Any] = {}
         self.streams: dict[type, Stream] = {}
         self.stand = node.get_namespace().strip("/") or "stand"
@@ -64,6 +67,15 @@ class Bus(Generic[P]):
     def ok(self) -> bool:
         """Whether the node still runs: false once SIGINT or SIGTERM came."""
         return bool(self._node.context.ok())
+
+    def end(self, error: FleaError | None = None) -> None:
+        """End the program after this callback: status 0, or 2 with the error as its last line."""
+        if not self._finished.done():
+            self._finished.set_result(error)
+
+    def full_name(self, record_type: type) -> str:
+        """Name of the record's topic with namespace and remapping applied."""
+        return str(self._node.resolve_topic_name(TOPIC_OF[record_type].name))
 
     def now_ns(self) -> int:
         """Clock of the node (simulated if use_sim_time): for lags only, never for inference."""

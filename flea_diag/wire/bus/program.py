@@ -127,6 +127,7 @@ def _run(program: Program, arguments: list[str]) -> int:
     try:
         import rclpy
         from rclpy.executors import ExternalShutdownException
+        from rclpy.task import Future
     except ImportError as error:
         raise ConfigurationError(NO_RCLPY.format(error=error)) from None
     # From here on rclpy's own handler shuts the context down, which ends the spinning below. It
@@ -141,8 +142,11 @@ def _run(program: Program, arguments: list[str]) -> int:
         declared: Declared[Any] = Declared(node, program.parameters)
         executor = make_executor(declared.common.executor)
         executor.add_node(node)
-        close = program.start(Bus(node, executor, declared), declared.value)
-        spin(executor)
+        finished: Any = Future()
+        close = program.start(Bus(node, executor, declared, finished), declared.value)
+        spin(executor, finished)
+        if isinstance(finished.result(), FleaError):
+            raise finished.result()
     except ExternalShutdownException:
         pass
     except _shutdown_errors():
@@ -194,11 +198,7 @@ def make_executor(kind: str = "events") -> Any:
     return SingleThreadedExecutor()
 
 
-def spin(executor: Any) -> None:
-    """Serve until the context is shut down (``ExternalShutdownException``)."""
-    import rclpy
-    from rclpy.task import Future
-
-    never: Any = Future()
-    while rclpy.ok():
-        executor.spin_until_future_complete(never, timeout_sec=ENDLESS_S)
+def spin(executor: Any, finished: Any) -> None:
+    """Serve until the future is done; ``ExternalShutdownException`` when a signal came first."""
+    while not finished.done():
+        executor.spin_until_future_complete(finished, timeout_sec=ENDLESS_S)

@@ -1,0 +1,182 @@
+"""Puts any stage on the bus: subscribes to what it consumes, publishes what it returns.
+
+Has a node, is not a node. The stage decides; the adapter keeps what belongs to the live graph:
+the verdict repeated each second, STALE when the source stops, health, and a fresh stage when
+stamps jump back (a replay that loops).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from flea_diag.nodes.health import HealthReport
+from flea_diag.nodes.verdict import Verdict
+from flea_diag.stages import Stage
+from flea_diag.wire.bus import Bus, Program
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    ChannelTable,
+    DataQuality,
+    Detection,
+    FeatureRequest,
+    FeatureValue,
+    Health,
+    Record,
+    Residual,
+    Scan,
+    Symbols,
+    VibrationBlock,
+    VibrationLevel,
+)
+
+JUDGEMENTS = (
+    DataQuality,
+    Residual,
+    Detection,
+    Symbols,
+    FeatureRequest,
+    FeatureValue,
+    AmbiguityGroup,
+)
+
+SOURCES: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan)
+"""What a stand publishes; all else is caused by it."""
+
+STREAMS: tuple[type, ...] = (VibrationBlock, Scan, Residual, VibrationLevel)
+"""Records whose stamps only grow. A latched record is as old as it likes to be."""
+
+JUMP_NS = 1_000_000_000
+"""A stamp that is older than the stream by more than this starts a new run."""
+
+REPEAT_S = 1.0
+WATCH_S = 0.1
+
+
+class Component(Protocol):
+    """A stage that can be built: ``flea_diag.configuration`` names one for each node."""
+
+    parameters: type
+
+    def build(self, parameters: Any) -> Stage:
+        """Fresh stage with these parameters."""
+        ...
+
+
+@dataclass(frozen=True)
+class Ports:
+    """What a node takes and gives, declared before it runs.
+
+    ``sources_only`` is for stages composed in one process: what they hand to each other is
+    published for people and the recorder, and must not come back to them from the bus.
+    """
+
+    subscribes: tuple[type, ...]
+    publishes: tuple[type, ...]
+    sources_only: bool = False
+
+
+def stage_program(
+    name: str, summary: str, component: Component, ports: Ports, examples: tuple[str, ...] = ()
+) -> Program:
+    """Program of a node that is one stage on the bus."""
+
+    def start(bus: Bus[Any], parameters: Any) -> None:
+        Adapter(bus, component.build, parameters, ports)
+
+    return Program(
+        name,
+        summary,
+        component.parameters,
+        start,
+        ports.subscribes,
+        (*ports.publishes, Health),
+        examples,
+    )
+
+
+class Adapter:
+    """One stage and the bus that it lives on.
+
+    Parameters
+    ----------
+    bus
+        Of the node.
+    build
+        Makes a fresh stage of parameters; called again when stamps jump back and when a
+        parameter changes.
+    parameters
+        Values at start.
+    ports
+        Topics to advertise, and whether only the stand's own are taken.
+    """
+
+    def __init__(
+        self, bus: Bus[Any], build: Callable[[Any], Stage], parameters: Any, ports: Ports
+    ) -> None:
+        self._bus = bus
+        self._build = build
+        self._parameters = parameters
+        self._stage = build(parameters)
+        self._verdict = Verdict()
+        self._health = HealthReport(bus)
+        self._latest_ns: dict[type, int] = {}
+        bus.advertise(*ports.publishes, Health)
+        for record_type in self._stage.consumes:
+            if record_type in SOURCES or not ports.sources_only:
+                bus.subscribe(record_type, self._take)
+        if hasattr(self._stage, "reset"):
+            bus.serve_trigger("~/reset", self._reset)
+        bus.on_parameters(self._reconfigure)
+        bus.every(WATCH_S, self._watch)
+        bus.every(REPEAT_S, self._repeat)
+
+    def _take(self, record: Record) -> None:
+        self._follow_stamps(record)
+        self._publish(self._stage.handle(record))
+
+    def _publish(self, records: tuple[Record, ...]) -> None:
+        for record in records:
+            if isinstance(record, AmbiguityGroup):
+                record = self._verdict.changed(record)
+            self._bus.publish(record)
+
+    def _follow_stamps(self, record: Record) -> None:
+        kind = type(record)
+        if kind not in STREAMS:
+            return
+        latest_ns = self._latest_ns.get(kind, record.stamp_ns)
+        if record.stamp_ns < latest_ns - JUMP_NS:
+            back_s = (latest_ns - record.stamp_ns) / 1e9
+            self._bus.info(
+                f"stamps of {kind.__name__} went back by {back_s:.1f} s: starting afresh"
+            )
+            self._start_afresh()
+        self._health.arrived(kind, record.stamp_ns, late=record.stamp_ns < latest_ns)
+        self._latest_ns[kind] = max(record.stamp_ns, self._latest_ns.get(kind, 0))
+
+    def _start_afresh(self) -> None:
+        self._stage = self._build(self._parameters)
+        self._latest_ns.clear()
+
+    def _reconfigure(self, parameters: Any) -> None:
+        self._parameters = parameters
+        self._start_afresh()
+        self._bus.info("parameters changed: starting afresh")
+
+    def _reset(self) -> str:
+        records = self._stage.reset()  # type: ignore[attr-defined]
+        self._publish(records)
+        return f"episode closed and re-armed, {len(records)} records published"
+
+    def _watch(self) -> None:
+        changed = self._verdict.source_silent(self._health.silent)
+        if changed is not None:
+            self._bus.publish(changed)
+
+    def _repeat(self) -> None:
+        again = self._verdict.again()
+        if again is not None:
+            self._bus.publish(again)
+        self._bus.publish(self._health.record())

@@ -1,0 +1,39 @@
+"""``ros2 run flea_diag diagnoser``: observer, isolator and extractor in one process."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from flea_diag.wire.bus import Program, run
+
+
+def program() -> Program:
+    """What this node is; the imports are slow and wait until signals are in hand."""
+    from flea_diag.configuration import DIAGNOSER
+    from flea_diag.nodes.adapter import JUDGEMENTS, SOURCES, Ports, stage_program
+    from flea_diag.wire import records as r
+
+    return stage_program(
+        "diagnoser",
+        "The whole diagnosis in one process: scans and vibration in, the ambiguity group out.",
+        DIAGNOSER,
+        Ports(
+            subscribes=SOURCES,
+            publishes=(r.VibrationLevel, *JUDGEMENTS),
+            sources_only=True,
+        ),
+        examples=(
+            "ros2 run flea_diag diagnoser",
+            "ros2 run flea_diag diagnoser --ros-args -r __ns:=/stand_2",
+        ),
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run until SIGINT or SIGTERM; the exit status."""
+    return run(program, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,90 @@
+"""Health of one of our nodes at 1 Hz on /diagnostics (REP-107): the program, not the actuator."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import Any
+
+from flea_diag.wire.bus import Bus
+from flea_diag.wire.records import Health, Level
+
+SILENT_AFTER_S = 0.6
+"""With a watch each 0.1 s a source that stops is called stale well within a second."""
+
+PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+
+
+class HealthReport:
+    """Counts what came, what was late and what was passed over; measures lag, CPU and memory."""
+
+    def __init__(self, bus: Bus[Any]) -> None:
+        self._bus = bus
+        self._late: dict[type, int] = {}
+        self._last_arrival_s: float | None = None
+        self._worst_lag_ns = 0
+        self._reported_passed_over = 0
+        self._cpu_s, self._wall_s = time.process_time(), time.monotonic()
+
+    @property
+    def silent(self) -> bool:
+        """Whether the stream that was there has stopped."""
+        last = self._last_arrival_s
+        return last is not None and time.monotonic() - last > SILENT_AFTER_S
+
+    def arrived(self, record_type: type, stamp_ns: int, late: bool) -> None:
+        """Note a record of a stream; ``late`` when a younger one came before it."""
+        self._last_arrival_s = time.monotonic()
+        self._worst_lag_ns = max(self._worst_lag_ns, self._bus.now_ns() - stamp_ns)
+        if late:
+            self._late[record_type] = self._late.get(record_type, 0) + 1
+
+    def record(self, extra: tuple[tuple[str, str], ...] = ()) -> Health:
+        """The report since the last one, with ``extra`` key/values at its end."""
+        passed_over = sum(
+            stream.malformed + stream.refused + stream.lost for stream in self._bus.streams.values()
+        )
+        level, message = self._judged(passed_over)
+        values = (*self._stream_values(), *self._machine_values(), *extra)
+        self._reported_passed_over = passed_over
+        return Health(self._bus.now_ns(), self._bus.name, level, message, values)
+
+    def _judged(self, passed_over: int) -> tuple[Level, str]:
+        new = passed_over - self._reported_passed_over
+        if self._last_arrival_s is None:
+            return Level.STALE, "waiting for the first record"
+        if self.silent:
+            silent_s = time.monotonic() - self._last_arrival_s
+            return Level.STALE, f"no record for {silent_s:.0f} s: is the source running?"
+        if new > 0:
+            return Level.WARN, f"{new} messages passed over or lost since the last report"
+        return Level.OK, "running"
+
+    def _stream_values(self) -> tuple[tuple[str, str], ...]:
+        return tuple(
+            (f"{stream.topic.name.lstrip('/')}/{counter}", str(count))
+            for record_type, stream in self._bus.streams.items()
+            for counter, count in (
+                ("received", stream.received),
+                ("late", self._late.get(record_type, 0)),
+                ("malformed", stream.malformed),
+                ("refused", stream.refused),
+                ("lost", stream.lost),
+            )
+        )
+
+    def _machine_values(self) -> tuple[tuple[str, str], ...]:
+        cpu_s, wall_s = time.process_time(), time.monotonic()
+        percent = 100.0 * (cpu_s - self._cpu_s) / max(wall_s - self._wall_s, 1e-9)
+        lag_ms = self._worst_lag_ns / 1e6
+        self._cpu_s, self._wall_s, self._worst_lag_ns = cpu_s, wall_s, 0
+        return (
+            ("worst_lag_ms", f"{lag_ms:.1f}"),
+            ("cpu_percent", f"{percent:.1f}"),
+            ("memory_mb", f"{_resident_bytes() / 1e6:.0f}"),
+        )
+
+
+def _resident_bytes() -> int:
+    with open("/proc/self/statm", encoding="ascii") as statm:
+        return int(statm.read().split()[1]) * PAGE_BYTES

@@ -1,0 +1,45 @@
+"""``ros2 run flea_diag isolator``: symbols and features in, the ambiguity group out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from flea_diag.wire.bus import Program, run
+
+
+def program() -> Program:
+    """What this node is; the imports are slow and wait until signals are in hand."""
+    from flea_diag.configuration import ISOLATOR
+    from flea_diag.nodes.adapter import Ports, stage_program
+    from flea_diag.wire import records as r
+
+    return stage_program(
+        "isolator",
+        "Names the faults that are still possible and asks for the feature that splits them best.",
+        ISOLATOR,
+        Ports(
+            subscribes=(
+                r.DataQuality,
+                r.Residual,
+                r.Detection,
+                r.Symbols,
+                r.VibrationLevel,
+                r.FeatureValue,
+            ),
+            publishes=(r.FeatureRequest, r.AmbiguityGroup),
+        ),
+        examples=(
+            "ros2 topic echo /ambiguity_group",
+            "ros2 service call /isolator/reset std_srvs/srv/Trigger",
+        ),
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run until SIGINT or SIGTERM; the exit status."""
+    return run(program, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,38 @@
+"""``ros2 run flea_diag observer``: scans in, residuals, detection and symbols out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from flea_diag.wire.bus import Program, run
+
+
+def program() -> Program:
+    """What this node is; the imports are slow and wait until signals are in hand."""
+    from flea_diag.configuration import OBSERVER
+    from flea_diag.nodes.adapter import Ports, stage_program
+    from flea_diag.wire import records as r
+
+    return stage_program(
+        "observer",
+        "Estimates the actuator's state by a particle filter and reports what deviates from it.",
+        OBSERVER,
+        Ports(
+            subscribes=(r.ChannelTable, r.Scan),
+            publishes=(r.DataQuality, r.Residual, r.Detection, r.Symbols),
+        ),
+        examples=(
+            "ros2 run flea_diag observer --ros-args -p use_sim_time:=true",
+            "ros2 param describe /observer executor",
+        ),
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run until SIGINT or SIGTERM; the exit status."""
+    return run(program, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
