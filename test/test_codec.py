@@ -207,7 +207,8 @@ def test_verdict_can_be_read_in_any_viewer() -> None:
     assert head.level == b"\x02"
     assert head.hardware_id == "flea/actuator"
     assert [pair.key for pair in head.values][:8] == (
-        "outcome episode step seq members detected_stamp_ns calibration_sha256 source".split()
+        ["outcome", "episode", "step", "seq", "members"]
+        + ["detected_stamp_ns", "calibration_sha256", "source"]
     )
     assert [pair.value for pair in head.values][:5] == (
         ["INDISTINGUISHABLE", "1", "2", "3", "jam, ball_nut_friction"]
@@ -303,13 +304,13 @@ def test_a_record_of_another_topic_is_read_or_refused_in_one_line(record: Any, k
 
 
 def read_or_refused(kind: type, data: bytes) -> None:
+    words = ""
     try:
-        record = codec.decode(kind, memoryview(data))
+        assert type(codec.decode(kind, memoryview(data))) is kind
     except WireError as error:
-        assert "\n" not in str(error)
-        assert len(str(error)) < 400
-    else:
-        assert type(record) is kind
+        words = str(error)
+    assert "\n" not in words
+    assert len(words) < 400
 
 
 def test_a_truncated_scan_is_never_read() -> None:

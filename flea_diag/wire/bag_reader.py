@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import sqlite3
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -175,18 +176,27 @@ class _SqliteSource:
         self.attachments: dict[str, bytes] = {}
         self.losses: list[str] = []
         self._directory = directory
-        with self._opened() as reader:
-            self.channels = {c.id: Channel(c.topic, c.msgtype, "cdr") for c in reader.connections}
+        with self._opened() as bag:
+            self.channels = {c.id: Channel(c.topic, c.msgtype, "cdr") for c in bag.connections}
 
-    def _opened(self) -> Any:
-        from rosbags.rosbag2 import Reader
-
-        return Reader(self._directory)
+    @contextmanager
+    def _opened(self) -> Iterator[Any]:
+        try:
+            from rosbags.rosbag2 import Reader, ReaderError
+        except ImportError as error:
+            raise RecordingError(f"SQLite bags need rosbags: pip install rosbags ({error})") from (
+                error
+            )
+        try:
+            with Reader(self._directory) as bag:
+                yield bag
+        except (ReaderError, sqlite3.Error, OSError) as error:
+            raise RecordingError(f"cannot read bag {self._directory}: {error}") from error
 
     def messages(self) -> Iterator[Message]:
         """All messages in order of log time."""
-        with self._opened() as reader:
-            for connection, log_ns, data in reader.messages():
+        with self._opened() as bag:
+            for connection, log_ns, data in bag.messages():
                 channel = Channel(connection.topic, connection.msgtype, "cdr")
                 yield Message(log_ns, log_ns, channel, bytes(data))
 
@@ -198,7 +208,7 @@ def _sources(path: Path, losses: list[str]) -> list[Any]:
         raise RecordingError(f"{path} does not exist")
     described = _described(path, losses)
     if described.get("storage_identifier") == "sqlite3":
-        return [_sqlite(path)]
+        return [_SqliteSource(path)]
     names = described.get("relative_file_paths") or []
     files = [path / Path(str(name)).name for name in names if str(name).endswith(".mcap")]
     files = files or sorted(path.glob("*.mcap"))
@@ -222,12 +232,3 @@ def _described(path: Path, losses: list[str]) -> dict[str, Any]:
     except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError) as error:
         losses.append(f"{METADATA_FILE} is unreadable ({type(error).__name__})")
     return {}
-
-
-def _sqlite(path: Path) -> _SqliteSource:
-    from rosbags.rosbag2 import ReaderError
-
-    try:
-        return _SqliteSource(path)
-    except (ReaderError, sqlite3.Error, OSError) as error:
-        raise RecordingError(f"cannot read bag {path}: {error}") from error

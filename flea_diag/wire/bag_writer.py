@@ -1,9 +1,9 @@
 """Records into a bag that survives the death of its writer.
 
 The mcap library's Writer does the format; what is added here is rosbag2's layout and that
-the bag is made whole once a second: chunk finished, bytes on the disk, metadata.yaml
-replaced in one step. After ``kill -9`` the bag opens as it stands in
-``ros2 bag info`` and ``play`` and lacks at most the last second.
+the bag is made whole once a second: chunk finished, file ended for now, bytes on the disk,
+metadata.yaml replaced in one step. After ``kill -9`` the bag opens as it stands and lacks at
+most the last second.
 """
 
 from __future__ import annotations
@@ -20,10 +20,12 @@ from flea_diag import __version__
 from flea_diag.errors import RecordingError
 from flea_diag.wire import bag_layout as layout
 from flea_diag.wire.codec import encode
+from flea_diag.wire.mcap_file import McapFile
 from flea_diag.wire.records import Record
 from flea_diag.wire.topics import TOPIC_OF, Topic
 
-CHUNK_BYTES = 1 << 20
+CHUNK_BYTES = 4 << 20
+"""More than a second of a stand, so that between two ``make_whole`` nothing is written."""
 
 
 class BagWriter:
@@ -89,7 +91,7 @@ class BagWriter:
                 raise RecordingError(
                     f"{self.directory} is not empty, a bag needs a folder to itself"
                 )
-            self._file = self.path.open("xb")
+            self._file = McapFile(self.path)
         except OSError as error:
             raise self._refusal(error) from error
         self._writer: Any = Writer(self._file, chunk_size=CHUNK_BYTES)
@@ -173,7 +175,7 @@ class BagWriter:
             return  # ros2 bag play hangs on a metadata.yaml without topics
         try:
             self._writer.flush()
-            os.fdatasync(self._file.fileno())
+            self._file.end_for_now()
             self._replace_metadata()
         except OSError as error:
             raise self._refusal(error) from error
@@ -208,8 +210,7 @@ class BagWriter:
         content = yaml.safe_dump(self._metadata(), sort_keys=False)
         self._writer.add_metadata("rosbag2", {"serialized_metadata": content})
         self._writer.finish()
-        self._file.flush()
-        os.fdatasync(self._file.fileno())
+        self._file.sync()
         self._replace_metadata()
 
     def _discard(self) -> None:

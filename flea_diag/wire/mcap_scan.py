@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from flea_diag.errors import RecordingError
+from flea_diag.wire.mcap_file import MAGIC
 
-MAGIC = b"\x89MCAP0\r\n"
 CHUNK_LIMIT_BYTES = 256 << 20
 """A chunk that would unpack to more is refused."""
 
@@ -248,10 +248,10 @@ def _decompress(compression: str, packed: memoryview, size: int) -> bytes | memo
 def _unzstd(packed: memoryview, size: int) -> bytes:
     import zstandard
 
-    announced = zstandard.frame_content_size(packed)
-    if announced > size:
-        raise _DamageError(f"it unpacks to {announced} bytes, {size} were announced")
     try:
+        announced = zstandard.frame_content_size(packed)
+        if announced > size:
+            raise _DamageError(f"it unpacks to {announced} bytes, {size} were announced")
         return bytes(zstandard.ZstdDecompressor().decompress(packed, max_output_size=size))
     except zstandard.ZstdError as error:
         raise _DamageError(f"it does not unpack: {error}") from None
