@@ -1,0 +1,225 @@
+"""Which fault does what to which feature, and how surely (the fault feature table).
+
+Narasimhan et al. 2010, section 3.3 and Table 3: one row a fault, one column a feature, the
+entry says how the feature reads against its nominal range. Here an entry may also carry the
+probability of each symbol, so that a noisy feature weighs instead of cutting.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from flea_diag.core.nominal_range import NominalRange, OperatingPoint
+from flea_diag.errors import ConfigurationError
+
+ALPHABETS: tuple[tuple[str, ...], ...] = (("0", "1"), ("-", "0", "+"))
+KEYS = frozenset({"title", "provenance", "alphabet", "confidence", "features", "faults",
+                  "nominal", "sources"})  # fmt: skip
+FEATURE_KEYS = frozenset({"cost", "note"})
+NOMINAL_KEYS = frozenset({"rate_hz", "window_s", "false_alarm_rate", "ranges", "levels", "orders"})
+
+
+@dataclass(frozen=True)
+class NominalRanges:
+    """Nominal ranges of all features, and of the level of each axis (the sentinel).
+
+    They hold for windows of ``window_s`` sampled at ``rate_hz``; ``orders`` are the ball-pass
+    orders that the order-tracked features look at.
+    """
+
+    rate_hz: float = 0.0
+    window_s: float = 1.0
+    false_alarm_rate: float = math.nan
+    ranges: Mapping[str, NominalRange] = field(default_factory=dict)
+    levels: Mapping[str, NominalRange] = field(default_factory=dict)
+    orders: Mapping[str, float] = field(default_factory=dict)
+
+    def symbol(self, feature: str, value: float, point: OperatingPoint) -> str:
+        """``-``, ``0`` or ``+`` against the nominal range, ``?`` where there is none."""
+        found = self.ranges.get(feature)
+        return found.symbol(value, point) if found else "?"
+
+    def at(self, feature: str, point: OperatingPoint) -> tuple[float, float]:
+        """Nominal range at an operating point, NaN where there is none."""
+        found = self.ranges.get(feature)
+        return found.at(point) if found else (math.nan, math.nan)
+
+
+@dataclass(frozen=True)
+class FaultFeatureTable:
+    """Fault x feature -> probability of each symbol of ``alphabet``.
+
+    ``costs`` are relative CPU times (std of one window = 1); ``provenance`` says where each
+    entry comes from. A fault without a row is one of which the table knows nothing: every
+    symbol is equally likely, so no feature ever speaks for or against it.
+    """
+
+    title: str
+    alphabet: tuple[str, ...]
+    costs: Mapping[str, float]
+    entries: Mapping[tuple[str, str], tuple[float, ...]]
+    provenance: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    nominal: NominalRanges = field(default_factory=NominalRanges)
+    notes: str = ""
+
+    @cached_property
+    def features(self) -> tuple[str, ...]:
+        """Ids of the columns, cheapest first."""
+        return tuple(sorted(self.costs, key=lambda feature: (self.costs[feature], feature)))
+
+    @cached_property
+    def faults(self) -> tuple[str, ...]:
+        """Faults of the rows, in the order of the table."""
+        return tuple(dict.fromkeys(fault for fault, _ in self.entries))
+
+    def probability(self, fault: str, feature: str, symbol: str) -> float:
+        """P(symbol | fault). A ``+`` or ``-`` is a ``1`` to a table of 0 and 1."""
+        place = self._place(symbol)
+        entry = self.entries.get((fault, feature))
+        return entry[place] if entry else 1.0 / len(self.alphabet)
+
+    def value(self, fault: str, feature: str) -> str:
+        """Most probable symbol; ``?`` where the table knows nothing."""
+        entry = self.entries.get((fault, feature))
+        return self.alphabet[entry.index(max(entry))] if entry else "?"
+
+    def inseparable(self, faults: Iterable[str]) -> tuple[tuple[str, ...], ...]:
+        """Groups of faults whose symbols are alike in every column: no tree can split them."""
+        groups: dict[tuple[str, ...], list[str]] = {}
+        for fault in faults:
+            row = tuple(self.value(fault, feature) for feature in self.features)
+            groups.setdefault(row, []).append(fault)
+        return tuple(tuple(group) for group in groups.values())
+
+    def _place(self, symbol: str) -> int:
+        if self.alphabet == ("0", "1") and symbol in "+-":
+            symbol = "1"
+        if symbol not in self.alphabet:
+            raise ConfigurationError(
+                f"symbol {symbol!r} is not of the table's alphabet {' '.join(self.alphabet)}"
+            )
+        return self.alphabet.index(symbol)
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any], where: str) -> FaultFeatureTable:
+        """Table from parsed YAML.
+
+        Raises
+        ------
+        ConfigurationError
+            Naming file, fault, feature and value of what does not fit.
+        """
+        _known(mapping, KEYS, where)
+        alphabet = tuple(str(symbol) for symbol in mapping.get("alphabet", ("-", "0", "+")))
+        if alphabet not in ALPHABETS:
+            raise ConfigurationError(
+                f"{where}: alphabet {alphabet!r} is unknown, choose [0, 1] or [-, 0, +]"
+            )
+        columns = _mapping(mapping.get("features"), f"{where}: features")
+        costs = {str(name): _cost(row, f"{where}: {name}") for name, row in columns.items()}
+        confidence = _number(mapping.get("confidence", 1.0), f"{where}: confidence", 0.0, 1.0)
+        rows = _mapping(mapping.get("faults"), f"{where}: faults")
+        entries, provenance = _entries(rows, costs, alphabet, confidence, where)
+        return cls(
+            str(mapping.get("title", where)),
+            alphabet,
+            costs,
+            entries,
+            provenance,
+            _nominal(mapping.get("nominal") or {}, costs, where),
+            str(mapping.get("provenance", "")),
+        )
+
+
+def _entries(
+    rows: Mapping[str, Any],
+    costs: Mapping[str, float],
+    alphabet: tuple[str, ...],
+    confidence: float,
+    where: str,
+) -> tuple[dict[tuple[str, str], tuple[float, ...]], dict[tuple[str, str], str]]:
+    """Probabilities and sources of all entries; ``source`` of a row stands for its entries."""
+    entries: dict[tuple[str, str], tuple[float, ...]] = {}
+    provenance: dict[tuple[str, str], str] = {}
+    for fault, row in rows.items():
+        row = dict(_mapping(row, f"{where}: {fault}"))
+        source = str(row.pop("source", ""))
+        default = row.pop("all", None)
+        _known(row, frozenset(costs), f"{where}: {fault}")
+        for feature in costs:
+            entry = row.get(feature, default)
+            if entry is None:
+                continue
+            place = f"{where}: {fault}, {feature}"
+            own = dict(entry) if isinstance(entry, Mapping) else entry
+            provenance[fault, feature] = (
+                str(own.pop("source", source)) if isinstance(own, dict) else source
+            )
+            entries[fault, feature] = _probabilities(own, alphabet, confidence, place)
+    return entries, provenance
+
+
+def _probabilities(
+    entry: Any, alphabet: tuple[str, ...], confidence: float, where: str
+) -> tuple[float, ...]:
+    """Probability of each symbol: given one by one, or one symbol with the confidence."""
+    if isinstance(entry, Mapping):
+        given = {str(symbol): value for symbol, value in entry.items()}
+        _known(given, frozenset(alphabet), where)
+        numbers = tuple(_number(given.get(s, 0.0), f"{where}: {s}", 0.0, 1.0) for s in alphabet)
+        if abs(sum(numbers) - 1.0) > 0.01:
+            raise ConfigurationError(f"{where}: probabilities sum to {sum(numbers):g}, must be 1")
+        return tuple(number / sum(numbers) for number in numbers)
+    if str(entry) not in alphabet:
+        raise ConfigurationError(f"{where}: {entry!r} is not one of {' '.join(alphabet)}")
+    rest = (1.0 - confidence) / (len(alphabet) - 1)
+    return tuple(confidence if symbol == str(entry) else rest for symbol in alphabet)
+
+
+def _nominal(mapping: Any, costs: Mapping[str, float], where: str) -> NominalRanges:
+    """Section ``nominal`` of the table."""
+    where = f"{where}: nominal"
+    mapping = _mapping(mapping, where, empty=True)
+    _known(mapping, NOMINAL_KEYS, where)
+    ranges = _mapping(mapping.get("ranges", {}), f"{where}: ranges", empty=True)
+    _known(ranges, frozenset(costs), f"{where}: ranges")
+    levels = _mapping(mapping.get("levels", {}), f"{where}: levels", empty=True)
+    orders = _mapping(mapping.get("orders", {}), f"{where}: orders", empty=True)
+    return NominalRanges(
+        _number(mapping.get("rate_hz", 0.0), f"{where}: rate_hz", 0.0, 1e6),
+        _number(mapping.get("window_s", 1.0), f"{where}: window_s", 0.01, 60.0),
+        float(mapping.get("false_alarm_rate", math.nan)),
+        {k: NominalRange.from_mapping(v, f"{where}: {k}") for k, v in ranges.items()},
+        {k: NominalRange.from_mapping(v, f"{where}: {k}") for k, v in levels.items()},
+        {k: _number(v, f"{where}: orders: {k}", 0.01, 1000.0) for k, v in orders.items()},
+    )
+
+
+def _cost(row: Any, where: str) -> float:
+    row = _mapping(row, where)
+    _known(row, FEATURE_KEYS, where)
+    return _number(row.get("cost"), f"{where}: cost", 1e-3, 1e6)
+
+
+def _known(mapping: Mapping[str, Any], known: frozenset[str], where: str) -> None:
+    unknown = sorted(str(key) for key in mapping if str(key) not in known)
+    if unknown:
+        raise ConfigurationError(
+            f"{where}: unknown key {unknown[0]!r}, known are {', '.join(sorted(known))}"
+        )
+
+
+def _mapping(value: Any, where: str, empty: bool = False) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping) or not (value or empty):
+        raise ConfigurationError(f"{where} = {value!r} must be a mapping with at least one entry")
+    return value
+
+
+def _number(value: Any, where: str, low: float, high: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise ConfigurationError(f"{where} = {value!r} must be a number from {low:g} to {high:g}")
+    return float(value)

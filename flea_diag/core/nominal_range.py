@@ -1,0 +1,210 @@
+"""What a feature reads on a healthy actuator, as a range that follows the operating point.
+
+Vibration grows with speed and load. The expected value is a polynomial in both; the range
+around it holds all but a stated part of the nominal windows that it was learned from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.errors import CalibrationError, ConfigurationError
+
+SPEED_UNIT_RAD_S = 100.0
+LOAD_UNIT_N = 100.0
+KEYS = frozenset({"logarithmic", "coefficients", "low", "high", "count", "speed_rad_s", "load_n"})
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Root mean square of speed and load over a window; NaN where not measured."""
+
+    speed_rad_s: float = math.nan
+    load_n: float = math.nan
+
+
+@dataclass(frozen=True)
+class NominalRange:
+    """Range of one feature: centre(operating point) + [low, high], in ``logarithmic`` units.
+
+    ``speed_rad_s`` and ``load_n`` are the (lowest, highest) that were seen in learning; a point
+    outside is moved to the nearest end rather than extrapolated.
+    """
+
+    coefficients: tuple[float, ...]
+    low: float
+    high: float
+    logarithmic: bool = False
+    count: int = 0
+    speed_rad_s: tuple[float, float] = (0.0, 0.0)
+    load_n: tuple[float, float] = (0.0, 0.0)
+
+    def at(self, point: OperatingPoint) -> tuple[float, float]:
+        """Lowest and highest nominal value at an operating point; NaN where it is unknown."""
+        speed = min(max(point.speed_rad_s, self.speed_rad_s[0]), self.speed_rad_s[1])
+        load = min(max(point.load_n, self.load_n[0]), self.load_n[1])
+        if self.depends_on_motion and math.isnan(point.speed_rad_s):
+            return math.nan, math.nan
+        row = _row(speed, 0.0 if math.isnan(point.load_n) else load)
+        centre = sum(a * b for a, b in zip(self.coefficients, row, strict=False))
+        low, high = centre + self.low, centre + self.high
+        return (math.exp(low), math.exp(high)) if self.logarithmic else (low, high)
+
+    @property
+    def depends_on_motion(self) -> bool:
+        """Whether the range cannot be told without the speed."""
+        return any(self.coefficients[1:])
+
+    def symbol(self, value: float, point: OperatingPoint) -> str:
+        """``-`` below the range, ``0`` inside, ``+`` above, ``?`` where it is not known."""
+        low, high = self.at(point)
+        if math.isnan(value) or math.isnan(low):
+            return "?"
+        return "-" if value < low else "+" if value > high else "0"
+
+    def as_mapping(self) -> dict[str, Any]:
+        """Plain values for YAML."""
+        return {
+            "logarithmic": self.logarithmic,
+            "coefficients": list(self.coefficients),
+            "low": self.low,
+            "high": self.high,
+            "count": self.count,
+            "speed_rad_s": list(self.speed_rad_s),
+            "load_n": list(self.load_n),
+        }
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any], where: str) -> NominalRange:
+        """Range from plain values.
+
+        Raises
+        ------
+        ConfigurationError
+            Naming ``where`` and the key that is unknown, missing or not a number.
+        """
+        unknown = sorted(set(mapping) - KEYS)
+        if unknown:
+            raise ConfigurationError(
+                f"{where}: unknown key {unknown[0]!r}, known are {', '.join(sorted(KEYS))}"
+            )
+        try:
+            found = cls(
+                tuple(float(value) for value in mapping["coefficients"]),
+                float(mapping["low"]),
+                float(mapping["high"]),
+                bool(mapping.get("logarithmic", False)),
+                int(mapping.get("count", 0)),
+                _pair(mapping.get("speed_rad_s", (0.0, 0.0))),
+                _pair(mapping.get("load_n", (0.0, 0.0))),
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise ConfigurationError(f"{where}: not a nominal range: {error!r}") from error
+        if not (found.low < found.high and math.isfinite(found.low + found.high)):
+            raise ConfigurationError(
+                f"{where}: low = {found.low!r} must be below high = {found.high!r}"
+            )
+        return found
+
+
+def learn_nominal(
+    values: npt.ArrayLike,
+    false_alarm_rate: float,
+    points: Sequence[OperatingPoint] = (),
+    *,
+    logarithmic: bool = False,
+    two_sided: bool = True,
+) -> NominalRange:
+    """Range that a new nominal value leaves with at most ``false_alarm_rate``.
+
+    The centre is fitted to the operating points by least squares; the ends are order
+    statistics of what is left, so the rate holds for any distribution: with n values, a new
+    one falls below the k-th smallest with probability k/(n + 1). Where n is too small for the
+    rate, the end lies beyond the extreme by the exponential tail of the outermost tenth.
+
+    Parameters
+    ----------
+    values : (n,) of one feature over nominal windows; NaN are left out
+    points : (n,) operating points, or none for a range that is the same everywhere
+
+    Raises
+    ------
+    CalibrationError
+        With fewer than 20 finite values, values that are all equal, or a logarithmic feature
+        that is not positive.
+    """
+    found = np.asarray(values, dtype=np.float64)
+    kept = np.isfinite(found)
+    if points:
+        kept &= np.array([math.isfinite(point.speed_rad_s) for point in points])
+    found = found[kept]
+    if len(found) < 20:
+        raise CalibrationError(f"{len(found)} nominal values cannot make a range, give at least 20")
+    if not np.ptp(found) > 0.0:
+        raise CalibrationError(f"all nominal values are {found[0]!r}: a range needs some spread")
+    if logarithmic and not (found > 0.0).all():
+        raise CalibrationError(f"nominal value {found.min()!r} has no logarithm")
+    scaled = np.log(found) if logarithmic else found
+    known = [point for point, keep in zip(points, kept, strict=True) if keep] if points else []
+    coefficients, rest = _fit(scaled, known)
+    side = false_alarm_rate / 2.0 if two_sided else false_alarm_rate
+    return NominalRange(
+        coefficients,
+        -_end(-rest, side),
+        _end(rest, side),
+        logarithmic,
+        len(found),
+        _span([point.speed_rad_s for point in known]),
+        _span([point.load_n for point in known]),
+    )
+
+
+def _row(speed_rad_s: float, load_n: float) -> tuple[float, ...]:
+    """Regressors at one operating point."""
+    speed, load = speed_rad_s / SPEED_UNIT_RAD_S, load_n / LOAD_UNIT_N
+    return (1.0, math.log(0.1 + speed), speed, math.log(0.5 + load))
+
+
+def _fit(
+    values: npt.NDArray[np.float64], points: Sequence[OperatingPoint]
+) -> tuple[tuple[float, ...], npt.NDArray[np.float64]]:
+    """Coefficients and what they leave; only the median where there are no points."""
+    if not points:
+        centre = float(np.median(values))
+        return (centre,), values - centre
+    loads = [0.0 if math.isnan(point.load_n) else point.load_n for point in points]
+    design = np.array(
+        [_row(point.speed_rad_s, load) for point, load in zip(points, loads, strict=True)]
+    )
+    # Ridge: a coefficient that the motion hardly shows stays near zero instead of running off.
+    penalty = np.diag([0.0, 1.0, 1.0, 1.0]) * 1e-3 * len(design)
+    solution = np.linalg.solve(design.T @ design + penalty, design.T @ values)
+    return tuple(float(c) for c in solution), values - design @ solution
+
+
+def _end(rest: npt.NDArray[np.float64], rate: float) -> float:
+    """Upper end that a new value passes with probability ``rate`` (Weibull plotting position)."""
+    ordered = np.sort(rest)
+    place = (1.0 - rate) * (len(ordered) + 1) - 1.0
+    if place <= len(ordered) - 1:
+        return float(np.interp(place, np.arange(len(ordered)), ordered))
+    outer = max(2, len(ordered) // 10)
+    spacing = float(np.mean(ordered[-outer:] - ordered[-outer]))
+    # The outermost tenth is taken as exponential: its mean excess is the scale of the tail.
+    return float(ordered[-1] + spacing * math.log((1.0 / (len(ordered) + 1)) / rate))
+
+
+def _span(values: Sequence[float]) -> tuple[float, float]:
+    finite = [value for value in values if math.isfinite(value)]
+    return (min(finite), max(finite)) if finite else (0.0, 0.0)
+
+
+def _pair(values: Any) -> tuple[float, float]:
+    low, high = values
+    return float(low), float(high)

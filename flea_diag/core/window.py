@@ -1,0 +1,151 @@
+"""One window of the vibration stream, and what several features share of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, wraps
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.errors import InputError
+
+Floats = npt.NDArray[np.floating]
+Result = TypeVar("Result")
+
+
+class NotComputableError(InputError):
+    """A feature has no value on this window; the message is the reason."""
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Acceleration of some axes, with the motion that went with it where it is known.
+
+    Parameters
+    ----------
+    samples : (n, axes) float32 or float64, m/s^2
+    rate_hz : sampling rate of ``samples``
+    axes : names of the columns, ``accelerometer_1_x`` and so on
+    speed_rad_s : (n,) shaft speed at each sample, or None where it is not measured
+    slow : channel name to (scans,) values in SI units, with ``slow_time_s`` (scans,) counted
+        from the first sample
+    orders : name of a ball-pass line to its order (events per shaft revolution)
+
+    Spectra are computed once and shared by all features of the same window (`shared`).
+    """
+
+    samples: Floats
+    rate_hz: float
+    axes: tuple[str, ...]
+    speed_rad_s: Floats | None = None
+    slow: Mapping[str, Floats] = field(default_factory=dict)
+    slow_time_s: Floats = field(default_factory=lambda: np.empty(0))
+    orders: Mapping[str, float] = field(default_factory=dict)
+    results: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return len(self.samples)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the window."""
+        return self.count / self.rate_hz
+
+    @cached_property
+    def centred(self) -> npt.NDArray[np.float32]:
+        """Samples without their mean, one contiguous row an axis, shape (axes, n)."""
+        rows = np.array(self.samples.T, dtype=np.float32, order="C")
+        rows -= rows.mean(axis=1, keepdims=True)
+        return rows
+
+    @cached_property
+    def std(self) -> Floats:
+        """Standard deviation of each axis, shape (axes,)."""
+        return np.asarray(np.sqrt(np.einsum("an,an->a", self.centred, self.centred) / self.count))
+
+    @cached_property
+    def spectrum(self) -> npt.NDArray[np.complexfloating]:
+        """Real FFT of the centred rows, shape (axes, n // 2 + 1); the one shared FFT."""
+        from scipy import fft
+
+        return np.asarray(fft.rfft(self.centred, axis=1))
+
+    @cached_property
+    def power(self) -> Floats:
+        """Mean square of each bin of ``spectrum``; rows sum to the variance (Parseval)."""
+        power = (self.spectrum.real**2 + self.spectrum.imag**2) * (2.0 / self.count**2)
+        power[:, 0] *= 0.5
+        if self.count % 2 == 0:
+            power[:, -1] *= 0.5
+        return np.asarray(power)
+
+    @cached_property
+    def shaft_angle_rad(self) -> Floats:
+        """Shaft angle at each sample, from 0, shape (n,)."""
+        return np.asarray(np.cumsum(self.speed) / self.rate_hz)
+
+    @property
+    def speed(self) -> Floats:
+        """Shaft speed, or a refusal where it is not measured."""
+        if self.speed_rad_s is None or not np.isfinite(self.speed_rad_s).all():
+            raise NotComputableError("motor_speed is not measured throughout the window")
+        return self.speed_rad_s
+
+    def channel(self, name: str) -> Floats:
+        """One slow channel over the window, or a refusal where it is not measured."""
+        values = self.slow.get(name)
+        if values is None or len(values) < 2 or not np.isfinite(values).all():
+            raise NotComputableError(f"{name} is not measured throughout the window")
+        return values
+
+    def order(self, line: str) -> float:
+        """Order of a ball-pass line, or a refusal where the kinematics do not give it."""
+        if line not in self.orders:
+            raise NotComputableError(f"the order of the {line!r} line is not configured")
+        return self.orders[line]
+
+    def band(self, low_hz: float, high_hz: float) -> slice:
+        """Bins of ``spectrum`` inside a band; refused where the rate cannot carry the band."""
+        if low_hz >= self.rate_hz / 2:
+            raise NotComputableError(
+                f"band {low_hz:g} to {high_hz:g} Hz is above half the rate {self.rate_hz:g} Hz"
+            )
+        return slice(
+            int(np.ceil(low_hz * self.duration_s)), int(np.ceil(high_hz * self.duration_s))
+        )
+
+    def of(self, accelerometer: str) -> Window:
+        """Window of the axes of one accelerometer (``accelerometer_1``), or a refusal."""
+        columns = [k for k, axis in enumerate(self.axes) if axis.startswith(accelerometer + "_")]
+        if not columns:
+            raise NotComputableError(f"no axis of {accelerometer} among {', '.join(self.axes)}")
+        if len(columns) == len(self.axes):
+            return self
+        return replace(
+            self,
+            samples=self.samples[:, columns],
+            axes=tuple(self.axes[k] for k in columns),
+        )
+
+    @property
+    def accelerometers(self) -> tuple[str, ...]:
+        """Names of the accelerometers whose axes are here, in order."""
+        return tuple(dict.fromkeys(axis.rsplit("_", 1)[0] for axis in self.axes))
+
+
+def shared(function: Callable[[Window], Result]) -> Callable[[Window], Result]:
+    """Compute ``function`` once a window, for all the features that stand on it."""
+
+    @wraps(function)
+    def once(window: Window) -> Result:
+        if function not in window.results:
+            window.results[function] = function(window)
+        result: Result = window.results[function]
+        return result
+
+    return once

@@ -1,0 +1,70 @@
+"""The scans of the last seconds, as the motion that went with a window of vibration."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.nominal_range import OperatingPoint
+from flea_diag.wire.records import Scan
+
+Doubles = npt.NDArray[np.float64]
+SECOND_NS = 1_000_000_000
+
+
+class ScanRing:
+    """Bounded store of scans in order of time; repeated and older ones are left out."""
+
+    def __init__(self, history_s: float, gap_limit_s: float) -> None:
+        self.history_ns = round(history_s * SECOND_NS)
+        self.gap_limit_s = gap_limit_s
+        self._scans: deque[Scan] = deque()
+
+    def add(self, scan: Scan) -> bool:
+        """Keep a scan and forget what is too old; a jump back in time starts afresh."""
+        if self._scans and scan.stamp_ns <= self._scans[-1].stamp_ns:
+            if self._scans[-1].stamp_ns - scan.stamp_ns <= self.history_ns:
+                return False
+            self._scans.clear()
+        self._scans.append(scan)
+        while self._scans[0].stamp_ns < scan.stamp_ns - self.history_ns:
+            self._scans.popleft()
+        return True
+
+    def columns(self, start_ns: int, end_ns: int) -> tuple[dict[str, Doubles], Doubles]:
+        """Channels of the scans inside a window, and their times in s after ``start_ns``."""
+        scans = self._inside(start_ns, end_ns)
+        times_s = np.array([(scan.stamp_ns - start_ns) / SECOND_NS for scan in scans])
+        names = scans[-1].channels if scans else ()
+        return {name: np.array([scan.value(name) for scan in scans]) for name in names}, times_s
+
+    def operating_point(self, start_ns: int, end_ns: int) -> OperatingPoint:
+        """Root mean square of speed and load over the scans inside a window."""
+        scans = self._inside(start_ns, end_ns)
+        return OperatingPoint(
+            _rms([scan.value("motor_speed") for scan in scans]),
+            _rms([scan.value("load_force") for scan in scans]),
+        )
+
+    def speed(self, start_ns: int, end_ns: int, times_s: Doubles) -> Doubles | None:
+        """Motor speed at ``times_s`` after ``start_ns``; None where scans leave a long break."""
+        slow, at_s = self.columns(start_ns, end_ns)
+        values = slow.get("motor_speed", np.empty(0))
+        known = np.isfinite(values)
+        if not known.any() or not len(times_s):
+            return None
+        breaks_s = np.diff([times_s[0], *at_s[known], times_s[-1]])
+        if breaks_s.max() > self.gap_limit_s:
+            return None
+        return np.interp(times_s, at_s[known], values[known])
+
+    def _inside(self, start_ns: int, end_ns: int) -> list[Scan]:
+        return [scan for scan in self._scans if start_ns <= scan.stamp_ns <= end_ns]
+
+
+def _rms(values: list[float]) -> float:
+    known = [value for value in values if math.isfinite(value)]
+    return math.sqrt(math.fsum(v * v for v in known) / len(known)) if known else math.nan

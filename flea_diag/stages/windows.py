@@ -1,0 +1,96 @@
+"""Windows of vibration with the motion that went with them, cut from the two rings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from flea_diag.core.features import FeatureId, Scope
+from flea_diag.core.nominal_range import OperatingPoint
+from flea_diag.core.window import NotComputableError, Window
+from flea_diag.stages.scan_ring import SECOND_NS, ScanRing
+from flea_diag.stages.vibration_ring import VibrationRing
+from flea_diag.wire.records import Scan, VibrationBlock
+
+
+class Windows:
+    """The last seconds of a stand, from which any window can be cut.
+
+    Parameters
+    ----------
+    history_s : how much is kept
+    gap_limit_s, scan_gap_limit_s : longest break of blocks and of scans inside a window
+    orders : ball-pass orders, handed on to the features
+    """
+
+    def __init__(
+        self,
+        history_s: float,
+        gap_limit_s: float,
+        scan_gap_limit_s: float,
+        orders: Mapping[str, float],
+    ) -> None:
+        self.vibration = VibrationRing(history_s, gap_limit_s)
+        self.scans = ScanRing(history_s, scan_gap_limit_s)
+        self.orders = orders
+
+    def add(self, record: Scan | VibrationBlock) -> bool:
+        """Keep one record; False where it cannot be used."""
+        if isinstance(record, Scan):
+            return self.scans.add(record)
+        return self.vibration.add(record)
+
+    def covers(self, end_ns: int) -> bool:
+        """Whether vibration up to ``end_ns`` is here."""
+        return self.vibration.end_ns >= end_ns - self.vibration.gap_limit_ns
+
+    def operating_point(self, start_ns: int, end_ns: int) -> OperatingPoint:
+        """Root mean square of speed and load over a window."""
+        return self.scans.operating_point(start_ns, end_ns)
+
+    def cut_for(self, wanted: FeatureId, start_ns: int, end_ns: int) -> Window:
+        """Window with no more in it than one feature needs."""
+        if wanted.feature.scope is Scope.SCANS:
+            slow, times_s = self.scans.columns(start_ns, end_ns)
+            return Window(np.empty((0, 0)), 1.0, (), None, slow, times_s)
+        return self.cut(start_ns, end_ns, wanted.accelerometer, wanted.feature.needs_scans)
+
+    def cut(
+        self, start_ns: int, end_ns: int, accelerometer: str = "", with_motion: bool = True
+    ) -> Window:
+        """Decode one window, of one accelerometer or of all.
+
+        Raises
+        ------
+        NotComputableError
+            With the reason, where vibration does not cover the window.
+        """
+        columns = self._columns(accelerometer)
+        stretch = self.vibration.cut(start_ns, end_ns, columns)
+        if not with_motion:
+            return Window(stretch.samples, stretch.rate_hz, stretch.axes, orders=self.orders)
+        shift_s = (stretch.start_ns - start_ns) / SECOND_NS
+        sample_times_s = shift_s + np.arange(len(stretch.samples)) / stretch.rate_hz
+        slow, times_s = self.scans.columns(start_ns, end_ns)
+        return Window(
+            stretch.samples,
+            stretch.rate_hz,
+            stretch.axes,
+            self.scans.speed(start_ns, end_ns, sample_times_s),
+            slow,
+            times_s - shift_s,
+            self.orders,
+        )
+
+    def _columns(self, accelerometer: str) -> tuple[int, ...]:
+        axes = self.vibration.axes
+        prefix = f"{accelerometer}_" if accelerometer else ""
+        columns = tuple(k for k, axis in enumerate(axes) if axis.startswith(prefix))
+        if not axes:
+            raise NotComputableError("no vibration was received")
+        if not columns:
+            raise NotComputableError(
+                f"the stream holds no axis of {accelerometer}, only {', '.join(axes)}"
+            )
+        return columns
