@@ -1,0 +1,254 @@
+"""``ros2 run flea_diag daq``: the simulated stand's DAQ, in real time on the bus."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.wire.bus import Bus, Program, run
+from flea_diag.wire.parameters import parameter
+from flea_diag.wire.records import (
+    ChannelTable,
+    Health,
+    Level,
+    Record,
+    Scan,
+    Truth,
+    VibrationBlock,
+)
+
+TICK_S = 0.01
+GRACE_S = 0.3
+HEALTH_S = 1.0
+LATE_S = 0.05
+PUBLISHES = (ChannelTable, Truth, VibrationBlock, Scan, Health)
+
+
+@dataclass(frozen=True)
+class DaqParameters:
+    """Parameters of the DAQ node."""
+
+    scenario: str = parameter(
+        "nominal", "scenario that comes with the package, or a YAML file", read_only=True
+    )
+    fault: str = parameter("", "fault to put in besides the scenario's own", read_only=True)
+    fault_onset_s: float = parameter(
+        8.0, "onset of that fault", unit="s", minimum=0.0, read_only=True
+    )
+    fault_size: float = parameter(
+        0.0, "its size in the catalogue's unit, 0: the default", read_only=True
+    )
+    duration_s: float = parameter(
+        0.0, "length of the run, 0: the scenario's", unit="s", minimum=0.0, read_only=True
+    )
+    rate: float = parameter(
+        1.0, "speed: 1 is real time", minimum=0.05, maximum=1000.0, read_only=True
+    )
+    seed: int = parameter(-1, "of units and noise, -1: the scenario's", minimum=-1, read_only=True)
+    wait_for_subscribers: int = parameter(
+        0, "subscribers of sensors/slow to wait for, up to 10 s", minimum=0, read_only=True
+    )
+    publish_clock: bool = parameter(
+        False, "be the clock of a graph with use_sim_time: publish /clock", read_only=True
+    )
+    inject: str = parameter("", "fault to put in now: 'jam' or 'jam:0.5'; empty clears all")
+
+
+def parsed_injection(text: str) -> tuple[str, float]:
+    """Fault and size (NaN: the default) of ``jam`` or ``jam:0.5``.
+
+    Raises
+    ------
+    ConfigurationError
+        The size is no number.
+    """
+    fault, colon, size = text.partition(":")
+    try:
+        return fault.strip(), float(size) if colon else math.nan
+    except ValueError:
+        raise ConfigurationError(
+            f"inject = {text!r}: size {size!r} is no number, write for example jam:0.5"
+        ) from None
+
+
+class Daq:
+    """Paces the blocks of a stand by absolute deadlines and publishes them.
+
+    Parameters
+    ----------
+    bus
+        Of the node.
+    parameters
+        At start; ``inject`` may change while it runs.
+    """
+
+    def __init__(self, bus: Bus[DaqParameters], parameters: DaqParameters) -> None:
+        from flea_sim_driver.library import find_scenario
+        from flea_sim_driver.scenario import checked_scenario
+        from flea_sim_driver.stand import Stand
+
+        self._bus, self._parameters = bus, parameters
+        scenario = checked_scenario(
+            _overridden(find_scenario(parameters.scenario), parameters), parameters.scenario
+        )
+        self._clock: Callable[[int], None] | None = None
+        if parameters.publish_clock:
+            self._clock = _clock_publisher()
+        bus.advertise(*PUBLISHES)
+        self._warm_up(Stand(scenario))
+        self._wait()
+        # The DAQ stamps by its own clock; a stand that is itself the clock keeps its epoch.
+        start = None if parameters.publish_clock else time.time_ns()
+        self._stand = Stand(scenario, start)
+        self._due: deque[Record] = deque()
+        self._published: dict[type, int] = dict.fromkeys(PUBLISHES, 0)
+        self._begin = time.monotonic()
+        self._worst_late_s = 0.0
+        self._ended_at = math.inf
+        self._injected = ""
+        bus.info(f"{scenario.run.name}: {scenario.run.duration_s:g} s, seed {scenario.run.seed}")
+        if parameters.inject:
+            self._inject(parameters)
+        bus.on_parameters(self._inject)
+        bus.every(max(TICK_S / parameters.rate, 1e-3), self._tick)
+        bus.every(HEALTH_S, self._report)
+
+    @staticmethod
+    def _warm_up(stand: Any) -> None:
+        """Compile and load before the first deadline, on a stand that nobody sees."""
+        stand.advance()
+
+    def _wait(self) -> None:
+        wanted = self._parameters.wait_for_subscribers
+        if wanted and not self._bus.wait_for_subscribers(Scan, count=wanted):
+            self._bus.warn(f"fewer than {wanted} subscribers of sensors/slow after 10 s: starting")
+
+    def _inject(self, parameters: DaqParameters) -> None:
+        if parameters.inject == self._injected:
+            return
+        self._injected = parameters.inject
+        try:
+            self._stand.clear()
+            if parameters.inject:
+                fault, size = parsed_injection(parameters.inject)
+                truth = self._stand.inject(fault, size)
+                self._bus.info(f"injecting {truth.fault}")
+            else:
+                self._bus.info("faults cleared")
+        except ConfigurationError as error:
+            self._bus.warn(str(error))
+
+    def _tick(self) -> None:
+        """Publish everything whose time has come; make the next block half a block ahead."""
+        now = time.monotonic()
+        elapsed_ns = int((now - self._begin) * self._parameters.rate * 1e9)
+        while self._due and self._offset_ns(self._due[0]) <= elapsed_ns:
+            self._send(self._due.popleft(), elapsed_ns)
+            if not self._due:
+                self._refill(elapsed_ns)
+        self._refill(elapsed_ns)
+        if not self._due and self._stand.finished:
+            self._ended_at = min(self._ended_at, now)
+            if now > self._ended_at + GRACE_S:
+                self._bus.end()
+
+    def _refill(self, elapsed_ns: int) -> None:
+        ahead_ns = 50_000_000
+        if self._stand.finished:
+            return
+        if not self._due or self._stand.time_s * 1e9 <= elapsed_ns + ahead_ns:
+            # A block of vibration leaves after the scans that it spans.
+            self._due.extend(sorted(self._stand.advance(), key=self._offset_ns))
+
+    def _offset_ns(self, record: Record) -> int:
+        """When a record leaves the DAQ: once the samples that it holds have been taken."""
+        span = {Scan: 10_000_000, VibrationBlock: 100_000_000}.get(type(record), 0)
+        return record.stamp_ns + span - self._stand.start_ns
+
+    def _send(self, record: Record, elapsed_ns: int) -> None:
+        late_s = (elapsed_ns - self._offset_ns(record)) / 1e9 / self._parameters.rate
+        self._worst_late_s = max(self._worst_late_s, late_s)
+        if self._clock is not None and isinstance(record, Scan):
+            self._clock(record.stamp_ns)
+        self._bus.publish(record)
+        self._published[type(record)] += 1
+
+    def _report(self) -> None:
+        late = self._worst_late_s
+        self._worst_late_s = 0.0
+        level = Level.OK if late < LATE_S else Level.WARN
+        message = "streaming" if level is Level.OK else f"{late:.3f} s behind its clock"
+        values = (
+            ("scans", str(self._published[Scan])),
+            ("vibration_blocks", str(self._published[VibrationBlock])),
+            ("worst_late_ms", f"{late * 1e3:.2f}"),
+            ("inject", self._injected),
+        )
+        self._bus.publish(Health(self._bus.now_ns(), self._bus.name, level, message, values))
+
+
+def _overridden(scenario: Any, parameters: DaqParameters) -> Any:
+    """The scenario with what the parameters say instead."""
+    from flea_sim_driver.scenario import FaultSetting
+
+    changes: dict[str, Any] = {}
+    if parameters.duration_s > 0.0:
+        changes["duration_s"] = parameters.duration_s
+    if parameters.seed >= 0:
+        changes["seed"] = parameters.seed
+    changed = replace(scenario, run=replace(scenario.run, **changes))
+    if not parameters.fault:
+        return changed
+    size = parameters.fault_size or math.nan
+    extra = FaultSetting(parameters.fault, parameters.fault_onset_s, size)
+    return replace(changed, faults=(*changed.faults, extra))
+
+
+def _clock_publisher() -> Callable[[int], None]:
+    """A node of its own for /clock: the DAQ's is the one that others set their time by."""
+    import rclpy
+    from builtin_interfaces.msg import Time
+    from rosgraph_msgs.msg import Clock
+
+    publisher = rclpy.create_node("flea_clock").create_publisher(Clock, "/clock", 10)
+
+    def publish(stamp_ns: int) -> None:
+        seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+        publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+
+    return publish
+
+
+def program() -> Program:
+    """What this node is."""
+
+    def start(bus: Bus[Any], parameters: Any) -> None:
+        Daq(bus, parameters)
+
+    return Program(
+        "daq",
+        "The simulated stand: runs a scenario and publishes what its DAQ measures.",
+        DaqParameters,
+        start,
+        publishes=PUBLISHES,
+        examples=(
+            "ros2 run flea_diag daq --ros-args -p scenario:=jam",
+            "ros2 run flea_diag daq --ros-args -p fault:=winding_short -p fault_onset_s:=5.0",
+            "ros2 param set /daq inject jam:0.5     (while it runs; '' clears)",
+        ),
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run until the scenario ends, SIGINT or SIGTERM; the exit status."""
+    return run(program, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
