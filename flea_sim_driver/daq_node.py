@@ -108,7 +108,7 @@ class Daq:
         self._stand = Stand(scenario, start)
         self._due: deque[Record] = deque()
         self._published: dict[type, int] = dict.fromkeys(PUBLISHES, 0)
-        self._begin = time.monotonic()
+        self._begin: float | None = None
         self._worst_late_s = 0.0
         self._ended_at = math.inf
         self._injected = ""
@@ -147,6 +147,8 @@ class Daq:
     def _tick(self) -> None:
         """Publish everything whose time has come; make the next block half a block ahead."""
         now = time.monotonic()
+        if self._begin is None:  # timers take a while to start; the run begins with the first
+            self._begin = now
         elapsed_ns = int((now - self._begin) * self._parameters.rate * 1e9)
         while self._due and self._offset_ns(self._due[0]) <= elapsed_ns:
             self._send(self._due.popleft(), elapsed_ns)
