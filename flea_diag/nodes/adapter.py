@@ -149,12 +149,11 @@ class Adapter:
         latest_ns = self._latest_ns.get(kind, record.stamp_ns)
         if record.stamp_ns < latest_ns - JUMP_NS:
             back_s = (latest_ns - record.stamp_ns) / 1e9
-            self._bus.info(
-                f"stamps of {kind.__name__} went back by {back_s:.1f} s: starting afresh"
-            )
+            self._bus.info(f"{kind.__name__} stamps went back by {back_s:.1f} s: starting afresh")
             self._start_afresh()
+            latest_ns = record.stamp_ns
         self._health.arrived(kind, record.stamp_ns, late=record.stamp_ns < latest_ns)
-        self._latest_ns[kind] = max(record.stamp_ns, self._latest_ns.get(kind, 0))
+        self._latest_ns[kind] = max(record.stamp_ns, latest_ns)
 
     def _start_afresh(self) -> None:
         self._stage = self._build(self._parameters)

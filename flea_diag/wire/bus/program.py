@@ -145,7 +145,7 @@ def _run(program: Program, arguments: list[str]) -> int:
         finished: Any = Future()
         close = program.start(Bus(node, executor, declared, finished), declared.value)
         spin(executor, finished)
-        if isinstance(finished.result(), FleaError):
+        if finished.done() and isinstance(finished.result(), FleaError):
             raise finished.result()
     except ExternalShutdownException:
         pass
@@ -199,6 +199,8 @@ def make_executor(kind: str = "events") -> Any:
 
 
 def spin(executor: Any, finished: Any) -> None:
-    """Serve until the future is done; ``ExternalShutdownException`` when a signal came first."""
-    while not finished.done():
+    """Serve until the future is done or the context ends, which may raise too."""
+    import rclpy
+
+    while rclpy.ok() and not finished.done():
         executor.spin_until_future_complete(finished, timeout_sec=ENDLESS_S)

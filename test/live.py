@@ -1,0 +1,164 @@
+"""What the node tests share: processes that are started and ended, and a peer on the bus."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+LIMIT_S = 15.0
+"""No wait takes this long unless something is broken; discovery alone may take 3 s."""
+
+
+def environment(domain: int, **more: str) -> dict[str, str]:
+    """Environment of a process in a domain of its own, on this machine only."""
+    return {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "PYTHONPATH": str(ROOT),
+        "PYTHONUNBUFFERED": "1",
+        **more,
+    }
+
+
+class Process:
+    """A child whose output can be waited for; it is killed at the end of the ``with``."""
+
+    def __init__(self, command: Sequence[str], domain: int, **more: Any) -> None:
+        cwd = more.pop("cwd", ROOT)
+        self.child = subprocess.Popen(
+            command,
+            env=environment(domain, **more),
+            cwd=cwd,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+        )
+        self.output = ""
+        assert self.child.stdout is not None
+        self._pipe = self.child.stdout
+        os.set_blocking(self._pipe.fileno(), False)
+
+    def __enter__(self) -> Process:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.child.poll() is None:
+            self.child.kill()
+        self.child.wait()
+        self._pipe.close()
+
+    def wait_for(self, text: str, limit_s: float = LIMIT_S) -> str:
+        """Output so far, once it holds ``text``."""
+        deadline = time.monotonic() + limit_s
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._pipe, selectors.EVENT_READ)
+            while text not in self.output:
+                left = deadline - time.monotonic()
+                assert left > 0, f"no {text!r} within {limit_s} s in:\n{self.output}"
+                if selector.select(left):
+                    chunk = self._pipe.read()
+                    assert chunk, f"ended without {text!r}:\n{self.output}"
+                    self.output += chunk.decode()
+        return self.output
+
+    def signal(self, *numbers: signal.Signals) -> tuple[int, float]:
+        """Send signals; the exit status and the seconds that it took."""
+        start = time.monotonic()
+        for number in numbers:
+            self.child.send_signal(number)
+        status = self.end()
+        return status, time.monotonic() - start
+
+    def end(self) -> int:
+        """Wait for the end; the exit status."""
+        status = self.child.wait(LIMIT_S)
+        os.set_blocking(self._pipe.fileno(), True)
+        self.output += self._pipe.read().decode()
+        return status
+
+
+def node(module: str, *arguments: str) -> list[str]:
+    """Command line of one of our nodes, from the source tree."""
+    ros = ["--ros-args", *arguments] if arguments else []
+    return [sys.executable, "-m", module, *ros]
+
+
+def toy(*arguments: str) -> list[str]:
+    """Command line of the toy stage's node."""
+    ros = ["--ros-args", *arguments] if arguments else []
+    return [sys.executable, str(ROOT / "test" / "toy_node.py"), *ros]
+
+
+@dataclass(frozen=True)
+class NoParameters:
+    """A peer has none."""
+
+
+class Peer:
+    """A node in the test's own process: publishes, and keeps every record that it was sent."""
+
+    def __init__(self, domain: int, namespace: str = "", name: str = "peer") -> None:
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.task import Future
+
+        from flea_diag.wire.bus import Bus
+        from flea_diag.wire.bus.declared import Declared
+
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        self.context = rclpy.Context()
+        self.context.init(domain_id=domain)
+        self.node = rclpy.create_node(
+            name,
+            context=self.context,
+            namespace=namespace,
+            automatically_declare_parameters_from_overrides=True,
+        )
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        declared = Declared(self.node, NoParameters)
+        self.bus = Bus(self.node, self.executor, declared, Future())
+        self.records: list[Any] = []
+
+    def __enter__(self) -> Peer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+    def listen(self, *record_types: type) -> None:
+        """Keep records of these types, and wait until somebody publishes them."""
+        for record_type in record_types:
+            self.bus.subscribe(record_type, self.records.append)
+        self.until(lambda: all(self.bus.publishers(kind) for kind in record_types))
+
+    def find(self, predicate: Callable[[Any], bool], limit_s: float = LIMIT_S) -> Any:
+        """First record, also of those to come, for which ``predicate`` holds."""
+        self.until(lambda: any(map(predicate, self.records)), limit_s)
+        return next(filter(predicate, self.records))
+
+    def until(self, predicate: Callable[[], bool], limit_s: float = LIMIT_S) -> None:
+        """Serve the node until ``predicate`` holds."""
+        assert self.bus.wait_until(predicate, limit_s), (
+            f"not within {limit_s} s: {self.records[-3:]}"
+        )
+
+    def call(self, service_type: type, name: str, request: Any) -> Any:
+        """Answer of a service."""
+        client = self.node.create_client(service_type, name)
+        self.until(client.service_is_ready)
+        future = client.call_async(request)
+        self.until(future.done)
+        return future.result()

@@ -1,0 +1,301 @@
+"""The arrows between the rooms hold, and the check that says so finds a planted violation."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+class Room(NamedTuple):
+    """Modules below ``name`` may import of ours ``ours``, and of others ``others`` (None: any).
+
+    The standard library is free to all but core and stages, which may not touch ``BANNED``.
+    """
+
+    name: str
+    ours: tuple[str, ...]
+    others: tuple[str, ...] | None
+    pure: bool = False
+
+
+ROS = ("rclpy", "rcl_interfaces", "std_srvs", "builtin_interfaces", "launch", "launch_ros")
+BAGS = ("mcap", "rosbags", "zstandard", "lz4", "yaml")
+SCIENCE = ("numpy", "scipy", "numba", "pywt")
+
+# The first room whose name a module starts with is its room.
+ROOMS = (
+    Room("flea_diag.core", ("flea_diag.core", "flea_diag.errors"), SCIENCE, pure=True),
+    Room(
+        "flea_diag.stages",
+        (
+            "flea_diag.stages",
+            "flea_diag.core",
+            "flea_diag.errors",
+            "flea_diag.wire.records",
+            "flea_diag.wire.parameters",
+            "flea_diag.wire.topics",
+        ),
+        SCIENCE,
+        pure=True,
+    ),
+    Room("flea_diag.wire.bus", ("flea_diag.wire", "flea_diag.errors"), ROS),
+    Room("flea_diag.wire", ("flea_diag.wire", "flea_diag.errors", "flea_diag"), ("numpy", *BAGS)),
+    Room("flea_diag.errors", (), ()),
+    Room(
+        "flea_diag.nodes",
+        (
+            "flea_diag.nodes",
+            "flea_diag.wire",
+            "flea_diag.stages",
+            "flea_diag.configuration",
+            "flea_diag.errors",
+        ),
+        (*ROS, "numpy"),
+    ),
+    Room(
+        "flea_diag.tools",
+        (
+            "flea_diag",
+            "flea_diag.tools",
+            "flea_diag.wire",
+            "flea_diag.stages",
+            "flea_diag.core",
+            "flea_diag.configuration",
+            "flea_diag.errors",
+            "flea_sim_driver",
+        ),
+        (*SCIENCE, *BAGS, "matplotlib"),
+    ),
+    Room(
+        "flea_diag.configuration",
+        ("flea_diag.core", "flea_diag.stages", "flea_diag.wire", "flea_diag.errors"),
+        ("numpy", "yaml"),
+    ),
+    Room("flea_diag", (), ()),
+    Room("flea_sim_driver", ("flea_sim_driver", "flea_diag.wire", "flea_diag.errors"), None),
+)
+
+NOT_FOR_SIM = ("rclpy", *BAGS[:2], "launch")
+MESSAGE_PACKAGES_ONLY_IN = "flea_diag.wire.codec"
+BANNED_NAMES = ("open", "input", "print", "__import__")
+BANNED_MODULES = (
+    "time", "datetime", "random", "os", "io", "pathlib", "socket", "subprocess", "threading",
+    "tempfile", "shutil", "pickle", "secrets", "uuid", "asyncio", "multiprocessing",
+)  # fmt: skip
+GENERATORS = ("Generator", "default_rng", "SeedSequence", "PCG64", "Philox", "BitGenerator")
+
+
+class Import(NamedTuple):
+    """One imported module name and its line."""
+
+    module: str
+    line: int
+
+
+def module_name(path: Path, root: Path) -> str:
+    """Dotted name of a source file."""
+    parts = path.relative_to(root).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports(tree: ast.AST, module: str, is_package: bool) -> Iterator[Import]:
+    """All imports of a module, also those inside functions and behind TYPE_CHECKING."""
+    package = module if is_package else module.rpartition(".")[0]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (Import(alias.name, node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                above = package.split(".")[: len(package.split(".")) - node.level + 1]
+                base = ".".join([*above, *([base] if base else [])])
+            # `from flea_diag.wire import records` imports flea_diag.wire.records.
+            yield from (Import(f"{base}.{alias.name}", node.lineno) for alias in node.names)
+        elif isinstance(node, ast.Call) and _called(node) in ("importlib.import_module",):
+            target = node.args[0]
+            if isinstance(target, ast.Constant):
+                yield Import(str(target.value), node.lineno)
+
+
+def violations(root: Path) -> list[str]:
+    """Every broken rule below ``root``, one line each."""
+    found = []
+    for package in ("flea_diag", "flea_sim_driver"):
+        for path in sorted((root / package).rglob("*.py")):
+            module = module_name(path, root)
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            room = next(room for room in ROOMS if within(module, room.name))
+            for entry in imports(tree, module, path.name == "__init__.py"):
+                why = refusal(module, room, entry.module)
+                if why:
+                    found.append(f"{module}:{entry.line}: {why}")
+            if room.pure:
+                found += [f"{module}:{line}: {why}" for line, why in impurities(tree)]
+    return found
+
+
+def within(module: str, room: str) -> bool:
+    """Whether a module is the room or lies in it."""
+    return module == room or module.startswith(room + ".")
+
+
+def refusal(module: str, room: Room, imported: str) -> str:
+    """Why ``module`` may not import ``imported``; empty when it may."""
+    top = imported.split(".")[0]
+    if top in ("flea_diag", "flea_sim_driver"):
+        allowed = any(_reaches(imported, entry) for entry in room.ours)
+        return "" if allowed else f"{room.name} may not import {imported}"
+    if top.endswith("_msgs") and module != MESSAGE_PACKAGES_ONLY_IN:
+        return f"{imported}: only {MESSAGE_PACKAGES_ONLY_IN} imports message packages"
+    if top in sys.stdlib_module_names or top.endswith("_msgs"):
+        return ""
+    if room.others is None:
+        refused = top in NOT_FOR_SIM
+    else:
+        refused = top not in room.others
+    return f"{room.name} may not import {imported}" if refused else ""
+
+
+def _reaches(imported: str, entry: str) -> bool:
+    """The package itself (flea_diag) allows its own names, not all that lies below it."""
+    if entry == "flea_diag":
+        return imported in ("flea_diag", "flea_diag.__version__")
+    return within(imported, entry)
+
+
+def impurities(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Files, clocks and global randomness in a module that is to have none."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            for name in names:
+                if name.split(".")[0] in BANNED_MODULES:
+                    yield node.lineno, f"imports {name}: no files, clock or global randomness here"
+        elif isinstance(node, ast.Call) and _called(node) in BANNED_NAMES:
+            yield node.lineno, f"calls {_called(node)}(): no files or output here"
+        elif isinstance(node, ast.Attribute):
+            name = _dotted(node)
+            if name.startswith(("np.random.", "numpy.random.")):
+                if name.split(".")[2] not in GENERATORS:
+                    yield node.lineno, f"{name}: randomness comes from an injected Generator"
+            elif name.startswith(
+                ("np.load", "np.save", "np.fromfile", "np.loadtxt", "np.genfromtxt")
+            ):
+                yield node.lineno, f"{name}: no files here"
+
+
+def _called(node: ast.Call) -> str:
+    return _dotted(node.func)
+
+
+def _dotted(node: ast.AST) -> str:
+    parts: list[str] = []
+    while isinstance(node, ast.Attribute):
+        parts.append(node.attr)
+        node = node.value
+    if not isinstance(node, ast.Name):
+        return ""
+    return ".".join([node.id, *reversed(parts)])
+
+
+def test_no_arrow_points_the_wrong_way() -> None:
+    assert violations(ROOT) == []
+
+
+def test_every_module_is_seen() -> None:
+    """The check reads what is there: all rooms have modules, and the walk does not skip."""
+    modules = {
+        module_name(path, ROOT)
+        for package in ("flea_diag", "flea_sim_driver")
+        for path in (ROOT / package).rglob("*.py")
+    }
+    for room in ROOMS:
+        if room.name != "flea_diag.configuration":
+            assert any(within(module, room.name) for module in modules), room.name
+
+
+PLANTED = {
+    "core imports a stage": ("flea_diag/core/a.py", "from flea_diag.stages import Stage"),
+    "core imports records": ("flea_diag/core/a.py", "import flea_diag.wire.records"),
+    "core imports ROS": ("flea_diag/core/a.py", "def f():\n    import rclpy"),
+    "core imports YAML": ("flea_diag/core/a.py", "import yaml"),
+    "core opens a file": ("flea_diag/core/a.py", "x = open('f')"),
+    "core reads the clock": ("flea_diag/core/a.py", "import time\nnow = time.time()"),
+    "core reads the date": ("flea_diag/core/a.py", "from datetime import datetime"),
+    "core draws from the global generator": (
+        "flea_diag/core/a.py",
+        "import numpy as np\nx = np.random.normal()",
+    ),
+    "core seeds the global generator": (
+        "flea_diag/core/a.py",
+        "import numpy as np\nnp.random.seed(1)",
+    ),
+    "core imports the random module": ("flea_diag/core/a.py", "from random import gauss"),
+    "core reads an array file": ("flea_diag/core/a.py", "import numpy as np\nnp.load('f')"),
+    "core reaches out relatively": ("flea_diag/core/a.py", "from ..wire import codec"),
+    "a stage knows the codec": ("flea_diag/stages/a.py", "from flea_diag.wire import codec"),
+    "a stage knows a node": ("flea_diag/stages/a.py", "from flea_diag.nodes import adapter"),
+    "a stage reads the clock": ("flea_diag/stages/a.py", "from time import monotonic"),
+    "a node knows the core": ("flea_diag/nodes/a.py", "from flea_diag.core import residual"),
+    "a node knows the simulator": ("flea_diag/nodes/a.py", "import flea_sim_driver"),
+    "a node imports messages": ("flea_diag/nodes/a.py", "from sensor_msgs.msg import JointState"),
+    "a tool needs ROS": ("flea_diag/tools/a.py", "import rclpy"),
+    "the wire knows a stage": ("flea_diag/wire/a.py", "from flea_diag.stages import Stage"),
+    "the wire needs ROS outside the bus": ("flea_diag/wire/a.py", "import rclpy"),
+    "the wire imports messages outside the codec": (
+        "flea_diag/wire/a.py",
+        "from sensor_msgs.msg import JointState",
+    ),
+    "the simulator shares the physics": (
+        "flea_sim_driver/a.py",
+        "from flea_diag.core import actuator",
+    ),
+    "the simulator knows a stage": ("flea_sim_driver/a.py", "import flea_diag.stages.observer"),
+    "the simulator goes around the bus": ("flea_sim_driver/a.py", "import rclpy"),
+    "configuration knows a node": ("flea_diag/configuration.py", "import flea_diag.nodes.adapter"),
+}
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_planted_violation_is_found(tmp_path: Path, name: str) -> None:
+    place, source = PLANTED[name]
+    path = tmp_path / place
+    path.parent.mkdir(parents=True)
+    path.write_text(source + "\n", encoding="utf-8")
+    assert violations(tmp_path), name
+
+
+ALLOWED = {
+    "core uses science": ("flea_diag/core/a.py", "import numpy as np\nfrom scipy import signal"),
+    "core takes a generator": (
+        "flea_diag/core/a.py",
+        "import numpy as np\n\ndef f(g: np.random.Generator):\n    return g.normal()",
+    ),
+    "a stage uses core and records": (
+        "flea_diag/stages/a.py",
+        "from flea_diag.core import residual\nfrom flea_diag.wire.records import Scan",
+    ),
+    "the codec imports messages": (
+        "flea_diag/wire/codec.py",
+        "from sensor_msgs.msg import JointState",
+    ),
+    "the bus imports rclpy": ("flea_diag/wire/bus/a.py", "import rclpy"),
+    "the simulator uses the bus": ("flea_sim_driver/a.py", "from flea_diag.wire.bus import run"),
+}
+
+
+@pytest.mark.parametrize("name", ALLOWED)
+def test_what_the_table_allows_is_allowed(tmp_path: Path, name: str) -> None:
+    place, source = ALLOWED[name]
+    path = tmp_path / place
+    path.parent.mkdir(parents=True)
+    path.write_text(source + "\n", encoding="utf-8")
+    assert violations(tmp_path) == []

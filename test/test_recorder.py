@@ -1,0 +1,151 @@
+"""The recorder against DDS: nothing that was recorded is lost, however it ends."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import pytest
+from live import Peer, Process, node
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.nodes.recorder import checked_directory, chosen_topics
+from flea_diag.wire.records import ChannelInfo, ChannelTable, Health, Scan, VibrationBlock
+
+START_NS = 1_700_000_000 * 10**9
+TABLE = ChannelTable(START_NS, "toy", (ChannelInfo("motor_current", "A", -10.0, 10.0, 100.0),))
+
+
+def recorder(directory: Path, *arguments: str) -> list[str]:
+    return node("flea_diag.nodes.recorder", "-p", f"directory:={directory}", *arguments)
+
+
+def scan(number: int) -> Scan:
+    return Scan(START_NS + number * 10_000_000, ("motor_current",), (float(number),))
+
+
+def publish(peer: Peer, count: int) -> None:
+    assert peer.bus.wait_for_subscribers(Scan, ChannelTable, VibrationBlock)
+    peer.bus.publish(TABLE)
+    for number in range(count):
+        peer.bus.publish(scan(number))
+
+
+def until_written(peer: Peer, messages: int) -> None:
+    """Wait until the recorder reports them: it does after it made the bag whole."""
+    peer.until(
+        lambda: any(
+            isinstance(r, Health) and int(dict(r.values).get("messages", "0")) >= messages
+            for r in peer.records
+        )
+    )
+
+
+def read(directory: Path) -> dict[str, list[tuple[int, int, bytes]]]:
+    """Per topic: log time, publish time and bytes, read by another library than the writer's."""
+    from mcap.reader import make_reader
+
+    found: dict[str, list[tuple[int, int, bytes]]] = {}
+    with (directory / f"{directory.name}_0.mcap").open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages():
+            row = (message.log_time, message.publish_time, message.data)
+            found.setdefault(channel.topic, []).append(row)
+    return found
+
+
+def opened(directory: Path) -> dict[str, int]:
+    """Message counts as an independent reader of rosbag2 bags sees them."""
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([directory]) as reader:
+        return {
+            connection.topic: sum(1 for _ in reader.messages([connection]))
+            for connection in reader.connections
+        }
+
+
+def test_sigterm_closes_the_bag(domain: int, tmp_path: Path) -> None:
+    bag = tmp_path / "run"
+    with Process(recorder(bag), domain) as process, Peer(domain) as peer:
+        peer.listen(Health)
+        publish(peer, 20)
+        until_written(peer, 21)
+        assert process.signal(signal.SIGTERM)[0] == 0
+    assert f"messages in {bag}" in process.output
+    rows = read(bag)["/sensors/slow"]
+    assert [publish_ns for _, publish_ns, _ in rows] == [scan(k).stamp_ns for k in range(20)]
+    assert all(log_ns > publish_ns for log_ns, publish_ns, _ in rows)
+    from flea_diag.wire import codec
+
+    assert [codec.decode(Scan, data) for _, _, data in rows] == [scan(k) for k in range(20)]
+    assert opened(bag)["/sensors/channels"] == 1
+
+
+def test_kill_9_leaves_a_bag_that_opens_as_it_stands(domain: int, tmp_path: Path) -> None:
+    bag = tmp_path / "run"
+    with Process(recorder(bag), domain) as process, Peer(domain) as peer:
+        peer.listen(Health)
+        publish(peer, 20)
+        until_written(peer, 21)
+        assert process.signal(signal.SIGKILL)[0] == -signal.SIGKILL
+    counts = opened(bag)
+    assert counts["/sensors/slow"] == 20
+    assert counts["/sensors/channels"] == 1
+
+
+def test_a_full_disk_ends_the_recording_with_a_whole_bag(domain: int, tmp_path: Path) -> None:
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    bag = tmp_path / "run"
+    with Process(recorder(bag), domain) as process, Peer(domain) as peer:
+        peer.listen(Health)
+        publish(peer, 20)
+        until_written(peer, 21)
+        # The disk is not filled: the limit is raised above what is free on it.
+        request = SetParameters.Request()
+        request.parameters = [Parameter("stop_free_mb", value=10**12).to_parameter_msg()]
+        peer.call(SetParameters, "/recorder/set_parameters", request)
+        assert process.end() == 2
+    assert "recording ended" in process.output
+    assert "stop_free_mb = 1000000000000" in process.output
+    assert opened(bag)["/sensors/slow"] == 20
+
+
+def test_no_start_on_a_full_disk(domain: int, tmp_path: Path) -> None:
+    with Process(recorder(tmp_path / "run", "-p", f"stop_free_mb:={10**12}"), domain) as process:
+        assert process.end() == 2
+    assert "free space or record elsewhere" in process.output
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_namespace_is_in_the_bags_topic_names(domain: int, tmp_path: Path) -> None:
+    bag = tmp_path / "run"
+    command = recorder(bag, "-p", "topics:=[sensors/slow]", "-r", "__ns:=/stand_2")
+    with (
+        Process(command, domain) as process,
+        Peer(domain, "/stand_2") as inside,
+        Peer(domain) as outside,
+    ):
+        inside.listen(Health)
+        assert inside.bus.wait_for_subscribers(Scan)
+        outside.bus.publish(scan(1))
+        inside.bus.publish(scan(2))
+        until_written(inside, 1)
+        assert process.signal(signal.SIGINT)[0] == 0
+    assert opened(bag) == {"/stand_2/sensors/slow": 1}
+
+
+def test_an_existing_directory_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"exists: name a bag that does not"):
+        checked_directory(str(tmp_path))
+
+
+def test_topics_are_chosen_by_name() -> None:
+    assert [topic.record for topic in chosen_topics(("sensors/slow", "/diagnostics"))] == [
+        Scan,
+        Health,
+    ]
+    assert len(chosen_topics(("all",))) == 13
+    with pytest.raises(ConfigurationError, match="'sensors/slwo' is unknown"):
+        chosen_topics(("sensors/slwo",))

@@ -1,0 +1,86 @@
+"""A node with a stage that is as small as can be: what the adapter does shows in its records."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.nodes.adapter import Ports, stage_program
+from flea_diag.stages import Stage
+from flea_diag.wire.bus import run
+from flea_diag.wire.parameters import parameter
+from flea_diag.wire.records import (
+    NEVER_NS,
+    AmbiguityGroup,
+    Candidate,
+    Outcome,
+    Record,
+    Residual,
+    Scan,
+)
+
+
+@dataclass(frozen=True)
+class ToyParameters:
+    limit_a: float = parameter(5.0, "Current above which", unit="A", minimum=0.0, maximum=40.0)
+    fault: str = parameter("jam", "Fault that it then says", choices=("jam", "spall"))
+    serial: str = parameter("x", "Set once", read_only=True)
+
+
+class ToyStage:
+    """Residual = scans seen since it was built; a group when the current passes the limit."""
+
+    consumes: tuple[type, ...] = (Scan,)
+
+    def __init__(self, parameters: ToyParameters) -> None:
+        self._parameters = parameters
+        self._seen = 0
+        self._outcome: Outcome | None = None
+
+    def handle(self, record: Record) -> tuple[Record, ...]:
+        assert isinstance(record, Scan)
+        self._seen += 1
+        current = record.value("motor_current")
+        if current < 0:
+            raise ConfigurationError(f"motor_current = {current} A is below 0 A")
+        residual = Residual(record.stamp_ns, ("seen",), (float(self._seen),), (0.0,), (1.0,))
+        outcome = Outcome.ISOLATED if current > self._parameters.limit_a else Outcome.NOMINAL
+        if outcome == self._outcome:
+            return (residual,)
+        self._outcome = outcome
+        return (residual, self._group(record.stamp_ns, outcome))
+
+    def reset(self) -> tuple[Record, ...]:
+        self._outcome = Outcome.NOMINAL
+        return (self._group(1, Outcome.NOMINAL),)
+
+    def _group(self, stamp_ns: int, outcome: Outcome) -> AmbiguityGroup:
+        fault = self._parameters.fault
+        members = (Candidate(fault, f"{fault}+", 1.0, "it said so"),)
+        return AmbiguityGroup(
+            stamp_ns=stamp_ns,
+            outcome=outcome,
+            episode=0,
+            step=0,
+            seq=0,
+            members=members if outcome == Outcome.ISOLATED else (),
+            dropped=(),
+            detected_stamp_ns=NEVER_NS,
+            words=outcome.value.lower(),
+            calibration_sha256="",
+            source="live",
+        )
+
+
+class Toy:
+    parameters = ToyParameters
+
+    @staticmethod
+    def build(parameters: ToyParameters) -> Stage:
+        return ToyStage(parameters)
+
+
+if __name__ == "__main__":
+    ports = Ports(subscribes=(Scan,), publishes=(Residual, AmbiguityGroup))
+    sys.exit(run(lambda: stage_program("toy", "A toy.", Toy, ports, ("an example",))))
