@@ -1,0 +1,111 @@
+"""One fault signature, and whether an observation fits it.
+
+A signature is an ordered pair of signs, magnitude (a jump at the onset) and slope (the first
+derivative that is not zero), with the order at which the effect first shows (Narasimhan et
+al. 2010, section 3.1; Mosterman and Biswas 1999).
+
+| predicted | fits an observation of +                   | where jumps are visible |
+|-----------|--------------------------------------------|-------------------------|
+| 0+        | slope +, 0 or not yet known                | the same                |
+| ++        | slope +, 0 or not yet known                | slope + only            |
+| +-        | slope -, 0 or not yet known                | slope - only            |
+| +0        | slope +, 0 or not yet known                | slope 0 only            |
+| 00        | never, any deviation refutes               | the same                |
+| *         | always                                     | the same                |
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class FaultSignature:
+    """Signs of magnitude and slope, order of the first effect (-1: none), and why.
+
+    ``derivatives`` holds the sign of every order, for progressive monitoring.
+    """
+
+    magnitude: str
+    slope: str
+    order: int
+    path: str
+    derivatives: str = ""
+
+    @property
+    def symbols(self) -> str:
+        """``0-``, ``+-``, ``00``, ..."""
+        return self.magnitude + self.slope
+
+    @property
+    def affected(self) -> bool:
+        """Whether the fault shows in this residual at all."""
+        return self.symbols != "00"
+
+    def __str__(self) -> str:
+        return f"{self.symbols}({self.order})" if self.affected else "00"
+
+
+UNAFFECTED = FaultSignature("0", "0", -1, "")
+
+
+def signature(signs: str, path: str) -> FaultSignature:
+    """Two-symbol signature of a sequence of derivative signs, order 0 first."""
+    order = next((k for k, symbol in enumerate(signs) if symbol != "0"), -1)
+    if order < 0:
+        return UNAFFECTED
+    slope = next((symbol for symbol in signs[1:] if symbol != "0"), "0")
+    return FaultSignature(signs[0], slope, order, path, signs)
+
+
+@dataclass(frozen=True)
+class Compatibility:
+    """Whether an observation fits a prediction, and the reason in words. True or false."""
+
+    fits: bool
+    reason: str
+
+    def __bool__(self) -> bool:
+        return self.fits
+
+
+def compatible(
+    predicted: FaultSignature,
+    observed_magnitude: str,
+    observed_slope: str = "?",
+    jump_visible: bool = False,
+) -> Compatibility:
+    """Hold one observed (magnitude, slope) against a predicted signature.
+
+    Parameters
+    ----------
+    observed_magnitude, observed_slope : ``+``, ``-``, ``0`` or ``?`` (not yet known)
+        A residual that looks normal (0) refutes nothing: the effect may be below threshold.
+    jump_visible
+        Whether a jump can be told from a fast rise on this residual. Where it cannot, a rise
+        from zero (``0+``), a jump that stays (``+0``) and one that grows (``++``) look alike.
+    """
+    said = f"observed {observed_magnitude}{observed_slope}, predicted {predicted.symbols}"
+    if observed_magnitude in "0?":
+        return Compatibility(True, f"{said}: a normal residual refutes nothing")
+    if not predicted.affected:
+        return Compatibility(False, f"{said}: this fault does not move this residual")
+    first = predicted.magnitude if predicted.magnitude != "0" else predicted.slope
+    if first not in (observed_magnitude, "*"):
+        return Compatibility(False, f"{said}: it deviates the other way")
+    if observed_slope == "?":
+        return Compatibility(True, f"{said}: the sign fits, the slope is not yet known")
+    if observed_slope not in _admitted(predicted, observed_magnitude, jump_visible):
+        return Compatibility(False, f"{said}: the sign fits, the slope does not")
+    return Compatibility(True, f"{said}: sign and slope fit")
+
+
+def _admitted(predicted: FaultSignature, observed: str, jump_visible: bool) -> str:
+    slope = predicted.slope
+    if slope == "*" or predicted.magnitude == "*":
+        return "+-0"
+    if predicted.magnitude == "0":
+        return slope + "0"
+    if jump_visible:
+        return slope
+    return (observed if slope == "0" else slope) + "0"

@@ -1,0 +1,109 @@
+"""Reading a mapping that somebody wrote: known keys of the right type, everything else refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from flea_diag.errors import ConfigurationError
+
+REQUIRED = object()
+"""Marks a key without a default."""
+
+
+Keys = Mapping[str, tuple[type, Any]]
+"""Key -> (type, default)."""
+
+
+def read(content: Any, where: str, keys: Keys) -> dict[str, Any]:
+    """Values of a mapping by key.
+
+    Parameters
+    ----------
+    content
+        What the YAML held at this place.
+    where
+        Name of the place, for messages.
+    keys
+        Key -> (type, default); the default ``REQUIRED`` makes the key obligatory.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the place, the key, the value and what it must be.
+    """
+    if not isinstance(content, Mapping):
+        raise ConfigurationError(
+            f"{where} is {kind_name(content)}, it must be a mapping of {', '.join(keys)}"
+        )
+    unknown = [key for key in content if key not in keys]
+    if unknown:
+        raise ConfigurationError(
+            f"{where}: unknown key {unknown[0]!r}, known are {', '.join(keys)}"
+        )
+    return {
+        key: _value(content.get(key, default), kind, f"{where}: {key}", default)
+        for key, (kind, default) in keys.items()
+    }
+
+
+def _value(value: Any, kind: Any, where: str, default: Any) -> Any:
+    if value is REQUIRED:
+        raise ConfigurationError(f"{where} is missing; give it")
+    if value is default:
+        return value
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if not isinstance(value, kind) or (kind is not bool and isinstance(value, bool)):
+        hint = " (YAML reads 5e6 as text, write 5.0e+6)" if isinstance(value, str) else ""
+        raise ConfigurationError(
+            f"{where} = {value!r} is {kind_name(value)}, it must be a {_WORD[kind]}{hint}"
+        )
+    if kind is float and not math.isfinite(value):
+        raise ConfigurationError(f"{where} = {value!r} must be finite")
+    return value
+
+
+_WORD: dict[Any, str] = {
+    float: "number",
+    str: "text",
+    bool: "true or false",
+    list: "list",
+    dict: "mapping",
+    int: "whole number",
+}
+
+
+def kind_name(value: Any) -> str:
+    """Word for the type of a value, for messages."""
+    return "nothing" if value is None else f"a {_WORD.get(type(value), type(value).__name__)}"
+
+
+def texts(values: Any, where: str) -> tuple[str, ...]:
+    """A list of texts."""
+    if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
+        raise ConfigurationError(f"{where} = {values!r} must be a list of names")
+    return tuple(values)
+
+
+def rows(content: Any, where: str) -> dict[str, Any]:
+    """A mapping of name -> row."""
+    if not isinstance(content, Mapping) or not all(isinstance(key, str) for key in content):
+        raise ConfigurationError(f"{where} is {kind_name(content)}, it must map names to rows")
+    return dict(content)
+
+
+def numbers(content: Any, where: str) -> dict[str, float]:
+    """A mapping of name -> number."""
+    keys = dict.fromkeys(rows(content, where), (float, REQUIRED))
+    return read(content, where, keys)
+
+
+def version(content: Any, where: str, known: int) -> None:
+    """Refuse another version of a file than the one that is known."""
+    found = content.get("schema_version") if isinstance(content, Mapping) else None
+    if found != known:
+        raise ConfigurationError(
+            f"{where}: schema_version is {found!r}, this program reads {known}; convert the file"
+        )

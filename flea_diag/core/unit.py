@@ -1,0 +1,82 @@
+"""SI units as dimensions, to hold the unit somebody wrote against the one an element needs.
+
+Only coherent SI units are known (no milli, no inch), because everything inside is SI: a
+value in another unit would pass as a number and be wrong by a factor.
+"""
+
+from __future__ import annotations
+
+import re
+
+from flea_diag.errors import ConfigurationError
+
+Dimension = tuple[int, int, int, int, int]
+"""Exponents of kg, m, s, A, K. Angles are numbers, so rad counts as 1."""
+
+UNITS: dict[str, Dimension] = {
+    "1": (0, 0, 0, 0, 0),
+    "rad": (0, 0, 0, 0, 0),
+    "kg": (1, 0, 0, 0, 0),
+    "m": (0, 1, 0, 0, 0),
+    "s": (0, 0, 1, 0, 0),
+    "A": (0, 0, 0, 1, 0),
+    "K": (0, 0, 0, 0, 1),
+    "degC": (0, 0, 0, 0, 1),
+    "N": (1, 1, -2, 0, 0),
+    "J": (1, 2, -2, 0, 0),
+    "W": (1, 2, -3, 0, 0),
+    "V": (1, 2, -3, -1, 0),
+    "ohm": (1, 2, -3, -2, 0),
+    "H": (1, 2, -2, -2, 0),
+    "F": (-1, -2, 4, 2, 0),
+    "Pa": (1, -1, -2, 0, 0),
+}
+
+_TOKEN = re.compile(r"([*/]?)([A-Za-z]+|1)(?:\^(-?\d+))?")
+
+
+SECOND = UNITS["s"]
+
+
+def dimension(unit: str) -> Dimension:
+    """Dimension of a unit such as ``kg*m^2`` or ``V*s/rad`` (each ``/`` divides by one unit).
+
+    Raises
+    ------
+    ConfigurationError
+        When a part is not a coherent SI unit.
+    """
+    exponents, place = [0, 0, 0, 0, 0], 0
+    while place < len(unit):
+        token = _TOKEN.match(unit, place)
+        if token is None or (place > 0) != bool(token[1]) or token[2] not in UNITS:
+            raise ConfigurationError(
+                f"unit {unit!r} is not understood at {unit[place:]!r}; write it with"
+                f" {', '.join(UNITS)} and * / ^ (SI, no prefixes: 0.002 H, not 2 mH)"
+            )
+        times = int(token[3] or 1) * (-1 if token[1] == "/" else 1)
+        exponents = [a + times * b for a, b in zip(exponents, UNITS[token[2]], strict=True)]
+        place = token.end()
+    if not unit:
+        raise ConfigurationError("unit '' is empty; a number without dimension is '1'")
+    return (exponents[0], exponents[1], exponents[2], exponents[3], exponents[4])
+
+
+def per(left: Dimension, right: Dimension) -> Dimension:
+    """Dimension of a quotient."""
+    a, b = left, right
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3], a[4] - b[4])
+
+
+def times(left: Dimension, right: Dimension) -> Dimension:
+    """Dimension of a product."""
+    return per(left, per(UNITS["1"], right))
+
+
+def spelled(wanted: Dimension) -> str:
+    """A readable unit of that dimension, for messages."""
+    for name, known in UNITS.items():
+        if known == wanted:
+            return name
+    parts = zip(("kg", "m", "s", "A", "K"), wanted, strict=True)
+    return "*".join(f"{name}^{e}" if e != 1 else name for name, e in parts if e)
