@@ -6,7 +6,7 @@ import math
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,6 +24,8 @@ from flea_diag.wire.records import (
 )
 
 TICK_S = 0.01
+PHASE = 0.3
+"""Deadlines lie this share of a tick before it: on it, a jitter of 1 us would cost a tick."""
 GRACE_S = 0.3
 HEALTH_S = 1.0
 LATE_S = 0.05
@@ -97,15 +99,13 @@ class Daq:
         scenario = checked_scenario(
             _overridden(find_scenario(parameters.scenario), parameters), parameters.scenario
         )
-        self._clock: Callable[[int], None] | None = None
-        if parameters.publish_clock:
-            self._clock = _clock_publisher()
         bus.advertise(*PUBLISHES)
         self._warm_up(Stand(scenario))
         self._wait()
         # The DAQ stamps by its own clock; a stand that is itself the clock keeps its epoch.
         start = None if parameters.publish_clock else time.time_ns()
         self._stand = Stand(scenario, start)
+        self._tick_s = max(TICK_S / parameters.rate, 1e-3)
         self._due: deque[Record] = deque()
         self._published: dict[type, int] = dict.fromkeys(PUBLISHES, 0)
         self._begin: float | None = None
@@ -116,7 +116,7 @@ class Daq:
         if parameters.inject:
             self._inject(parameters)
         bus.on_parameters(self._inject)
-        bus.every(max(TICK_S / parameters.rate, 1e-3), self._tick)
+        bus.every(self._tick_s, self._tick)
         bus.every(HEALTH_S, self._report)
 
     @staticmethod
@@ -148,7 +148,7 @@ class Daq:
         """Publish everything whose time has come; make the next block half a block ahead."""
         now = time.monotonic()
         if self._begin is None:  # timers take a while to start; the run begins with the first
-            self._begin = now
+            self._begin = now - PHASE * self._tick_s
         elapsed_ns = int((now - self._begin) * self._parameters.rate * 1e9)
         while self._due and self._offset_ns(self._due[0]) <= elapsed_ns:
             self._send(self._due.popleft(), elapsed_ns)
@@ -176,8 +176,8 @@ class Daq:
     def _send(self, record: Record, elapsed_ns: int) -> None:
         late_s = (elapsed_ns - self._offset_ns(record)) / 1e9 / self._parameters.rate
         self._worst_late_s = max(self._worst_late_s, late_s)
-        if self._clock is not None and isinstance(record, Scan):
-            self._clock(record.stamp_ns)
+        if self._parameters.publish_clock and isinstance(record, Scan):
+            self._bus.publish_clock(record.stamp_ns)
         self._bus.publish(record)
         self._published[type(record)] += 1
 
@@ -210,21 +210,6 @@ def _overridden(scenario: Any, parameters: DaqParameters) -> Any:
     size = parameters.fault_size or math.nan
     extra = FaultSetting(parameters.fault, parameters.fault_onset_s, size)
     return replace(changed, faults=(*changed.faults, extra))
-
-
-def _clock_publisher() -> Callable[[int], None]:
-    """A node of its own for /clock: the DAQ's is the one that others set their time by."""
-    import rclpy
-    from builtin_interfaces.msg import Time
-    from rosgraph_msgs.msg import Clock
-
-    publisher = rclpy.create_node("flea_clock").create_publisher(Clock, "/clock", 10)
-
-    def publish(stamp_ns: int) -> None:
-        seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
-        publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
-
-    return publish
 
 
 def program() -> Program:

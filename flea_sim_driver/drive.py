@@ -3,7 +3,7 @@
 The public FLEA recordings sample the bridge stroboscopically: the lines at 11.7 Hz are aliases
 of the PWM, and one apparent period shows the bridge switched on (supply), freewheeling through
 its diodes (just below zero) until the current has died, then floating at the back-EMF. The
-product of inductance and PWM frequency, about 1.5 to 3 ohm, can be read from those pictures;
+product of inductance and PWM frequency, about 1.3 ohm, can be read from those pictures;
 either alone is an assumption.
 """
 
@@ -29,7 +29,7 @@ class Waveform:
     peak_a: Array
     valley_a: Array
     supply_v: float
-    drop_v: float
+    drop_v: Array
     emf_v: Array
 
     def current(self, phase: Array) -> Array:
@@ -44,7 +44,7 @@ class Waveform:
         """Terminal voltage in V at a phase, with the tails of the sensor's RC filter."""
         ends = (self.on, self.on + self.freewheel)
         floating = np.where(ends[1] >= 1.0 - 1e-9, -self.drop_v, self.emf_v)
-        levels = (np.full_like(phase, self.supply_v), np.full_like(phase, -self.drop_v), floating)
+        levels = (np.full_like(phase, self.supply_v), -self.drop_v, floating)
         second = levels[1] + (levels[0] - levels[1]) * _tail(phase - ends[0])
         third = levels[2] + (levels[1] - levels[2]) * _tail(phase - ends[1])
         first = levels[0] + (levels[2] - levels[0]) * _tail(phase)
@@ -78,11 +78,21 @@ def waveform(
         duty = 0.5 * (low + high)
         _, _, mean = _triangle(duty, emf, resistance, reactance, supply_v, drop_v)
         low, high = np.where(mean < wanted, duty, low), np.where(mean < wanted, high, duty)
-    duty = 0.5 * (low + high)
+    # Where the current never dies the mean voltage sets the duty, and the triangle has a floor.
+    carried = (resistance * wanted + emf + drop_v) / (supply_v + drop_v)
+    duty = np.clip(np.minimum(0.5 * (low + high), carried), 1e-4, 1.0)
     peak, freewheel, mean = _triangle(duty, emf, resistance, reactance, supply_v, drop_v)
-    # Where the current never dies the triangle rides on a floor.
-    floor = np.where(freewheel >= 1.0 - duty - 1e-9, np.maximum(wanted - mean, 0.0), 0.0)
-    return Waveform(way, duty, freewheel, peak + floor, floor, supply_v, drop_v, emf)
+    continuous = freewheel >= 1.0 - duty - 1e-9
+    swing = np.maximum(supply_v - emf - resistance * wanted, 0.0) * duty / reactance
+    # Dragged backwards fast enough to feed its own current, the bridge only chops: no triangle.
+    dragged = carried <= 0.0
+    swing = np.where(dragged, 0.0, swing)
+    continuous = continuous | dragged
+    freewheel = np.where(dragged, 1.0 - duty, freewheel)
+    valley = np.where(continuous, np.maximum(wanted - 0.5 * swing, 0.0), 0.0)
+    top = np.where(continuous, wanted + 0.5 * swing, peak)
+    drop = np.where(dragged, -(resistance * wanted + emf), drop_v)
+    return Waveform(way, duty, freewheel, top, valley, supply_v, drop, emf)
 
 
 def _triangle(

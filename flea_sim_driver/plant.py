@@ -17,7 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 STEP_S = 0.5e-3
-STATES = ("current", "speed", "position", "load_speed", "load_position", "load_current", "trim")
+STATES = (
+    "current", "speed", "position", "load_speed", "load_position", "load_current", "trim", "felt",
+)  # fmt: skip
 SIGNALS = (
     "current", "voltage", "command", "speed", "position", "load_position", "force",
     "load_current", "friction_power",
@@ -54,6 +56,7 @@ class Coefficients(NamedTuple):
     position_gain: float
     position_knee: float
     droop: float
+    droop_lag: float
     feedback_scale: float
     feedback_offset: float
     feedback_noise: float
@@ -66,6 +69,12 @@ class Coefficients(NamedTuple):
     load_mass: float
     load_coulomb: float
     load_viscous: float
+    load_drag: float
+    load_drag_speed: float
+    rough_rest: float
+    rough_speed: float
+    rough_load: float
+    load_knee: float
     load_constant: float
     load_resistance: float
     load_lag: float
@@ -93,26 +102,28 @@ def _integrate(
     state: Array, reference: Array, load: Array, noise: Array, c: Any, dt: float, out: Array
 ) -> None:
     """Advance ``state`` in place over ``len(reference)`` steps and fill ``out`` (n, signals)."""
-    i, v, x, vl, xl, iz, trim = state
+    i, v, x, vl, xl, iz, trim, felt = state
     for k in range(reference.shape[0]):
         # Position loop: soft near zero error, drooping with current, limited in current.
-        seen = c.feedback_scale * x + c.feedback_offset + c.feedback_noise * noise[k]
+        seen = c.feedback_scale * x + c.feedback_offset + c.feedback_noise * noise[k, 0]
         error = reference[k] - seen
-        felt = c.current_feedback_scale * i + c.current_feedback_offset
+        sensed = c.current_feedback_scale * i + c.current_feedback_offset
+        felt += dt * (sensed - felt) / c.droop_lag
         command = c.position_gain * error * abs(error) / (abs(error) + c.position_knee)
         command -= c.droop * felt
-        over = abs(felt) - c.current_limit
-        if over > 0.0:
-            command -= math.copysign(20.0 * over, felt)
+        # The drive's own limit acts within a PWM period: no more voltage than it allows.
+        emf = c.force_constant * v
+        allowed = c.current_limit * c.resistance
+        command = min(max(command, emf - allowed), emf + allowed)
         command = _clipped(command, c.nominal_supply)
         available = max(c.supply - c.supply_resistance * abs(i), 0.0)
         # Winding, exact over the step; bridge 0 = high impedance, nothing flows.
         voltage = _clipped(command, available) - c.dead_time_drop * i / (abs(i) + 0.1)
-        settled = (voltage - c.force_constant * v) / c.resistance
+        settled = (voltage - emf) / c.resistance
         i = settled + (i - settled) * c.current_decay
         if c.bridge == 0.0:
             i = 0.0
-            voltage = c.force_constant * v
+            voltage = emf
         # Coupling: backlash, then spring and damper that can only push.
         angle = x / c.screw_ratio
         gap = x + c.lead_error * math.sin(angle) - xl
@@ -139,10 +150,9 @@ def _integrate(
         way = 1.0 if wanted >= 0.0 else -1.0
         measured = c.force_feedback_scale * force + c.force_feedback_offset
         trim = _clipped(trim + dt * c.trim_rate * (wanted - measured), c.trim_limit)
-        emf = c.load_constant * vl
         target = wanted / c.load_constant
-        target += (0.45 * emf + trim) / c.load_resistance
-        if target * way < 0.0 or abs(wanted) < 1.0:
+        target += (c.load_constant * vl * abs(wanted) / (abs(wanted) + c.load_knee) + trim) / c.load_resistance
+        if target * way < 0.0:
             target = 0.0
         iz += dt * (target - iz) / c.load_lag
         stop = 0.0
@@ -151,6 +161,12 @@ def _integrate(
         elif xl < 0.0:
             stop = min(c.stop_stiffness * xl + c.stop_damping * vl, 0.0)
         resist = c.load_constant * iz + c.load_viscous * vl + stop
+        resist += c.load_drag * vl / (abs(vl) + c.load_drag_speed)
+        # Bounded: noise that grows with speed without end would drive the speed.
+        rough = c.rough_rest + c.rough_speed * min(abs(vl), 0.06)
+        rough *= 1.0 + c.rough_load * min(abs(iz), 3.0)
+        resist += rough * noise[k, 1]
+        resist += noise[k, 2] * vl / (abs(vl) + 0.02)
         vl = _stopped(vl + dt * (force - resist) / c.load_mass, dt * c.load_coulomb / c.load_mass)
         xl += dt * vl
         out[k, 0] = i
@@ -169,6 +185,7 @@ def _integrate(
     state[4] = xl
     state[5] = iz
     state[6] = trim
+    state[7] = felt
 
 
 @lru_cache(maxsize=1)

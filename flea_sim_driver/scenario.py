@@ -6,7 +6,7 @@ Everything is refused before anything moves, by name, value and limit.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from flea_sim_driver.flight import Flight, read_flight
 NEWTON_PER_POUND = 4.4482216152605
 LOAD_LIMIT_N = 70.0 * NEWTON_PER_POUND
 STROKE_M = 0.100
-REFERENCE_SPEED_LIMIT_M_S = 0.150
+REFERENCE_SPEED_LIMIT_M_S = 0.200  # the soft position loop follows at two thirds of it
 FILE_LIMIT_BYTES = 1 << 20
 DEFAULT_EPOCH_S = 1283529600  # 2010-09-03T16:00:00Z, a day of the stand's public recordings
 MOTIONS = ("sine", "trapezoid", "triangle", "sweep", "hold", "flight")
@@ -106,7 +106,7 @@ class FaultSetting:
         "", "test actuator that has it (hardware); empty: whichever is in use", choices=("", "X", "Y")
     )
     where: str = parameter(
-        "", "sensor faults: daq or loop; empty: as in the catalogue", choices=("", "daq", "loop")
+        "", "plant, daq or loop; empty: as in the catalogue", choices=("", "plant", "daq", "loop")
     )
 
 
@@ -188,8 +188,9 @@ def checked_scenario(scenario: Scenario, where: str) -> Scenario:
     """The scenario with every fault's size filled in, or a refusal."""
     _check_motion(scenario, where)
     _check_load(scenario, where)
-    _check_switch(scenario, where)
+    _check_stand(scenario, where)
     settings = tuple(check_fault(row, scenario.run.duration_s, where) for row in scenario.faults)
+    _check_units(scenario, where)
     return replace(scenario, faults=settings)
 
 
@@ -240,7 +241,13 @@ def _check_load(scenario: Scenario, where: str) -> None:
         )
 
 
-def _check_switch(scenario: Scenario, where: str) -> None:
+def _check_stand(scenario: Scenario, where: str) -> None:
+    samples = scenario.sensors.vibration_rate_hz * 0.1
+    if samples != round(samples):
+        raise ConfigurationError(
+            f"{where}: sensors.vibration_rate_hz = {scenario.sensors.vibration_rate_hz!r} Hz must "
+            "be a multiple of 10 Hz, so that a block of 0.1 s is whole"
+        )
     if scenario.switch.at_s > scenario.run.duration_s:
         raise ConfigurationError(
             f"{where}: switch.at_s = {scenario.switch.at_s!r} s is after the end at "
@@ -253,6 +260,18 @@ def _check_switch(scenario: Scenario, where: str) -> None:
         )
 
 
+def _check_units(scenario: Scenario, where: str) -> None:
+    used = {scenario.run.active_unit}
+    if scenario.switch.at_s >= 0.0:
+        used.add(scenario.switch.to)
+    for row in scenario.faults:
+        if row.unit and row.unit not in used:
+            raise ConfigurationError(
+                f"{where}: {row.fault}: unit {row.unit} is never in use; set active_unit, or "
+                f"switch.at_s and switch.to"
+            )
+
+
 def check_fault(setting: FaultSetting, duration_s: float, where: str) -> FaultSetting:
     """The setting with its size and place filled in from the catalogue.
 
@@ -263,6 +282,11 @@ def check_fault(setting: FaultSetting, duration_s: float, where: str) -> FaultSe
         act in the place asked for.
     """
     row = faults.fault_named(setting.fault, where)
+    if setting.unit and row.change is None:
+        raise ConfigurationError(
+            f"{where}: {setting.fault}: unit = {setting.unit!r}, a sensor belongs to the stand and "
+            "not to one unit; leave it out"
+        )
     if setting.onset_s >= duration_s:
         raise ConfigurationError(
             f"{where}: {setting.fault}: onset_s = {setting.onset_s!r} s is not before the end "
@@ -285,6 +309,28 @@ def check_fault(setting: FaultSetting, duration_s: float, where: str) -> FaultSe
             f"{', '.join(row.places)}"
         )
     return replace(setting, size=float(size), where=place)
+
+
+def scenario_to_mapping(scenario: Scenario) -> dict[str, Any]:
+    """What ``scenario_from_mapping`` makes the same scenario of; defaults are left out."""
+    values = _changed(scenario.run)
+    for name in SECTIONS:
+        section = _changed(getattr(scenario, name))
+        if section:
+            values[name] = section
+    if scenario.faults:
+        values["faults"] = [_changed(row) for row in scenario.faults]
+    return values
+
+
+def _changed(section: Any) -> dict[str, Any]:
+    """Fields that differ from their defaults; a size that was left out is not a number."""
+    return {
+        entry.name: value
+        for entry in fields(section)
+        for value in (getattr(section, entry.name),)
+        if value != entry.default and value == value
+    }
 
 
 def load_scenario(path: Path) -> Scenario:

@@ -53,9 +53,9 @@ INSTRUMENTS: tuple[Instrument, ...] = (
                note="linear potentiometer"),
     Instrument("load_force", "N", 1.8, 0.12, -1400.0, 1400.0, running_noise=0.3,
                mount="between load and test actuator"),
-    Instrument("motor_temperature", "degC", 0.45, 0.01, -50.0, 400.0, 0.9, 0.004, 5.0,
+    Instrument("motor_temperature", "degC", 0.40, 0.01, -50.0, 400.0, 0.6, 0.004, 5.0,
                mount="motor housing", note="thermocouple"),
-    Instrument("nut_temperature", "degC", 0.9, 0.01, -50.0, 400.0, 0.9, 0.004, 7.0,
+    Instrument("nut_temperature", "degC", 0.55, 0.01, -50.0, 400.0, 0.6, 0.004, 7.0,
                mount="ball screw nut", note="thermocouple"),
     Instrument("ambient_temperature", "degC", 0.003, 0.001, -50.0, 100.0, mount="stand"),
     Instrument("commanded_position", "m", 0.0, 1e-7, 0.0, 0.1, mount="controller"),
@@ -105,7 +105,9 @@ class Panel:
         self._high = np.array([row.maximum for row in INSTRUMENTS])
         self._share = np.array([row.spike_share if spikes else 0.0 for row in INSTRUMENTS])
         self._spike = np.array([row.spike for row in INSTRUMENTS])
-        draws = generator.standard_normal(3) * spread
+        draws = generator.standard_normal(5) * spread
+        self._noise[COLUMN["motor_temperature"]] *= np.exp(0.12 * draws[3])
+        self._noise[COLUMN["nut_temperature"]] *= np.exp(0.35 * draws[4])
         self.homing_error_m = HOMING_ERROR_M * float(draws[0])
         self._pot_phase = float(draws[1])
         self._pot_gain = 1.0 + 5e-4 * float(draws[2])

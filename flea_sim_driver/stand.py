@@ -22,6 +22,7 @@ from flea_diag.wire.records import (
 )
 from flea_diag.wire.topics import TOPIC_OF
 from flea_sim_driver.actuator import Actuator, Sizes, coefficients, with_faults
+from flea_sim_driver.disturbance import Catches, Disturbance
 from flea_sim_driver.drive import waveform
 from flea_sim_driver.plant import SIGNALS, STEP_S, Coefficients
 from flea_sim_driver.profile import commanded
@@ -74,7 +75,8 @@ class Stand:
         self.bench = Bench()
         self.unit_in_use = run.active_unit
         self._panel = Panel(streams[2], run.unit_spread, scenario.sensors.spikes)
-        self._loop_noise, self._daq, self._phase = streams[4], streams[5], streams[6].random()
+        self._disturbance = Disturbance(streams[4], Catches())
+        self._daq, self._phase = streams[5], streams[6].random()
         self._temperatures = {name: Temperatures.uniform(warm) for name in self.units}
         self._episodes = episodes(scenario.faults, scenario.switch, run.active_unit)
         self._told: set[int] = set()
@@ -163,7 +165,7 @@ class Stand:
         """Plant signals (STEPS, signals) with commanded position and load (STEPS,)."""
         time = begin + np.arange(STEPS) * STEP_S
         position, load = commanded(self.scenario, time)
-        noise = self._loop_noise.standard_normal(STEPS)
+        noise = self._disturbance.block(STEPS, float(load[0]), BLOCK_S)
         segments = self._segments(coefficients(unit, self.bench), sizes, begin)
         return self._actuator.advance(segments, position, load, noise), position, load
 

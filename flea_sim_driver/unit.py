@@ -17,9 +17,9 @@ class Unit:
     """Parameters of one test actuator at 25 degC."""
 
     winding_resistance_ohm: float = 2.95  # measured
-    winding_inductance_h: float = 1.5e-3
+    winding_inductance_h: float = 1.35e-3  # times the PWM frequency: 1.3 ohm (measured)
     force_constant_n_per_a: float = 176.7  # measured: K * 2 pi / lead, motor and back-EMF alike
-    coulomb_friction_n: float = 42.0  # measured 47 together with the load-dependent part
+    coulomb_friction_n: float = 39.0  # measured 47 together with the load-dependent part
     stribeck_friction_n: float = 10.0
     stribeck_speed_m_s: float = 2.5e-3
     viscous_friction_n_s_m: float = 412.0  # measured
@@ -91,25 +91,36 @@ def draw_unit(generator: np.random.Generator, spread: float, start_degc: float) 
 
 @dataclass(frozen=True)
 class Bench:
-    """What both test actuators share: drive, control loop, coupling, load actuator, end stops."""
+    """What both test actuators share: drive, control loop, coupling, load actuator, end stops.
+
+    The position loop and the load actuator were fitted together to strokes, loads and currents
+    of one half of the public recordings (``flea realism`` shows the other half).
+    """
 
     supply_v: float = 24.3
     supply_resistance_ohm: float = 0.08
     current_limit_a: float = 8.0
     dead_time_drop_v: float = 0.3
-    pwm_frequency_hz: float = 1988.3  # aliases to the 11.7 Hz line of the 100 Hz recordings
+    pwm_frequency_hz: float = 988.3  # aliases to the 11.7 Hz line of the 100 Hz recordings
     freewheel_drop_v: float = 0.8
-    position_gain_v_m: float = 1100.0  # with knee and droop: fits six measured strokes
-    position_knee_m: float = 2.15e-3
-    droop_ohm: float = 4.2
+    position_gain_v_m: float = 1050.0
+    position_knee_m: float = 2.4e-3
+    droop_ohm: float = 4.3
+    droop_lag_s: float = 5e-3
     coupling_stiffness_n_m: float = 5e6
     coupling_damping_n_s_m: float = 8e3
-    load_mass_kg: float = 180.0  # measured
-    load_coulomb_n: float = 70.0  # measured 59 to 84
-    load_viscous_n_s_m: float = 650.0  # measured 450 to 900
+    load_mass_kg: float = 260.0
+    load_coulomb_n: float = 25.0
+    load_drag_n: float = 9.5
+    load_drag_speed_m_s: float = 0.017
+    load_viscous_n_s_m: float = 1500.0
+    load_roughness_n: float = 2.0
+    load_roughness_n_s_m: float = 2700.0
+    load_roughness_per_a: float = 0.8
+    load_knee_n: float = 10.5
     load_force_constant_n_per_a: float = 176.7
-    load_effective_resistance_ohm: float = 6.0
-    load_current_lag_s: float = 0.03
+    load_effective_resistance_ohm: float = 3.6
+    load_current_lag_s: float = 0.12
     load_trim_v_n_s: float = 2e-3
     load_trim_limit_v: float = 6.0
     stroke_m: float = 0.100

@@ -1,0 +1,63 @@
+"""Forces of the load actuator that nobody commands, as the recorded load cell shows them.
+
+Roughness grows with speed; now and then the load actuator catches and pushes back for some
+hundredths of a second, most often under load.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+COLUMNS = ("feedback", "roughness", "catch")
+KNOT_STEPS = 10
+"""Roughness has a knot each so many steps (200 Hz) and is straight between them."""
+
+
+@dataclass(frozen=True)
+class Catches:
+    """How often the load actuator catches, and how hard."""
+
+    rate_hz: float = 0.5
+    rate_per_n_s: float = 0.012
+    mean_n: float = 260.0
+    length_steps: int = 100
+
+
+class Disturbance:
+    """Columns (steps, 3): unit noise of the position loop, unit roughness, catch in N."""
+
+    def __init__(self, generator: np.random.Generator, catches: Catches) -> None:
+        self._generator = generator
+        self._catches = catches
+        self._knot = 0.0
+        shape = np.sin(np.pi * np.arange(catches.length_steps) / catches.length_steps)
+        self._shape = shape * np.sign(np.cos(6.0 * np.pi * np.arange(len(shape)) / len(shape)) + 0.4)
+        self._rest = np.zeros(0)
+
+    def block(self, steps: int, load_n: float, block_s: float) -> Array:
+        """Disturbances of one block under this commanded load."""
+        draw = self._generator
+        out = np.zeros((steps, len(COLUMNS)))
+        out[:, 0] = draw.standard_normal(steps)
+        knots = np.concatenate([[self._knot], draw.standard_normal(steps // KNOT_STEPS)])
+        self._knot = float(knots[-1])
+        out[:, 1] = np.interp(np.arange(steps), np.arange(len(knots)) * KNOT_STEPS, knots)
+        out[:, 2] = self._catching(steps, load_n, block_s)
+        return out
+
+    def _catching(self, steps: int, load_n: float, block_s: float) -> Array:
+        """Half-sine pushes that ring, carried over the end of a block."""
+        chance, size, at = self._generator.random(3)
+        rate = self._catches.rate_hz + self._catches.rate_per_n_s * abs(load_n)
+        span = np.zeros(steps + len(self._shape))
+        span[: len(self._rest)] = self._rest
+        if chance < rate * block_s:
+            start = int(at * steps)
+            push = -self._catches.mean_n * np.log1p(-size)
+            span[start : start + len(self._shape)] += min(push, 900.0) * self._shape
+        self._rest = span[steps:].copy()
+        return span[:steps]

@@ -1,0 +1,104 @@
+"""The 320 scenarios of Narasimhan et al. 2010, Table 4, drawn anew from a seed.
+
+The paper names its rows and counts, four kinds of motion and constant loads within +-70 lb;
+amplitudes, sizes and onsets are drawn here. Jam and spall come as on the FLEA: control is
+switched from the healthy unit to the faulty one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flea_sim_driver.scenario import LOAD_LIMIT_N, Scenario, scenario_from_mapping
+
+DURATION_S = 40.0
+EARLIEST_ONSET_S, LATEST_ONSET_S = 12.0, 18.0
+MOTIONS = ("sine", "trapezoid", "triangle", "sweep")
+SPEED_LIMIT_M_S = 0.140
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the table: ``low`` to ``high`` is the range of the fault's size."""
+
+    title: str
+    fault: str
+    scenarios: int
+    low: float = 0.0
+    high: float = 0.0
+    either_sign: bool = False
+    switched: bool = False
+
+
+ROWS: tuple[Row, ...] = (
+    Row("Nominal", "", 134),
+    Row("Current Bias", "motor_current_bias", 15, 0.4, 1.5, either_sign=True),
+    Row("Current Dead", "motor_current_dead", 15),
+    Row("Current Drift", "motor_current_drift", 15, 0.05, 0.25, either_sign=True),
+    Row("Position Sensor Failure", "actuator_position_dead", 21),
+    Row("Current Scaling", "motor_current_scaling", 15, 1.3, 1.8),
+    Row("Jam", "jam", 15, 0.7, 1.6, switched=True),
+    Row("Motor Failure", "motor_failure", 15, 1.0, 1.0),
+    Row("Spall", "spall", 15, 0.7, 2.0, switched=True),
+    Row("Temp Bias", "motor_temperature_bias", 15, 5.0, 15.0, either_sign=True),
+    Row("Temp Dead", "motor_temperature_dead", 15),
+    Row("Temp Drift", "motor_temperature_drift", 15, 0.4, 1.2, either_sign=True),
+    Row("Temp Scaling", "motor_temperature_scaling", 15, 1.25, 1.7),
+)
+
+
+def table4(seed: int) -> tuple[Scenario, ...]:
+    """All scenarios, row after row; each has plant parameters of its own draw."""
+    names = [(row, number) for row in ROWS for number in range(row.scenarios)]
+    streams = np.random.SeedSequence(seed).spawn(len(names))
+    return tuple(
+        _scenario(row, number, np.random.default_rng(stream))
+        for (row, number), stream in zip(names, streams, strict=True)
+    )
+
+
+def _scenario(row: Row, number: int, draw: np.random.Generator) -> Scenario:
+    name = f"{row.fault or 'nominal'}_{number + 1:03d}"
+    values: dict[str, Any] = {
+        "name": name,
+        "duration_s": DURATION_S,
+        "seed": int(draw.integers(2**31)),
+        "ambient_degc": round(float(draw.uniform(20.0, 27.0)), 1),
+        "warm_degc": round(float(draw.uniform(0.0, 10.0)), 1),
+        "motion": _motion(MOTIONS[number % len(MOTIONS)], draw),
+        "load": {"constant_n": round(float(draw.uniform(-LOAD_LIMIT_N, LOAD_LIMIT_N)), 1)},
+    }
+    if row.fault:
+        values |= _fault(row, draw)
+    return scenario_from_mapping(values, f"table 4, {name}")
+
+
+def _motion(kind: str, draw: np.random.Generator) -> dict[str, Any]:
+    amplitude = float(draw.uniform(0.012, 0.035))
+    motion: dict[str, Any] = {"kind": kind, "centre_m": round(float(draw.uniform(0.042, 0.055)), 4)}
+    if kind == "trapezoid":
+        motion |= {"frequency_hz": round(float(draw.uniform(0.08, 0.16)), 3), "rise_s": 1.2}
+    else:
+        fastest = SPEED_LIMIT_M_S / (2.0 * math.pi * amplitude)
+        motion["frequency_hz"] = round(min(float(draw.uniform(0.25, 1.0)), fastest), 3)
+    if kind == "sweep":
+        motion["end_frequency_hz"] = motion["frequency_hz"]
+        motion["frequency_hz"] = 0.15
+    return motion | {"amplitude_m": round(amplitude, 4)}
+
+
+def _fault(row: Row, draw: np.random.Generator) -> dict[str, Any]:
+    onset = round(float(draw.uniform(EARLIEST_ONSET_S, LATEST_ONSET_S)), 2)
+    size = round(float(draw.uniform(row.low, row.high)), 3)
+    if row.either_sign and draw.random() < 0.5:
+        size = -size
+    fault: dict[str, Any] = {"fault": row.fault}
+    if row.high != 0.0:
+        fault["size"] = size
+    if row.switched:
+        return {"switch": {"at_s": onset, "to": "X"}, "faults": [fault | {"unit": "X"}]}
+    return {"faults": [fault | {"onset_s": onset}]}
