@@ -1,19 +1,56 @@
-"""One ament_python package for pip and for colcon; metadata is in setup.cfg.
+"""One ament_python package for pip and for colcon alike.
 
 What ``ros2`` looks for goes out as data files: the resource index marker, package.xml, the
 launch and configuration files, and one launcher per node in lib/flea_diag. pip ignores the
 ``install_scripts`` of the usual template, so entry points cannot serve ``ros2 run``.
+
+All metadata stands here: colcon takes a setup.cfg that names the package for the whole of it,
+and then knows of no data files.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
-from setuptools import setup
+from setuptools import find_packages, setup
 
 PACKAGE = "flea_diag"
 SHARE = f"share/{PACKAGE}"
+
+# ROS 2 comes as wheels, for Linux on x86-64 only; elsewhere, and in a ROS installation that
+# provides rclpy itself, `pip install --no-deps` leaves them out. Both are pinned together:
+# loose, pip mixes in packages of the next distribution.
+WHEELS = 'sys_platform == "linux" and platform_machine == "x86_64"'
+REQUIRES = [
+    "numpy>=1.26",
+    "scipy>=1.11",
+    "PyYAML>=6.0",
+    "PyWavelets>=1.4",
+    "mcap>=1.2",
+    "rosbags>=0.10.4",
+    f"ros-rclpy[fastrtps]==7.1.6; {WHEELS}",
+    f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
+]
+EXTRAS = {
+    "numba": ["numba>=0.60"],
+    "plot": ["matplotlib>=3.7"],
+    "test": [
+        "pytest>=7.4",
+        "hypothesis>=6.100",
+        "mypy>=1.11",
+        "ruff>=0.9",
+        "setuptools>=70.1",
+        "colcon-common-extensions",
+    ],
+}
+
+
+def version() -> str:
+    """The version, from the one place in Python where it stands."""
+    text = Path("flea_diag/__init__.py").read_text(encoding="utf-8")
+    return re.search(r'^__version__ = "(.+)"$', text, re.MULTILINE)[1]
 
 
 def folders(root: str) -> list[tuple[str, list[str]]]:
@@ -25,17 +62,43 @@ def folders(root: str) -> list[tuple[str, list[str]]]:
     return sorted(found.items())
 
 
+def readme() -> str:
+    """The long description; a build with --symlink-install has no README beside it."""
+    path = Path("README.md")
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+
 # colcon asks with --dry-run and reads the arguments of setup() back as Python literals, which a
 # version specifier is not.
-requires = {} if "--dry-run" in sys.argv else {"python_requires": ">=3.10"}
+PYTHON = {} if "--dry-run" in sys.argv else {"python_requires": ">=3.10"}
 
 setup(
-    **requires,
+    name=PACKAGE,
+    version=version(),
+    description="Hybrid fault diagnosis of electro-mechanical actuators on a test stand (ROS 2)",
+    long_description=readme(),
+    long_description_content_type="text/markdown",
+    license="Apache-2.0",
+    license_files=["LICENSE"],
+    maintainer="flea_diag maintainers",
+    maintainer_email="maintainers@flea-diag.invalid",
+    classifiers=[
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        "Programming Language :: Python :: 3",
+        "Topic :: Scientific/Engineering",
+    ],
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "flea_sim_driver*"]),
+    install_requires=REQUIRES,
+    extras_require=EXTRAS,
+    entry_points={"console_scripts": ["flea = flea_diag.tools.main:main"]},
+    zip_safe=True,
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (SHARE, ["package.xml"]),
-        (f"lib/{PACKAGE}", sorted(str(path) for path in Path("launcher").iterdir())),
+        (f"lib/{PACKAGE}", sorted(str(path) for path in Path("launcher").glob("*"))),
         *folders("launch"),
         *folders("config"),
     ],
+    **PYTHON,
 )

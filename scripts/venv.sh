@@ -56,7 +56,7 @@ pip_install() {
 install() {
     make_venv
     stamp=$venv/.dependencies-$1
-    wanted=$(cd "$root" && sum_of constraints.txt setup.cfg)
+    wanted=$(cd "$root" && sum_of constraints.txt setup.py)
     if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
         say "installing ROS 2 Jazzy and the other dependencies [$1] into .venv (a few minutes)"
         pip_install setuptools
@@ -66,7 +66,7 @@ install() {
     fi
     stamp=$venv/.sources
     wanted=$(cd "$root" && sum_of flea_diag flea_sim_driver config launch launcher resource \
-        package.xml setup.py setup.cfg)
+        package.xml setup.py)
     if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
         say "installing flea_diag into .venv"
         pip_install --no-deps --force-reinstall "$root"

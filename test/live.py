@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -99,44 +98,23 @@ def toy(*arguments: str) -> list[str]:
     return [sys.executable, str(ROOT / "test" / "toy_node.py"), *ros]
 
 
-@dataclass(frozen=True)
-class NoParameters:
-    """A peer has none."""
-
-
 class Peer:
-    """A node in the test's own process: publishes, and keeps every record that it was sent."""
+    """A guest on the bus that publishes, and keeps every record that it was sent."""
 
     def __init__(self, domain: int, namespace: str = "", name: str = "peer") -> None:
-        import rclpy
-        from rclpy.executors import SingleThreadedExecutor
-        from rclpy.task import Future
-
-        from flea_diag.wire.bus import Bus
-        from flea_diag.wire.bus.declared import Declared
+        from flea_diag.wire.bus import guest
 
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        self.context = rclpy.Context()
-        self.context.init(domain_id=domain)
-        self.node = rclpy.create_node(
-            name,
-            context=self.context,
-            namespace=namespace,
-            automatically_declare_parameters_from_overrides=True,
-        )
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
-        declared = Declared(self.node, NoParameters)
-        self.bus = Bus(self.node, self.executor, declared, Future())
+        self._guest = guest(name, domain, namespace)
         self.records: list[Any] = []
 
     def __enter__(self) -> Peer:
+        self.bus = self._guest.__enter__()
+        self.node = self.bus._node
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.executor.shutdown()
-        self.node.destroy_node()
-        self.context.try_shutdown()
+        self._guest.__exit__(None, None, None)
 
     def listen(self, *record_types: type) -> None:
         """Keep records of these types, and wait until somebody publishes them."""

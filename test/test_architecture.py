@@ -25,7 +25,7 @@ class Room(NamedTuple):
     pure: bool = False
 
 
-ROS = ("rclpy", "rcl_interfaces", "std_srvs", "builtin_interfaces", "launch", "launch_ros")
+ROS = ("rclpy", "rcl_interfaces", "std_srvs", "rosgraph_msgs", "builtin_interfaces", "launch")
 BAGS = ("mcap", "rosbags", "zstandard", "lz4", "yaml")
 SCIENCE = ("numpy", "scipy", "numba", "pywt")
 
@@ -152,9 +152,9 @@ def refusal(module: str, room: Room, imported: str) -> str:
     if top in ("flea_diag", "flea_sim_driver"):
         allowed = any(_reaches(imported, entry) for entry in room.ours)
         return "" if allowed else f"{room.name} may not import {imported}"
-    if top.endswith("_msgs") and module != MESSAGE_PACKAGES_ONLY_IN:
+    if top.endswith("_msgs") and top not in ROS and module != MESSAGE_PACKAGES_ONLY_IN:
         return f"{imported}: only {MESSAGE_PACKAGES_ONLY_IN} imports message packages"
-    if top in sys.stdlib_module_names or top.endswith("_msgs"):
+    if top in sys.stdlib_module_names or module == MESSAGE_PACKAGES_ONLY_IN:
         return ""
     if room.others is None:
         refused = top in NOT_FOR_SIM

@@ -55,6 +55,7 @@ class Bus(Generic[P]):
         self._declared = declared
         self._finished = finished
         self._publishers: dict[type, Any] = {}
+        self._clock: Any = None
         self.streams: dict[type, Stream] = {}
         self.stand = node.get_namespace().strip("/") or "stand"
 
@@ -102,6 +103,17 @@ class Bus(Generic[P]):
         self.advertise(record_type)
         if self.ok:
             self._publishers[record_type].publish(data)
+
+    def publish_clock(self, stamp_ns: int) -> None:
+        """Be the clock of a graph whose nodes use simulated time: publish /clock."""
+        from rosgraph_msgs.msg import Clock
+
+        if self._clock is None:
+            self._clock = self._node.create_publisher(Clock, "/clock", 10)
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(stamp_ns, 1_000_000_000)
+        if self.ok:
+            self._clock.publish(message)
 
     def _create_publisher(self, record_type: type) -> Any:
         topic = TOPIC_OF[record_type]

@@ -1,0 +1,293 @@
+"""A whole stand on this machine, each node a process of its own; what ``scripts/run`` starts.
+
+Every wait is for a fact in the ROS graph or for a record, never for time to pass: the stand
+starts to move once everybody listens, and the nodes are ended once the last verdict is out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from flea_diag.errors import ConfigurationError, FleaError, RecordingError
+from flea_diag.nodes.domain import reserved_domain
+from flea_diag.nodes.run_summary import NOMINAL_FAULT, summarise, told
+from flea_diag.wire.bag import read_bag
+from flea_diag.wire.bus import Bus, guest
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    Detection,
+    Health,
+    Record,
+    Scan,
+    Truth,
+)
+
+LISTENERS = ("observer", "isolator", "extractor", "recorder")
+"""They report their health, so it is known when they are ready."""
+
+MODULES = {
+    **{name: f"flea_diag.nodes.{name}" for name in (*LISTENERS, "console")},
+    "daq": "flea_sim_driver.daq_node",
+}
+READY_S = 30.0
+LAST_VERDICT_S = 5.0
+END_S = 5.0
+LATEST_S = 60.0
+PR_SET_PDEATHSIG = 1
+
+
+class Children:
+    """The processes of one run; only these are ever ended, by their own handles."""
+
+    def __init__(self, log: IO[bytes]) -> None:
+        self._log = log
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, name: str, parameters: dict[str, str], show: bool = False) -> None:
+        """Start a node; its output goes to the log, or to the terminal."""
+        given = [text for pair in parameters.items() for text in ("-p", "{}:={}".format(*pair))]
+        arguments = ["--ros-args", *given] if given else []
+        self._running[name] = subprocess.Popen(
+            [sys.executable, "-m", MODULES[name], *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=None if show else self._log,
+            stderr=self._log,
+            start_new_session=True,  # Ctrl-C is for us; we end them in order
+            preexec_fn=_end_with_parent,
+        )
+
+    def ended(self, name: str) -> bool:
+        """Whether a node has ended."""
+        return self._running[name].poll() is not None
+
+    def check(self, finished: str = "") -> None:
+        """Raise when a node has ended by itself, but for the one that may."""
+        for name, child in self._running.items():
+            if child.poll() not in (None, 0) or (child.poll() == 0 and name != finished):
+                raise ConfigurationError(
+                    f"{name} ended with status {child.returncode}, see {self._log.name}"
+                )
+
+    def end(self) -> None:
+        """End all that still run, the last started first."""
+        for name in reversed(self._running):
+            self._end(name)
+
+    def _end(self, name: str) -> None:
+        child = self._running[name]
+        if child.poll() is None:
+            child.send_signal(signal.SIGINT)
+        try:
+            child.wait(END_S)
+        except subprocess.TimeoutExpired:
+            say(f"{name} does not end within {END_S:.0f} s: killed")
+            child.kill()
+            child.wait()
+
+
+class Run:
+    """One run from the first process to the last verdict."""
+
+    def __init__(self, options: argparse.Namespace, bus: Bus[Any], children: Children) -> None:
+        self._options, self._bus, self._children = options, bus, children
+        self._healthy: set[str] = set()
+        self._latest: AmbiguityGroup | None = None
+        self.interrupted = False
+        bus.subscribe(Health, self._note_health)
+        bus.subscribe(AmbiguityGroup, self._note_group)
+
+    def _note_health(self, health: Health) -> None:
+        self._healthy.add(health.node)
+
+    def _note_group(self, group: AmbiguityGroup) -> None:
+        self._latest = group
+
+    def execute(self) -> None:
+        """Start the listeners, then the stand; return when the stand has ended."""
+        say("starting observer, isolator, extractor, recorder and console")
+        for name in LISTENERS:
+            self._children.start(name, self._parameters(name))
+        self._children.start("console", self._parameters("console"), show=True)
+        self._until(self._all_listen, READY_S, "the nodes to find each other")
+        say(f"all are listening; the stand starts, {self._what()}")
+        self._children.start("daq", self._daq_parameters())
+        limit_s = self._options.duration + LATEST_S
+        self._until(lambda: self._children.ended("daq"), limit_s, "the stand to end")
+        if not self.interrupted:
+            self._until(self._verdict_is_last, LAST_VERDICT_S, "the last verdict", needed=False)
+
+    def _all_listen(self) -> bool:
+        # Console and recorder listen to the verdict, besides ourselves.
+        return self._healthy >= set(LISTENERS) and self._bus.subscribers(AmbiguityGroup) >= 3
+
+    def _verdict_is_last(self) -> bool:
+        return self._latest is not None and self._latest.stale
+
+    def _until(
+        self, predicate: Callable[[], bool], limit_s: float, what: str, needed: bool = True
+    ) -> None:
+        def settled() -> bool:
+            self._children.check(finished="daq")
+            return self.interrupted or predicate()
+
+        if not self._bus.wait_until(settled, limit_s) and needed:
+            raise ConfigurationError(f"waited {limit_s:.0f} s in vain for {what}")
+
+    def _what(self) -> str:
+        fault = self._options.fault
+        if fault == NOMINAL_FAULT:
+            return f"healthy, for {self._options.duration:g} s"
+        return f"{fault} from {self._options.at:g} s on, for {self._options.duration:g} s"
+
+    def _parameters(self, name: str) -> dict[str, str]:
+        if name == "recorder":
+            return {"directory": str(self._options.bag)}
+        if name == "console":
+            lines = self._options.headless or not sys.stdout.isatty()
+            return {"style": "lines" if lines else "screen"}
+        return {}
+
+    def _daq_parameters(self) -> dict[str, str]:
+        fault = self._options.fault
+        return {
+            "scenario": self._options.scenario,
+            "duration_s": repr(self._options.duration),
+            "wait_for_subscribers": str(self._bus.subscribers(Scan)),
+            **({"seed": str(self._options.seed)} if self._options.seed is not None else {}),
+            **(
+                {"fault": fault, "fault_onset_s": repr(self._options.at)}
+                if fault != NOMINAL_FAULT
+                else {}
+            ),
+        }
+
+
+def say(text: str) -> None:
+    """Tell what is being done."""
+    print(f"run: {text}", file=sys.stderr, flush=True)
+
+
+def _end_with_parent() -> None:
+    """Have the kernel end this child when its parent is killed."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Options of the command line."""
+    parser = argparse.ArgumentParser(
+        prog="scripts/run",
+        description="Run the simulated stand and its diagnosis live, and say whether it was right.",
+        epilog="Exit status: 0 right, 1 not right, 2 it could not run.",
+    )
+    parser.add_argument("--fault", default="jam", help="fault id, or nominal (default: jam)")
+    parser.add_argument(
+        "--at", type=_seconds, default=8.0, metavar="S", help="onset after the start (default: 8)"
+    )
+    parser.add_argument(
+        "--for",
+        dest="duration",
+        type=_seconds,
+        default=30.0,
+        metavar="S",
+        help="length of the run (default: 30)",
+    )
+    parser.add_argument("--headless", action="store_true", help="one line a change, no page")
+    parser.add_argument("--scenario", default="nominal", help="name or file (default: nominal)")
+    parser.add_argument("--seed", type=int, help="of the simulated unit and its noise")
+    parser.add_argument("--bag", type=Path, help="bag to make (default: bags/runs/<UTC time>)")
+    options = parser.parse_args(argv)
+    if options.fault != NOMINAL_FAULT and not 0 <= options.at < options.duration:
+        parser.error(f"--at {options.at:g} is not within the run, --for {options.duration:g}")
+    if options.bag is None:
+        options.bag = Path("bags/runs") / time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    return options
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value <= 86400.0:
+        raise argparse.ArgumentTypeError(f"{text} s is not within 0 to 86400 s")
+    return value
+
+
+@contextmanager
+def _signals_to(interrupt: Callable[[], None]) -> Iterator[None]:
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, lambda *_: interrupt()) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _executed(options: argparse.Namespace, domain: int, log: IO[bytes]) -> bool:
+    """Run it; whether it was interrupted."""
+    children = Children(log)
+    with guest("live_run", domain) as bus:
+        run = Run(options, bus, children)
+        with _signals_to(lambda: setattr(run, "interrupted", True)):
+            try:
+                run.execute()
+            finally:
+                children.end()
+    return run.interrupted
+
+
+def _recorded(bag: Path) -> Iterator[Record]:
+    for _, record in read_bag(bag, (Scan, Truth, Detection, AmbiguityGroup)):
+        yield record
+
+
+def live(options: argparse.Namespace) -> int:
+    """Run, then read the bag just written; the exit status."""
+    options.bag.parent.mkdir(parents=True, exist_ok=True)
+    log_path = options.bag.with_name(options.bag.name + ".log")
+    with _domain() as domain, log_path.open("wb") as log:
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        os.environ["PYTHONUNBUFFERED"] = "1"
+        say(f"ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, log: {log_path}")
+        interrupted = _executed(options, domain, log)
+    if not options.bag.exists():
+        raise RecordingError(f"no bag was written, see {log_path}")
+    summary = summarise(_recorded(options.bag))
+    print(told(summary, str(options.bag)))
+    if interrupted:
+        say("interrupted: the summary is of what there was")
+    return 1 if summary.failures or interrupted else 0
+
+
+@contextmanager
+def _domain() -> Iterator[int]:
+    """The domain that the environment asks for, or one of our own."""
+    asked = os.environ.get("ROS_DOMAIN_ID", "")
+    if asked.isdigit():
+        yield int(asked)
+    else:
+        with reserved_domain() as number:
+            yield number
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the stand; the exit status."""
+    options = parsed(argv)
+    try:
+        return live(options)
+    except FleaError as error:
+        say(str(error))
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,144 @@
+"""What a live run showed, from the records of its bag: the truth beside the diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from flea_diag.wire.records import (
+    NEVER_NS,
+    AmbiguityGroup,
+    Detection,
+    Outcome,
+    Record,
+    Scan,
+    Truth,
+)
+
+LARGEST_GROUP = 3
+NOMINAL_FAULT = "nominal"
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """Times in seconds after the first scan; None for what did not happen."""
+
+    truth: str
+    onset_s: float | None
+    detected_s: float | None
+    final_s: float | None
+    outcome: Outcome | None
+    members: tuple[str, ...]
+    features_computed: tuple[str, ...]
+    features_available: int
+    scans: int
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Why the run does not count as a right diagnosis; empty when it does."""
+        if self.scans == 0:
+            return ("no scan was recorded",)
+        if self.outcome is None:
+            return ("no verdict was recorded",)
+        return self._false_alarms() if self.onset_s is None else self._misses(self.onset_s)
+
+    def _false_alarms(self) -> tuple[str, ...]:
+        if self.outcome is Outcome.NOMINAL and self.detected_s is None:
+            return ()
+        return ("the stand was healthy and a fault was reported",)
+
+    def _misses(self, onset_s: float) -> tuple[str, ...]:
+        found = []
+        if self.detected_s is None:
+            found.append("the fault was not detected")
+        elif self.detected_s < onset_s:
+            found.append(f"detected {onset_s - self.detected_s:.2f} s before the onset")
+        if self.truth not in self.members:
+            found.append(f"the final group does not hold {self.truth}")
+        if len(self.members) > LARGEST_GROUP:
+            found.append(
+                f"the final group has {len(self.members)} members, {LARGEST_GROUP} at most"
+            )
+        return tuple(found)
+
+
+def summarise(records: Iterable[Record]) -> RunSummary:
+    """Summary of one run from its records, in the order in which they were recorded."""
+    start_ns, scans = 0, 0
+    truth: Truth | None = None
+    detected_ns = NEVER_NS
+    groups: list[AmbiguityGroup] = []
+    for record in records:
+        if isinstance(record, Scan):
+            start_ns = start_ns or record.stamp_ns
+            scans += 1
+        elif isinstance(record, Truth):
+            truth = record
+        elif isinstance(record, Detection) and record.detected and detected_ns == NEVER_NS:
+            detected_ns = record.stamp_ns
+        elif isinstance(record, AmbiguityGroup):
+            groups.append(record)
+
+    def seconds(stamp_ns: int) -> float | None:
+        return None if stamp_ns == NEVER_NS else (stamp_ns - start_ns) / 1e9
+
+    last = groups[-1] if groups else None
+    faulty = truth is not None and truth.fault not in ("", NOMINAL_FAULT)
+    return RunSummary(
+        truth=truth.fault if truth is not None and faulty else NOMINAL_FAULT,
+        onset_s=seconds(truth.onset_ns) if truth is not None and faulty else None,
+        detected_s=seconds(detected_ns),
+        final_s=seconds(_since(groups)),
+        outcome=last.outcome if last else None,
+        members=_members(last) if last else (),
+        features_computed=last.features_computed if last else (),
+        features_available=last.features_available if last else 0,
+        scans=scans,
+    )
+
+
+def told(summary: RunSummary, bag: str) -> str:
+    """The summary as it is printed at the end of a run."""
+    onset = "" if summary.onset_s is None else f" from {summary.onset_s:.2f} s on"
+    members = ", ".join(summary.members)
+    outcome = summary.outcome.value if summary.outcome else "no verdict"
+    computed = ", ".join(summary.features_computed)
+    rows = [
+        ("truth", f"{summary.truth}{onset}"),
+        ("diagnosis", f"{outcome}{': ' if members else ''}{members}"),
+        ("delay", _delay(summary)),
+        (
+            "features",
+            f"{len(summary.features_computed)} computed of {summary.features_available} available"
+            + (f" ({computed})" if computed else ""),
+        ),
+        ("bag", f"{bag} ({summary.scans} scans)"),
+    ]
+    failures = summary.failures
+    rows.append(("result", "NOT RIGHT: " + "; ".join(failures) if failures else "right"))
+    return "\n".join(f"{name:12}{text}" for name, text in rows)
+
+
+def _delay(summary: RunSummary) -> str:
+    if summary.detected_s is None:
+        return "nothing detected"
+    if summary.onset_s is None:
+        return f"detected at {summary.detected_s:.2f} s"
+    text = f"detected {summary.detected_s - summary.onset_s:.2f} s after the onset"
+    if summary.final_s is not None:
+        text += f", final group after {summary.final_s - summary.onset_s:.2f} s"
+    return text
+
+
+def _members(group: AmbiguityGroup) -> tuple[str, ...]:
+    return tuple(member.fault for member in group.members)
+
+
+def _since(groups: list[AmbiguityGroup]) -> int:
+    """Stamp at which the last verdict was first given."""
+    stamp_ns = NEVER_NS
+    for group in reversed(groups):
+        if (group.outcome, set(_members(group))) != (groups[-1].outcome, set(_members(groups[-1]))):
+            break
+        stamp_ns = group.stamp_ns
+    return stamp_ns

@@ -1,0 +1,73 @@
+"""The simulated stand and its diagnosis; `ros2 launch flea_diag stand.launch.py -s` lists all.
+
+    ros2 launch flea_diag stand.launch.py fault:=winding_short fault_onset_s:=5.0
+    ros2 launch flea_diag stand.launch.py namespace:=stand_2 stand:=false record:=false
+
+With stand:=false the nodes wait for the DAQ of a real stand.
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition, UnlessCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+ARGUMENTS = (
+    ("namespace", "", "of the stand: a second one needs another"),
+    ("stand", "true", "start the simulated stand"),
+    ("scenario", "nominal", "what the simulated stand does: a name or a YAML file"),
+    ("fault", "", "fault to put in besides the scenario's own"),
+    ("fault_onset_s", "8.0", "onset of that fault [s]"),
+    ("duration_s", "0.0", "length of the run, 0: the scenario's [s]"),
+    ("composed", "true", "the diagnosis in one process; false: one process a stage"),
+    ("record", "true", "record a bag"),
+    ("bag", "", "bag to make, empty: bags/runs/<UTC time>"),
+    ("console", "true", "show the verdict here"),
+)
+
+
+def value(name, kind):
+    return ParameterValue(LaunchConfiguration(name), value_type=kind)
+
+
+def node(executable, condition, parameters=()):
+    return Node(
+        package="flea_diag",
+        executable=executable,
+        namespace=LaunchConfiguration("namespace"),
+        parameters=list(parameters),
+        condition=condition,
+        output="screen",
+    )
+
+
+def generate_launch_description():
+    composed = LaunchConfiguration("composed")
+    daq = {
+        "scenario": value("scenario", str),
+        "fault": value("fault", str),
+        "fault_onset_s": value("fault_onset_s", float),
+        "duration_s": value("duration_s", float),
+        "wait_for_subscribers": 1,
+    }
+    return LaunchDescription(
+        [
+            *(
+                DeclareLaunchArgument(name, default_value=default, description=text)
+                for name, default, text in ARGUMENTS
+            ),
+            node("diagnoser", IfCondition(composed)),
+            *(
+                node(stage, UnlessCondition(composed))
+                for stage in ("observer", "isolator", "extractor")
+            ),
+            node(
+                "recorder",
+                IfCondition(LaunchConfiguration("record")),
+                [{"directory": value("bag", str)}],
+            ),
+            node("console", IfCondition(LaunchConfiguration("console"))),
+            node("daq", IfCondition(LaunchConfiguration("stand")), [daq]),
+        ]
+    )
