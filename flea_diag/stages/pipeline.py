@@ -24,8 +24,28 @@ class Pipeline:
 
     def handle(self, record: Record) -> tuple[Record, ...]:
         """Run ``record`` and all that follows from it through the stages that consume it."""
+        return self._run(deque([record]))
+
+    def finish(self) -> tuple[Record, ...]:
+        """The input has ended: stages that still hold records back let them go."""
         caused: list[Record] = []
-        waiting = deque([record])
+        for stage in self._stages:
+            held: tuple[Record, ...] = getattr(stage, "finish", tuple)()
+            caused.extend(held)
+            caused.extend(self._run(deque(held)))
+        return tuple(caused)
+
+    def reset(self) -> tuple[Record, ...]:
+        """Close the open episode and arm again, in every stage that keeps one."""
+        caused: list[Record] = []
+        for stage in self._stages:
+            closed: tuple[Record, ...] = getattr(stage, "reset", tuple)()
+            caused.extend(closed)
+            caused.extend(self._run(deque(closed)))
+        return tuple(caused)
+
+    def _run(self, waiting: deque[Record]) -> tuple[Record, ...]:
+        caused: list[Record] = []
         while waiting:
             current = waiting.popleft()
             for stage in self._stages:

@@ -1,0 +1,233 @@
+"""Finds and reads the configuration, and builds the stages that nodes and tools run.
+
+The only place where files become core objects: YAML is read safely (bounded size, no
+constructors), by name from the installed ``config`` folder or by path.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, make_dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import yaml
+
+from flea_diag.core import calibration as calibrations
+from flea_diag.core.actuator import actuator as read_actuator
+from flea_diag.core.calibration import Calibration
+from flea_diag.core.fault import catalogue
+from flea_diag.core.feature_table import FaultFeatureTable
+from flea_diag.core.operating_point import QUADRANTS
+from flea_diag.core.signature import signature_table
+from flea_diag.errors import ConfigurationError
+from flea_diag.stages import Stage
+from flea_diag.stages.extractor import ExtractorParameters, ExtractorStage
+from flea_diag.stages.isolator import IsolatorParameters, IsolatorStage, Knowledge
+from flea_diag.stages.observer import ObserverParameters, ObserverStage
+from flea_diag.stages.pipeline import Pipeline
+from flea_diag.wire.parameters import parameter
+
+LARGEST_YAML_BYTES = 1 << 20
+CALIBRATION = "calibration_simulated_stand.yaml"
+PACKAGE = Path(__file__).resolve().parent
+
+
+def config_folders() -> tuple[Path, ...]:
+    """Folders that may hold the configuration, nearest first.
+
+    A source tree beside the package, the prefix that the package is installed in, each
+    prefix of AMENT_PREFIX_PATH, the environment's own prefix.
+    """
+    share = Path("share", "flea_diag", "config")
+    source = PACKAGE.parent
+    found = [source / "config"] if (source / "package.xml").is_file() else []
+    found += [parent / share for parent in PACKAGE.parents[:6]]
+    found += [Path(p) / share for p in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if p]
+    return tuple(dict.fromkeys([*found, Path(sys.prefix) / share]))
+
+
+def config_path(name: str) -> Path:
+    """Path of a file of the shipped configuration.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the file and the folders that were looked in.
+    """
+    for folder in config_folders():
+        if (folder / name).exists():
+            return folder / name
+    places = ", ".join(str(folder) for folder in config_folders() if folder.is_dir()) or "none"
+    raise ConfigurationError(
+        f"{name}: no such configuration file (configuration folders found: {places})"
+    )
+
+
+def load_yaml(name_or_path: str | Path) -> Any:
+    """Content of a YAML file, given by path or by the name of a shipped file.
+
+    Raises
+    ------
+    ConfigurationError
+        No such file, too large, or not YAML.
+    """
+    path = Path(name_or_path)
+    if not path.is_file():
+        if path.parent != Path("."):
+            raise ConfigurationError(f"{path}: no such file")
+        path = config_path(path.name)
+    size = path.stat().st_size
+    if size > LARGEST_YAML_BYTES:
+        raise ConfigurationError(f"{path}: {size} bytes, at most {LARGEST_YAML_BYTES} are read")
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        words = " ".join(str(error).split())
+        raise ConfigurationError(f"{path}: not a YAML file: {words}") from error
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """Calibration of a file; an empty path is the one shipped for the simulated stand."""
+    name = str(path) or CALIBRATION
+    return calibrations.from_mapping(load_yaml(name), name)
+
+
+def calibration_sha256(calibration: Calibration) -> str:
+    """Digest of what a calibration says, however its file is laid out."""
+    text = json.dumps(calibration.to_mapping(), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@cache
+def load_features(name: str) -> FaultFeatureTable:
+    """Fault-feature table of a file."""
+    return FaultFeatureTable.from_mapping(load_yaml(name), name)
+
+
+def knowledge(
+    calibration: Calibration,
+    actuator: str = "actuator.yaml",
+    faults: str = "faults.yaml",
+    features: str = "feature_table.yaml",
+) -> Knowledge:
+    """All that the isolator knows: catalogue and signatures for the sensors of this stand."""
+    described = read_actuator(load_yaml(actuator), actuator)
+    sensors = [name for name in calibration.channels if name in described.sensors]
+    model = described.with_sensors(sensors)
+    rows = catalogue(load_yaml(faults), model, faults)
+    names = tuple(model.residuals)
+    tables = {
+        quadrant: signature_table(model, rows, names, quadrant, calibration.period_s)
+        for quadrant in QUADRANTS
+    }
+    table = load_features(features)
+    return Knowledge(calibration, calibration_sha256(calibration), rows, tables, table)
+
+
+# --- stages -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Files:
+    """Which files the diagnosis rests on; an empty name means the shipped one."""
+
+    calibration: str = parameter(
+        "", "calibration file (empty: the simulated stand's)", read_only=True
+    )
+    actuator: str = parameter("actuator.yaml", "actuator description", read_only=True)
+    faults: str = parameter("faults.yaml", "fault catalogue", read_only=True)
+    features: str = parameter("feature_table.yaml", "fault-feature table", read_only=True)
+
+
+P = TypeVar("P")
+
+
+def _joined(name: str, *parts: type) -> type:
+    """One parameter class with the fields of several."""
+    entries = [(entry.name, entry.type, entry) for part in parts for entry in fields(part)]
+    return make_dataclass(name, [(n, t, _copied(e)) for n, t, e in entries], frozen=True)
+
+
+def _copied(entry: Any) -> Any:
+    return parameter(entry.default, **entry.metadata)
+
+
+def _part(kind: type[P], values: Any) -> P:
+    names = {entry.name for entry in fields(kind)}  # type: ignore[arg-type]
+    given: Mapping[str, Any] = {k: v for k, v in asdict(values).items() if k in names}
+    return kind(**given)
+
+
+@dataclass(frozen=True)
+class Component(Generic[P]):
+    """A stage that can be built from one frozen parameter object."""
+
+    parameters: type
+    make: Any
+
+    def build(self, parameters: Any) -> Stage:
+        """Fresh stage with these parameters."""
+        stage: Stage = self.make(parameters)
+        return stage
+
+
+def _observer(values: Any) -> ObserverStage:
+    return ObserverStage(load_calibration(values.calibration), _part(ObserverParameters, values))
+
+
+def _isolator(values: Any) -> IsolatorStage:
+    known = knowledge(
+        load_calibration(values.calibration), values.actuator, values.faults, values.features
+    )
+    return IsolatorStage(known, _part(IsolatorParameters, values))
+
+
+def _extractor(values: Any) -> ExtractorStage:
+    import time
+
+    return ExtractorStage(
+        load_features(values.features), _part(ExtractorParameters, values), time.perf_counter_ns
+    )
+
+
+def _diagnoser(values: Any) -> Pipeline:
+    return Pipeline((_observer(values), _isolator(values), _extractor(values)))
+
+
+OBSERVER: Component[Any] = Component(_joined("Observer", Files, ObserverParameters), _observer)
+ISOLATOR: Component[Any] = Component(_joined("Isolator", Files, IsolatorParameters), _isolator)
+EXTRACTOR: Component[Any] = Component(_joined("Extractor", Files, ExtractorParameters), _extractor)
+DIAGNOSER: Component[Any] = Component(
+    _joined(
+        "Diagnoser",
+        Files,
+        ObserverParameters,
+        IsolatorParameters,
+        *(
+            make_dataclass(
+                "_Extractor",
+                [
+                    (e.name, e.type, _copied(e))
+                    for e in fields(ExtractorParameters)
+                    if e.name not in {f.name for f in fields(IsolatorParameters)}
+                ],
+                frozen=True,
+            ),
+        ),
+    ),
+    _diagnoser,
+)
+
+
+def make_pipeline(calibration: Path | None, source: str = "replay") -> Pipeline:
+    """The three stages as one, for a replay without ROS."""
+    values = DIAGNOSER.parameters(calibration=str(calibration or ""), source=source)
+    pipeline = DIAGNOSER.build(values)
+    assert isinstance(pipeline, Pipeline)
+    return pipeline

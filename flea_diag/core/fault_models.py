@@ -1,0 +1,221 @@
+"""How each fault moves the parity relations, quantitatively: one row of terms a fault.
+
+A term says: in this residual the fault adds ``size[k] * gain * regressor``. With measured
+voltage and load as inputs these are exact consequences of the relations in ``residual``
+(primes are true values, unprimed ones measured):
+
+drag dfc, dB        mechanical  r = + dfc s(v) + dB v
+winding short       electrical  r = - dR i - dK v          mechanical  r = + dK i
+current  i = i' + b mechanical  r = + K b                  electrical  r = - R b
+current  i = g i'   the same with b = (1 - 1/g) i
+load     F = F' + b mechanical  r = - b                    (g: b = (1 - 1/g) F)
+dead     y = c      the true signal, taken from the other relation's terms, is missing from r
+
+Sizes are bounded to the range of the catalogue: a fault that would have to be larger or of
+the opposite sign does not explain the residual.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flea_diag.core.parameters import ActuatorParameters
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """``size[index] * gain * regressor`` in one residual."""
+
+    residual: str
+    regressor: str
+    gain: float
+    index: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """One size parameter of a fault: what it is, its unit and its bounds."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class FaultModel:
+    """Additive model of one fault in the parity relations."""
+
+    fault: str
+    sizes: tuple[Size, ...]
+    terms: tuple[Term, ...]
+
+
+INFINITE = float("inf")
+SPALL_DRAG_N = 20.0
+REGRESSORS = (
+    "one",
+    "elapsed_s",
+    "direction",
+    "speed_m_s",
+    "current_a",
+    "load_n",
+    "load_and_direction_n",
+    "force_and_direction_n",
+    "motor_force_n",
+    "resisting_force_n",
+    "motor_voltage_v",
+    "emf_and_drop_v",
+    "driving_voltage_v",
+    "commanded_voltage_v",
+    "motor_temperature_degc",
+    "nut_temperature_degc",
+    "position_m",
+    "encoder_m_s",
+)
+"""Signals that fault models are made of; ``motor_force_n`` is K (i - i0), ``resisting_force_n``
+is load, friction and inertia, ``emf_and_drop_v`` is R (i - i0) + Ke v, ``driving_voltage_v`` is
+V - V0 - Ke v, what is left to drive a current."""
+
+MECHANICAL, ELECTRICAL, DRIVE = "parity_mechanical", "parity_electrical", "parity_drive"
+# Scaling y = g y' with g in [0.5, 2]: the share 1 - 1/g of the reading that is wrong.
+SHARE_LOW, SHARE_HIGH = 1.0 - 1.0 / 0.5, 1.0 - 1.0 / 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """How an error of one sensor enters the relations: residual, gain, and its own reading.
+
+    ``truth`` names, per residual, the regressor that replaces a dead sensor's lost signal.
+    """
+
+    channel: str
+    unit: str
+    largest_bias: float
+    largest_drift: float
+    entries: tuple[tuple[str, float], ...]
+    reading: str
+    truth: tuple[tuple[str, str, float], ...]
+
+
+def _readings(p: ActuatorParameters) -> tuple[_Reading, ...]:
+    K, R = p.force_constant_n_per_a, p.winding_resistance_ohm
+    return (
+        _Reading(
+            "motor_current",
+            "A",
+            3.0,
+            0.5,
+            ((MECHANICAL, K), (ELECTRICAL, -R)),
+            "current_a",
+            ((MECHANICAL, "resisting_force_n", -1.0),),
+        ),
+        _Reading(
+            "load_force",
+            "N",
+            600.0,
+            100.0,
+            ((MECHANICAL, -1.0),),
+            "load_n",
+            ((MECHANICAL, "motor_force_n", 1.0),),
+        ),
+        _Reading(
+            "motor_voltage",
+            "V",
+            24.0,
+            3.0,
+            ((ELECTRICAL, 1.0), (DRIVE, 1.0)),
+            "motor_voltage_v",
+            ((ELECTRICAL, "emf_and_drop_v", -1.0), (DRIVE, "commanded_voltage_v", -1.0)),
+        ),
+        _Reading(
+            "motor_temperature",
+            "K",
+            60.0,
+            2.0,
+            (("motor_temperature", 1.0),),
+            "motor_temperature_degc",
+            (),
+        ),
+        _Reading(
+            "nut_temperature",
+            "K",
+            60.0,
+            2.0,
+            (("nut_temperature", 1.0),),
+            "nut_temperature_degc",
+            (),
+        ),
+    )
+
+
+def _sensor_models(entry: _Reading) -> tuple[FaultModel, ...]:
+    def terms(regressor: str, index: int = 0) -> tuple[Term, ...]:
+        return tuple(Term(residual, regressor, gain, index) for residual, gain in entry.entries)
+
+    free = Size("bias", entry.unit, -entry.largest_bias, entry.largest_bias)
+    share = Size("scaling share", "1", SHARE_LOW, SHARE_HIGH)
+    lost = Size("lost share", "1", 0.9, 1.1)
+    models = [
+        FaultModel(f"{entry.channel}_bias", (free,), terms("one")),
+        FaultModel(f"{entry.channel}_scaling", (share,), terms(entry.reading)),
+    ]
+    # A drift that began before the window has grown already: offset and rate agree in sign.
+    for low, high in ((0.0, 1.0), (-1.0, 0.0)):
+        rate = Size(
+            "drift", f"{entry.unit}/s", low * entry.largest_drift, high * entry.largest_drift
+        )
+        grown = Size("grown", entry.unit, low * entry.largest_bias, high * entry.largest_bias)
+        models.append(
+            FaultModel(
+                f"{entry.channel}_drift", (rate, grown), terms("elapsed_s") + terms("one", 1)
+            )
+        )
+    if entry.truth:
+        gone = tuple(Term(residual, source, gain) for residual, source, gain in entry.truth)
+        models.append(FaultModel(f"{entry.channel}_dead", (lost, free), gone + terms("one", 1)))
+    return tuple(models)
+
+
+def fault_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
+    """All faults that the parity relations can size, for one calibrated actuator."""
+    drag = (
+        Size("coulomb drag", "N", 0.0, INFINITE),
+        Size("viscous drag", "N s/m", 0.0, INFINITE),
+        Size("load-dependent drag", "1", 0.0, INFINITE),
+        Size("force-dependent drag", "1", 0.0, 0.9),
+    )
+    rub = (
+        Term(MECHANICAL, "direction", 1.0, 0),
+        Term(MECHANICAL, "speed_m_s", 1.0, 1),
+        Term(MECHANICAL, "load_and_direction_n", 1.0, 2),
+        Term(MECHANICAL, "force_and_direction_n", 1.0, 3),
+    )
+    K, Ke = p.force_constant_n_per_a, p.back_emf_v_s_per_m
+    shorted = (
+        Term(ELECTRICAL, "current_a", -1.0, 0),
+        Term(ELECTRICAL, "speed_m_s", -Ke, 1),
+        Term(MECHANICAL, "current_a", K, 1),
+    )
+    short = (
+        Size("resistance lost", "ohm", 0.0, 0.9 * p.winding_resistance_ohm),
+        Size("constant lost", "1", 0.0, 0.9),
+    )
+    most = Size("share lost", "1", 0.7, 1.1)
+    opened = (Term(ELECTRICAL, "driving_voltage_v", 1.0),)
+    torqueless = (Term(MECHANICAL, "current_a", K), Term(ELECTRICAL, "speed_m_s", -Ke))
+    unpowered = (Term(DRIVE, "commanded_voltage_v", -1.0),)
+    # A spall is a rattle with next to no mean drag: no more than healthy units differ by.
+    rattle = (Size("coulomb drag", "N", 0.0, SPALL_DRAG_N),)
+    return (
+        FaultModel("jam", drag, rub),
+        FaultModel("ball_nut_friction", drag, rub),
+        FaultModel("spall", rattle, rub[:1]),
+        FaultModel("winding_short", short, shorted),
+        FaultModel("winding_open", (most,), opened),
+        FaultModel("motor_failure", (most,), opened),
+        FaultModel("motor_failure", (most,), torqueless),
+        FaultModel("supply_open", (most,), unpowered),
+        FaultModel("supply_short", (most,), unpowered),
+        *(model for entry in _readings(p) for model in _sensor_models(entry)),
+    )

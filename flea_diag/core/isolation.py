@@ -1,0 +1,198 @@
+"""Qualitative isolation: hypotheses from the first deviation, refined by every later symbol.
+
+A hypothesis stays while, for every symbol observed, some alternative of the fault predicts it
+in some quadrant that the window passed through (TRANSCEND: Mosterman and Biswas 1999;
+Narasimhan et al. 2010, 3.1). A residual that looks normal never drops a hypothesis. Every
+hypothesis ever considered keeps the record of what kept or dropped it. Single-fault
+assumption.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from flea_diag.core.fault import Fault
+from flea_diag.core.fault_signature import UNAFFECTED, FaultSignature, compatible
+from flea_diag.core.likelihood import Fit
+from flea_diag.core.operating_point import Quadrant
+from flea_diag.core.signature import SignatureTable
+
+JUMP_RESIDUALS = ("actuator_position", "load_position")
+"""Residuals that are innovations over three samples: only an order-0 effect moves them."""
+NOISE_SYMBOLS = {"noise": "+", "dropout": "*", "dead": "-", "scaling": "*"}
+"""How the modes of a sensor fault move that sensor's own noise level."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One observation held against one hypothesis."""
+
+    stamp_ns: int
+    source: str
+    observed: str
+    predicted: str
+    kept: bool
+    words: str
+    path: str = ""
+
+
+@dataclass
+class Hypothesis:
+    """A fault under consideration; ``why_dropped`` is empty while it is alive."""
+
+    fault: Fault
+    findings: list[Finding] = field(default_factory=list)
+    why_dropped: str = ""
+    log_likelihood: float = 0.0
+    fit: Fit | None = None
+    probability: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Fault id."""
+        return self.fault.name
+
+    @property
+    def deviation(self) -> str:
+        """The parameters or the sensor mode that the fault stands for, with directions."""
+        groups = (", ".join(map(str, group)) for group in self.fault.alternatives)
+        return " | ".join(groups) or "vibration only"
+
+    def add(self, finding: Finding) -> None:
+        """Record a finding; the first that does not fit drops the hypothesis for good."""
+        self.findings.append(finding)
+        if not finding.kept and not self.why_dropped:
+            self.why_dropped = f"{finding.source}: {finding.words}"
+
+
+class Isolation:
+    """Hypotheses of one episode."""
+
+    def __init__(
+        self, faults: Mapping[str, Fault], tables: Mapping[Quadrant, SignatureTable]
+    ) -> None:
+        self._tables = tables
+        self.hypotheses = {name: Hypothesis(fault) for name, fault in faults.items()}
+
+    def alive(self) -> list[Hypothesis]:
+        """Hypotheses still possible, the most probable first, by name where equal."""
+        left = [h for h in self.hypotheses.values() if not h.why_dropped]
+        return sorted(left, key=lambda h: (-h.probability, h.name))
+
+    def dropped(self) -> list[Hypothesis]:
+        """Hypotheses ruled out, in the order of the catalogue."""
+        return [h for h in self.hypotheses.values() if h.why_dropped]
+
+    def observe(
+        self,
+        stamp_ns: int,
+        residual: str,
+        magnitude: str,
+        slope: str,
+        quadrants: Iterable[Quadrant],
+    ) -> None:
+        """Hold one symbol against every hypothesis that is still possible."""
+        visited = tuple(quadrants)
+        for hypothesis in self.alive():
+            kept, signature, words = self._judge(
+                hypothesis.fault, residual, magnitude, slope, visited
+            )
+            hypothesis.add(
+                Finding(
+                    stamp_ns,
+                    residual,
+                    magnitude + slope,
+                    signature.symbols,
+                    kept,
+                    words,
+                    signature.path,
+                )
+            )
+        self.share_out()
+
+    def _judge(
+        self,
+        fault: Fault,
+        residual: str,
+        magnitude: str,
+        slope: str,
+        visited: tuple[Quadrant, ...],
+    ) -> tuple[bool, FaultSignature, str]:
+        predictions = list(self._predictions(fault, residual, visited))
+        last = UNAFFECTED, "this fault does not move this residual"
+        for signature in predictions:
+            verdict = compatible(signature, magnitude, slope)
+            jumps = residual not in JUMP_RESIDUALS or signature.magnitude != "0"
+            if verdict and jumps:
+                return True, signature, verdict.reason
+            if verdict:
+                last = signature, "a jump, and this fault moves the reading only gradually"
+            elif signature.affected:
+                last = signature, verdict.reason
+        return False, *last
+
+    def _predictions(
+        self, fault: Fault, residual: str, visited: tuple[Quadrant, ...]
+    ) -> Iterable[FaultSignature]:
+        if residual.endswith("_noise"):
+            yield _noise_signature(fault, residual)
+            return
+        for quadrant in visited:
+            table = self._tables[quadrant]
+            for variant in table.variants[fault.name]:
+                if residual in variant.row:
+                    yield variant.row[residual]
+
+    def weigh(self, stamp_ns: int, fits: Sequence[Fit], drop_nats: float) -> None:
+        """Take likelihoods in; drop what is less likely than the best by ``drop_nats``.
+
+        A hypothesis without a quantitative model is neither favoured nor dropped.
+        """
+        best_fit: dict[str, Fit] = {}
+        for fit in fits:
+            if fit.log_likelihood > best_fit.get(fit.fault, fit).log_likelihood - 1e-12:
+                best_fit[fit.fault] = fit
+        weighed = [h for h in self.alive() if h.name in best_fit]
+        if not weighed:
+            return
+        best = max(best_fit[h.name].log_likelihood for h in weighed)
+        for hypothesis in weighed:
+            fit = best_fit[hypothesis.name]
+            hypothesis.fit, hypothesis.log_likelihood = fit, fit.log_likelihood
+            behind = best - fit.log_likelihood
+            if behind > drop_nats:
+                words = f"less likely than the best by {behind:.1f} nats (limit {drop_nats:.1f})"
+                hypothesis.add(
+                    Finding(stamp_ns, "likelihood", f"{fit.log_likelihood:.2f}", "", False, words)
+                )
+        self.share_out()
+
+    def believe(self, stamp_ns: int, feature: str, symbol: str, left: Mapping[str, float]) -> None:
+        """Take a feature's answer in: ``left`` are the faults it leaves, with probabilities."""
+        for hypothesis in self.alive():
+            kept = hypothesis.name in left
+            words = "fits the feature's value" if kept else "the feature's value speaks against it"
+            hypothesis.add(Finding(stamp_ns, feature, symbol, "", kept, words))
+            hypothesis.probability = left.get(hypothesis.name, 0.0)
+
+    def share_out(self) -> None:
+        """Probabilities of those alive from their likelihoods, equal priors."""
+        alive = [h for h in self.hypotheses.values() if not h.why_dropped]
+        if not alive:
+            return
+        best = max(h.log_likelihood for h in alive)
+        weights = [math.exp(h.log_likelihood - best) for h in alive]
+        for hypothesis, weight in zip(alive, weights, strict=True):
+            hypothesis.probability = weight / sum(weights)
+
+
+def _noise_signature(fault: Fault, residual: str) -> FaultSignature:
+    """Only a sensor's own fault moves its noise level."""
+    if residual != f"{fault.channel}_noise":
+        return UNAFFECTED
+    symbol = NOISE_SYMBOLS.get(fault.mode, "0")
+    if symbol == "0":
+        return UNAFFECTED
+    return FaultSignature(symbol, "*", 0, f"{fault.name} -> noise of {fault.channel}")

@@ -1,0 +1,167 @@
+"""Likelihood of the hypotheses that qualitative isolation leaves, with sizes and errors.
+
+Residuals y of the window are explained as y = Phi theta + Psi eta + noise: theta the sizes of
+one fault (bounded), eta what another healthy unit of the design may differ by (Gaussian,
+``UnitTolerance``), noise coloured with so many samples to one independent one. Everything is
+kept as normal equations (sums over samples), so a hypothesis costs a small solve, however
+long the episode:
+
+    J_h = min_theta,eta  sum (y - Phi theta - Psi eta)^2 / (c sigma^2) + eta' Lambda eta
+    log L_h = (J_0 - J_h) / 2 - dim(theta) ln(n) / 2          (BIC; J_0 without a fault)
+
+Only sizes that are not held at a bound count as dimensions.
+
+After Biswas et al. and Willsky and Jones: parameter estimation takes over where signs do not
+help any further.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.fault_models import REGRESSORS, FaultModel
+from flea_diag.core.residual import UNIT_PARAMETERS
+
+Array = npt.NDArray[np.float64]
+
+COLUMN = {name: index for index, name in enumerate(REGRESSORS)}
+# How a unit's own parameters enter, beside the fault: residual -> (parameter, regressor, gain).
+UNIT_TERMS: tuple[tuple[str, str, str, float], ...] = (
+    ("parity_mechanical", "coulomb_friction_n", "direction", -1.0),
+    ("parity_mechanical", "viscous_friction_n_s_per_m", "speed_m_s", -1.0),
+    ("parity_electrical", "winding_resistance_ohm", "current_a", -1.0),
+    ("parity_electrical", "back_emf_v_s_per_m", "speed_m_s", -1.0),
+    ("parity_electrical", "voltage_offset_v", "one", -1.0),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """One hypothesis against the window: log-likelihood ratio, sizes and standard errors."""
+
+    fault: str
+    log_likelihood: float
+    sizes: tuple[float, ...]
+    sigmas: tuple[float, ...]
+
+
+class Evidence:
+    """Normal equations of every residual over an episode, constant memory."""
+
+    def __init__(self, residuals: Sequence[str]) -> None:
+        self.residuals = tuple(residuals)
+        count, width = len(self.residuals), len(REGRESSORS)
+        self._gram = np.zeros((count, width, width))
+        self._cross = np.zeros((count, width))
+        self._square = np.zeros(count)
+        self.samples = np.zeros(count)
+
+    def add(self, values: Array, regressors: Array) -> None:
+        """One sample: residuals (same order as given, NaN = none) and ``REGRESSORS``."""
+        phi = np.nan_to_num(regressors)
+        outer = np.outer(phi, phi)
+        for index in np.flatnonzero(np.isfinite(values)):
+            self._gram[index] += outer
+            self._cross[index] += values[index] * phi
+            self._square[index] += values[index] ** 2
+            self.samples[index] += 1
+
+    def fit(
+        self,
+        models: Sequence[FaultModel],
+        sigma: Mapping[str, float],
+        correlation: Mapping[str, float],
+        tolerance: Sequence[float],
+    ) -> tuple[Fit, ...]:
+        """Fits of all ``models``, in their order.
+
+        ``sigma`` is the nominal scatter of each residual and ``correlation`` the samples to
+        one independent sample; ``tolerance`` is in the order of ``UNIT_PARAMETERS``.
+        """
+        weight = np.array(
+            [1.0 / (correlation[name] * sigma[name] ** 2) for name in self.residuals]
+        )
+        nominal, _, _ = self._solve(None, weight, tolerance)
+        independent = float(
+            sum(n / correlation[name] for n, name in zip(self.samples, self.residuals, strict=True))
+        )
+        return tuple(
+            self._fit(model, weight, tolerance, nominal, max(independent, 2.0)) for model in models
+        )
+
+    def _fit(
+        self,
+        model: FaultModel,
+        weight: Array,
+        tolerance: Sequence[float],
+        nominal: float,
+        independent: float,
+    ) -> Fit:
+        misfit, sizes, sigmas = self._solve(model, weight, tolerance)
+        inside = sum(
+            size.low < value < size.high for size, value in zip(model.sizes, sizes, strict=True)
+        )
+        penalty = 0.5 * inside * np.log(independent)
+        return Fit(model.fault, 0.5 * (nominal - misfit) - penalty, sizes, sigmas)
+
+    def _solve(
+        self, model: FaultModel | None, weight: Array, tolerance: Sequence[float]
+    ) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
+        """Smallest misfit, sizes and their standard errors, sizes held to their bounds."""
+        count = 0 if model is None else len(model.sizes)
+        A, b, c = self._normal(model, count, weight, tolerance)
+        free = np.ones(len(b), dtype=bool)
+        x = np.zeros(len(b))
+        for _ in range(count + 1):
+            x[free] = _least(A[np.ix_(free, free)], (b - A @ np.where(free, 0.0, x))[free])
+            outside = _outside(model, x, free)
+            if outside is None:
+                break
+            index, bound = outside
+            free[index], x[index] = False, bound
+        misfit = float(c - 2.0 * b @ x + x @ A @ x)
+        spread = np.sqrt(np.clip(np.diag(np.linalg.pinv(A)), 0.0, None))
+        return misfit, tuple(map(float, x[:count])), tuple(map(float, spread[:count]))
+
+    def _normal(
+        self,
+        model: FaultModel | None,
+        count: int,
+        weight: Array,
+        tolerance: Sequence[float],
+    ) -> tuple[Array, Array, float]:
+        width = count + len(UNIT_PARAMETERS)
+        A, b = np.zeros((width, width)), np.zeros(width)
+        for index, name in enumerate(self.residuals):
+            design = np.zeros((len(REGRESSORS), width))
+            for term in () if model is None else model.terms:
+                if term.residual == name:
+                    design[COLUMN[term.regressor], term.index] += term.gain
+            for residual, parameter, regressor, gain in UNIT_TERMS:
+                if residual == name:
+                    at = count + UNIT_PARAMETERS.index(parameter)
+                    design[COLUMN[regressor], at] += gain
+            A += weight[index] * design.T @ self._gram[index] @ design
+            b += weight[index] * design.T @ self._cross[index]
+        prior = np.concatenate((np.zeros(count), 1.0 / np.square(tolerance)))
+        A[np.diag_indices(width)] += prior
+        return A, b, float(weight @ self._square)
+
+
+def _least(A: Array, b: Array) -> Array:
+    solution: Array = np.linalg.lstsq(A, b, rcond=1e-12)[0]
+    return solution
+
+
+def _outside(
+    model: FaultModel | None, x: Array, free: npt.NDArray[np.bool_]
+) -> tuple[int, float] | None:
+    """The first free size that is out of its bounds, and the bound it is to be held at."""
+    for index, size in enumerate(() if model is None else model.sizes):
+        if free[index] and not size.low <= x[index] <= size.high:
+            return index, float(np.clip(x[index], size.low, size.high))
+    return None

@@ -1,0 +1,54 @@
+"""The calibrated actuator: one frozen value per parameter, units in the names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorParameters:
+    """Parameters of one actuator design in linear coordinates (at the nut).
+
+    Defaults are starting points for a calibration, not a calibration.
+    """
+
+    force_constant_n_per_a: float = 177.0
+    back_emf_v_s_per_m: float = 177.0
+    winding_resistance_ohm: float = 2.95
+    winding_inductance_h: float = 0.002
+    current_offset_a: float = 0.0
+    voltage_offset_v: float = 0.0
+    coulomb_friction_n: float = 50.0
+    viscous_friction_n_s_per_m: float = 400.0
+    load_friction_ratio: float = 0.0
+    stribeck_speed_m_s: float = 0.004
+    reflected_mass_kg: float = 130.0
+    motor_heating_k_per_a2s: float = 0.010
+    motor_cooling_s: float = 775.0
+    nut_heating_k_per_j: float = 0.0
+    nut_cooling_s: float = 775.0
+    reference_temperature_degc: float = 25.0
+    drive_gain: float = 1.0
+    drive_offset_v: float = 0.0
+    position_offset_m: float = 0.0
+    encoder_m_per_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class UnitTolerance:
+    """By how much healthy units of one design differ (one sigma), order of UNIT_PARAMETERS.
+
+    A difference inside it is another unit, not a fault. The FLEA's test actuators differ by
+    20 % in resistance and 60 % in viscous friction, offsets of the voltage channel by 0.7 V:
+    each taken as two sigma. ``noise_log`` is the spread of a sensor's noise level (natural
+    logarithm): another thermocouple may be twice as noisy.
+    """
+
+    coulomb_friction_n: float = 10.0
+    viscous_friction_n_s_per_m: float = 125.0
+    reflected_mass_kg: float = 15.0
+    winding_resistance_ohm: float = 0.3
+    back_emf_v_s_per_m: float = 4.0
+    voltage_offset_v: float = 0.5
+    current_offset_a: float = 0.15
+    noise_log: float = 0.35

@@ -1,0 +1,68 @@
+"""State of each channel: good, bad, stale, saturated or absent, since when and why."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+ABSENT_SAMPLES = 50
+"""So many missing values in a row make a channel bad (absent, if it never had one)."""
+SATURATED_SAMPLES = 10
+COUNTERS = ("samples", "missing", "out_of_range", "saturated", "implausible")
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelState:
+    """What is said of a channel; ``since_ns`` is when this state began."""
+
+    quality: str
+    since_ns: int
+    reason: str
+
+
+@dataclass
+class ChannelMonitor:
+    """Counts and judges one channel; ``minimum`` and ``maximum`` are its range (SI)."""
+
+    channel: str
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    state: ChannelState = ChannelState("absent", 0, "no value yet")
+    counters: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTERS, 0))
+    _missing: int = 0
+    _at_limit: int = 0
+
+    def step(self, stamp_ns: int, value: float, trusted: bool, distrust: str) -> float:
+        """Judge one value; returns it, or NaN where it cannot be used.
+
+        ``trusted`` is what a cross-check of several channels says, ``distrust`` its words.
+        """
+        self.counters["samples"] += 1
+        used = self._range(value)
+        self._missing = self._missing + 1 if math.isnan(value) else 0
+        self.counters["missing"] += math.isnan(value)
+        at_limit = value in (self.minimum, self.maximum)
+        self._at_limit = self._at_limit + 1 if at_limit else 0
+        self.counters["saturated"] += at_limit
+        self.counters["implausible"] += not trusted
+        quality, reason = self._judge(trusted, distrust)
+        if quality != self.state.quality:
+            self.state = ChannelState(quality, stamp_ns, reason)
+        return used
+
+    def _range(self, value: float) -> float:
+        if math.isnan(value) or self.minimum <= value <= self.maximum:
+            return value
+        self.counters["out_of_range"] += 1
+        return math.nan
+
+    def _judge(self, trusted: bool, distrust: str) -> tuple[str, str]:
+        had_one = self.counters["samples"] > self.counters["missing"]
+        if self._missing >= ABSENT_SAMPLES or not had_one:
+            words = f"no value for {self._missing} scans" if had_one else "not measured"
+            return ("bad" if had_one else "absent"), words
+        if not trusted:
+            return "bad", distrust
+        if self._at_limit >= SATURATED_SAMPLES:
+            return "saturated", f"at the limit of its range, {self.minimum!r} to {self.maximum!r}"
+        return "good", ""

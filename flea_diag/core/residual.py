@@ -1,0 +1,170 @@
+"""Residuals of one scan, formed on smoothed signals from calibrated parameters.
+
+Linear coordinates throughout: forces and speeds at the nut. Of a motor and screw only the
+product K * 2 pi / lead can be identified from current, voltage, position and load, so the
+calibration holds that product (``force_constant_n_per_a``) and no lead.
+
+Parity relations (analytical redundancy relations of the bond graph's 1-junctions):
+
+electrical  r = V - V0 - R (i - i0) - Ke v
+mechanical  r = K (i - i0) - F - (fc + c|F|) s(v) - B v - M a          s(v) = tanh(v / v_s)
+
+Measured voltage and measured load are inputs, so the control loop is cut. Multiplied by the
+sign of the speed (``_dn``, direction-normalised) a parameter fault keeps one sign while a
+sensor bias alternates; in the raw residual it is the other way round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flea_diag.core.parameters import ActuatorParameters
+
+COPPER_PER_K = 0.00393
+"""Temperature coefficient of resistance of copper near 20 degC."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """Smoothed signals at one instant, SI; NaN where a channel is absent or bad."""
+
+    current_a: float
+    voltage_v: float
+    commanded_voltage_v: float
+    speed_m_s: float
+    acceleration_m_s2: float
+    load_n: float
+    position_m: float
+    load_position_m: float
+    encoder_speed_rad_s: float
+    position_rate_m_s: float
+    motor_temperature_degc: float
+    nut_temperature_degc: float
+    winding_rise_k: float
+
+
+def direction(parameters: ActuatorParameters, speed_m_s: float) -> float:
+    """Smooth sign of the speed."""
+    return float(np.tanh(speed_m_s / parameters.stribeck_speed_m_s))
+
+
+def friction_n(p: ActuatorParameters, s: Signals) -> float:
+    """Nominal friction force at the nut."""
+    coulomb = p.coulomb_friction_n + p.load_friction_ratio * abs(s.load_n)
+    return coulomb * direction(p, s.speed_m_s) + p.viscous_friction_n_s_per_m * s.speed_m_s
+
+
+def mechanical_n(p: ActuatorParameters, s: Signals) -> float:
+    """Newton at the nut: motor force less load, friction and inertia."""
+    motor = p.force_constant_n_per_a * (s.current_a - p.current_offset_a)
+    return motor - s.load_n - friction_n(p, s) - p.reflected_mass_kg * s.acceleration_m_s2
+
+
+def electrical_v(p: ActuatorParameters, s: Signals) -> float:
+    """Kirchhoff in the motor circuit, the resistance at the winding's temperature."""
+    resistance = p.winding_resistance_ohm * (1.0 + COPPER_PER_K * s.winding_rise_k)
+    drop = resistance * (s.current_a - p.current_offset_a)
+    return s.voltage_v - p.voltage_offset_v - drop - p.back_emf_v_s_per_m * s.speed_m_s
+
+
+def drive_v(p: ActuatorParameters, s: Signals) -> float:
+    """Measured against commanded voltage."""
+    return s.voltage_v - p.drive_offset_v - p.drive_gain * s.commanded_voltage_v
+
+
+def kinematic_m(p: ActuatorParameters, s: Signals) -> float:
+    """The actuator's own position sensor against the potentiometer on the load actuator."""
+    return s.position_m - p.position_offset_m - s.load_position_m
+
+
+def speed_m_s(p: ActuatorParameters, s: Signals) -> float:
+    """Encoder speed through the screw against the slope of the position."""
+    return p.encoder_m_per_rad * s.encoder_speed_rad_s - s.position_rate_m_s
+
+
+@dataclass(frozen=True, slots=True)
+class Parity:
+    """One row of the residual set.
+
+    ``sensitivity`` gives d r / d theta for each parameter that differs between healthy units
+    (``UNIT_PARAMETERS``, same order): by so much a unit's own spread may move the residual.
+    ``needs`` names the channels without which there is no residual.
+    """
+
+    name: str
+    unit: str
+    needs: tuple[str, ...]
+    gated: bool
+    normalised: bool
+    relation: Callable[[ActuatorParameters, Signals], float]
+    sensitivity: Callable[[ActuatorParameters, Signals], tuple[float, ...]]
+
+
+UNIT_PARAMETERS = (
+    "coulomb_friction_n",
+    "viscous_friction_n_s_per_m",
+    "reflected_mass_kg",
+    "winding_resistance_ohm",
+    "back_emf_v_s_per_m",
+    "voltage_offset_v",
+    "current_offset_a",
+)
+"""Parameters in which healthy units of one design differ; see ``UnitTolerance``."""
+
+
+def _mechanical_spread(p: ActuatorParameters, s: Signals) -> tuple[float, ...]:
+    K = p.force_constant_n_per_a
+    return (-direction(p, s.speed_m_s), -s.speed_m_s, -s.acceleration_m_s2, 0.0, 0.0, 0.0, -K)
+
+
+def _electrical_spread(p: ActuatorParameters, s: Signals) -> tuple[float, ...]:
+    current, R = s.current_a - p.current_offset_a, p.winding_resistance_ohm
+    return (0.0, 0.0, 0.0, -current, -s.speed_m_s, -1.0, R)
+
+
+def _no_spread(p: ActuatorParameters, s: Signals) -> tuple[float, ...]:
+    return (0.0,) * len(UNIT_PARAMETERS)
+
+
+SPEED = "speed"
+"""Stands for the channel the speed comes from: the encoder, or the slope of the position."""
+_MECHANICAL = ("motor_current", "load_force", SPEED)
+_ELECTRICAL = ("motor_voltage", "motor_current", SPEED)
+
+PARITIES: tuple[Parity, ...] = (
+    Parity("parity_mechanical", "N", _MECHANICAL, True, False, mechanical_n, _mechanical_spread),
+    Parity("parity_mechanical_dn", "N", _MECHANICAL, True, True, mechanical_n, _mechanical_spread),
+    Parity("parity_electrical", "V", _ELECTRICAL, False, False, electrical_v, _electrical_spread),
+    Parity("parity_electrical_dn", "V", _ELECTRICAL, True, True, electrical_v, _electrical_spread),
+    Parity(
+        "parity_drive",
+        "V",
+        ("motor_voltage", "commanded_voltage"),
+        False,
+        False,
+        drive_v,
+        _no_spread,
+    ),
+    Parity(
+        "parity_kinematic",
+        "m",
+        ("actuator_position", "load_position"),
+        False,
+        False,
+        kinematic_m,
+        _no_spread,
+    ),
+    Parity(
+        "parity_speed",
+        "m/s",
+        ("motor_speed", "actuator_position"),
+        True,
+        True,
+        speed_m_s,
+        _no_spread,
+    ),
+)
+PARITY_NAMED = {row.name: row for row in PARITIES}

@@ -1,0 +1,228 @@
+"""From a scan to every residual: parity relations, thermal models, innovations, noise levels.
+
+``RESIDUALS`` is the whole set, one row each; a new residual is a row here and, for a parity
+relation, a row in ``residual.PARITIES``. The bank keeps what streaming needs (the smoothing
+window, thermal states, last samples) and nothing of detection.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.parameters import ActuatorParameters
+from flea_diag.core.residual import PARITIES, UNIT_PARAMETERS, Parity, Signals
+from flea_diag.core.smoothing import Smoother
+from flea_diag.core.thermal import ThermalNode
+
+Array = npt.NDArray[np.float64]
+
+CHANNELS = (
+    "motor_current",
+    "motor_voltage",
+    "commanded_voltage",
+    "motor_speed",
+    "actuator_position",
+    "load_position",
+    "load_force",
+    "motor_temperature",
+    "nut_temperature",
+    "ambient_temperature",
+)
+"""Channels that the diagnosis reads, in the order of every row in this module."""
+INDEX = {name: index for index, name in enumerate(CHANNELS)}
+
+NOISE_CHANNELS = (
+    "motor_current",
+    "motor_speed",
+    "actuator_position",
+    "load_position",
+    "load_force",
+    "motor_temperature",
+    "nut_temperature",
+)
+JUMP_CHANNELS = ("actuator_position", "load_position")
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualRow:
+    """One residual: its unit, the channels it needs, and when it may be tested.
+
+    ``gate`` is "moving" where the excitation of motion is needed, else "always". ``windows``
+    are the numbers of samples over which it is averaged before a test.
+    """
+
+    name: str
+    unit: str
+    needs: tuple[str, ...]
+    gate: str
+    windows: tuple[int, ...]
+
+
+PARITY_WINDOWS = (50, 100, 400)
+THERMAL_WINDOWS = (50, 100, 400)
+NOISE_WINDOWS = (50, 100, 400)
+
+
+def _parity_row(row: Parity) -> ResidualRow:
+    gate = "moving" if row.gated else "always"
+    return ResidualRow(row.name, row.unit, row.needs, gate, PARITY_WINDOWS)
+
+
+RESIDUALS: tuple[ResidualRow, ...] = (
+    *(_parity_row(row) for row in PARITIES),
+    ResidualRow("motor_temperature", "K", ("motor_temperature",), "always", THERMAL_WINDOWS),
+    ResidualRow("nut_temperature", "K", ("nut_temperature",), "always", THERMAL_WINDOWS),
+    *(ResidualRow(name, "m", (name,), "jump", (1,)) for name in JUMP_CHANNELS),
+    *(
+        ResidualRow(f"{name}_noise", "1", (name,), "moving", NOISE_WINDOWS)
+        for name in NOISE_CHANNELS
+    ),
+)
+RESIDUAL_INDEX = {row.name: index for index, row in enumerate(RESIDUALS)}
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualSample:
+    """All residuals of one scan, order of ``RESIDUALS``; NaN where one cannot be formed.
+
+    ``spread`` has shape (residuals, unit parameters): d r / d theta of healthy units.
+    """
+
+    values: Array
+    spread: Array
+    signals: Signals
+    moving: bool
+
+
+class ResidualBank:
+    """Streams scans into residuals, constant memory."""
+
+    def __init__(
+        self,
+        parameters: ActuatorParameters,
+        *,
+        period_s: float = 0.01,
+        kernel_length: int = 31,
+        moving_m_s: float = 0.010,
+        thermal_correction_s: float = 120.0,
+        start_samples: int = 100,
+    ) -> None:
+        self._p = parameters
+        self._period_s = period_s
+        self._moving_m_s = moving_m_s
+        self._smoother = Smoother(len(CHANNELS), kernel_length, period_s)
+        self._last = np.full((4, len(CHANNELS)), np.nan)
+        self._jumps = {name: _JumpPredictor() for name in JUMP_CHANNELS}
+        self._motor = ThermalNode(parameters.motor_cooling_s, thermal_correction_s, start_samples)
+        self._nut = ThermalNode(parameters.nut_cooling_s, thermal_correction_s, start_samples)
+        self.kernel_delay_s = self._smoother.delay_s
+        self.has_encoder = parameters.encoder_m_per_rad != 0.0
+
+    def step(self, row: Array, frozen: bool) -> ResidualSample:
+        """Residuals after one row of ``CHANNELS``; ``frozen`` stops every correction."""
+        smooth = self._smoother.push(row)
+        signals = self._signals(smooth)
+        moving = abs(signals.speed_m_s) > self._moving_m_s
+        values = np.full(len(RESIDUALS), np.nan)
+        spread = np.zeros((len(RESIDUALS), len(UNIT_PARAMETERS)))
+        sign = math.copysign(1.0, signals.speed_m_s)
+        for parity in PARITIES:
+            index = RESIDUAL_INDEX[parity.name]
+            factor = sign if parity.normalised else 1.0
+            values[index] = factor * parity.relation(self._p, signals)
+            spread[index] = parity.sensitivity(self._p, signals)
+            spread[index] *= factor
+        self._thermal(row, signals, frozen, values)
+        for name, predictor in self._jumps.items():
+            values[RESIDUAL_INDEX[name]] = predictor.step(float(row[INDEX[name]]))
+        self._noise(row, values)
+        return ResidualSample(values, spread, signals, moving)
+
+    def adopt(self, parameters: ActuatorParameters) -> None:
+        """Go on with other parameters (the offsets of this unit, once they are learned)."""
+        self._p = parameters
+
+    def interrupt(self) -> None:
+        """A gap in the stream: smooth and predict anew, keep the temperatures."""
+        self._smoother.clear()
+        self._last[:] = np.nan
+        self._jumps = {name: _JumpPredictor() for name in JUMP_CHANNELS}
+
+    def _signals(self, smooth: Array) -> Signals:
+        value, first, second = smooth
+        position, encoder = INDEX["actuator_position"], INDEX["motor_speed"]
+        # The encoder where there is one: then a position fault does not touch the speed.
+        source, lead = (encoder, self._p.encoder_m_per_rad) if self.has_encoder else (position, 1.0)
+        speed = value[source] * lead if self.has_encoder else first[source]
+        acceleration = first[source] * lead if self.has_encoder else second[source]
+        return Signals(
+            current_a=float(value[INDEX["motor_current"]]),
+            voltage_v=float(value[INDEX["motor_voltage"]]),
+            commanded_voltage_v=float(value[INDEX["commanded_voltage"]]),
+            speed_m_s=float(speed),
+            acceleration_m_s2=float(acceleration),
+            load_n=float(value[INDEX["load_force"]]),
+            position_m=float(value[position]),
+            load_position_m=float(value[INDEX["load_position"]]),
+            encoder_speed_rad_s=float(value[encoder]),
+            position_rate_m_s=float(first[position]),
+            motor_temperature_degc=float(value[INDEX["motor_temperature"]]),
+            nut_temperature_degc=float(value[INDEX["nut_temperature"]]),
+            winding_rise_k=self._winding_rise(),
+        )
+
+    def _winding_rise(self) -> float:
+        estimate = self._motor.estimate_degc
+        return 0.0 if math.isnan(estimate) else estimate - self._p.reference_temperature_degc
+
+    def _thermal(self, row: Array, signals: Signals, frozen: bool, values: Array) -> None:
+        p, ambient = self._p, float(row[INDEX["ambient_temperature"]])
+        copper = p.motor_heating_k_per_a2s * (signals.current_a - p.current_offset_a) ** 2
+        rubbing = p.nut_heating_k_per_j * p.coulomb_friction_n * abs(signals.speed_m_s)
+        for name, node, heat in (
+            ("motor_temperature", self._motor, copper),
+            ("nut_temperature", self._nut, rubbing),
+        ):
+            measured = float(row[INDEX[name]])
+            values[RESIDUAL_INDEX[name]] = node.step(
+                measured, heat, ambient, self._period_s, frozen
+            )
+
+    def _noise(self, row: Array, values: Array) -> None:
+        # Third difference over sqrt(20): blind to motion, unit gain for white noise.
+        third = row - 3.0 * self._last[2] + 3.0 * self._last[1] - self._last[0]
+        self._last[:3] = self._last[1:]
+        self._last[2] = row
+        for name in NOISE_CHANNELS:
+            values[RESIDUAL_INDEX[f"{name}_noise"]] = abs(third[INDEX[name]]) / math.sqrt(20.0)
+
+
+class _JumpPredictor:
+    """How far a position has jumped from the parabola through the samples before.
+
+    Three successive samples are held against the parabola through the six before them; the
+    smallest of the three counts, and only if all agree in sign. A single outlier is no jump.
+    """
+
+    _HISTORY = 6
+    _AHEAD = 3
+
+    def __init__(self) -> None:
+        steps = np.arange(self._HISTORY + self._AHEAD, dtype=float)
+        powers = np.stack((np.ones_like(steps), steps, steps**2), axis=1)
+        # Rows: weights of the history in the prediction of each of the three samples ahead.
+        self._weights = powers[self._HISTORY :] @ np.linalg.pinv(powers[: self._HISTORY])
+        self._samples = np.full(self._HISTORY + self._AHEAD, np.nan)
+
+    def step(self, value: float) -> float:
+        self._samples[:-1] = self._samples[1:]
+        self._samples[-1] = value
+        apart = self._samples[self._HISTORY :] - self._weights @ self._samples[: self._HISTORY]
+        low, high = float(apart.min()), float(apart.max())
+        if math.isnan(low):
+            return math.nan
+        return low if low > 0.0 else high if high < 0.0 else 0.0

@@ -1,0 +1,40 @@
+"""Deviations as qualitative symbols: magnitude first, then slope.
+
+The magnitude of a residual is the sign with which its test first passed its limit in this
+episode, and it stays. The slope is decided ``SLOPE_S`` later: a Z-test of the mean then
+against the mean at the crossing (variance 2 sigma^2 of the windowed mean), 0 where they do
+not differ. (Narasimhan et al. 2010, 3.1: an ordered set of two symbols 0, +, -.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+UNKNOWN = "?"
+SLOPE_S = 2.0
+SLOPE_LIMIT = 3.0 * 2.0**0.5
+"""Limit of the change in sigmas of one mean: three sigmas of a difference of two."""
+
+
+@dataclass(frozen=True, slots=True)
+class SymbolState:
+    """Symbols of one residual; ``z`` is the test statistic at the crossing."""
+
+    magnitude: str
+    slope: str
+    since_ns: int
+    z: float
+
+
+def crossed(z: float, stamp_ns: int) -> SymbolState:
+    """State of a residual that has just passed its limit."""
+    return SymbolState("+" if z > 0 else "-", UNKNOWN, stamp_ns, z)
+
+
+def later(state: SymbolState, z: float, stamp_ns: int) -> SymbolState:
+    """The same residual at a later scan: its slope once enough time has passed."""
+    if state.slope != UNKNOWN or stamp_ns - state.since_ns < SLOPE_S * 1e9 or z != z:
+        return state
+    change = z - state.z
+    slope = "0" if abs(change) <= SLOPE_LIMIT else "+" if change > 0 else "-"
+    return SymbolState(state.magnitude, slope, state.since_ns, state.z)

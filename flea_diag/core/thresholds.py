@@ -1,0 +1,196 @@
+"""Limits of every residual from nominal recordings, to a stated false-alarm rate.
+
+The scatter of a windowed mean is taken from the recordings themselves, so it holds the
+coloured model error and the differences between runs. The limit k is the Student quantile
+for the share of the false-alarm rate that falls to one test of one window, with as many
+degrees of freedom as there are ten-second pieces of nominal recording, and never below
+``GUARD`` times the largest value that those recordings show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.calibration import BadStretch, Run
+from flea_diag.core.detection import (
+    LOG_FLOOR,
+    SPEED_REGIONS_M_S,
+    ResidualLimit,
+    WindowLimit,
+    is_noise,
+)
+from flea_diag.core.identification import Identified
+from flea_diag.core.plausibility import usable
+from flea_diag.core.residual_bank import (
+    INDEX,
+    RESIDUAL_INDEX,
+    RESIDUALS,
+    ResidualBank,
+    ResidualRow,
+)
+
+Array = npt.NDArray[np.float64]
+
+GUARD = 1.25
+JUMP_GUARD = 1.5
+PIECE_S = 10.0
+REGIONS = len(SPEED_REGIONS_M_S) + 1
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Residuals of one nominal recording; values shape (scans, residuals)."""
+
+    name: str
+    values: Array
+    speed_m_s: Array
+    moving: npt.NDArray[np.bool_]
+    voltage_usable: npt.NDArray[np.bool_]
+
+
+def trace(run: Run, identified: Identified, kernel_length: int, period_s: float) -> Trace:
+    """Run one recording through the residual bank, its bad voltage stretches taken out."""
+    bank = ResidualBank(identified.parameters, period_s=period_s, kernel_length=kernel_length)
+    samples = [bank.step(row, frozen=False) for row in run.rows]
+    values = np.array([sample.values for sample in samples])
+    good = np.ones(len(values), dtype=bool)
+    if not np.isfinite(run.rows[:, INDEX["commanded_voltage"]]).any():
+        column = values[:, RESIDUAL_INDEX["parity_electrical"]]
+        good = usable(column, identified.voltage_limit_v)
+        for index, row in enumerate(RESIDUALS):
+            if "motor_voltage" in row.needs:
+                values[~good, index] = np.nan
+    return Trace(
+        run.name,
+        values,
+        np.array([abs(sample.signals.speed_m_s) for sample in samples]),
+        np.array([sample.moving for sample in samples]),
+        good,
+    )
+
+
+def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
+    """Bad voltage stretches of one recording, in seconds from its start."""
+    bad = np.flatnonzero(np.diff(np.concatenate(([False], ~traced.voltage_usable, [False]))))
+    return [
+        BadStretch(traced.name, "motor_voltage", float(a * period_s), float(b * period_s))
+        for a, b in bad.reshape(-1, 2)
+        if b - a >= 10
+    ]
+
+
+def limits(
+    traces: Sequence[Trace], false_alarms_per_hour: float, period_s: float
+) -> tuple[ResidualLimit, ...]:
+    """Limits of every residual that the recordings can form."""
+    found = []
+    for index, row in enumerate(RESIDUALS):
+        columns = [_gated(row, index, entry) for entry in traces]
+        columns = [(values, speed) for values, speed in columns if len(values) >= row.windows[0]]
+        if len(columns) < 2:
+            continue
+        limit = _limit(row, columns, false_alarms_per_hour / len(RESIDUALS), period_s)
+        if limit is not None:
+            found.append(limit)
+    return tuple(found)
+
+
+def _gated(row: ResidualRow, index: int, entry: Trace) -> tuple[Array, Array]:
+    values = entry.values[:, index]
+    use = np.isfinite(values)
+    if row.gate == "moving":
+        use &= entry.moving
+    return values[use], np.nan_to_num(entry.speed_m_s[use])
+
+
+def _limit(
+    row: ResidualRow, columns: list[tuple[Array, Array]], rate_per_hour: float, period_s: float
+) -> ResidualLimit | None:
+    everything = np.concatenate([values for values, _ in columns])
+    if not np.any(everything):
+        return None
+    nominal = float(everything.mean()) if is_noise(row) else 1.0
+    pieces = len(everything) * period_s / PIECE_S
+    windows = []
+    for window in row.windows:
+        means = [
+            (_rolling(values, window), _rolling(speed, window))
+            for values, speed in columns
+            if len(values) >= window
+        ]
+        if len(means) >= 2:
+            windows.append(_window_limit(row, window, means, nominal, rate_per_hour, pieces, period_s))
+    scatter = float(everything.std())
+    if not windows or not scatter > 0.0:
+        return None
+    return ResidualLimit(
+        row.name,
+        tuple(windows),
+        (scatter,) * REGIONS,
+        nominal,
+        _correlation(windows[-1], scatter, is_noise(row)),
+    )
+
+
+def _rolling(values: Array, window: int) -> Array:
+    sums = np.concatenate(([0.0], np.cumsum(values)))
+    rolled: Array = (sums[window:] - sums[:-window]) / window
+    return rolled
+
+
+def _correlation(longest: WindowLimit, scatter: float, noise: bool) -> float:
+    """Samples of one independent sample: w var(mean) / var(sample), at least 1."""
+    if noise:
+        return 1.0
+    return max(1.0, longest.window * float(np.mean(longest.sigma)) ** 2 / scatter**2)
+
+
+def _window_limit(
+    row: ResidualRow,
+    window: int,
+    means: list[tuple[Array, Array]],
+    nominal: float,
+    rate_per_hour: float,
+    pieces: float,
+    period_s: float,
+) -> WindowLimit:
+    statistic = [
+        np.log(np.maximum(m / nominal, LOG_FLOOR)) if is_noise(row) else m for m, _ in means
+    ]
+    regions = [np.searchsorted(SPEED_REGIONS_M_S, speed) for _, speed in means]
+    pooled = _moments(statistic)
+    centre, sigma = [], []
+    for region in range(REGIONS):
+        parts = [m[r == region] for m, r in zip(statistic, regions, strict=True)]
+        parts = [part for part in parts if len(part)]
+        # Too few recordings in a region tell nothing of its scatter.
+        moments = _moments(parts) if len(parts) >= 5 else pooled
+        centre.append(moments[0])
+        sigma.append(max(moments[1], 0.5 * pooled[1]))
+    z = np.concatenate(
+        [
+            np.abs(m - np.take(centre, r)) / np.take(sigma, r)
+            for m, r in zip(statistic, regions, strict=True)
+        ]
+    )
+    alpha = rate_per_hour * window * period_s / 3600.0
+    guard = JUMP_GUARD if row.gate == "jump" else GUARD
+    k = max(_student(alpha, max(pieces - 1.0, 2.0)), guard * float(z.max()))
+    return WindowLimit(window, tuple(centre), tuple(sigma), k)
+
+
+def _moments(parts: list[Array]) -> tuple[float, float]:
+    """Centre and scatter with every recording of equal weight."""
+    centre = float(np.mean([part.mean() for part in parts]))
+    scatter = float(np.mean([np.mean((part - centre) ** 2) for part in parts])) ** 0.5
+    return centre, max(scatter, 1e-9)
+
+
+def _student(alpha: float, degrees: float) -> float:
+    from scipy.special import stdtrit
+
+    return float(-stdtrit(degrees, min(alpha, 0.5) / 2.0))

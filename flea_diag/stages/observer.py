@@ -1,0 +1,355 @@
+"""Scan in; Residual, DataQuality, Detection and Symbols out.
+
+Order of work for one scan: is the stream whole, is each channel to be trusted, what are the
+residuals, does a test pass its limit, which symbols follow. All of it is core; this stage
+keeps the order, the episode and the records.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core import residual as relations
+from flea_diag.core import symbols
+from flea_diag.core.calibration import Calibration
+from flea_diag.core.detection import Detector, TestResults
+from flea_diag.core.fault_models import REGRESSORS
+from flea_diag.core.plausibility import VoltagePlausibility
+from flea_diag.core.quality import ChannelMonitor
+from flea_diag.core.residual_bank import (
+    CHANNELS,
+    INDEX,
+    RESIDUAL_INDEX,
+    RESIDUALS,
+    ResidualBank,
+    ResidualSample,
+)
+from flea_diag.core.symbols import SymbolState
+from flea_diag.core.unit_offsets import OffsetLearning
+from flea_diag.wire.parameters import parameter
+from flea_diag.wire.records import (
+    ChannelQuality,
+    ChannelTable,
+    DataQuality,
+    Detection,
+    Quality,
+    Record,
+    Residual,
+    Scan,
+    Symbol,
+    Symbols,
+)
+
+Array = npt.NDArray[np.float64]
+
+KERNEL_LENGTH = 31
+VOLTAGE_COLUMNS = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
+STREAM = "sensors/slow"
+
+
+@dataclass(frozen=True)
+class ObserverParameters:
+    """What a user may set on the observer."""
+
+    warm_up_s: float = parameter(
+        6.0,
+        "time at the start of a stream in which the unit's own sensor offsets are learned",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    )
+    rearm_after_s: float = parameter(
+        30.0,
+        "close an episode once every test has been quiet for so long (0: only by ~/reset)",
+        unit="s",
+        minimum=0.0,
+        maximum=3600.0,
+    )
+    gap_scans: int = parameter(
+        10, "missing scans after which smoothing starts anew", minimum=2, maximum=1000
+    )
+
+
+class ObserverStage:
+    """The detector of the diagnosis; see the module's first lines."""
+
+    consumes: tuple[type, ...] = (ChannelTable, Scan)
+
+    def __init__(self, calibration: Calibration, parameters: ObserverParameters) -> None:
+        self._calibration = calibration
+        self._parameters = parameters
+        self._period_ns = round(calibration.period_s * 1e9)
+        self._tested = [
+            j for j, row in enumerate(RESIDUALS) if calibration.limit(row.name) is not None
+        ]
+        self._names = tuple(RESIDUALS[j].name for j in self._tested)
+        self._ranges: dict[str, tuple[float, float]] = {}
+        self._episodes = 0
+        self._stream = dict.fromkeys(("samples", "late", "duplicate", "lost"), 0)
+        self._start(None)
+
+    def _start(self, stamp_ns: int | None) -> None:
+        """Begin a stream: nothing of an earlier one is used any more."""
+        c = self._calibration
+        self._first_ns = stamp_ns
+        self._last_ns = stamp_ns
+        self._p = c.parameters
+        self._bank = ResidualBank(c.parameters, period_s=c.period_s, kernel_length=KERNEL_LENGTH)
+        self._detector = Detector(c.limits, c.tolerances(), c.tolerance.noise_log)
+        self._plausible = VoltagePlausibility(c.voltage_limit_v)
+        self._learning: OffsetLearning | None = OffsetLearning(c.tolerance)
+        self._monitors = {name: self._monitor(name) for name in CHANNELS if name in c.channels}
+        self._said: tuple[tuple[str, str], ...] = ()
+        self._symbols: dict[int, SymbolState] = {}
+        self._detected_ns = -1
+        self._quiet_since_ns = -1
+
+    def _monitor(self, channel: str) -> ChannelMonitor:
+        low, high = self._ranges.get(channel, (-math.inf, math.inf))
+        return ChannelMonitor(channel, low, high)
+
+    def handle(self, record: Record) -> tuple[Record, ...]:
+        """Records caused by a ChannelTable or a Scan."""
+        if isinstance(record, ChannelTable):
+            self._ranges = {row.name: (row.minimum, row.maximum) for row in record.channels}
+            for name, monitor in self._monitors.items():
+                monitor.minimum, monitor.maximum = self._ranges.get(name, (-math.inf, math.inf))
+            return ()
+        if isinstance(record, Scan):
+            return self._scan(record)
+        return ()
+
+    def reset(self) -> tuple[Record, ...]:
+        """Close the open episode, if any, and arm again."""
+        if self._detected_ns < 0 or self._last_ns is None:
+            return ()
+        return self._close(self._last_ns, "reset")
+
+    # --- one scan ---------------------------------------------------------------------
+
+    def _scan(self, scan: Scan) -> tuple[Record, ...]:
+        if not self._in_order(scan.stamp_ns):
+            return ()
+        row = self._usable_row(scan)
+        sample = self._bank.step(row, self._detected_ns >= 0)
+        self._distrust_voltage(sample)
+        self._learn(sample, scan.stamp_ns)
+        results = self._detector.step(sample)
+        out: list[Record] = [*self._quality(scan.stamp_ns)]
+        out.append(self._residual(scan.stamp_ns, row, sample, results))
+        out.extend(self._episode(scan.stamp_ns, results))
+        return tuple(out)
+
+    def _in_order(self, stamp_ns: int) -> bool:
+        """Whether this scan carries the stream on; counts what was late, twice or lost."""
+        self._stream["samples"] += 1
+        if self._last_ns is None:
+            self._first_ns = self._last_ns = stamp_ns
+            return True
+        ahead = stamp_ns - self._last_ns
+        if ahead == 0:
+            self._stream["duplicate"] += 1
+            return False
+        if ahead < 0:
+            self._stream["late"] += 1
+            if ahead < -1_000_000_000:
+                self._start(stamp_ns)
+                return True
+            return False
+        missing = round(ahead / self._period_ns) - 1
+        self._stream["lost"] += max(missing, 0)
+        if missing >= self._parameters.gap_scans:
+            self._bank.interrupt()
+        self._last_ns = stamp_ns
+        return True
+
+    def _usable_row(self, scan: Scan) -> Array:
+        row = np.full(len(CHANNELS), np.nan)
+        for name, value in zip(scan.channels, scan.values, strict=True):
+            monitor = self._monitors.get(name)
+            if monitor is not None:
+                trusted = name != "motor_voltage" or not self._plausible.bad
+                row[INDEX[name]] = monitor.step(
+                    scan.stamp_ns,
+                    value,
+                    trusted,
+                    "disagrees with current and motion by more than "
+                    f"{self._calibration.voltage_limit_v:.1f} V",
+                )
+        for name, monitor in self._monitors.items():
+            if name not in scan.channels:
+                monitor.step(scan.stamp_ns, math.nan, True, "")
+        return row
+
+    def _distrust_voltage(self, sample: ResidualSample) -> None:
+        """Leave out what rests on a voltage that nothing corroborates and motion belies."""
+        if not math.isnan(sample.signals.commanded_voltage_v):
+            return
+        was_bad = self._plausible.bad
+        usable = self._plausible.step(float(sample.values[RESIDUAL_INDEX["parity_electrical"]]))
+        if not usable:
+            sample.values[VOLTAGE_COLUMNS] = np.nan
+        if self._plausible.bad and not was_bad:
+            self._detector.forget(VOLTAGE_COLUMNS)
+
+    def _learn(self, sample: ResidualSample, stamp_ns: int) -> None:
+        """Offsets of this unit, in the warm-up only."""
+        if self._learning is None or self._first_ns is None:
+            return
+        if sample.moving:
+            for name in ("parity_mechanical", "parity_electrical"):
+                limit = self._calibration.limit(name)
+                if limit is not None:
+                    j = RESIDUAL_INDEX[name]
+                    variance = limit.sigma[0] ** 2 * limit.correlation_samples
+                    self._learning.add(float(sample.values[j]), sample.spread[j], variance)
+        if stamp_ns - self._first_ns >= self._parameters.warm_up_s * 1e9:
+            offsets = self._learning.offsets()
+            self._learning = None
+            self._p = offsets.apply(self._p)
+            self._bank.adopt(self._p)
+            tolerance = offsets.narrow(self._calibration.tolerance)
+            spread = [getattr(tolerance, name) for name in relations.UNIT_PARAMETERS]
+            self._detector.adopt(spread)
+
+    # --- records ----------------------------------------------------------------------
+
+    def _quality(self, stamp_ns: int) -> tuple[Record, ...]:
+        said = tuple((name, m.state.quality) for name, m in self._monitors.items())
+        if said == self._said:
+            return ()
+        self._said = said
+        return (self.quality_record(stamp_ns),)
+
+    def quality_record(self, stamp_ns: int) -> DataQuality:
+        """State and counters of every channel and of the stream, as they are now."""
+        stream = ChannelQuality(
+            STREAM, Quality.GOOD, self._first_ns or 0, "", tuple(self._stream.items())
+        )
+        channels = (
+            ChannelQuality(
+                name,
+                Quality(m.state.quality),
+                m.state.since_ns,
+                m.state.reason,
+                tuple(m.counters.items()),
+            )
+            for name, m in self._monitors.items()
+        )
+        return DataQuality(stamp_ns, (stream, *channels))
+
+    def _residual(
+        self, stamp_ns: int, row: Array, sample: ResidualSample, results: TestResults
+    ) -> Residual:
+        return Residual(
+            stamp_ns,
+            self._names,
+            tuple(sample.values[self._tested].tolist()),
+            tuple(results.z[self._tested].tolist()),
+            tuple(results.k[self._tested].tolist()),
+            REGRESSOR_NAMES,
+            self._regressors(row, sample),
+        )
+
+    def _regressors(self, row: Array, sample: ResidualSample) -> tuple[float, ...]:
+        p, s = self._p, sample.signals
+        current = s.current_a - p.current_offset_a
+        force = p.force_constant_n_per_a * current
+        direction = relations.direction(p, s.speed_m_s)
+        drag = relations.friction_n(p, s) + p.reflected_mass_kg * s.acceleration_m_s2
+        values = {
+            "one": 1.0,
+            "elapsed_s": 0.0,
+            "direction": direction,
+            "speed_m_s": s.speed_m_s,
+            "current_a": current,
+            "load_n": s.load_n,
+            "load_and_direction_n": abs(s.load_n) * direction,
+            "force_and_direction_n": abs(force) * direction,
+            "motor_force_n": force,
+            "resisting_force_n": s.load_n + drag,
+            "motor_voltage_v": s.voltage_v,
+            "emf_and_drop_v": p.winding_resistance_ohm * current
+            + p.back_emf_v_s_per_m * s.speed_m_s,
+            "driving_voltage_v": s.voltage_v
+            - p.voltage_offset_v
+            - p.back_emf_v_s_per_m * s.speed_m_s,
+            "commanded_voltage_v": s.commanded_voltage_v,
+            "motor_temperature_degc": float(row[INDEX["motor_temperature"]]),
+            "nut_temperature_degc": float(row[INDEX["nut_temperature"]]),
+            "position_m": s.position_m,
+            "encoder_m_s": p.encoder_m_per_rad * s.encoder_speed_rad_s,
+        }
+        return (*(values[name] for name in REGRESSORS), float(sample.moving))
+
+    # --- episode ----------------------------------------------------------------------
+
+    def _episode(self, stamp_ns: int, results: TestResults) -> tuple[Record, ...]:
+        deviating = results.deviating()
+        if self._detected_ns < 0:
+            return self._open(stamp_ns, results, deviating) if deviating.any() else ()
+        changed = False
+        for j in np.flatnonzero(deviating):
+            if j not in self._symbols:
+                self._symbols[int(j)] = symbols.crossed(float(results.z[j]), stamp_ns)
+                changed = True
+        for j, state in self._symbols.items():
+            renewed = symbols.later(state, float(results.z[j]), stamp_ns)
+            changed = changed or renewed is not state
+            self._symbols[j] = renewed
+        out: tuple[Record, ...] = (self._symbol_record(stamp_ns),) if changed else ()
+        return out + self._rearm(stamp_ns, results)
+
+    def _open(
+        self, stamp_ns: int, results: TestResults, deviating: npt.NDArray[np.bool_]
+    ) -> tuple[Record, ...]:
+        self._episodes += 1
+        self._detected_ns = stamp_ns
+        self._quiet_since_ns = -1
+        self._symbols = {
+            int(j): symbols.crossed(float(results.z[j]), stamp_ns)
+            for j in np.flatnonzero(deviating)
+        }
+        first = max(self._symbols, key=lambda j: abs(results.z[j]) / results.k[j])
+        detection = Detection(
+            stamp_ns,
+            self._episodes,
+            True,
+            RESIDUALS[first].name,
+            float(results.z[first]),
+            float(results.k[first]),
+            f"mean of {results.window[first]} samples",
+        )
+        return detection, self._symbol_record(stamp_ns)
+
+    def _symbol_record(self, stamp_ns: int) -> Symbols:
+        rows = (
+            Symbol(RESIDUALS[j].name, state.magnitude, state.slope, state.since_ns)
+            for j, state in sorted(self._symbols.items(), key=lambda item: item[1].since_ns)
+        )
+        return Symbols(stamp_ns, self._episodes, tuple(rows))
+
+    def _rearm(self, stamp_ns: int, results: TestResults) -> tuple[Record, ...]:
+        with np.errstate(invalid="ignore"):
+            quiet = not bool((np.abs(results.z) > 0.7 * results.k).any())
+        if not quiet:
+            self._quiet_since_ns = -1
+        elif self._quiet_since_ns < 0:
+            self._quiet_since_ns = stamp_ns
+        wait_ns = self._parameters.rearm_after_s * 1e9
+        if quiet and 0 < wait_ns <= stamp_ns - self._quiet_since_ns:
+            return self._close(stamp_ns, "quiet")
+        return ()
+
+    def _close(self, stamp_ns: int, why: str) -> tuple[Record, ...]:
+        self._detected_ns = -1
+        self._symbols = {}
+        self._detector.clear()
+        return (Detection(stamp_ns, self._episodes, False, "", math.nan, math.nan, why),)
+
+
+REGRESSOR_NAMES = (*REGRESSORS, "moving")
