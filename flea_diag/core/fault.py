@@ -6,7 +6,7 @@ A fault is a set of alternatives; an alternative is a set of deviations that com
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from flea_diag.core import schema
@@ -16,7 +16,7 @@ from flea_diag.errors import ConfigurationError
 
 MODES = ("bias", "drift", "scaling", "dead", "noise", "dropout")
 APPROACHES = ("physics", "data", "hybrid")
-ONSETS = ("abrupt", "incipient")
+ONSETS = ("abrupt", "incipient", "any")
 SIGN = {"+": 1, "-": -1}
 
 
@@ -73,6 +73,13 @@ class Fault:
     def incipient(self) -> bool:
         """Whether the fault grows from nothing."""
         return self.onset == "incipient"
+
+    @property
+    def onsets(self) -> tuple[Fault, ...]:
+        """The fault for each onset it may have: itself, or an abrupt and an incipient one."""
+        if self.onset != "any":
+            return (self,)
+        return (replace(self, onset="abrupt"), replace(self, onset="incipient"))
 
 
 _FAULT: schema.Keys = {

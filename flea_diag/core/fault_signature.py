@@ -23,7 +23,9 @@ from dataclasses import dataclass
 class FaultSignature:
     """Signs of magnitude and slope, order of the first effect (-1: none), and why.
 
-    ``derivatives`` holds the sign of every order, for progressive monitoring.
+    ``derivatives`` holds the sign of every order, for progressive monitoring; ``strength`` the
+    size of the effect within a second, in sigmas of the sensor for a fault of its reference
+    size (0 where no number was computed).
     """
 
     magnitude: str
@@ -31,11 +33,17 @@ class FaultSignature:
     order: int
     path: str
     derivatives: str = ""
+    strength: float = 0.0
 
     @property
     def symbols(self) -> str:
         """``0-``, ``+-``, ``00``, ..."""
         return self.magnitude + self.slope
+
+    @property
+    def direction(self) -> str:
+        """Which way the residual first goes: the magnitude, or the slope when there is no jump."""
+        return self.magnitude if self.magnitude != "0" else self.slope
 
     @property
     def affected(self) -> bool:
@@ -90,8 +98,7 @@ def compatible(
         return Compatibility(True, f"{said}: a normal residual refutes nothing")
     if not predicted.affected:
         return Compatibility(False, f"{said}: this fault does not move this residual")
-    first = predicted.magnitude if predicted.magnitude != "0" else predicted.slope
-    if first not in (observed_magnitude, "*"):
+    if predicted.direction not in (observed_magnitude, "*"):
         return Compatibility(False, f"{said}: it deviates the other way")
     if observed_slope == "?":
         return Compatibility(True, f"{said}: the sign fits, the slope is not yet known")

@@ -56,7 +56,8 @@ def operating_values(
     ModelError
         When no steady state holds the values asked for.
     """
-    model = actuator.state_space("stand")
+    channels = [element.signal for element in actuator.graph.of_kind("De", "Df")]
+    model = actuator.state_space("stand", channels)
     point = actuator.operating
     signs = (quadrant.current, quadrant.speed)
     targets = [

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from flea_diag.core.fault import FaultHypothesis
+from flea_diag.core.operating_point import sign_of
 from flea_diag.core.temporal_causal_graph import Edge, TemporalCausalGraph
 
 MAX_ORDER = 6
@@ -119,22 +120,19 @@ def propagate_backward(
     measurement: str,
     symbol: str,
     values: Mapping[str, float],
-    complete: bool = True,
+    complete: bool = False,
 ) -> tuple[Suspicion, ...]:
     """Every parameter and input whose change would explain a deviating measurement.
 
-    Instantaneous edges are followed before temporal ones, order after order. With
-    ``complete`` a vertex may be reached with both signs, so that a parameter on two paths of
-    opposite sign is suspected both ways; without it the first label stands, as in TRANSCEND.
-
-    Parameters
-    ----------
-    values
-        Signs of the variables matter only; stores are suspected with the sign of the net
-        effort (or flow) on them, so a steady point suspects none.
+    Instantaneous edges are followed before temporal ones, order after order, and the first
+    label of a vertex stands (TRANSCEND). With ``complete`` a vertex may be reached with both
+    signs, so that a parameter on two paths of opposite sign is suspected both ways. The sensor
+    itself is suspected too. At a steady point nothing acts on a store; an I or C is then
+    suspected as it would show while its state grows (an inertia while it speeds up).
     """
     labelled: dict[str, set[str]] = {}
-    found: dict[FaultHypothesis, Suspicion] = {}
+    own = FaultHypothesis(measurement, 1 if symbol == "+" else -1, "sensor")
+    found = {own: Suspicion(own, (f"{measurement}{symbol}",), 0)}
     frontier: list[tuple[str, str, tuple[str, ...]]] = [(measurement, symbol, ())]
     order = 0
     while frontier:
@@ -167,7 +165,10 @@ def _suspect(
     order: int,
     values: Mapping[str, float],
 ) -> None:
-    direction = scaled(sign, edge.sign(values))
+    gain = edge.sign(values)
+    if edge.temporal and not gain:
+        gain = -sign_of(values[edge.target])
+    direction = scaled(sign, gain)
     if direction != "0":
         cause = FaultHypothesis(edge.source, 1 if direction == "+" else -1)
         found.setdefault(cause, Suspicion(cause, path, order + edge.temporal))

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.actuator_model import Actuator, ResidualSpec
-from flea_diag.core.discretisation import hold
+from flea_diag.core.discretisation import expm
 from flea_diag.core.fault import Alternative, Fault, FaultHypothesis
 from flea_diag.core.fault_signature import UNAFFECTED, FaultSignature, signature
 from flea_diag.core.operating_point import rates
@@ -30,39 +30,56 @@ Array = npt.NDArray[np.float64]
 SCANS = (1, 5, 100, 3000)
 """Scans after the onset at which the response is read: at 100 Hz, 10 ms, 50 ms, 1 s, 30 s."""
 
-VISIBLE_SIGMA = 0.3
-"""A mean over ten scans has a third of a sample's noise; less than that is not seen."""
+VISIBLE_SIGMA = (0.3, 0.3, 0.3, 0.05)
+"""Least visible mean at each of them, in sigmas of a sample: ten scans are averaged at first,
+some hundred after half a minute."""
 
 VISIBLE_SHARE = 0.05
 """Less than this share of the largest response so far counts as gone."""
 
+LARGEST = 2.0
+"""A fault may be larger than its reference size, up to this relative change of a parameter."""
+
+SYMBOL_OF = {1: "+", -1: "-", 0: "0"}
+
 
 @dataclass(frozen=True)
 class Deviation:
-    """Response of one channel at ``SCANS``, in its unit, and its noise."""
+    """Response of one residual at ``SCANS``, in its unit, and the noise of its sensors.
+
+    ``reach`` is how many times larger the fault may be: what only a larger fault would show
+    keeps its sign without a jump, what none would show is no effect.
+    """
 
     values: tuple[float, ...]
     sigma: float
-
-    def signs(self) -> tuple[int, ...]:
-        """Sign at each scan, 0 where nothing would be seen."""
-        floor = max(VISIBLE_SIGMA * self.sigma, VISIBLE_SHARE * max(map(abs, self.values)))
-        return tuple(int(np.sign(v)) if abs(v) >= floor else 0 for v in self.values)
+    reach: float = 1.0
 
     def signature(self, cause: str) -> FaultSignature:
-        """Magnitude at the first scan, slope from there to the second of observation."""
-        signs = self.signs()
+        """Magnitude at the first scan, slope from there to the end of the first second."""
+        floors = [share * self.sigma for share in VISIBLE_SIGMA]
+        seen = self._signs(floors)
+        signs = seen if any(seen) else self._signs([floor / self.reach for floor in floors])
         if not any(signs):
             return UNAFFECTED
-        words = "/".join({1: "+", -1: "-", 0: "0"}[s] for s in signs)
+        words = "/".join(SYMBOL_OF[s] for s in signs)
         path = f"{cause}: {words} after {', '.join(map(str, SCANS))} scans"
-        symbol = {1: "+", -1: "-", 0: "0"}
-        if not signs[0]:
-            late = next(s for s in signs if s)
-            return signature("0" + symbol[late], path)
+        strength = max(map(abs, self.values[:-1])) / self.sigma
+        if not seen[0]:
+            found = signature("0" + SYMBOL_OF[next(s for s in signs if s)], path)
+        else:
+            found = signature(SYMBOL_OF[seen[0]] + self._slope(floors[0] / self.reach), path)
+        return replace(found, strength=strength)
+
+    def _signs(self, floors: list[float]) -> list[int]:
+        gone = VISIBLE_SHARE * max(map(abs, self.values))
+        pairs = zip(self.values, floors, strict=True)
+        return [int(np.sign(v)) if abs(v) >= max(floor, gone) else 0 for v, floor in pairs]
+
+    def _slope(self, floor: float) -> str:
         change = self.values[2] - self.values[0]
-        moved = abs(change) > max(VISIBLE_SIGMA * self.sigma, 0.1 * abs(self.values[0]))
-        return signature(symbol[signs[0]] + (symbol[int(np.sign(change))] if moved else "0"), path)
+        moved = abs(change) > max(floor, 0.1 * abs(self.values[0]))
+        return SYMBOL_OF[int(np.sign(change))] if moved else "0"
 
 
 class SampledColumns:
@@ -87,7 +104,8 @@ class SampledColumns:
         senses = {c: sense for c, sense in senses.items() if c in self.model.sensors}
         if group and group[0].mode:
             return self._sensor_cell(senses, spec.model or "stand", group[0])
-        found = self._deviation(senses, spec.model or "stand", self._changed(fault, group))
+        changed, reach = self._changed(fault, group), max(1.0, LARGEST / fault.size)
+        found = self._deviation(senses, spec.model or "stand", changed, reach)
         result = found.signature(", ".join(map(str, group)))
         return _grown(result) if fault.incipient else result
 
@@ -96,7 +114,7 @@ class SampledColumns:
     ) -> FaultSignature:
         if cause.name in senses:
             signed = FaultHypothesis(cause.name, cause.direction * senses[cause.name], cause.mode)
-            signs = sensor_signs(signed, self.values[cause.name], self.rates[cause.name])
+            signs = sensor_signs(signed, self.values[cause.name], self.rates.get(cause.name, 0.0))
             return signature(signs, f"{cause} -> {', '.join(senses)}")
         if cause.name not in self._view(view).model.inputs:
             return UNAFFECTED
@@ -107,12 +125,16 @@ class SampledColumns:
         return _IN_MODE.get(cause.mode, lambda same: same)(found)
 
     def _deviation(
-        self, senses: Mapping[str, int], view: str, changed: Mapping[str, float]
+        self,
+        senses: Mapping[str, int],
+        view: str,
+        changed: Mapping[str, float],
+        reach: float = 1.0,
     ) -> Deviation:
         model = self._view(view)
         response = sum(s * model.response(c, changed) for c, s in senses.items())
         sigma = math.hypot(*(self.model.sensors[c].noise for c in senses))
-        return Deviation(tuple(np.broadcast_to(response, len(SCANS)).tolist()), sigma)
+        return Deviation(tuple(np.broadcast_to(response, len(SCANS)).tolist()), sigma, reach)
 
     def _changed(self, fault: Fault, group: Alternative) -> dict[str, float]:
         """Values that the fault changes: grown by its size, or fallen, never through zero."""
@@ -150,7 +172,7 @@ def _grown(found: FaultSignature) -> FaultSignature:
     if not found.affected:
         return found
     first = found.magnitude if found.magnitude != "0" else found.slope
-    return signature("0" + first, found.path)
+    return replace(signature("0" + first, found.path), strength=found.strength)
 
 
 def _open(found: FaultSignature) -> FaultSignature:
@@ -190,6 +212,9 @@ class _View:
         x = np.array([values[name] for name in model.states])
         u = np.array([values[name] for name in model.inputs])
         p = np.array([values[name] for name in model.parameters])
-        start = replace(model.linearise(x, u, p), b=model.derivatives(x, u, p)[:, None])
-        gone = [hold(start, scans * self.period_s)[1][:, 0] for scans in SCANS]
+        n = len(x)
+        rates = np.zeros((n + 1, n + 1))
+        rates[:n, :n], rates[:n, n] = model.linearise(x, u, p).a, model.derivatives(x, u, p)
+        scan = expm(rates * self.period_s)
+        gone = [np.linalg.matrix_power(scan, scans)[:n, n] for scans in SCANS]
         return model.measure(x + np.array(gone), u, p)

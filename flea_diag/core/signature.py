@@ -33,6 +33,7 @@ class Variant:
 
     hypotheses: Alternative
     row: Mapping[str, FaultSignature]
+    onset: str = "abrupt"
 
     def __str__(self) -> str:
         return ", ".join(map(str, self.hypotheses)) or "no slow channel"
@@ -46,7 +47,8 @@ class SignatureTable(Mapping[str, Row]):
     """Fault id -> residual name -> signature, in one quadrant.
 
     A fault with alternatives has a variant for each (a bias may be positive or negative); its
-    row merges them, with ``*`` where they differ. A fault fits when one variant fits throughout.
+    row merges them, with ``*`` where they differ (a direction that they share is kept). A
+    fault fits when one variant fits throughout.
     """
 
     quadrant: Quadrant
@@ -77,13 +79,12 @@ def _merge(found: Sequence[FaultSignature]) -> FaultSignature:
     first = found[0]
     if all(s.symbols == first.symbols for s in found):
         return first
-    pick = [
-        s[0] if len(set(s)) == 1 else "*"
-        for s in (tuple(f.magnitude for f in found), tuple(f.slope for f in found))
-    ]
-    shown = [f for f in found if f.affected]
-    order = min(f.order for f in shown)
-    return FaultSignature(pick[0], pick[1], order, " | ".join(f.path for f in shown))
+    shown = [s for s in found if s.affected]
+    directions = {s.direction for s in shown}
+    direction = directions.pop() if len(directions) == 1 else "*"
+    path = " | ".join(dict.fromkeys(s.path for s in shown))
+    order, strength = min(s.order for s in shown), max(s.strength for s in shown)
+    return FaultSignature(direction, "*", order, path, strength=strength)
 
 
 def signature_table(
@@ -119,8 +120,9 @@ def signature_table(
     )
     variants = {
         fault.name: tuple(
-            Variant(group, {s.name: columns.cell(s, fault, group) for s in specs})
+            Variant(group, {s.name: columns.cell(s, each, group) for s in specs}, each.onset)
             for group in fault.alternatives
+            for each in fault.onsets
         )
         for fault in faults.values()
     }

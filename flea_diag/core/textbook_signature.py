@@ -12,6 +12,7 @@ from flea_diag.core.parity import ParityRelation, parity_relation
 from flea_diag.core.parity_signature import parity_cell, sensor_signs
 from flea_diag.core.propagation import (
     MAX_ORDER,
+    Effect,
     Injection,
     combined,
     injections,
@@ -30,6 +31,7 @@ class TextbookColumns:
         self.rates = rates(model, dict(values))
         self.relations: dict[str, ParityRelation] = {}
         self.graphs: dict[str, TemporalCausalGraph] = {}
+        self.effects: dict[tuple[str, tuple[Injection, ...]], dict[str, Effect]] = {}
 
     def cell(self, spec: ResidualSpec, fault: Fault, group: Alternative) -> FaultSignature:
         """Signature of one alternative in one residual."""
@@ -53,7 +55,7 @@ class TextbookColumns:
             if not cause.mode:
                 entering += injections(graph, cause, self.values, fault.incipient)
                 continue
-            signs = sensor_signs(cause, self.values[cause.name], self.rates[cause.name])
+            signs = sensor_signs(cause, self.values[cause.name], self.rates.get(cause.name, 0.0))
             if cause.name == channel:
                 own, path = signs.ljust(MAX_ORDER + 1, "0"), f"{cause} -> {channel}"
             if cause.name in graph.inputs:
@@ -61,9 +63,15 @@ class TextbookColumns:
                 entering += [
                     Injection(cause.name, k, scaled(s, -1), str(cause)) for k, s in enumerate(signs)
                 ]
-        effect = propagate_forward(graph, entering, self.values)[channel]
+        effect = self._effects(view, tuple(entering))[channel]
         signs = "".join(combined(pair) for pair in zip(own, effect.signs, strict=True))
         return signature(signs, path or effect.path)
+
+    def _effects(self, view: str, entering: tuple[Injection, ...]) -> dict[str, Effect]:
+        key = (view, entering)
+        if key not in self.effects:
+            self.effects[key] = propagate_forward(self._graph(view), entering, self.values)
+        return self.effects[key]
 
     def _graph(self, view: str) -> TemporalCausalGraph:
         if view not in self.graphs:
