@@ -90,7 +90,7 @@ class SampledColumns:
         self.values = dict(values)
         self.period_s = period_s
         self.rates = rates(model, self.values)
-        self.views: dict[str, _View] = {}
+        self.views: dict[str, StepResponse] = {}
         self.relations: dict[str, ParityRelation] = {}
 
     def cell(self, spec: ResidualSpec, fault: Fault, group: Alternative) -> FaultSignature:
@@ -116,7 +116,7 @@ class SampledColumns:
             signed = FaultHypothesis(cause.name, cause.direction * senses[cause.name], cause.mode)
             signs = sensor_signs(signed, self.values[cause.name], self.rates.get(cause.name, 0.0))
             return signature(signs, f"{cause} -> {', '.join(senses)}")
-        if cause.name not in self._view(view).model.inputs:
+        if cause.name not in self.view(view).model.inputs:
             return UNAFFECTED
         # The prediction follows the faulty reading, so y - prediction moves against it.
         error = -cause.direction * self._error(cause)
@@ -131,7 +131,7 @@ class SampledColumns:
         changed: Mapping[str, float],
         reach: float = 1.0,
     ) -> Deviation:
-        model = self._view(view)
+        model = self.view(view)
         response = sum(s * model.response(c, changed) for c, s in senses.items())
         sigma = math.hypot(*(self.model.sensors[c].noise for c in senses))
         return Deviation(tuple(np.broadcast_to(response, len(SCANS)).tolist()), sigma, reach)
@@ -155,10 +155,11 @@ class SampledColumns:
         size = max(10 * self.model.sensors[cause.name].noise, 0.1 * abs(value))
         return size * float(np.sign(value)) if cause.mode == "scaling" else size
 
-    def _view(self, name: str) -> _View:
+    def view(self, name: str) -> StepResponse:
+        """How a view of the model leaves the operating point."""
         if name not in self.views:
             model = self.model.state_space(name)
-            self.views[name] = _View(model, self.values, self.period_s)
+            self.views[name] = StepResponse(model, self.values, self.period_s)
         return self.views[name]
 
     def _relation(self, spec: ResidualSpec) -> ParityRelation:
@@ -182,7 +183,7 @@ def _open(found: FaultSignature) -> FaultSignature:
 _IN_MODE = {"drift": _grown, "noise": _open, "dropout": _open}
 
 
-class _View:
+class StepResponse:
     """One view of the model about one point: how it leaves it when values change."""
 
     def __init__(self, model: StateSpace, values: Mapping[str, float], period_s: float) -> None:

@@ -119,12 +119,12 @@ def signature_table(
         else SampledColumns(model, values, period_s)
     )
     variants = {
-        fault.name: tuple(
+        name: tuple(
             Variant(group, {s.name: columns.cell(s, each, group) for s in specs}, each.onset)
             for group in fault.alternatives
             for each in fault.onsets
         )
-        for fault in faults.values()
+        for name, fault in faults.items()
     }
     rows = {name: merged([v.row for v in found], residuals) for name, found in variants.items()}
     return SignatureTable(quadrant, tuple(residuals), variants, rows, period_s or 0.0)

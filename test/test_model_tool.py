@@ -1,0 +1,126 @@
+"""``flea model``: every view, as text and JSON, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from flea_diag.tools import model as tool
+from flea_diag.tools.main import main
+
+ONE = ["--fault", "jam", "--fault", "winding_short"]
+
+
+def shown(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert main(["model", *arguments]) == 0
+    return capsys.readouterr().out
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert main(["model", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("flea: ")
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+@pytest.mark.parametrize("actuator", ["actuator.yaml", "actuator_wing.yaml"])
+@pytest.mark.parametrize("view", tool.VIEWS)
+def test_every_view_of_every_actuator(
+    capsys: pytest.CaptureFixture[str], view: str, actuator: str
+) -> None:
+    text = shown(capsys, view, "--actuator", actuator, *ONE)
+    assert len(text.splitlines()) > 3
+    content = json.loads(shown(capsys, view, "--actuator", actuator, *ONE, "--json"))
+    assert content
+
+
+def test_show_says_the_causality(capsys: pytest.CaptureFixture[str]) -> None:
+    text = shown(capsys, "show")
+    assert "supply -> terminals" in text
+    assert "I rotor (integral) sets the flow on rotor" in text
+    assert "winding_inductance = 0.002 H  (assumption" in text
+
+
+def test_equations_of_the_motor(capsys: pytest.CaptureFixture[str]) -> None:
+    text = shown(capsys, "equations", "--model", "driven")
+    assert "  d i/dt = (motor_voltage - R*i - Km*omega)/L" in text
+    assert "Model stand" not in text
+
+
+def test_signatures_at_a_rate_and_in_a_quadrant(capsys: pytest.CaptureFixture[str]) -> None:
+    content = json.loads(
+        shown(capsys, "signatures", *ONE, "--rate", "100", "--quadrant", "i-,w-", "--json")
+    )
+    (rows,) = content.values()
+    assert rows["jam"]["motor_speed"]["symbols"] == "++"
+    assert rows["jam"]["parity_mechanical_dn"]["symbols"][0] == "+"
+    assert "screw_coulomb_friction+" in rows["jam"]["motor_speed"]["path"]
+
+
+def test_hypotheses_for_a_deviation(capsys: pytest.CaptureFixture[str]) -> None:
+    text = shown(capsys, "tcg", "--from", "motor_speed-")
+    assert "screw_coulomb_friction+  (order 1:" in text
+    assert "back_emf_constant-" not in text
+    assert "back_emf_constant-" in shown(capsys, "tcg", "--from", "motor_speed-", "--complete")
+
+
+def test_diagnosability_names_what_would_help(capsys: pytest.CaptureFixture[str]) -> None:
+    friction = ["--fault", "jam", "--fault", "spall"]
+    content = json.loads(shown(capsys, "diagnosability", *friction, "--json"))
+    assert content["ambiguity"]["jam"] == ["jam", "spall"]
+    assert content["helpful"] == ["jam from spall: accelerometers (fault-feature table)"]
+    fewer = ["--sensors", "motor_current,motor_voltage"]
+    text = shown(capsys, "diagnosability", *friction, *fewer)
+    assert "Sensors: motor_voltage, motor_current\n" in text
+
+
+def test_pictures(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert shown(capsys, "show", "--dot").startswith('digraph "flea" {')
+    assert shown(capsys, "tcg", "--dot").startswith("digraph tcg {")
+    if shutil.which("dot") is None:
+        pytest.skip("Graphviz is not installed: no SVG can be drawn")
+    target = tmp_path / "graph.svg"
+    shown(capsys, "show", "--svg", str(target))
+    assert "<svg" in target.read_text()
+
+
+def test_svg_without_graphviz_says_what_to_do(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    said = refused(capsys, "show", "--svg", str(tmp_path / "graph.svg"))
+    assert "Graphviz is not installed" in said
+    assert "--dot" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["signatures", "--rate", "nan"], "--rate nan"),
+        (["signatures", "--rate", "-5"], "--rate -5"),
+        (["signatures", "--quadrant", "north"], "--quadrant north"),
+        (["signatures", "--fault", "gremlin"], "--fault gremlin"),
+        (["equations", "--model", "ideal"], "'ideal'"),
+        (["show", "--sensors", "motor_current,nose"], "'nose'"),
+        (["show", "--actuator", "nowhere.yaml"], "nowhere.yaml"),
+        (["show", "--actuator", "faults.yaml"], "faults.yaml"),
+        (["tcg", "--from", "motor_speed"], "--from motor_speed"),
+        (["tcg", "--from", "+"], "--from +"),
+        (["equations", "--dot"], "not equations"),
+    ],
+)
+def test_bad_arguments(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    assert words in refused(capsys, *arguments)
+
+
+def test_unwritable_picture_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    if shutil.which("dot") is None:
+        pytest.skip("Graphviz is not installed: no SVG can be drawn")
+    assert "cannot be written" in refused(capsys, "show", "--svg", str(tmp_path / "no" / "g.svg"))
