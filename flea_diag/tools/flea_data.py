@@ -1,0 +1,176 @@
+"""The FLEA's own text format: low-speed ``.data`` files as NASA Ames published them (2010).
+
+Tab separated, no header, one line each 10 ms: a time stamp with its UTC offset
+(``2010-09-03_11:09:58.01000_-0700``) and nineteen numbers, ``NaN`` for what was not recorded.
+X and Y are the two test actuators, Z is the load actuator. A line that cannot be read is
+dropped and named; a file of which more than one line in twenty is such is none of the FLEA's.
+"""
+
+from __future__ import annotations
+
+import re
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.errors import RecordingError
+
+COLUMNS = (
+    "Desired Position",
+    "Actuator X Position",
+    "Actuator Y Position",
+    "Actuator Z Position",
+    "Desired Load",
+    "Measured Load",
+    "Motor X Current",
+    "Motor Y Current",
+    "Motor Z Current",
+    "Motor X Voltage",
+    "Motor Y Voltage",
+    "Motor Z Voltage",
+    "Motor X Temperature",
+    "Motor Y Temperature",
+    "Motor Z Temperature",
+    "Nut X Temperature",
+    "Nut Y Temperature",
+    "Nut Z Temperature",
+    "Ambient Temperature",
+)
+"""Columns after the time stamp."""
+
+LIMITS: dict[str, tuple[float, float, str]] = {
+    "Position": (-50.0, 150.0, "mm"),
+    "Load": (-1000.0, 1000.0, "lb"),
+    "Current": (-60.0, 60.0, "A"),
+    "Voltage": (-60.0, 60.0, "V"),
+    "Temperature": (-100.0, 300.0, "degC"),
+}
+"""Last word of a column -> what its sensor could at all deliver, far beyond spikes seen."""
+
+FILE_LIMIT_BYTES = 32 << 20
+LINE_LIMIT_BYTES = 1024
+BAD_LINES_LIMIT = 0.05
+
+_STAMP = re.compile(r"(\d{4}-\d\d-\d\d_\d\d:\d\d):(\d\d)\.(\d{1,9})_([+-]\d{4})")
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class FleaData:
+    """One file: stamps in ns (as recorded, also where time stands still or runs back).
+
+    ``values`` has shape (lines, 19), in the file's own units; ``dropped`` names the lines
+    that could not be read.
+    """
+
+    path: Path
+    stamps_ns: npt.NDArray[np.int64]
+    values: npt.NDArray[np.float64]
+    dropped: tuple[str, ...]
+
+    def column(self, name: str) -> npt.NDArray[np.float64]:
+        """Values of one column."""
+        return self.values[:, COLUMNS.index(name)]
+
+
+class _LineError(ValueError):
+    """Why a line cannot be read."""
+
+
+def read_flea_data(path: Path) -> FleaData:
+    """Read one file.
+
+    Raises
+    ------
+    RecordingError
+        When the file is too big, cannot be opened, or is not of this format, naming the
+        first line that does not fit.
+    """
+    stamps, values = array("q"), array("d")
+    dropped: list[str] = []
+    for number, line, last in _lines(path):
+        try:
+            stamp_ns, row = _read_line(line, last)
+        except _LineError as error:
+            dropped.append(f"{path.name}: line {number}: {error}")
+        else:
+            stamps.append(stamp_ns)
+            values.extend(row)
+    total = len(stamps) + len(dropped)
+    if len(dropped) > max(1, BAD_LINES_LIMIT * total) or not stamps:
+        refused = dropped[0] if dropped else f"{path.name}: the file is empty"
+        raise RecordingError(
+            f"{refused} ({len(dropped)} of {total} lines are unreadable, more than the limit of "
+            f"{BAD_LINES_LIMIT:.0%}: this is no FLEA .data file)"
+        )
+    table = np.frombuffer(values, dtype=np.float64).reshape(len(stamps), len(COLUMNS))
+    return FleaData(path, np.frombuffer(stamps, dtype=np.int64), table, tuple(dropped))
+
+
+def _lines(path: Path) -> Iterator[tuple[int, bytes, bool]]:
+    """Line numbers, lines, and whether the file ends within that line."""
+    try:
+        size = path.stat().st_size
+        if size > FILE_LIMIT_BYTES:
+            raise RecordingError(
+                f"{path.name}: {size} bytes is above the limit of {FILE_LIMIT_BYTES} bytes"
+            )
+        with path.open("rb") as stream:
+            number = 0
+            while line := stream.readline(LINE_LIMIT_BYTES + 1):
+                number += 1
+                yield number, line.rstrip(b"\r\n"), not line.endswith(b"\n")
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def _read_line(line: bytes, cut: bool) -> tuple[int, list[float]]:
+    if len(line) > LINE_LIMIT_BYTES:
+        raise _LineError(f"longer than the limit of {LINE_LIMIT_BYTES} bytes")
+    stamp, *texts = line.decode("ascii", "backslashreplace").split("\t")
+    if len(texts) != len(COLUMNS):
+        why = "the file ends within it: " if cut else ""
+        raise _LineError(f"{why}{len(texts) + 1} columns, it must have {len(COLUMNS) + 1}")
+    if cut and len(texts[-1].partition(".")[2]) != len(texts[-2].partition(".")[2]):
+        # A number that was cut off is still a number: its missing digits tell.
+        raise _LineError(f"the file ends within it: column {len(texts) + 1} = {texts[-1]!r}")
+    return _stamp_ns(stamp), [_value(k, text) for k, text in enumerate(texts)]
+
+
+def _value(number: int, text: str) -> float:
+    column = COLUMNS[number]
+    where = f"column {number + 2} ({column}) = {text[:40]!r}"
+    try:
+        value = float(text)
+    except ValueError:
+        raise _LineError(f"{where} is no number") from None
+    low, high, unit = LIMITS[column.rpartition(" ")[2]]
+    # NaN compares false with everything and passes: not recorded.
+    if value < low or value > high:
+        raise _LineError(f"{where} is outside its limits of {low:g} to {high:g} {unit}")
+    return value
+
+
+def _stamp_ns(text: str) -> int:
+    match = _STAMP.fullmatch(text)
+    if match is None:
+        raise _LineError(
+            f"column 1 (Time) = {text[:40]!r} is not like 2010-09-03_11:09:58.01_-0700"
+        )
+    minute, seconds, fraction, offset = match.groups()
+    return _minute_ns(minute, offset) + int(seconds) * _NS + int(fraction.ljust(9, "0"))
+
+
+@lru_cache(maxsize=16)
+def _minute_ns(minute: str, offset: str) -> int:
+    try:
+        moment = datetime.strptime(f"{minute}{offset}", "%Y-%m-%d_%H:%M%z")
+    except ValueError:
+        raise _LineError(f"column 1 (Time) = {minute!r} is no date and time") from None
+    return int(moment.timestamp()) * _NS
