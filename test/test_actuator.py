@@ -6,12 +6,14 @@ import copy
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from flea_diag.configuration import load_yaml
 from flea_diag.core.actuator import Actuator, actuator
 from flea_diag.core.fault import catalogue
 from flea_diag.core.operating_point import QUADRANTS, operating_values
-from flea_diag.errors import ConfigurationError, ModelError
+from flea_diag.errors import ConfigurationError, FleaError, ModelError
 
 FAULTS = [
     "jam",
@@ -172,6 +174,10 @@ WRONG = [
     (bad("junctions.nut.domain", "optical"), "'optical'.*unknown"),
     (bad("junctions.nut.domain", "rotation"), "actuator_position.*'m'.*'nut' it reads"),
     (bad("junctions.coupling.domain", "rotation"), "load_cell -> coupling joins domains"),
+    (bad("elements.rotor.state", "winding_resistance"), "'winding_resistance' is a parameter and"),
+    (bad("elements.rotor.state", "x"), "state 'x' cannot be a name"),
+    (bad("elements.rotor.state", "w = 1; y"), "'w = 1; y' cannot be a name"),
+    (bad("elements.rotor.state", "lambda"), "'lambda' cannot be a name"),
     (bad("scan_period_s", 0.0), "scan_period_s"),
     (bad("scan_period_s", None), "scan_period_s is missing"),
     (bad("schema_version", 2), "schema_version is 2"),
@@ -235,3 +241,55 @@ def test_a_wrong_fault_is_refused_by_name(flea: Actuator, edit: Any, message: st
     edit(content)
     with pytest.raises(ConfigurationError, match=message):
         catalogue(content, flea)
+
+
+JUNK = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-3, 10**30),
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.sampled_from(["", "x", "motor_current", "shaft", "ohm", "N*m", "->", "a -> b", "MSe", "0"]),
+    st.lists(st.sampled_from(["shaft", 3, None]), max_size=2),
+    st.dictionaries(st.sampled_from(["type", "unit", 7]), st.just("I"), max_size=2),
+)
+
+
+def places(content: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Every place in a nested description."""
+    found = [path] if path else []
+    keys = content if isinstance(content, dict) else range(len(content))
+    for key in keys if isinstance(content, (dict, list)) else ():
+        inner = content[key]
+        found += places(inner, (*path, key)) if isinstance(inner, (dict, list)) else [(*path, key)]
+    return found
+
+
+FILES = {name: load_yaml(name) for name in ("actuator.yaml", "faults.yaml")}
+PLACES = {name: places(content) for name, content in FILES.items()}
+
+
+@given(st.sampled_from(sorted(FILES)), st.data())
+@settings(max_examples=300, deadline=None)
+def test_any_junk_anywhere_is_taken_or_refused_in_one_line(name: str, data: st.DataObject) -> None:
+    content = copy.deepcopy(FILES[name])
+    *parents, last = data.draw(st.sampled_from(PLACES[name]))
+    place = content
+    for key in parents:
+        place = place[key]
+    place[last] = data.draw(JUNK)
+    assert "\n" not in refusal(name, content)
+
+
+def refusal(name: str, content: Any) -> str:
+    """Why a description is refused, empty when it is taken; anything but a FleaError escapes."""
+    try:
+        if name == "faults.yaml":
+            catalogue(content, _FLEA)
+        else:
+            actuator(content).state_space("stand")
+    except FleaError as error:
+        return str(error)
+    return ""
+
+
+_FLEA = actuator(FILES["actuator.yaml"])

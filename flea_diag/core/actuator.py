@@ -127,7 +127,7 @@ def _elements(top: Mapping[str, Any], where: str) -> list[Element]:
     for name, row in schema.rows(top["elements"], f"{where}: elements").items():
         place = f"{where}: element {name!r}"
         values = schema.read(row, place, _ELEMENT)
-        roles = {role: str(p) for role, p in values.pop("parameters").items()}
+        roles = schema.pairs(values.pop("parameters"), f"{place}: parameters")
         powers = schema.texts(values.pop("powers"), f"{place}: powers")
         found.append(Element(name, values.pop("type"), parameters=roles, powers=powers, **values))
     return found
@@ -199,7 +199,7 @@ def _views(
         place = f"{where}: model {name!r}"
         values = schema.read(row, place, _VIEW)
         measured = schema.texts(values["measured"], f"{place}: measured")
-        moved = {str(k): str(v) for k, v in values["moved"].items()}
+        moved = schema.pairs(values["moved"], f"{place}: moved")
         for channel in (*measured, *moved):
             if channel not in sensors or not sensors[channel].at:
                 raise ConfigurationError(f"{place}: {channel!r} is no sensor of the graph")

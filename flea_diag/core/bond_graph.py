@@ -7,11 +7,13 @@ as positive. The domain (what effort and flow are) is declared at junctions and 
 
 from __future__ import annotations
 
+import keyword
 import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from flea_diag.core.expression import FUNCTIONS
 from flea_diag.core.law import DEFAULT_LAW, LAWS, Law, Ports
 from flea_diag.core.unit import dimension, spelled
 from flea_diag.errors import ConfigurationError, ModelError
@@ -154,6 +156,7 @@ def bond_graph(
     bonds = tuple(Bond(_bond_name(by_name, tail, head), tail, head) for tail, head in arrows)
     _refuse_repeats(name, [bond.name for bond in bonds], "bond")
     graph = BondGraph(name, by_name, bonds, {p.name: p for p in parameters})
+    _check_variables(graph)
     for bond in bonds:
         _check_domain(graph, bond)
     for element in elements:
@@ -178,10 +181,39 @@ def _refuse_repeats(graph: str, names: list[str], what: str) -> None:
             raise ConfigurationError(
                 f"{graph}: {what} {name!r} is given {count} times, name it once"
             )
-        if not name.isidentifier():
+        _check_name(graph, name, what)
+
+
+RESERVED = (*FUNCTIONS, "x", "u", "p", "result", "empty")
+"""Names that the compiled equations use themselves."""
+
+
+def _check_name(graph: str, name: str, what: str) -> None:
+    """Names end up in compiled equations: identifiers only, and none that means something else."""
+    if not name.isidentifier() or keyword.iskeyword(name) or name in RESERVED:
+        raise ConfigurationError(
+            f"{graph}: {what} {name!r} cannot be a name; use letters, digits and underscores,"
+            f" and none of {', '.join(RESERVED)}"
+        )
+
+
+def _check_variables(graph: BondGraph) -> None:
+    """Parameters, states, channels and the efforts and flows of bonds must not share a name."""
+    elements = graph.elements.values()
+    inputs = {e.signal for e in elements if e.kind in SOURCES and e.signal}
+    named = [("parameter", name) for name in graph.parameters]
+    named += [("input", name) for name in inputs]
+    named += [("channel", e.signal) for e in elements if e.kind in DETECTORS]
+    named += [("state", e.state) for e in elements if e.state]
+    named += [("variable", name) for bond in graph.bonds for name in (bond.effort, bond.flow)]
+    taken: dict[str, str] = {}
+    for what, name in named:
+        _check_name(graph.name, name, what)
+        if name in taken:
             raise ConfigurationError(
-                f"{graph}: {what} {name!r} is no name; use letters, digits and underscores"
+                f"{graph.name}: {name!r} is a {taken[name]} and a {what}; rename one of them"
             )
+        taken[name] = what
 
 
 def _check_ends(graph: str, elements: Mapping[str, Element], tail: str, head: str) -> None:

@@ -16,6 +16,7 @@ from flea_diag.core.actuator_model import Actuator
 from flea_diag.core.fault import Fault
 from flea_diag.core.fault_signature import FaultSignature, compatible
 from flea_diag.core.operating_point import QUADRANTS, Quadrant
+from flea_diag.core.parity import parity_relation
 from flea_diag.core.signature import SignatureTable, Variant, signature_table
 from flea_diag.errors import ModelError
 
@@ -179,8 +180,6 @@ def usable_residuals(model: Actuator) -> tuple[str, ...]:
 
 
 def _usable(model: Actuator, name: str, kind: str) -> bool:
-    from flea_diag.core.parity import parity_relation
-
     if kind != "junction":
         return True
     try:

@@ -37,6 +37,9 @@ some hundred after half a minute."""
 VISIBLE_SHARE = 0.05
 """Less than this share of the largest response so far counts as gone."""
 
+DIVERGED = 1e12
+"""No state of an actuator is that far from anywhere."""
+
 LARGEST = 2.0
 """A fault may be larger than its reference size, up to this relative change of a parameter."""
 
@@ -217,5 +220,15 @@ class StepResponse:
         rates = np.zeros((n + 1, n + 1))
         rates[:n, :n], rates[:n, n] = model.linearise(x, u, p).a, model.derivatives(x, u, p)
         scan = expm(rates * self.period_s)
-        gone = [np.linalg.matrix_power(scan, scans)[:n, n] for scans in SCANS]
-        return model.measure(x + np.array(gone), u, p)
+        seen = [model.measure(x + gone, u, p) for gone in _powers(scan, n)]
+        return np.array(seen)
+
+
+def _powers(scan: Array, n: int) -> list[Array]:
+    """Way gone at SCANS; a plant that a fault makes unstable stays where it last was finite."""
+    ways: list[Array] = []
+    with np.errstate(over="ignore", invalid="ignore"):
+        for scans in SCANS:
+            way = np.linalg.matrix_power(scan, scans)[:n, n]
+            ways.append(way if np.all(np.abs(way) < DIVERGED) else ways[-1] if ways else 0.0 * way)
+    return ways

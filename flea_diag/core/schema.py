@@ -60,9 +60,22 @@ def _value(value: Any, kind: Any, where: str, default: Any) -> Any:
         raise ConfigurationError(
             f"{where} = {value!r} is {kind_name(value)}, it must be a {_WORD[kind]}{hint}"
         )
-    if kind is float and not math.isfinite(value):
-        raise ConfigurationError(f"{where} = {value!r} must be finite")
+    if kind is float:
+        _check_number(value, where)
     return value
+
+
+SMALLEST, LARGEST = 1e-15, 1e15
+"""Magnitudes that a quantity in SI units may have; what lies outside is a slip of the pen."""
+
+
+def _check_number(value: float, where: str) -> None:
+    if not math.isfinite(value):
+        raise ConfigurationError(f"{where} = {value!r} must be finite")
+    if value and not SMALLEST <= abs(value) <= LARGEST:
+        raise ConfigurationError(
+            f"{where} = {value!r} lies outside {SMALLEST:g} to {LARGEST:g}; check its unit"
+        )
 
 
 _WORD: dict[Any, str] = {
@@ -92,6 +105,14 @@ def rows(content: Any, where: str) -> dict[str, Any]:
     if not isinstance(content, Mapping) or not all(isinstance(key, str) for key in content):
         raise ConfigurationError(f"{where} is {kind_name(content)}, it must map names to rows")
     return dict(content)
+
+
+def pairs(content: Any, where: str) -> dict[str, str]:
+    """A mapping of name -> name."""
+    found = rows(content, where)
+    if not all(isinstance(value, str) for value in found.values()):
+        raise ConfigurationError(f"{where} = {found!r} must map names to names")
+    return found
 
 
 def numbers(content: Any, where: str) -> dict[str, float]:
