@@ -7,10 +7,10 @@ Built whole, offline, it has the same leaves as `FeatureChooser` reaches one ste
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from flea_diag.core.feature_choice import FeatureChooser, Group, normalised, outcomes
+from flea_diag.core.feature_choice import FeatureChooser, Group, normalised, outcomes, refine
 
 
 @dataclass(frozen=True)
@@ -44,21 +44,42 @@ def build(
     group: Group,
     chooser: FeatureChooser,
     computed: frozenset[str] = frozenset(),
-    rarest: float = 1e-4,
+    rarest: float = 0.0,
 ) -> Node:
-    """Whole tree below a group; answers less probable than ``rarest`` are not followed."""
+    """Whole tree below a group.
+
+    Answers that the chooser does not plan for are left out, and those that are reached with
+    a probability below ``rarest``.
+    """
     group = normalised(group)
     feature = chooser.next(group, computed)
     members = tuple(group.items())
     if feature is None:
         return Node(members, None, (), 0.0)
+    rules = chooser.rules
+    found = outcomes(group, chooser.table, feature, rules.drop_below, rules.rarest)
     branches = tuple(
         Branch(symbol, p, build(left, chooser, computed | {feature}, rarest / p))
-        for symbol, (p, left) in outcomes(group, chooser.table, feature, chooser.drop_below).items()
+        for symbol, (p, left) in found.items()
         if p >= rarest
     )
     below = math.fsum(branch.probability * branch.node.expected_cost for branch in branches)
     return Node(members, feature, branches, chooser.table.costs[feature] + below)
+
+
+def follow(
+    group: Group, chooser: FeatureChooser, answer: Callable[[str], str]
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Walk from a group to a leaf, asking ``answer`` for the symbol of one feature a step.
+
+    Returns the group left and the features asked for. ``?`` (not computable) leaves the group
+    as it is and the next best feature is asked for.
+    """
+    left, asked = normalised(group), list[str]()
+    while (feature := chooser.next(left, asked)) is not None:
+        asked.append(feature)
+        left = refine(left, chooser.table, feature, answer(feature), chooser.rules.drop_below)
+    return left, tuple(asked)
 
 
 def leaves(node: Node) -> Iterator[Node]:

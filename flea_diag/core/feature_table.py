@@ -16,7 +16,11 @@ from typing import Any
 from flea_diag.core.nominal_range import NominalRange, OperatingPoint
 from flea_diag.errors import ConfigurationError
 
-ALPHABETS: tuple[tuple[str, ...], ...] = (("0", "1"), ("-", "0", "+"))
+ALPHABETS: tuple[tuple[str, ...], ...] = (
+    ("0", "1"),
+    ("-", "0", "+"),
+    ("--", "-", "0", "+", "++"),
+)
 KEYS = frozenset({"title", "provenance", "alphabet", "confidence", "features", "faults",
                   "nominal", "sources"})  # fmt: skip
 FEATURE_KEYS = frozenset({"cost", "note"})
@@ -76,11 +80,22 @@ class FaultFeatureTable:
         """Faults of the rows, in the order of the table."""
         return tuple(dict.fromkeys(fault for fault, _ in self.entries))
 
-    def probability(self, fault: str, feature: str, symbol: str) -> float:
-        """P(symbol | fault). A ``+`` or ``-`` is a ``1`` to a table of 0 and 1."""
-        place = self._place(symbol)
-        entry = self.entries.get((fault, feature))
-        return entry[place] if entry else 1.0 / len(self.alphabet)
+    def probabilities(self, fault: str, feature: str) -> tuple[float, ...]:
+        """P(symbol | fault) for each symbol of the alphabet."""
+        return self.entries.get((fault, feature), (1.0 / len(self.alphabet),) * len(self.alphabet))
+
+    def place(self, symbol: str) -> int:
+        """Index of a symbol in the alphabet.
+
+        A coarser table reads ``++`` as ``+``, and a table of 0 and 1 all but ``0`` as ``1``.
+        """
+        if symbol in ("--", "-", "+", "++") and symbol not in self.alphabet:
+            symbol = "1" if "1" in self.alphabet else symbol[0]
+        if symbol not in self.alphabet:
+            raise ConfigurationError(
+                f"symbol {symbol!r} is not of the table's alphabet {' '.join(self.alphabet)}"
+            )
+        return self.alphabet.index(symbol)
 
     def value(self, fault: str, feature: str) -> str:
         """Most probable symbol; ``?`` where the table knows nothing."""
@@ -95,15 +110,6 @@ class FaultFeatureTable:
             groups.setdefault(row, []).append(fault)
         return tuple(tuple(group) for group in groups.values())
 
-    def _place(self, symbol: str) -> int:
-        if self.alphabet == ("0", "1") and symbol in "+-":
-            symbol = "1"
-        if symbol not in self.alphabet:
-            raise ConfigurationError(
-                f"symbol {symbol!r} is not of the table's alphabet {' '.join(self.alphabet)}"
-            )
-        return self.alphabet.index(symbol)
-
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], where: str) -> FaultFeatureTable:
         """Table from parsed YAML.
@@ -117,7 +123,8 @@ class FaultFeatureTable:
         alphabet = tuple(str(symbol) for symbol in mapping.get("alphabet", ("-", "0", "+")))
         if alphabet not in ALPHABETS:
             raise ConfigurationError(
-                f"{where}: alphabet {alphabet!r} is unknown, choose [0, 1] or [-, 0, +]"
+                f"{where}: alphabet {alphabet!r} is unknown, choose [0, 1], [-, 0, +] "
+                "or [--, -, 0, +, ++]"
             )
         columns = _mapping(mapping.get("features"), f"{where}: features")
         costs = {str(name): _cost(row, f"{where}: {name}") for name, row in columns.items()}

@@ -51,7 +51,7 @@ def reversal_ratio(window: Window) -> Floats:
     The lost motion of a worn nut is taken up, with a knock, when the screw turns back or the
     load changes sides.
     """
-    turns = [_turns(window.speed, REVERSAL_RAD_S) / window.rate_hz]
+    turns: list[Floats] = [_turns(window.speed, REVERSAL_RAD_S) / window.rate_hz]
     load = window.slow.get("load_force")
     if load is not None and np.isfinite(load).all():
         turns.append(window.slow_time_s[_turns(load, REVERSAL_N)])

@@ -18,7 +18,9 @@ from flea_diag.errors import CalibrationError, ConfigurationError
 
 SPEED_UNIT_RAD_S = 100.0
 LOAD_UNIT_N = 100.0
-KEYS = frozenset({"logarithmic", "coefficients", "low", "high", "count", "speed_rad_s", "load_n"})
+KEYS = frozenset(
+    {"logarithmic", "coefficients", "low", "high", "much", "count", "speed_rad_s", "load_n"}
+)
 
 
 @dataclass(frozen=True)
@@ -33,8 +35,10 @@ class OperatingPoint:
 class NominalRange:
     """Range of one feature: centre(operating point) + [low, high], in ``logarithmic`` units.
 
-    ``speed_rad_s`` and ``load_n`` are the (lowest, highest) that were seen in learning; a point
-    outside is moved to the nearest end rather than extrapolated.
+    ``much`` says how far below and above the middle, in half widths of the range, a value is
+    much below or much above nominal: two faults that both raise a feature, one little and one
+    much, are told apart by it. ``speed_rad_s`` and ``load_n`` are the (lowest, highest) that
+    were seen in learning; a point outside is moved to the nearest end, not extrapolated.
     """
 
     coefficients: tuple[float, ...]
@@ -44,6 +48,7 @@ class NominalRange:
     count: int = 0
     speed_rad_s: tuple[float, float] = (0.0, 0.0)
     load_n: tuple[float, float] = (0.0, 0.0)
+    much: tuple[float, float] = (math.inf, math.inf)
 
     def at(self, point: OperatingPoint) -> tuple[float, float]:
         """Lowest and highest nominal value at an operating point; NaN where it is unknown."""
@@ -56,17 +61,30 @@ class NominalRange:
         low, high = centre + self.low, centre + self.high
         return (math.exp(low), math.exp(high)) if self.logarithmic else (low, high)
 
+    def symbol(self, value: float, point: OperatingPoint) -> str:
+        """``--`` much below, ``-`` below, ``0`` inside, ``+`` above, ``++`` much above, ``?``."""
+        deviation = self.deviation(value, point)
+        if math.isnan(deviation):
+            return "?"
+        sign = "-" if deviation < 0.0 else "+"
+        much = self.much[0] if deviation < 0.0 else self.much[1]
+        return "0" if abs(deviation) <= 1.0 else sign if abs(deviation) <= much else 2 * sign
+
+    def deviation(self, value: float, point: OperatingPoint) -> float:
+        """Value on the scale of the range: -1 at its lower end, +1 at its upper; NaN unknown."""
+        low, high = self.at(point)
+        if math.isnan(value) or math.isnan(low):
+            return math.nan
+        if self.logarithmic:
+            if value <= 0.0:
+                return -math.inf
+            value, low, high = math.log(value), math.log(low), math.log(high)
+        return (2.0 * value - low - high) / (high - low)
+
     @property
     def depends_on_motion(self) -> bool:
         """Whether the range cannot be told without the speed."""
         return any(self.coefficients[1:])
-
-    def symbol(self, value: float, point: OperatingPoint) -> str:
-        """``-`` below the range, ``0`` inside, ``+`` above, ``?`` where it is not known."""
-        low, high = self.at(point)
-        if math.isnan(value) or math.isnan(low):
-            return "?"
-        return "-" if value < low else "+" if value > high else "0"
 
     def as_mapping(self) -> dict[str, Any]:
         """Plain values for YAML."""
@@ -75,6 +93,7 @@ class NominalRange:
             "coefficients": list(self.coefficients),
             "low": self.low,
             "high": self.high,
+            "much": list(self.much),
             "count": self.count,
             "speed_rad_s": list(self.speed_rad_s),
             "load_n": list(self.load_n),
@@ -103,6 +122,7 @@ class NominalRange:
                 int(mapping.get("count", 0)),
                 _pair(mapping.get("speed_rad_s", (0.0, 0.0))),
                 _pair(mapping.get("load_n", (0.0, 0.0))),
+                _pair(mapping.get("much", (math.inf, math.inf))),
             )
         except (KeyError, TypeError, ValueError) as error:
             raise ConfigurationError(f"{where}: not a nominal range: {error!r}") from error
@@ -110,6 +130,8 @@ class NominalRange:
             raise ConfigurationError(
                 f"{where}: low = {found.low!r} must be below high = {found.high!r}"
             )
+        if not min(found.much) >= 1.0:
+            raise ConfigurationError(f"{where}: much = {found.much!r} must be 1 half width or more")
         return found
 
 

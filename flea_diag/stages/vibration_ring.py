@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -59,6 +60,17 @@ class VibrationRing:
     def axes(self) -> tuple[str, ...]:
         """Axes of the blocks that are here."""
         return self._kept[-1].block.axes if self._kept else ()
+
+    @property
+    def rate_hz(self) -> float:
+        """Sampling rate of the newest block; 0 without any."""
+        return self._kept[-1].rate_hz if self._kept else 0.0
+
+    def blocks(self, start_ns: int, end_ns: int) -> Iterator[tuple[VibrationBlock, int]]:
+        """Blocks that lie inside a window, undecoded, each with its end."""
+        for kept in self._kept:
+            if kept.block.stamp_ns >= start_ns and kept.end_ns <= end_ns:
+                yield kept.block, kept.end_ns
 
     def add(self, block: VibrationBlock) -> bool:
         """Keep a block and forget what is too old; False where it cannot be used."""

@@ -1,0 +1,115 @@
+"""Windows of recordings or of the simulated stand, labelled by the truth, as feature samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flea_diag.core.feature_learning import NOMINAL, Sample
+from flea_diag.core.features import all_ids, compute_all
+from flea_diag.core.nominal_range import OperatingPoint
+from flea_diag.core.window import NotComputableError
+from flea_diag.stages.extractor import block_std
+from flea_diag.stages.windows import Windows
+from flea_diag.wire.bag import read_bag
+from flea_diag.wire.records import NEVER_NS, Record, Scan, Truth, VibrationBlock
+
+SECOND_NS = 1_000_000_000
+SETTLING_S = 0.3
+"""After the start and after an onset: the stand takes up its motion, the fault its place."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Where windows are cut: one of ``window_s`` every ``hop_s``."""
+
+    window_s: float = 1.0
+    hop_s: float = 1.0
+    orders: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Run:
+    """Samples of one recording, and the level of each axis block by block while nominal."""
+
+    name: str
+    rate_hz: float
+    samples: tuple[Sample, ...]
+    levels: tuple[tuple[OperatingPoint, Mapping[str, float]], ...] = ()
+
+
+def run_of_bag(directory: Path, grid: Grid) -> Run:
+    """Samples of one bag.
+
+    Raises
+    ------
+    RecordingError
+        When there is no bag, or it cannot be read.
+    """
+    truths = [record for _, record in read_bag(directory, (Truth,)) if isinstance(record, Truth)]
+    stream = (record for _, record in read_bag(directory, (Scan, VibrationBlock)))
+    return run_of(str(directory), stream, truths, grid)
+
+
+def run_of(name: str, stream: Iterable[Record], truths: list[Truth], grid: Grid) -> Run:
+    """Samples of a stream of scans and blocks, in the order in which they came."""
+    windows = Windows(grid.window_s + 3.0, 0.002, 0.05, grid.orders or {})
+    samples: list[Sample] = []
+    levels: list[tuple[OperatingPoint, Mapping[str, float]]] = []
+    end_ns, seen_ns = -1, -1
+    for record in stream:
+        if not isinstance(record, Scan | VibrationBlock) or not windows.add(record):
+            continue
+        if end_ns < 0:
+            end_ns = record.stamp_ns + round((grid.window_s + SETTLING_S) * SECOND_NS)
+        if isinstance(record, Scan):
+            seen_ns = record.stamp_ns
+        while windows.covers(end_ns) and seen_ns >= end_ns:
+            start_ns = end_ns - round(grid.window_s * SECOND_NS)
+            fault = label(truths, start_ns, end_ns)
+            if fault is not None:
+                samples += _samples(windows, start_ns, end_ns, fault)
+            if fault == NOMINAL:
+                levels += _levels(windows, start_ns, end_ns)
+            end_ns += round(grid.hop_s * SECOND_NS)
+    return Run(name, windows.vibration.rate_hz, tuple(samples), tuple(levels))
+
+
+def label(truths: Iterable[Truth], start_ns: int, end_ns: int) -> str | None:
+    """Fault that was there throughout a window; None where it came, or grew, within it."""
+    found = NOMINAL
+    for truth in sorted(truths, key=lambda row: row.stamp_ns):
+        if truth.onset_ns == NEVER_NS:
+            if truth.stamp_ns <= start_ns:
+                found = NOMINAL
+            elif truth.stamp_ns < end_ns:
+                return None
+            continue
+        growth_s = float(dict(truth.details).get("growth_s", "0"))
+        full_ns = truth.onset_ns + round((growth_s + SETTLING_S) * SECOND_NS)
+        if truth.onset_ns < end_ns and full_ns > start_ns:
+            return None
+        if full_ns <= start_ns:
+            found = truth.fault
+    return found
+
+
+def _samples(windows: Windows, start_ns: int, end_ns: int, fault: str) -> Iterator[Sample]:
+    try:
+        window = windows.cut(start_ns, end_ns)
+    except NotComputableError:
+        return
+    point = windows.operating_point(start_ns, end_ns)
+    yield Sample(fault, point, compute_all(all_ids(window.axes), window))
+
+
+def _levels(
+    windows: Windows, start_ns: int, end_ns: int
+) -> Iterator[tuple[OperatingPoint, Mapping[str, float]]]:
+    """Level of each axis of the blocks inside a window, as the sentinel reports it."""
+    for block, block_end_ns in windows.vibration.blocks(start_ns, end_ns):
+        point = windows.operating_point(block.stamp_ns, block_end_ns)
+        yield point, dict(zip(block.axes, np.asarray(block_std(block), float), strict=True))
