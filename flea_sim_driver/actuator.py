@@ -89,7 +89,7 @@ def with_faults(
 ) -> Coefficients:
     """The coefficients with every fault that acts now in the plant or inside the loop."""
     changed = healthy
-    for episode, size in zip(episodes, sizes):
+    for episode, size in zip(episodes, sizes, strict=True):
         if size is None:
             continue
         if episode.row.change is not None:

@@ -34,8 +34,8 @@ class Disturbance:
         self._generator = generator
         self._catches = catches
         self._knot = 0.0
-        shape = np.sin(np.pi * np.arange(catches.length_steps) / catches.length_steps)
-        self._shape = shape * np.sign(np.cos(6.0 * np.pi * np.arange(len(shape)) / len(shape)) + 0.4)
+        phase = np.pi * np.arange(catches.length_steps) / catches.length_steps
+        self._shape = np.sin(phase) * np.sign(np.cos(6.0 * phase) + 0.4)
         self._rest = np.zeros(0)
 
     def block(self, steps: int, load_n: float, block_s: float) -> Array:

@@ -54,9 +54,7 @@ class Waveform:
     def mean_square_current(self) -> Array:
         """Mean square of the current over one period, A^2."""
         peak, valley = self.peak_a, self.valley_a
-        return np.asarray(
-            (self.on + self.freewheel) * (peak**2 + peak * valley + valley**2) / 3.0
-        )
+        return np.asarray((self.on + self.freewheel) * (peak**2 + peak * valley + valley**2) / 3.0)
 
 
 def _tail(periods: Array) -> Array:

@@ -164,7 +164,7 @@ def _sensor_fault(channel: str, mode: str) -> Fault:
     low, high = {"scaling": (-10.0, 10.0), "noise": (0.0, limit), "dropout": (0.01, 20.0)}.get(
         mode, (-limit, limit)
     )
-    places = ("daq",)
+    places: tuple[str, ...] = ("daq",)
     if channel in LOOP_CHANNELS and mode in LOOP_MODES:
         places = ("loop", "daq") if LOOP_CHANNELS[channel] else ("daq", "loop")
     return Fault(
@@ -173,9 +173,7 @@ def _sensor_fault(channel: str, mode: str) -> Fault:
     )  # fmt: skip
 
 
-SENSOR_FAULTS = tuple(
-    _sensor_fault(channel, mode) for channel in SENSOR_CHANNELS for mode in MODES
-)
+SENSOR_FAULTS = tuple(_sensor_fault(channel, mode) for channel in SENSOR_CHANNELS for mode in MODES)
 CATALOGUE: dict[str, Fault] = {row.id: row for row in PLANT_FAULTS + SENSOR_FAULTS}
 
 

@@ -1,7 +1,8 @@
 """The flight interface: an aircraft's control surface drives the stand.
 
-A CSV with the columns ``time_s, position_m, load_N`` is taken as it stands; what the stand
-cannot follow is refused with the row that says so.
+A CSV with the columns ``time_s, position_m, load_N`` is taken as it stands, or scaled into the
+stroke and the load limits where the scenario asks for it; what the stand cannot follow is
+refused with the row that says so.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ STROKE_M = 0.100
 SPEED_LIMIT_M_S = 0.120
 LOAD_LIMIT_N = 70.0 * 4.4482216152605
 GAP_LIMIT_S = 0.5
+STROKE_MARGIN_M = 0.005
 FILE_LIMIT_BYTES = 64 << 20
 Array = npt.NDArray[np.float64]
 
@@ -45,8 +47,21 @@ class Flight:
         return position, np.interp(when, self.time_s, self.load_n)
 
 
-def read_flight(path: Path) -> Flight:
-    """Read and check one flight.
+def fitted(flight: Flight) -> Flight:
+    """The flight with its travel and its loads scaled into the stand's, where they are larger."""
+    low, high = float(flight.position_m.min()), float(flight.position_m.max())
+    position = flight.position_m
+    if low < 0.0 or high > STROKE_M:
+        room = STROKE_M - 2.0 * STROKE_MARGIN_M
+        scale = min(1.0, room / max(high - low, 1e-9))
+        position = 0.5 * STROKE_M + scale * (position - 0.5 * (low + high))
+    peak = float(np.abs(flight.load_n).max())
+    load = flight.load_n * (LOAD_LIMIT_N / peak if peak > LOAD_LIMIT_N else 1.0)
+    return Flight(flight.time_s, position, load)
+
+
+def read_flight(path: Path, *, fit: bool = False) -> Flight:
+    """Read and check one flight; ``fit`` scales it into stroke and load first.
 
     Raises
     ------
@@ -58,6 +73,8 @@ def read_flight(path: Path) -> Flight:
     if len(table) < 2:
         raise ConfigurationError(f"{path}: {len(table)} rows, a flight needs at least 2")
     flight = Flight(table[:, 0].copy(), table[:, 1].copy(), table[:, 2].copy())
+    if fit:
+        flight = fitted(flight)
     _check(flight, path)
     return flight
 
@@ -101,13 +118,13 @@ def _check(flight: Flight, path: Path) -> None:
             (flight.position_m < 0.0) | (flight.position_m > STROKE_M),
             flight.position_m,
             "position_m",
-            f"0 to {STROKE_M} m: scale it to the stroke",
+            f"0 to {STROKE_M} m: fit: true scales it",
         ),
         (
             np.abs(flight.load_n) > LOAD_LIMIT_N,
             flight.load_n,
             "load_N",
-            f"within +-{LOAD_LIMIT_N:.1f} N: scale it to the load actuator",
+            f"within +-{LOAD_LIMIT_N:.1f} N: fit: true scales it",
         ),
         (speed > SPEED_LIMIT_M_S, speed, "speed in m/s", f"at most {SPEED_LIMIT_M_S} m/s"),
     )

@@ -151,7 +151,9 @@ def _integrate(
         measured = c.force_feedback_scale * force + c.force_feedback_offset
         trim = _clipped(trim + dt * c.trim_rate * (wanted - measured), c.trim_limit)
         target = wanted / c.load_constant
-        target += (c.load_constant * vl * abs(wanted) / (abs(wanted) + c.load_knee) + trim) / c.load_resistance
+        target += (
+            c.load_constant * vl * abs(wanted) / (abs(wanted) + c.load_knee) + trim
+        ) / c.load_resistance
         if target * way < 0.0:
             target = 0.0
         iz += dt * (target - iz) / c.load_lag

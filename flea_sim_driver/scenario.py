@@ -45,6 +45,7 @@ class Motion:
         1.0, "time of one ramp of a trapezoid", unit="s", minimum=0.05, maximum=60.0
     )
     file: str = parameter("", "CSV of a flight: time_s, position_m, load_N")
+    fit: bool = parameter(False, "scale a flight into stroke and load limits")
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ class FaultSetting:
     on_s: float = parameter(0.0, "intermittent: time present, 0: always", unit="s", minimum=0.0)
     off_s: float = parameter(0.0, "intermittent: time absent", unit="s", minimum=0.0)
     unit: str = parameter(
-        "", "test actuator that has it (hardware); empty: whichever is in use", choices=("", "X", "Y")
+        "", "test actuator that has it (hardware), empty: the one in use", choices=("", "X", "Y")
     )
     where: str = parameter(
         "", "plant, daq or loop; empty: as in the catalogue", choices=("", "plant", "daq", "loop")
@@ -148,9 +149,7 @@ SECTIONS: dict[str, type] = {
 }  # fmt: skip
 
 
-def scenario_from_mapping(
-    values: Mapping[str, Any], where: str, folder: Path = Path()
-) -> Scenario:
+def scenario_from_mapping(values: Mapping[str, Any], where: str, folder: Path = Path()) -> Scenario:
     """A checked scenario.
 
     Raises
@@ -159,7 +158,7 @@ def scenario_from_mapping(
         Unknown key, wrong type, value out of its limits, or a run that the stand cannot follow.
     """
     plain = {k: v for k, v in values.items() if k not in SECTIONS and k != "faults"}
-    sections = {
+    sections: dict[str, Any] = {
         name: build(kind, _mapping(values.get(name, {}), where, name), f"{where}: {name}")
         for name, kind in SECTIONS.items()
     }
@@ -171,9 +170,17 @@ def scenario_from_mapping(
         for k, row in enumerate(rows)
     )
     motion: Motion = sections["motion"]
-    flight = read_flight(folder / motion.file) if motion.kind == "flight" else None
+    flight = _flight(motion, where, folder)
     scenario = Scenario(build(Run, plain, where), faults=settings, flight=flight, **sections)
     return checked_scenario(scenario, where)
+
+
+def _flight(motion: Motion, where: str, folder: Path) -> Flight | None:
+    if motion.kind != "flight":
+        return None
+    if not motion.file:
+        raise ConfigurationError(f"{where}: motion.file is empty, a flight needs a CSV")
+    return read_flight(folder / motion.file, fit=motion.fit)
 
 
 def _mapping(value: Any, where: str, name: str) -> Mapping[str, Any]:
@@ -197,12 +204,9 @@ def checked_scenario(scenario: Scenario, where: str) -> Scenario:
 def _check_motion(scenario: Scenario, where: str) -> None:
     motion = scenario.motion
     if motion.kind == "flight":
-        if not motion.file:
-            raise ConfigurationError(f"{where}: motion.file is empty, a flight needs a CSV")
-        return
-    if motion.kind == "hold":
-        return
-    low, high = motion.centre_m - motion.amplitude_m, motion.centre_m + motion.amplitude_m
+        return  # checked row by row when it was read
+    reach = 0.0 if motion.kind == "hold" else motion.amplitude_m
+    low, high = motion.centre_m - reach, motion.centre_m + reach
     if low < 0.0 or high > STROKE_M:
         raise ConfigurationError(
             f"{where}: motion from {low:.4f} to {high:.4f} m passes the end stops at 0 and "
@@ -213,7 +217,7 @@ def _check_motion(scenario: Scenario, where: str) -> None:
             f"{where}: motion.rise_s = {motion.rise_s!r} s does not fit twice into the period "
             f"of {1.0 / motion.frequency_hz:.3f} s"
         )
-    speed = peak_speed(motion)
+    speed = peak_speed(motion) if reach else 0.0
     if speed > REFERENCE_SPEED_LIMIT_M_S:
         raise ConfigurationError(
             f"{where}: motion reaches {speed:.3f} m/s, the limit is "

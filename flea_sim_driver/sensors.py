@@ -68,9 +68,7 @@ COLUMN = {channel: column for column, channel in enumerate(CHANNELS)}
 LOAD_CURRENT_OFFSET_A = 0.33
 POT_NONLINEARITY_M = 0.04e-3
 HOMING_ERROR_M = 0.05e-3
-ACCELEROMETER_AXES = tuple(
-    f"accelerometer_{number}_{axis}" for number in (1, 2) for axis in "xyz"
-)
+ACCELEROMETER_AXES = tuple(f"accelerometer_{number}_{axis}" for number in (1, 2) for axis in "xyz")
 ACCELEROMETER_MOUNT = {"1": "motor housing", "2": "ball screw nut"}
 
 

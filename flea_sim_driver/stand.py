@@ -12,43 +12,27 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.wire.records import (
-    NEVER_NS,
-    ChannelTable,
-    Record,
-    Scan,
-    Truth,
-    VibrationBlock,
-)
+from flea_diag.wire.records import NEVER_NS, ChannelTable, Record, Scan, Truth, VibrationBlock
 from flea_diag.wire.topics import TOPIC_OF
+from flea_sim_driver.acquisition import SCAN_S, SCANS, Acquisition, Block, pwm
 from flea_sim_driver.actuator import Actuator, Sizes, coefficients, with_faults
 from flea_sim_driver.disturbance import Catches, Disturbance
-from flea_sim_driver.drive import waveform
-from flea_sim_driver.plant import SIGNALS, STEP_S, Coefficients
+from flea_sim_driver.plant import STEP_S, Coefficients
 from flea_sim_driver.profile import commanded
 from flea_sim_driver.scenario import FaultSetting, Scenario, check_fault
 from flea_sim_driver.schedule import Episode, cleared, episodes, on_grid
-from flea_sim_driver.sensors import (
-    ACCELEROMETER_AXES,
-    CHANNELS,
-    COLUMN,
-    ENCODER_COUNTS,
-    LOAD_CURRENT_OFFSET_A,
-    Panel,
-    channel_infos,
-)
+from flea_sim_driver.sensors import ACCELEROMETER_AXES, CHANNELS, Panel, channel_infos
 from flea_sim_driver.thermal import Temperatures, warmed
 from flea_sim_driver.unit import Bench, Unit, draw_unit
 from flea_sim_driver.vibration import Severity, Vibration
 
 Array = npt.NDArray[np.float64]
 BLOCK_S = 0.1
-SCANS = 10
 STEPS = 200
 SCAN_NS = 10_000_000
 BLOCK_NS = 100_000_000
+LATEST_S = 4e-3
 NOMINAL = "nominal"
-DEFECTIVE_READING = -24.0
 
 
 class Stand:
@@ -64,30 +48,32 @@ class Stand:
 
     def __init__(self, scenario: Scenario, start_ns: int | None = None) -> None:
         self.scenario = scenario
-        run = scenario.run
+        run, sensors = scenario.run, scenario.sensors
         self.start_ns = round(run.start_s * 1e9) if start_ns is None else start_ns
-        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(7)]
+        draws = [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(7)]
         warm = run.ambient_degc + run.warm_degc
         self.units: dict[str, Unit] = {
-            "Y": draw_unit(streams[0], run.unit_spread, warm),
-            "X": draw_unit(streams[1], run.unit_spread, warm),
+            "Y": draw_unit(draws[0], run.unit_spread, warm),
+            "X": draw_unit(draws[1], run.unit_spread, warm),
         }
         self.bench = Bench()
         self.unit_in_use = run.active_unit
-        self._panel = Panel(streams[2], run.unit_spread, scenario.sensors.spikes)
-        self._disturbance = Disturbance(streams[4], Catches())
-        self._daq, self._phase = streams[5], streams[6].random()
-        self._temperatures = {name: Temperatures.uniform(warm) for name in self.units}
+        panel = Panel(draws[2], run.unit_spread, sensors.spikes)
+        self._acquisition = Acquisition(sensors, self.bench, panel, draws[5])
+        self._clock = draws[6]
+        self._vibration = Vibration(
+            draws[3], sensors.vibration_rate_hz, round(sensors.vibration_rate_hz * BLOCK_S)
+        )
+        self._disturbance = Disturbance(draws[4], Catches())
+        self._temperatures = {
+            name: Temperatures.uniform(warm, run.ambient_degc) for name in self.units
+        }
         self._episodes = episodes(scenario.faults, scenario.switch, run.active_unit)
         self._told: set[int] = set()
+        self._tell_nominal = True
         self._block = 0
-        rate = scenario.sensors.vibration_rate_hz
-        count = round(rate * BLOCK_S)
-        self._vibration = Vibration(streams[3], rate, count)
-        self._offsets = np.round(np.arange(count) * (1e9 / rate)).astype(np.uint32)
         position, _ = commanded(scenario, np.zeros(1))
         self._actuator = Actuator.at_rest(self.bench, float(position[0]))
-        self._counts = self._encoder(np.array([position[0]]), self.units[self.unit_in_use])[0]
 
     # -- running ---------------------------------------------------------------------------
 
@@ -107,20 +93,16 @@ class Stand:
 
     def advance(self) -> tuple[Record, ...]:
         """Records of the next block of 0.1 s, in stamp order."""
-        begin = self.time_s
-        self._switch(begin)
-        unit_now = self.units[self.unit_in_use]
-        unit = warmed(unit_now, self._temperatures[self.unit_in_use])
-        sizes = self._sizes(begin)
-        signals, position, load = self._move(unit, sizes, begin)
-        records = self._opening() if self._block == 0 else []
-        records += self._truths(begin)
+        records = self._opening() + self._truths()
+        switch = self.scenario.switch
+        if 0.0 <= switch.at_s <= self.time_s + 1e-9:
+            self.unit_in_use = switch.to
         before = self._temperatures[self.unit_in_use]
-        heat = self._measure_currents(signals, unit)
-        after = self._warm(unit_now, heat, signals)
-        records += self._scans(signals, position, load, unit, (before, after), sizes, begin)
+        block = self._run()
+        after = self._warm(block)
+        records += self._stamped(self._acquisition.read(block, before, after))
         if self.scenario.sensors.vibration:
-            records.append(self._shake(signals, unit, sizes))
+            records.append(self._shake(block))
         self._block += 1
         records.sort(key=lambda record: (record.stamp_ns, TOPIC_OF[type(record)].rank))
         return tuple(records)
@@ -145,162 +127,68 @@ class Stand:
     def clear(self) -> None:
         """End every fault at the next block."""
         now = on_grid(self.time_s)
+        self._tell_nominal |= any(e.onset_s < now < e.end_s for e in self._episodes)
         self._episodes = tuple(cleared(episode, now) for episode in self._episodes)
-        self._told.add(-1)
 
     # -- parts of one block ----------------------------------------------------------------
 
-    def _switch(self, begin: float) -> None:
-        switch = self.scenario.switch
-        if 0.0 <= switch.at_s <= begin + 1e-9:
-            self.unit_in_use = switch.to
-
-    def _sizes(self, begin: float) -> list[Sizes]:
-        """Sizes of all episodes at each scan of the block."""
-        times = [begin + k * BLOCK_S / SCANS + 1e-9 for k in range(SCANS)]
-        unit = self.unit_in_use
-        return [tuple(e.size_at(time, unit) for e in self._episodes) for time in times]
-
-    def _move(self, unit: Unit, sizes: list[Sizes], begin: float) -> tuple[Array, Array, Array]:
-        """Plant signals (STEPS, signals) with commanded position and load (STEPS,)."""
-        time = begin + np.arange(STEPS) * STEP_S
-        position, load = commanded(self.scenario, time)
-        noise = self._disturbance.block(STEPS, float(load[0]), BLOCK_S)
-        segments = self._segments(coefficients(unit, self.bench), sizes, begin)
-        return self._actuator.advance(segments, position, load, noise), position, load
+    def _run(self) -> Block:
+        """What the machine does in this block."""
+        begin, name = self.time_s, self.unit_in_use
+        unit = warmed(self.units[name], self._temperatures[name])
+        times = [begin + k * SCAN_S + 1e-9 for k in range(SCANS)]
+        sizes = [tuple(e.size_at(time, name) for e in self._episodes) for time in times]
+        position, load = commanded(
+            self.scenario, np.arange(STEPS, dtype=np.float64) * STEP_S + begin
+        )
+        signals = self._actuator.advance(
+            self._segments(coefficients(unit, self.bench), sizes),
+            position,
+            load,
+            self._disturbance.block(STEPS, float(load[0]), BLOCK_S),
+        )
+        return Block(begin, unit, signals, position, load, self._episodes, sizes)
 
     def _segments(
-        self, healthy: Coefficients, sizes: list[Sizes], begin: float
+        self, healthy: Coefficients, sizes: list[Sizes]
     ) -> list[tuple[int, Coefficients]]:
+        """One stretch of constant coefficients, or ten where a fault changes in the block."""
         drifting = any(e.row.mode == "drift" and e.setting.where == "loop" for e in self._episodes)
         if not drifting and sizes.count(sizes[0]) == SCANS:
-            return [(STEPS, with_faults(healthy, self._episodes, sizes[0], begin))]
-        step = STEPS // SCANS
+            return [(STEPS, with_faults(healthy, self._episodes, sizes[0], self.time_s))]
         return [
-            (step, with_faults(healthy, self._episodes, row, begin + k * BLOCK_S / SCANS))
+            (
+                STEPS // SCANS,
+                with_faults(healthy, self._episodes, row, self.time_s + k * SCAN_S),
+            )
             for k, row in enumerate(sizes)
         ]
 
-    def _measure_currents(self, signals: Array, unit: Unit) -> float:
-        """Copper loss of the block in W, with the ripple that a freewheeling drive adds."""
-        current = signals[:, SIGNALS.index("current")]
-        square = float(np.mean(current**2))
-        if self.scenario.sensors.voltage == "instant_pwm":
-            square = float(np.mean(self._pwm(_mean(signals), unit).mean_square_current()))
-        return square * unit.winding_resistance_ohm
-
-    def _pwm(self, mean: Array, unit: Unit):  # type: ignore[no-untyped-def]
-        reactance = unit.winding_inductance_h * self.bench.pwm_frequency_hz
-        emf = unit.force_constant_n_per_a * mean[:, SIGNALS.index("speed")]
-        return waveform(
-            mean[:, SIGNALS.index("current")], emf, unit.winding_resistance_ohm, reactance,
-            self.bench.supply_v, self.bench.freewheel_drop_v,
-        )  # fmt: skip
-
-    def _warm(self, unit: Unit, copper_w: float, signals: Array) -> Temperatures:
+    def _warm(self, block: Block) -> Temperatures:
         """Temperatures at the end of the block; the idle unit cools."""
-        friction = float(np.mean(signals[:, SIGNALS.index("friction_power")]))
-        room = self.scenario.run.ambient_degc
-        for name, now in self._temperatures.items():
-            loss = (copper_w, friction) if name == self.unit_in_use else (0.0, 0.0)
-            self._temperatures[name] = now.after(BLOCK_S, self.units[name], *loss, room)
-        return self._temperatures[self.unit_in_use]
-
-    def _scans(
-        self, signals: Array, position: Array, load: Array, unit: Unit,
-        temperatures: tuple[Temperatures, Temperatures], sizes: list[Sizes], begin: float,
-    ) -> list[Record]:  # fmt: skip
-        mean = _mean(signals)
-        true = np.empty((SCANS, len(CHANNELS)))
-        self._electrical(true, mean, unit, begin)
-        self._mechanical(true, mean, signals, unit)
-        self._thermal(true, *temperatures)
-        true[:, COLUMN["commanded_position"]] = position.reshape(SCANS, -1).mean(axis=1)
-        true[:, COLUMN["commanded_load"]] = load.reshape(SCANS, -1).mean(axis=1)
-        running = np.minimum(np.abs(mean[:, SIGNALS.index("voltage")]) / 4.0, 1.0)
-        values = self._panel.read(true, running)
-        if self.scenario.sensors.defective:
-            self._defect(values)
-        self._falsify(values, sizes, begin)
-        return self._stamped(values)
-
-    def _electrical(self, true: Array, mean: Array, unit: Unit, begin: float) -> None:
-        current, voltage = (mean[:, SIGNALS.index(s)] for s in ("current", "voltage"))
+        square = float(np.mean(block.column("current") ** 2))
         if self.scenario.sensors.voltage == "instant_pwm":
-            time = begin + np.arange(SCANS) * BLOCK_S / SCANS
-            phase = np.mod(self._phase + self.bench.pwm_frequency_hz * time, 1.0)
-            wave = self._pwm(mean, unit)
-            driven = np.abs(voltage) + np.abs(current) > 1e-6
-            current = np.where(driven, wave.current(phase), 0.0)
-            voltage = np.where(driven, wave.voltage(phase), 0.0)
-        true[:, COLUMN["motor_current"]] = current + unit.current_offset_a
-        true[:, COLUMN["motor_voltage"]] = voltage + unit.voltage_offset_v
-        true[:, COLUMN["commanded_voltage"]] = mean[:, SIGNALS.index("command")]
-        load_current = mean[:, SIGNALS.index("load_current")]
-        true[:, COLUMN["load_motor_current"]] = load_current + LOAD_CURRENT_OFFSET_A
-
-    def _encoder(self, position: Array, unit: Unit) -> Array:
-        return np.floor(position / unit.lead_m * ENCODER_COUNTS)
-
-    def _mechanical(self, true: Array, mean: Array, signals: Array, unit: Unit) -> None:
-        ends = signals[STEPS // SCANS - 1 :: STEPS // SCANS, SIGNALS.index("position")]
-        counts = self._encoder(ends, unit)
-        turned = np.diff(counts, prepend=self._counts)
-        self._counts = counts[-1]
-        per_count = 2.0 * np.pi / ENCODER_COUNTS
-        true[:, COLUMN["motor_speed"]] = turned * per_count * SCANS / BLOCK_S
-        encoder = mean[:, SIGNALS.index("position")] + self._panel.homing_error_m
-        true[:, COLUMN["actuator_position"]] = encoder
-        pot = self._panel.potentiometer(mean[:, SIGNALS.index("load_position")])
-        true[:, COLUMN["load_position"]] = pot
-        true[:, COLUMN["load_force"]] = mean[:, SIGNALS.index("force")]
-
-    def _thermal(self, true: Array, before: Temperatures, after: Temperatures) -> None:
-        share = np.arange(SCANS) / SCANS
-        for channel, name in (("motor", "housing_sensed"), ("nut", "nut_sensed")):
-            first, last = getattr(before, name), getattr(after, name)
-            true[:, COLUMN[f"{channel}_temperature"]] = first + share * (last - first)
-        true[:, COLUMN["ambient_temperature"]] = self.scenario.run.ambient_degc
-
-    def _defect(self, values: Array) -> None:
-        column = COLUMN[self.scenario.sensors.defective]
-        values[:, column] = DEFECTIVE_READING + 0.05 * self._daq.standard_normal(SCANS)
-
-    def _falsify(self, values: Array, sizes: list[Sizes], begin: float) -> None:
-        """Sensor faults, on the digital values."""
-        for k, row in enumerate(sizes):
-            for episode, size in zip(self._episodes, row):
-                if size is not None and episode.row.channel:
-                    column = COLUMN[episode.row.channel]
-                    age = begin + k * BLOCK_S / SCANS - episode.onset_s
-                    values[k, column] = self._faulty(episode, size, values[k, column], age)
-
-    def _faulty(self, episode: Episode, size: float, value: float, age: float) -> float:
-        mode = episode.row.mode
-        if mode == "dropout":
-            # Gaps of 50 ms that begin anywhere, so many a second.
-            slot = int((age + 1e-9) / 0.05)
-            seed = (self.scenario.run.seed, slot, round(episode.onset_s * 1e3))
-            lost = np.random.default_rng(seed).random() < 0.05 * size
-            return 0.0 if lost else value
-        if mode == "noise":
-            return float(value + size * self._daq.standard_normal())
-        return {
-            "bias": value + size,
-            "drift": value + size * age,
-            "scaling": value * size,
-            "dead": size,
-        }[mode]
+            square = float(np.mean(pwm(block, self.bench).mean_square_current()))
+        losses = {
+            self.unit_in_use: (
+                square * block.unit.winding_resistance_ohm,
+                float(np.mean(block.column("friction_power"))),
+            )
+        }
+        for name, now in self._temperatures.items():
+            copper, friction = losses.get(name, (0.0, 0.0))
+            self._temperatures[name] = now.after(BLOCK_S, self.units[name], copper, friction)
+        return self._temperatures[self.unit_in_use]
 
     def _stamped(self, values: Array) -> list[Record]:
         sensors = self.scenario.sensors
         base = self.start_ns + self._block * BLOCK_NS
-        late = np.zeros(SCANS)
+        late, kept = np.zeros(SCANS), np.ones(SCANS, dtype=bool)
         if sensors.jitter_s > 0.0:
-            late = np.clip(self._daq.standard_normal(SCANS) * sensors.jitter_s, -4e-3, 4e-3)
-        kept = np.ones(SCANS, dtype=bool)
+            jitter = self._clock.standard_normal(SCANS) * sensors.jitter_s
+            late = np.clip(jitter, -LATEST_S, LATEST_S)
         if sensors.scan_loss > 0.0:
-            kept = self._daq.random(SCANS) >= sensors.scan_loss
+            kept = self._clock.random(SCANS) >= sensors.scan_loss
         rows = values.tolist()
         return [
             Scan(base + k * SCAN_NS + round(late[k] * 1e9), CHANNELS, tuple(rows[k]))
@@ -308,47 +196,40 @@ class Stand:
             if kept[k]
         ]
 
-    def _shake(self, signals: Array, unit: Unit, sizes: list[Sizes]) -> VibrationBlock:
-        speed, position, force = (
-            signals[:, SIGNALS.index(name)] for name in ("speed", "position", "force")
+    def _shake(self, block: Block) -> VibrationBlock:
+        rate = self._vibration.rate_hz
+        samples = self._vibration.block(
+            block.unit,
+            block.column("speed"),
+            block.column("position") / block.unit.screw_ratio_m_rad,
+            block.column("force"),
+            _severity(block),
         )
-        severity = self._severity(sizes)
-        angle = position / unit.screw_ratio_m_rad
-        samples = self._vibration.block(unit, speed, angle, force, severity)
+        offsets = np.round(np.arange(self._vibration.count) * (1e9 / rate)).astype(np.uint32)
         stamp = self.start_ns + self._block * BLOCK_NS
-        return VibrationBlock.pack(stamp, ACCELEROMETER_AXES, self._offsets, samples)
-
-    def _severity(self, sizes: list[Sizes]) -> Severity:
-        """Vibration sources of the block: the faults present in the middle of it."""
-        now = {e.row.id: s for e, s in zip(self._episodes, sizes[SCANS // 2]) if s is not None}
-        return Severity(
-            spall=now.get("spall", 0.0),
-            jam=now.get("jam", 0.0),
-            friction=now.get("ball_nut_friction", 0.0),
-            eccentricity=now.get("rotor_eccentricity", 0.0),
-            backlash_m=now.get("backlash", 0.0),
-            accelerometers=(now.get("accelerometer_1_fault"), now.get("accelerometer_2_fault")),
-        )
+        return VibrationBlock.pack(stamp, ACCELEROMETER_AXES, offsets, samples)
 
     # -- records besides the data ----------------------------------------------------------
 
     def _opening(self) -> list[Record]:
+        if self._block > 0:
+            return []
         sensors = self.scenario.sensors
         rate = sensors.vibration_rate_hz if sensors.vibration else None
-        rows = channel_infos(sensors.voltage, rate)
-        return [ChannelTable(self.start_ns, "flea_sim", rows)]
+        return [ChannelTable(self.start_ns, "flea_sim", channel_infos(sensors.voltage, rate))]
 
-    def _truths(self, begin: float) -> list[Record]:
+    def _truths(self) -> list[Record]:
         """What is wrong now: at the start, at each onset, and when all is cleared."""
         told: list[Record] = []
-        if self._block == 0 or -1 in self._told:
-            self._told.discard(-1)
+        if self._tell_nominal:
+            self._tell_nominal = False
             stamp = self.start_ns + self._block * BLOCK_NS
             told.append(Truth(stamp, NOMINAL, NEVER_NS, self._details()))
         for number, episode in enumerate(self._episodes):
-            if number not in self._told and episode.onset_s < begin + BLOCK_S - 1e-6:
+            if number not in self._told and episode.onset_s < self.time_s + BLOCK_S - 1e-6:
                 self._told.add(number)
-                told.append(self._truth(episode))
+                if episode.end_s > episode.onset_s:
+                    told.append(self._truth(episode))
         return told
 
     def _details(self) -> tuple[tuple[str, str], ...]:
@@ -358,18 +239,35 @@ class Stand:
     def _truth(self, episode: Episode) -> Truth:
         onset = self.start_ns + round(episode.onset_s * 1e9)
         setting = episode.setting
-        details = self._details() + (
-            ("size", repr(setting.size)), ("size_unit", episode.row.size_unit),
-            ("where", setting.where), ("growth_s", repr(setting.growth_s)),
-            ("on_s", repr(setting.on_s)), ("off_s", repr(setting.off_s)),
+        details = (
+            *self._details(),
+            ("size", repr(setting.size)),
+            ("size_unit", episode.row.size_unit),
+            ("where", setting.where),
+            ("growth_s", repr(setting.growth_s)),
+            ("on_s", repr(setting.on_s)),
+            ("off_s", repr(setting.off_s)),
             ("approach", episode.row.approach),
-        )  # fmt: skip
+        )
         return Truth(onset, setting.fault, onset, details)
 
 
-def _mean(signals: Array) -> Array:
-    """Signals averaged over each scan, shape (SCANS, signals)."""
-    return np.asarray(signals.reshape(SCANS, STEPS // SCANS, -1).mean(axis=1))
+def _severity(block: Block) -> Severity:
+    """Vibration sources of a block: the faults present in the middle of it."""
+    middle = block.sizes[SCANS // 2]
+    now = {
+        episode.row.id: size
+        for episode, size in zip(block.episodes, middle, strict=True)
+        if size is not None
+    }
+    return Severity(
+        spall=now.get("spall", 0.0),
+        jam=now.get("jam", 0.0),
+        friction=now.get("ball_nut_friction", 0.0),
+        eccentricity=now.get("rotor_eccentricity", 0.0),
+        backlash_m=now.get("backlash", 0.0),
+        accelerometers=(now.get("accelerometer_1_fault"), now.get("accelerometer_2_fault")),
+    )
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:

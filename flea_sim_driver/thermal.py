@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from flea_sim_driver.unit import Unit
 
@@ -25,22 +24,21 @@ class Temperatures:
     nut: float
     housing_sensed: float
     nut_sensed: float
+    ambient: float
 
     @classmethod
-    def uniform(cls, degc: float) -> Temperatures:
-        """All at one temperature."""
-        return cls(degc, degc, degc, degc, degc, degc)
+    def uniform(cls, degc: float, ambient: float) -> Temperatures:
+        """The whole machine at one temperature, in a room at another."""
+        return cls(degc, degc, degc, degc, degc, degc, ambient)
 
-    def after(
-        self, dt: float, unit: Unit, copper_w: float, friction_w: float, ambient: float
-    ) -> Temperatures:
+    def after(self, dt: float, unit: Unit, copper_w: float, friction_w: float) -> Temperatures:
         """The temperatures ``dt`` seconds later, with these losses."""
         to_housing = (self.winding - self.housing) / unit.winding_to_housing_k_w
         to_frame = (self.housing - self.frame) / unit.housing_to_frame_k_w
-        to_room = (self.frame - ambient) / unit.frame_to_ambient_k_w
-        from_nut = (self.nut - ambient) / unit.nut_to_ambient_k_w
+        to_room = (self.frame - self.ambient) / unit.frame_to_ambient_k_w
+        from_nut = (self.nut - self.ambient) / unit.nut_to_ambient_k_w
         into_nut = unit.nut_heat_share * friction_w
-        lag = 1.0 - np.exp(-dt / SENSOR_LAG_S)
+        lag = 1.0 - math.exp(-dt / SENSOR_LAG_S)
         return Temperatures(
             self.winding + dt * (copper_w - to_housing) / unit.winding_heat_capacity_j_k,
             self.housing + dt * (to_housing - to_frame) / unit.housing_heat_capacity_j_k,
@@ -48,6 +46,7 @@ class Temperatures:
             self.nut + dt * (into_nut - from_nut) / unit.nut_heat_capacity_j_k,
             self.housing_sensed + lag * (self.housing - self.housing_sensed),
             self.nut_sensed + lag * (self.nut - self.nut_sensed),
+            self.ambient,
         )
 
 
@@ -60,5 +59,5 @@ def warmed(unit: Unit, now: Temperatures) -> Unit:
         force_constant_n_per_a=unit.force_constant_n_per_a
         * (1.0 + MAGNET_PER_K * (now.housing - REFERENCE_DEGC)),
         viscous_friction_n_s_m=unit.viscous_friction_n_s_m
-        * float(np.exp(GREASE_PER_K * (now.nut - REFERENCE_DEGC))),
+        * math.exp(GREASE_PER_K * (now.nut - REFERENCE_DEGC)),
     )

@@ -84,7 +84,7 @@ def draw_unit(generator: np.random.Generator, spread: float, start_degc: float) 
     nominal = Unit()
     values = {
         name: getattr(nominal, name) * (1.0 + spread * UNIT_SPREAD[name] * draw)
-        for name, draw in zip(names, draws)
+        for name, draw in zip(names, draws, strict=True)
     }
     return replace(nominal, start_temperature_degc=start_degc, **values)
 

@@ -124,9 +124,7 @@ class Vibration:
             level = level + 5.0 * severity.jam * np.minimum(pace, 1.5) ** 0.7 * burst
         return np.asarray(level * source)
 
-    def _ball_pass(
-        self, omega: Array, load: Array, pace: Array, unit: Unit, spall: float
-    ) -> Array:
+    def _ball_pass(self, omega: Array, load: Array, pace: Array, unit: Unit, spall: float) -> Array:
         """Impulses where the travelled angle passes the next event; weak on a healthy nut."""
         travel = self._travel + np.cumsum(np.abs(omega)) / self.rate_hz
         out = np.zeros(self.count)

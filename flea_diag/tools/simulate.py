@@ -7,17 +7,22 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.wire.bag import BagWriter
-from flea_diag.wire.records import Truth
-from flea_sim_driver.faults import CATALOGUE
-from flea_sim_driver.library import find_scenario, scenario_names
-from flea_sim_driver.scenario import FaultSetting, Scenario, checked_scenario
-from flea_sim_driver.stand import NOMINAL, Stand
+
+if TYPE_CHECKING:
+    from flea_diag.wire.records import Truth
+    from flea_sim_driver.scenario import Scenario
 
 NAME = "simulate"
 SUMMARY = "run a scenario of the simulated stand into a bag, faster than real time"
+EXAMPLES = """\
+examples:
+  flea simulate --list                                 scenarios and faults there are
+  flea simulate jam -o bags/jam --seed 3
+  flea simulate nominal -o bags/short --fault winding_short --at 12 --size 0.3
+"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,6 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     if arguments.scenario is None or arguments.output is None:
         raise ConfigurationError("simulate: give a scenario and -o BAGDIR, or --list")
+    from flea_sim_driver.stand import NOMINAL
+
     scenario = configured(arguments)
     begin = time.perf_counter()
     truths = write_bag(scenario, arguments.output)
@@ -63,6 +70,9 @@ def configured(arguments: argparse.Namespace) -> Scenario:
     ConfigurationError
         Unknown scenario or fault, or a value out of its limits.
     """
+    from flea_sim_driver.library import find_scenario
+    from flea_sim_driver.scenario import FaultSetting, checked_scenario
+
     scenario = find_scenario(arguments.scenario)
     changes = {
         key: value
@@ -87,6 +97,10 @@ def configured(arguments: argparse.Namespace) -> Scenario:
 
 def write_bag(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
     """Run a scenario into a bag; the truths that went with it."""
+    from flea_diag.wire.bag import BagWriter
+    from flea_diag.wire.records import Truth
+    from flea_sim_driver.stand import Stand
+
     truths = []
     with BagWriter(directory, whole_every_s=None) as bag:
         for record in Stand(scenario):
@@ -97,6 +111,9 @@ def write_bag(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
 
 
 def _print_catalogue() -> None:
+    from flea_sim_driver.faults import CATALOGUE
+    from flea_sim_driver.library import scenario_names
+
     print("scenarios:")
     for name in scenario_names():
         print(f"  {name}")

@@ -1,0 +1,131 @@
+"""``flea realism``: the simulated stand held against recordings of the real one."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flea_diag.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from flea_sim_driver.realism import Comparison, Summary
+    from flea_sim_driver.recording import Recording
+
+NAME = "realism"
+SUMMARY = "compare simulated runs with real recordings of the same motion and load"
+EXAMPLES = """\
+examples:
+  flea realism recordings/*.data                          a table on standard output
+  flea realism recordings/*.data --json out.json --plots pictures
+"""
+PICTURED = (("position", "mm", 1e3), ("force", "N", 1.0), ("current", "A", 1.0),
+            ("voltage", "V", 1.0), ("motor_temperature", "degC", 1.0))  # fmt: skip
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``flea realism``."""
+    parser.add_argument("runs", nargs="+", type=Path, help="FLEA .data files")
+    parser.add_argument("--seed", type=int, default=1, help="of the simulated units (1)")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write every number there")
+    parser.add_argument("--plots", type=Path, metavar="DIR", help="one PNG a run, needs matplotlib")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare; 0 when done."""
+    from flea_sim_driver.realism import compare, summaries
+    from flea_sim_driver.recording import NAME as RUN_NAME
+
+    paths = [path for path in arguments.runs if RUN_NAME.match(path.name)]
+    if not paths:
+        raise ConfigurationError(
+            f"realism: none of {len(arguments.runs)} files is a nominal, jam or spall run "
+            "(BatchProfile_<motion><n><n>_..._Nominal_Low.data)"
+        )
+    picture = _painter(arguments.plots) if arguments.plots else None
+    rows = compare(paths, arguments.seed, picture)
+    table = summaries(rows)
+    print(as_text(table))
+    if arguments.json:
+        _write_json(arguments.json, rows, table)
+    skipped = len(arguments.runs) - len(paths)
+    if skipped:
+        print(f"{skipped} files of other kinds left out", file=sys.stderr)
+    return 0
+
+
+def as_text(table: list[Summary]) -> str:
+    """The summaries as words: distance 0.10 is ten per cent off."""
+    lines = []
+    previous = ("", "")
+    for row in table:
+        if (row.half, row.label) != previous:
+            previous = (row.half, row.label)
+            lines += ["", f"{row.half}, {row.label} ({row.runs} runs)"]
+            lines.append(f"  {'statistic':26}{'real':>11}{'simulated':>11}  distance   bias")
+        lines.append(
+            f"  {row.statistic:26}{row.real:11.4g}{row.simulated:11.4g}  {row.distance:8.2f}"
+            f"  {row.bias:+5.2f}  {row.unit}"
+        )
+    lines += ["", "distance: median over runs of |ln(simulated / real)|; bias: with its sign."]
+    lines.append("The simulator was tuned on the tuning half; the held-out half is the report.")
+    return "\n".join(lines).lstrip("\n")
+
+
+def _write_json(path: Path, rows: list[Comparison], table: list[Summary]) -> None:
+    content = {
+        "schema_version": 1,
+        "summaries": [_finite(asdict(row)) for row in table],
+        "runs": [_finite({**asdict(row), "distance": row.distance}) for row in rows],
+    }
+    try:
+        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    """JSON knows no NaN: what is not usable is null."""
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in row.items()
+    }
+
+
+def _painter(folder: Path) -> Any:
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise ConfigurationError("--plots needs matplotlib: pip install matplotlib") from error
+    matplotlib.use("Agg")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"cannot write pictures to {folder}: {error.strerror}") from error
+
+    def paint(real: Recording, simulated: Recording) -> None:
+        from matplotlib import pyplot
+
+        figure, axes = pyplot.subplots(len(PICTURED), 2, figsize=(14, 13), sharey="row")
+        for column, recording in enumerate((real, simulated)):
+            _paint_column(axes[:, column], recording)
+        figure.suptitle(real.name)
+        figure.tight_layout()
+        figure.savefig(folder / f"{Path(real.name).stem}.png", dpi=70)
+        pyplot.close(figure)
+
+    return paint
+
+
+def _paint_column(axes: Any, recording: Recording) -> None:
+    for axis, (signal, unit, scale) in zip(axes, PICTURED, strict=True):
+        values = getattr(recording, signal) * scale
+        axis.plot(values, ".", markersize=1)
+        axis.plot(recording.smooth[signal] * scale, linewidth=0.8)
+        axis.set_ylabel(f"{signal} ({unit})")
+    axes[0].set_title("simulated" if recording.simulated else "real")
+    axes[-1].set_xlabel("sample (100 Hz)")
