@@ -105,7 +105,9 @@ def from_mapping(mapping: object, where: str) -> Calibration:
         Naming ``where`` and the entry that is missing, unknown, of the wrong kind or not finite.
     """
     if not isinstance(mapping, Mapping):
-        raise CalibrationError(f"{where}: a calibration is a mapping, this is {type(mapping).__name__}")
+        raise CalibrationError(
+            f"{where}: a calibration is a mapping, this is {type(mapping).__name__}"
+        )
     if mapping.get("schema_version") != SCHEMA_VERSION:
         raise CalibrationError(
             f"{where}: schema_version = {mapping.get('schema_version')!r}, this version reads "

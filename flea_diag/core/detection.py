@@ -20,11 +20,13 @@ import numpy.typing as npt
 
 from flea_diag.core.residual_bank import RESIDUALS, ResidualRow, ResidualSample
 from flea_diag.core.running_mean import WindowedMeans
+from flea_diag.core.thermal import CORRECTION_S
 
 Array = npt.NDArray[np.float64]
 
 SPEED_REGIONS_M_S = (0.025, 0.060)
 """Upper edges of the slow and the medium region of the mean |speed| in a window."""
+THERMAL = ("motor_temperature", "nut_temperature", "ambient_temperature")
 LOG_FLOOR = 1e-3
 """A noise level this small against nominal counts as none (a dead channel)."""
 
@@ -105,11 +107,16 @@ class Detector:
     """Runs every test of ``RESIDUALS`` on a stream of samples, constant memory."""
 
     def __init__(
-        self, limits: Sequence[ResidualLimit], tolerance: Sequence[float], noise_log: float
+        self,
+        limits: Sequence[ResidualLimit],
+        tolerance: Sequence[float],
+        noise_log: float,
+        thermal_rate_k_per_s: float,
     ) -> None:
+        extra = noise_log, thermal_rate_k_per_s * CORRECTION_S
         named = {limit.name: limit for limit in limits}
         self._groups = tuple(
-            _Group(gate, named, np.array(tolerance), noise_log) for gate in ("moving", "always")
+            _Group(gate, named, np.array(tolerance), extra) for gate in ("moving", "always")
         )
         self._jumps = [
             (j, named[row.name].windows[0])
@@ -130,11 +137,13 @@ class Detector:
             self.results.window[index] = 1
         return self.results
 
-    def adopt(self, tolerance: Sequence[float]) -> None:
-        """Go on with another unit spread; means that rest on the old offsets are dropped."""
+    def adopt(self, change: Sequence[float], tolerance: Sequence[float]) -> None:
+        """Go on with unit parameters that changed by ``change`` and a narrower spread.
+
+        What the windows hold is moved along, r + (dr/dp) dp, so that nothing is forgotten.
+        """
         for group in self._groups:
-            group.tolerance = np.array(tolerance)
-        self.clear()
+            group.adopt(np.array(change), np.array(tolerance))
 
     def forget(self, columns: Sequence[int]) -> None:
         """Drop the windows of some residuals, whose channel turned out to be bad."""
@@ -151,7 +160,11 @@ class _Group:
     """Residuals that are gated alike share one ring of rows: values, |speed|, spreads."""
 
     def __init__(
-        self, gate: str, limits: dict[str, ResidualLimit], tolerance: Array, noise_log: float
+        self,
+        gate: str,
+        limits: dict[str, ResidualLimit],
+        tolerance: Array,
+        extra: tuple[float, float],
     ) -> None:
         self.gate = gate
         self._columns = np.array([j for j, row in enumerate(RESIDUALS) if row.gate == gate])
@@ -161,7 +174,9 @@ class _Group:
         # Only parity relations have a spread; the others carry none through the ring.
         self._spread = np.array([j for j, row in enumerate(rows) if row.name.startswith("parity")])
         self.tolerance = tolerance
-        self._noise_variance = np.where(self._noise, noise_log**2, 0.0)
+        noise_log, thermal_k = extra
+        thermal = np.array([row.name in THERMAL for row in rows])
+        self._variance = np.where(self._noise, noise_log**2, np.where(thermal, thermal_k**2, 0.0))
         self._bounds(rows, limits)
         width = len(rows) + 1 + len(self._spread) * len(tolerance)
         self._means = WindowedMeans(width, self._windows)
@@ -204,12 +219,20 @@ class _Group:
         if self._noise.any():
             ratio = means[:, self._noise] / self._nominal[self._noise]
             statistic[:, self._noise] = np.log(np.maximum(ratio, LOG_FLOOR))
-        variance = self._sigma[window, :, region] ** 2 + self._noise_variance
+        variance = self._sigma[window, :, region] ** 2 + self._variance
         if len(self._spread):
             spreads = spreads.reshape(len(window), len(self._spread), len(self.tolerance))
             variance[:, self._spread] += np.square(spreads * self.tolerance).sum(axis=2)
         z: Array = (statistic - self._centre[window, :, region]) / np.sqrt(variance)
         return z, statistic
+
+    def adopt(self, change: Array, tolerance: Array) -> None:
+        """Move the parity residuals in the windows along with the unit's parameters."""
+        self.tolerance = tolerance
+        count = len(self._columns)
+        for place, column in enumerate(self._spread):
+            start = count + 1 + place * len(change)
+            self._means.combine(int(column), slice(start, start + len(change)), change)
 
     def forget(self, columns: Sequence[int]) -> None:
         """Clear the windows of some residuals."""

@@ -20,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flea_diag.core.parameters import ActuatorParameters
+from flea_diag.core.thermal import CORRECTION_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,15 +45,22 @@ class Size:
 
 @dataclass(frozen=True, slots=True)
 class FaultModel:
-    """Additive model of one fault in the parity relations."""
+    """Additive model of one fault in the parity relations.
+
+    ``roughness`` is the scatter of the fault's own effect, as a share of it: a rubbing screw
+    does not rub evenly, a sensor's scale factor does not scatter at all.
+    """
 
     fault: str
     sizes: tuple[Size, ...]
     terms: tuple[Term, ...]
+    roughness: float = 0.0
 
 
 INFINITE = float("inf")
 SPALL_DRAG_N = 20.0
+ROUGHNESS = 0.3
+"""Drag of the real jammed units scatters by about this share along the stroke."""
 REGRESSORS = (
     "one",
     "elapsed_s",
@@ -64,17 +72,19 @@ REGRESSORS = (
     "force_and_direction_n",
     "motor_force_n",
     "resisting_force_n",
+    "rate_force_n",
     "motor_voltage_v",
     "emf_and_drop_v",
     "driving_voltage_v",
     "commanded_voltage_v",
     "motor_temperature_degc",
     "nut_temperature_degc",
+    "ambient_temperature_degc",
     "position_m",
     "encoder_m_s",
 )
 """Signals that fault models are made of; ``motor_force_n`` is K (i - i0), ``resisting_force_n``
-is load, friction and inertia, ``emf_and_drop_v`` is R (i - i0) + Ke v, ``driving_voltage_v`` is
+is load, friction and inertia, ``rate_force_n`` is B v + M a, ``emf_and_drop_v`` is R (i - i0) + Ke v, ``driving_voltage_v`` is
 V - V0 - Ke v, what is left to drive a current."""
 
 MECHANICAL, ELECTRICAL, DRIVE = "parity_mechanical", "parity_electrical", "parity_drive"
@@ -146,6 +156,20 @@ def _readings(p: ActuatorParameters) -> tuple[_Reading, ...]:
             "nut_temperature_degc",
             (),
         ),
+        # Wrong air moves the models of motor and nut only by CORRECTION_S over their cooling time.
+        _Reading(
+            "ambient_temperature",
+            "K",
+            60.0,
+            2.0,
+            (
+                ("ambient_temperature", 1.0),
+                ("motor_temperature", -CORRECTION_S / p.motor_cooling_s),
+                ("nut_temperature", -CORRECTION_S / p.nut_cooling_s),
+            ),
+            "ambient_temperature_degc",
+            (),
+        ),
     )
 
 
@@ -171,7 +195,10 @@ def _sensor_models(entry: _Reading) -> tuple[FaultModel, ...]:
                 f"{entry.channel}_drift", (rate, grown), terms("elapsed_s") + terms("one", 1)
             )
         )
-    if entry.truth:
+    if not entry.truth:
+        # Nothing else tells what the reading should be: a constant, like a bias.
+        models.append(FaultModel(f"{entry.channel}_dead", (free,), terms("one")))
+    else:
         gone = tuple(Term(residual, source, gain) for residual, source, gain in entry.truth)
         models.append(FaultModel(f"{entry.channel}_dead", (lost, free), gone + terms("one", 1)))
     return tuple(models)
@@ -205,16 +232,28 @@ def fault_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
     opened = (Term(ELECTRICAL, "driving_voltage_v", 1.0),)
     torqueless = (Term(MECHANICAL, "current_a", K), Term(ELECTRICAL, "speed_m_s", -Ke))
     unpowered = (Term(DRIVE, "commanded_voltage_v", -1.0),)
+    # Speed and acceleration come from the position where there is no encoder.
+    slid = (Size("scaling share", "1", SHARE_LOW, SHARE_HIGH),)
+    slope = (Term(MECHANICAL, "rate_force_n", -1.0), Term(ELECTRICAL, "speed_m_s", -Ke))
+    crept = (Size("drift", "m/s", -0.005, 0.005),)
+    creep = (
+        Term(MECHANICAL, "one", -p.viscous_friction_n_s_per_m),
+        Term(ELECTRICAL, "one", -Ke),
+    )
     # A spall is a rattle with next to no mean drag: no more than healthy units differ by.
     rattle = (Size("coulomb drag", "N", 0.0, SPALL_DRAG_N),)
     return (
         FaultModel("jam", drag, rub),
+        FaultModel("jam", drag, rub, ROUGHNESS),
         FaultModel("ball_nut_friction", drag, rub),
+        FaultModel("ball_nut_friction", drag, rub, ROUGHNESS),
         FaultModel("spall", rattle, rub[:1]),
         FaultModel("winding_short", short, shorted),
         FaultModel("winding_open", (most,), opened),
         FaultModel("motor_failure", (most,), opened),
         FaultModel("motor_failure", (most,), torqueless),
+        FaultModel("actuator_position_scaling", slid, slope),
+        FaultModel("actuator_position_drift", crept, creep),
         FaultModel("supply_open", (most,), unpowered),
         FaultModel("supply_short", (most,), unpowered),
         *(model for entry in _readings(p) for model in _sensor_models(entry)),

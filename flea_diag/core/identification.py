@@ -224,9 +224,9 @@ def _electrical(data: Smoothed, speed: Array, result: Identified) -> None:
     x, covariance, weight = robust_fit(A, voltage, data.run[use], start)
     residual = voltage - A @ x
     scale = 1.4826 * float(np.median(np.abs(residual[weight > 0])))
-    # No healthy unit disagrees by a quarter of what the drive can put out.
+    # No healthy unit disagrees by a third of what the drive can put out.
     supply_v = float(np.quantile(np.abs(voltage), 0.99))
-    result.voltage_limit_v = max(8.0 * scale, 0.25 * supply_v)
+    result.voltage_limit_v = max(8.0 * scale, supply_v / 3.0)
     values = dict(zip(names, map(float, x), strict=True))
     result.found(values, dict(zip(names, map(float, np.sqrt(np.diag(covariance))), strict=True)))
 

@@ -10,7 +10,7 @@ assumption.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from flea_diag.core.fault import Fault
@@ -19,10 +19,18 @@ from flea_diag.core.likelihood import Fit
 from flea_diag.core.operating_point import Quadrant
 from flea_diag.core.signature import SignatureTable
 
+OWN_RESIDUALS = ("ambient_temperature",)
+"""Held against the sensor's own past: nothing but its own faults move it."""
 JUMP_RESIDUALS = ("actuator_position", "load_position")
-"""Residuals that are innovations over three samples: only an order-0 effect moves them."""
+"""Innovations over three samples. The position of a mass cannot jump: no fault of the plant
+has an effect of order 0 on it, so only the sensor's own faults move these."""
+JUMP_MODES = ("bias", "scaling", "dead", "dropout", "noise")
 NOISE_SYMBOLS = {"noise": "+", "dropout": "*", "dead": "-", "scaling": "*"}
 """How the modes of a sensor fault move that sensor's own noise level."""
+DEFINED_BY_NOISE = {"noise": "+-", "dropout": "+-", "dead": "-"}
+"""Modes that are a change of noise, and its possible signs: without it they are ruled out."""
+MOTION_TELLS = ("actuator_position", "load_position", "motor_speed")
+"""Channels whose death motion itself tells: a reading that goes on moving is not dead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,13 +100,22 @@ class Isolation:
         magnitude: str,
         slope: str,
         quadrants: Iterable[Quadrant],
+        settled: bool = False,
     ) -> None:
-        """Hold one symbol against every hypothesis that is still possible."""
+        """Hold one symbol against every hypothesis that is still possible.
+
+        A symbol that speaks against all that is left of a ``settled`` group is no news of the
+        fault that was found: a second fault, or the limits of the model. It is recorded.
+        """
         visited = tuple(quadrants)
-        for hypothesis in self.alive():
-            kept, signature, words = self._judge(
-                hypothesis.fault, residual, magnitude, slope, visited
-            )
+        judged = [
+            (h, *self._judge(h.fault, residual, magnitude, slope, visited)) for h in self.alive()
+        ]
+        overruled = settled and not any(kept for _, kept, _, _ in judged)
+        for hypothesis, fits, signature, words in judged:
+            kept = fits or overruled
+            if overruled:
+                words = f"{words}; so of every fault left, hence not held against this one"
             hypothesis.add(
                 Finding(
                     stamp_ns,
@@ -124,12 +141,9 @@ class Isolation:
         last = UNAFFECTED, "this fault does not move this residual"
         for signature in predictions:
             verdict = compatible(signature, magnitude, slope)
-            jumps = residual not in JUMP_RESIDUALS or signature.magnitude != "0"
-            if verdict and jumps:
-                return True, signature, verdict.reason
             if verdict:
-                last = signature, "a jump, and this fault moves the reading only gradually"
-            elif signature.affected:
+                return True, signature, verdict.reason
+            if signature.affected:
                 last = signature, verdict.reason
         return False, *last
 
@@ -137,13 +151,39 @@ class Isolation:
         self, fault: Fault, residual: str, visited: tuple[Quadrant, ...]
     ) -> Iterable[FaultSignature]:
         if residual.endswith("_noise"):
-            yield _noise_signature(fault, residual)
+            symbol = NOISE_SYMBOLS.get(fault.mode, "0")
+            yield _own(fault, residual.removesuffix("_noise"), symbol, "noise")
+            return
+        if residual in JUMP_RESIDUALS:
+            yield _own(fault, residual, "*" if fault.mode in JUMP_MODES else "0", "jump")
+            return
+        if residual in OWN_RESIDUALS:
+            yield _own(fault, residual, "*", "level")
             return
         for quadrant in visited:
             table = self._tables[quadrant]
             for variant in table.variants[fault.name]:
                 if residual in variant.row:
                     yield variant.row[residual]
+
+    def require(self, stamp_ns: int, symbols: Mapping[str, str], moved: Collection[str]) -> None:
+        """Drop faults whose defining symptom has stayed out, once there was time for it.
+
+        Noise and dropout are changes of noise, a dead sensor reads a constant. ``symbols`` are
+        the magnitudes seen so far; ``moved`` the channels that moved since the detection.
+        """
+        for hypothesis in self.alive():
+            fault, noise = hypothesis.fault, f"{hypothesis.fault.channel}_noise"
+            if fault.mode == "dead" and fault.channel in MOTION_TELLS:
+                ruled_out, words = fault.channel in moved, f"{fault.channel} goes on moving"
+            else:
+                signs = DEFINED_BY_NOISE.get(fault.mode)
+                ruled_out = signs is not None and symbols.get(noise, "0") not in signs
+                words = f"the noise of {fault.channel} is not that of a sensor with {fault.mode}"
+            if ruled_out:
+                observed = symbols.get(noise, "0")
+                hypothesis.add(Finding(stamp_ns, noise, observed, "", False, words))
+        self.share_out()
 
     def weigh(self, stamp_ns: int, fits: Sequence[Fit], drop_nats: float) -> None:
         """Take likelihoods in; drop what is less likely than the best by ``drop_nats``.
@@ -188,11 +228,8 @@ class Isolation:
             hypothesis.probability = weight / sum(weights)
 
 
-def _noise_signature(fault: Fault, residual: str) -> FaultSignature:
-    """Only a sensor's own fault moves its noise level."""
-    if residual != f"{fault.channel}_noise":
+def _own(fault: Fault, channel: str, symbol: str, what: str) -> FaultSignature:
+    """Signature of a residual that only the faults of its own sensor can move."""
+    if fault.channel != channel or symbol == "0":
         return UNAFFECTED
-    symbol = NOISE_SYMBOLS.get(fault.mode, "0")
-    if symbol == "0":
-        return UNAFFECTED
-    return FaultSignature(symbol, "*", 0, f"{fault.name} -> noise of {fault.channel}")
+    return FaultSignature(symbol, "*", 0, f"{fault.name} -> {what} of {channel}")

@@ -59,6 +59,7 @@ class Evidence:
         self._cross = np.zeros((count, width))
         self._square = np.zeros(count)
         self.samples = np.zeros(count)
+        self._spacing = np.ones(count)
 
     def add(self, values: Array, regressors: Array) -> None:
         """One sample: residuals (same order as given, NaN = none) and ``REGRESSORS``."""
@@ -82,9 +83,8 @@ class Evidence:
         ``sigma`` is the nominal scatter of each residual and ``correlation`` the samples to
         one independent sample; ``tolerance`` is in the order of ``UNIT_PARAMETERS``.
         """
-        weight = np.array(
-            [1.0 / (correlation[name] * sigma[name] ** 2) for name in self.residuals]
-        )
+        self._spacing = np.array([correlation[name] for name in self.residuals])
+        weight = 1.0 / (self._spacing * np.square([sigma[name] for name in self.residuals]))
         nominal, _, _ = self._solve(None, weight, tolerance)
         independent = float(
             sum(n / correlation[name] for n, name in zip(self.samples, self.residuals, strict=True))
@@ -102,11 +102,38 @@ class Evidence:
         independent: float,
     ) -> Fit:
         misfit, sizes, sigmas = self._solve(model, weight, tolerance)
+        gain = 0.5 * (nominal - misfit)
+        if model.roughness > 0.0:
+            weight, loss = self._roughened(model, sizes, weight)
+            misfit, sizes, sigmas = self._solve(model, weight, tolerance)
+            gain = 0.5 * (nominal - misfit) - loss
         inside = sum(
             size.low < value < size.high for size, value in zip(model.sizes, sizes, strict=True)
         )
         penalty = 0.5 * inside * np.log(independent)
-        return Fit(model.fault, 0.5 * (nominal - misfit) - penalty, sizes, sigmas)
+        return Fit(model.fault, gain - penalty, sizes, sigmas)
+
+    def _roughened(
+        self, model: FaultModel, sizes: Sequence[float], weight: Array
+    ) -> tuple[Array, float]:
+        """Weights with the scatter of the fault's own effect added, and what that costs.
+
+        The variance of each residual that the fault moves grows by (roughness * effect)^2; the
+        Gaussian's normalisation then costs ln(growth) / 2 for each independent sample.
+        """
+        rough, loss = weight.copy(), 0.0
+        for index, name in enumerate(self.residuals):
+            effect = np.zeros(len(REGRESSORS))
+            for term in model.terms:
+                if term.residual == name:
+                    effect[COLUMN[term.regressor]] += term.gain * sizes[term.index]
+            if self.samples[index] and effect.any():
+                square = float(effect @ self._gram[index] @ effect) / self.samples[index]
+                # weight = 1 / (c sigma^2): growth is 1 + roughness^2 square / sigma^2.
+                growth = 1.0 + model.roughness**2 * square * weight[index] * self._spacing[index]
+                rough[index] /= growth
+                loss += 0.5 * self.samples[index] / self._spacing[index] * np.log(growth)
+        return rough, loss
 
     def _solve(
         self, model: FaultModel | None, weight: Array, tolerance: Sequence[float]

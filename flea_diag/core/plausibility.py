@@ -13,7 +13,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-ENTER_SAMPLES = 10
+ENTER_SAMPLES = 20
 CLEAN_SAMPLES = 1000
 
 

@@ -35,15 +35,16 @@ CHANNELS = (
 """Channels that the diagnosis reads, in the order of every row in this module."""
 INDEX = {name: index for index, name in enumerate(CHANNELS)}
 
-NOISE_CHANNELS = (
-    "motor_current",
-    "motor_speed",
-    "actuator_position",
-    "load_position",
-    "load_force",
-    "motor_temperature",
-    "nut_temperature",
-)
+NOISE_CHANNELS = {
+    "motor_current": "moving",
+    "motor_speed": "moving",
+    "actuator_position": "moving",
+    "load_position": "moving",
+    "load_force": "moving",
+    "motor_temperature": "always",
+    "nut_temperature": "always",
+}
+"""Channels whose noise is watched, and when: that of current and load comes with motion."""
 JUMP_CHANNELS = ("actuator_position", "load_position")
 
 
@@ -76,18 +77,21 @@ RESIDUALS: tuple[ResidualRow, ...] = (
     *(_parity_row(row) for row in PARITIES),
     ResidualRow("motor_temperature", "K", ("motor_temperature",), "always", THERMAL_WINDOWS),
     ResidualRow("nut_temperature", "K", ("nut_temperature",), "always", THERMAL_WINDOWS),
+    ResidualRow("ambient_temperature", "K", ("ambient_temperature",), "always", THERMAL_WINDOWS),
     *(ResidualRow(name, "m", (name,), "jump", (1,)) for name in JUMP_CHANNELS),
     *(
-        ResidualRow(f"{name}_noise", "1", (name,), "moving", NOISE_WINDOWS)
-        for name in NOISE_CHANNELS
+        ResidualRow(f"{name}_noise", "1", (name,), gate, NOISE_WINDOWS)
+        for name, gate in NOISE_CHANNELS.items()
     ),
 )
 RESIDUAL_INDEX = {row.name: index for index, row in enumerate(RESIDUALS)}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ResidualSample:
     """All residuals of one scan, order of ``RESIDUALS``; NaN where one cannot be formed.
+
+    Not frozen: cross-checks of channels take out what is not to be used.
 
     ``spread`` has shape (residuals, unit parameters): d r / d theta of healthy units.
     """
@@ -108,7 +112,6 @@ class ResidualBank:
         period_s: float = 0.01,
         kernel_length: int = 31,
         moving_m_s: float = 0.010,
-        thermal_correction_s: float = 120.0,
         start_samples: int = 100,
     ) -> None:
         self._p = parameters
@@ -117,8 +120,9 @@ class ResidualBank:
         self._smoother = Smoother(len(CHANNELS), kernel_length, period_s)
         self._last = np.full((4, len(CHANNELS)), np.nan)
         self._jumps = {name: _JumpPredictor() for name in JUMP_CHANNELS}
-        self._motor = ThermalNode(parameters.motor_cooling_s, thermal_correction_s, start_samples)
-        self._nut = ThermalNode(parameters.nut_cooling_s, thermal_correction_s, start_samples)
+        self._motor = ThermalNode(parameters.motor_cooling_s, start_samples)
+        self._nut = ThermalNode(parameters.nut_cooling_s, start_samples)
+        self._ambient = ThermalNode(math.inf, start_samples)
         self.kernel_delay_s = self._smoother.delay_s
         self.has_encoder = parameters.encoder_m_per_rad != 0.0
 
@@ -186,6 +190,7 @@ class ResidualBank:
         for name, node, heat in (
             ("motor_temperature", self._motor, copper),
             ("nut_temperature", self._nut, rubbing),
+            ("ambient_temperature", self._ambient, 0.0),
         ):
             measured = float(row[INDEX[name]])
             values[RESIDUAL_INDEX[name]] = node.step(

@@ -42,8 +42,15 @@ class WindowedMeans:
             self._renew()
 
     def _renew(self) -> None:
+        """Sums from the rows themselves, the newest of which is the one before ``_next``."""
+        rows = np.roll(self._rows, -self._next, axis=0)
         for index, window in enumerate(self.windows):
-            self._sums[index] = self._rows[self._size - window :].sum(axis=0)
+            self._sums[index] = rows[self._size - window :].sum(axis=0)
+
+    def combine(self, column: int, others: slice, weights: Array) -> None:
+        """Add a weighted sum of other columns to one, in every row that it is valid in."""
+        self._rows[:, column] += (self._rows[:, others] @ weights) * self._valid[:, column]
+        self._renew()
 
     def means(self) -> Array:
         """Shape (windows, columns); NaN until a window holds its full count of valid samples."""

@@ -2,7 +2,7 @@
 
     T' = q - (T - T_ambient) / tau        q = h_m (i - i0)^2   or   h_n |friction force * speed|
 
-Slowly corrected towards the sensor (``correction_s``), since a node's true history before
+Slowly corrected towards the sensor (``CORRECTION_S``), since a node's true history before
 the recording is unknown; the correction is frozen once a fault has been detected, so that a
 sensor fault does not smear into the estimate.
 """
@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import math
 
+CORRECTION_S = 15.0
+"""Slow against a step or a drift of a sensor, fast against what heat alone can do."""
+
 
 class ThermalNode:
     """Estimate of one temperature in degC; starts at the mean of its first readings."""
 
-    def __init__(self, cooling_s: float, correction_s: float, start_samples: int) -> None:
+    def __init__(self, cooling_s: float, start_samples: int) -> None:
         self._cooling_s = cooling_s
-        self._correction_s = correction_s
         self._start_samples = start_samples
         self._start_sum = 0.0
         self._started = 0
@@ -40,7 +42,7 @@ class ThermalNode:
         residual = measured_degc - self.estimate_degc
         self.estimate_degc += dt_s * rate
         if not frozen and not math.isnan(residual):
-            self.estimate_degc += residual * dt_s / self._correction_s
+            self.estimate_degc += residual * dt_s / CORRECTION_S
         return residual
 
     def _start(self, measured_degc: float) -> float:

@@ -24,7 +24,7 @@ from flea_diag.core.detection import (
     is_noise,
 )
 from flea_diag.core.identification import Identified
-from flea_diag.core.plausibility import usable
+from flea_diag.core.plausibility import ENTER_SAMPLES, usable
 from flea_diag.core.residual_bank import (
     INDEX,
     RESIDUAL_INDEX,
@@ -79,7 +79,7 @@ def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
     return [
         BadStretch(traced.name, "motor_voltage", float(a * period_s), float(b * period_s))
         for a, b in bad.reshape(-1, 2)
-        if b - a >= 10
+        if b - a >= ENTER_SAMPLES
     ]
 
 
@@ -123,7 +123,9 @@ def _limit(
             if len(values) >= window
         ]
         if len(means) >= 2:
-            windows.append(_window_limit(row, window, means, nominal, rate_per_hour, pieces, period_s))
+            windows.append(
+                _window_limit(row, window, means, nominal, rate_per_hour, pieces, period_s)
+            )
     scatter = float(everything.std())
     if not windows or not scatter > 0.0:
         return None

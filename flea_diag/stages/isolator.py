@@ -53,9 +53,15 @@ WEIGHED = (
     "parity_drive",
     "motor_temperature",
     "nut_temperature",
+    "ambient_temperature",
 )
 """Residuals that the quantitative fault models explain."""
 MOTION_ONLY = ("parity_mechanical", "parity_electrical", "parity_drive")
+ELAPSED, SPEED = REGRESSORS.index("elapsed_s"), REGRESSORS.index("speed_m_s")
+BOTH_WAYS_SAMPLES = 30
+"""Scans in each direction of motion before parity residuals may decide by likelihood."""
+MOVED_SAMPLES = 50
+"""So many scans in motion since the detection say that the position still reads."""
 NEEDED = ("motor_current", "load_force", "actuator_position")
 """Without these the stand shows too little of the actuator to say anything."""
 
@@ -87,7 +93,7 @@ class IsolatorParameters:
         200, "moving scans after the detection before features are asked for", minimum=1
     )
     settle_s: float = parameter(
-        8.0, "the same as a time, for a stand that hardly moves", unit="s", minimum=0.1
+        4.0, "the same as a time, for a stand that hardly moves", unit="s", minimum=0.1
     )
     drop_nats: float = parameter(
         5.0, "log-likelihood behind the best at which a fault is dropped", unit="1", minimum=0.1
@@ -132,6 +138,22 @@ class _Episode:
     symbols: tuple[tuple[str, str, str], ...] = ()
     weighed_at: int = 0
     settled: bool = False
+    out: int = 0
+    back: int = 0
+
+    def learn(self, stamp_ns: int, values: Array, regressors: Array) -> None:
+        """One more scan of evidence; counts the scans in each direction of motion."""
+        regressors = regressors.copy()
+        regressors[ELAPSED] = (stamp_ns - self.start_ns) / 1e9
+        self.likelihood.add(values, regressors)
+        if np.isfinite(values[0]):
+            self.out += bool(regressors[SPEED] > 0.0)
+            self.back += bool(regressors[SPEED] < 0.0)
+
+    def conclusive(self) -> bool:
+        """Whether likelihoods may drop: in one direction a drag and a bias look alike."""
+        in_motion = any(residual.startswith("parity_") for residual, _, _ in self.symbols)
+        return not in_motion or min(self.out, self.back) >= BOTH_WAYS_SAMPLES
 
 
 class IsolatorStage:
@@ -165,7 +187,7 @@ class IsolatorStage:
         self._episode: _Episode | None = None
         self._sentinel = Sentinel(knowledge.features.nominal)
         history = round(parameters.history_s / knowledge.calibration.period_s)
-        self._history: deque[tuple[Array, Array, bool]] = deque(maxlen=max(history, 1))
+        self._history: deque[tuple[int, Array, Array]] = deque(maxlen=max(history, 1))
         self._visited: deque[Quadrant | None] = deque(maxlen=400)
         self._moved_ns = NEVER_NS
         self._moved = 0
@@ -214,8 +236,9 @@ class IsolatorStage:
 
     def _detection(self, record: Detection) -> Iterable[Record]:
         if record.detected and self._episode is None:
+            # The symbols of the same scan come next, and make the first group.
             self._open(record.stamp_ns)
-            return self._say(record.stamp_ns)
+            return ()
         if not record.detected and self._episode is not None:
             self._episode = None
             self._merge.hold(None)
@@ -227,8 +250,8 @@ class IsolatorStage:
         self._detected_ns = stamp_ns
         isolation = Isolation(self._k.faults, self._k.signatures)
         self._episode = _Episode(self._episodes, stamp_ns, isolation, Likelihood(self._weighed))
-        for values, regressors, _ in self._history:
-            self._episode.likelihood.add(values, regressors)
+        for earlier_ns, values, regressors in self._history:
+            self._episode.learn(earlier_ns, values, regressors)
         return self._episode
 
     def _symbols(self, record: Symbols) -> Iterable[Record]:
@@ -244,6 +267,7 @@ class IsolatorStage:
                     record.stamp_ns,
                     *seen,
                     quadrants=[q for q in QUADRANTS if q in visited] or QUADRANTS,
+                    settled=episode.settled,
                 )
         return self._say(record.stamp_ns)
 
@@ -259,19 +283,18 @@ class IsolatorStage:
                 for name in self._weighed
             ]
         )
-        self._history.append((values, regressors, moving))
+        self._history.append((record.stamp_ns, values, regressors))
         self._motion(record.stamp_ns, regressors, moving)
         episode = self._episode
         if episode is None:
             return self._say(record.stamp_ns)
-        regressors[REGRESSORS.index("elapsed_s")] = (record.stamp_ns - episode.start_ns) / 1e9
-        episode.likelihood.add(values, regressors)
+        episode.learn(record.stamp_ns, values, regressors)
         episode.moved += moving
         return self._weigh(record.stamp_ns, episode)
 
     def _motion(self, stamp_ns: int, regressors: Array, moving: bool) -> None:
         current = regressors[REGRESSORS.index("current_a")]
-        speed = regressors[REGRESSORS.index("speed_m_s")]
+        speed = regressors[SPEED]
         lead = self._k.calibration.parameters.encoder_m_per_rad
         screw_rad_s = float(speed) / lead if lead else math.nan
         self._sentinel.motion(screw_rad_s, float(regressors[REGRESSORS.index("load_n")]))
@@ -294,11 +317,14 @@ class IsolatorStage:
             fits = episode.likelihood.fit(
                 models, self._sigma, self._correlation, self._k.calibration.tolerances()
             )
-            episode.isolation.weigh(stamp_ns, fits, self._p.drop_nats)
+            limit = self._p.drop_nats if episode.conclusive() else math.inf
+            episode.isolation.weigh(stamp_ns, fits, limit)
         waited = (stamp_ns - episode.start_ns) / 1e9 >= self._p.settle_s
-        episode.settled = (
-            episode.settled or waited or episode.moved >= self._p.settle_samples
-        )
+        if not episode.settled and (waited or episode.moved >= self._p.settle_samples):
+            episode.settled = True
+            moved = ("actuator_position",) if episode.moved >= MOVED_SAMPLES else ()
+            seen = {residual: magnitude for residual, magnitude, _ in episode.symbols}
+            episode.isolation.require(stamp_ns, seen, moved)
         return [*self._say(stamp_ns), *self._ask(stamp_ns)]
 
     def _level(self, record: VibrationLevel) -> Iterable[Record]:

@@ -8,7 +8,7 @@ keeps the order, the episode and the records.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,7 @@ from flea_diag.core.detection import Detector, TestResults
 from flea_diag.core.fault_models import REGRESSORS
 from flea_diag.core.plausibility import VoltagePlausibility
 from flea_diag.core.quality import ChannelMonitor
+from flea_diag.core.residual import SPEED
 from flea_diag.core.residual_bank import (
     CHANNELS,
     INDEX,
@@ -48,7 +49,15 @@ Array = npt.NDArray[np.float64]
 
 KERNEL_LENGTH = 31
 VOLTAGE_COLUMNS = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
+SPEED_COLUMNS = [j for j, row in enumerate(RESIDUALS) if SPEED in row.needs]
+JUMP_SCANS = 9
+"""Scans that the jump predictor looks back over: the longest a jump stays in it."""
 STREAM = "sensors/slow"
+LEARNED = {
+    "parity_mechanical": "current_offset_a",
+    "parity_electrical": "voltage_offset_v",
+}
+"""Which relation fixes which offset of this unit in the warm-up."""
 
 
 @dataclass(frozen=True)
@@ -99,14 +108,20 @@ class ObserverStage:
         self._last_ns = stamp_ns
         self._p = c.parameters
         self._bank = ResidualBank(c.parameters, period_s=c.period_s, kernel_length=KERNEL_LENGTH)
-        self._detector = Detector(c.limits, c.tolerances(), c.tolerance.noise_log)
+        self._detector = Detector(
+            c.limits, c.tolerances(), c.tolerance.noise_log, c.tolerance.thermal_rate_k_per_s
+        )
         self._plausible = VoltagePlausibility(c.voltage_limit_v)
-        self._learning: OffsetLearning | None = OffsetLearning(c.tolerance)
+        self._learning = {
+            residual: (name, OffsetLearning(name, c.tolerance))
+            for residual, name in LEARNED.items()
+        }
         self._monitors = {name: self._monitor(name) for name in CHANNELS if name in c.channels}
         self._said: tuple[tuple[str, str], ...] = ()
         self._symbols: dict[int, SymbolState] = {}
         self._detected_ns = -1
         self._quiet_since_ns = -1
+        self._speed_wait = 0
 
     def _monitor(self, channel: str) -> ChannelMonitor:
         low, high = self._ranges.get(channel, (-math.inf, math.inf))
@@ -137,6 +152,7 @@ class ObserverStage:
         row = self._usable_row(scan)
         sample = self._bank.step(row, self._detected_ns >= 0)
         self._distrust_voltage(sample)
+        self._distrust_speed(sample)
         self._learn(sample, scan.stamp_ns)
         results = self._detector.step(sample)
         out: list[Record] = [*self._quality(scan.stamp_ns)]
@@ -196,25 +212,48 @@ class ObserverStage:
         if self._plausible.bad and not was_bad:
             self._detector.forget(VOLTAGE_COLUMNS)
 
+    def _distrust_speed(self, sample: ResidualSample) -> None:
+        """A position that has just jumped reads as a speed for as long as the kernel sees it."""
+        if self._bank.has_encoder:
+            return
+        limit = self._calibration.limit("actuator_position")
+        jump = abs(sample.values[RESIDUAL_INDEX["actuator_position"]])
+        if limit is not None and jump > limit.windows[0].k * limit.windows[0].sigma[0]:
+            self._speed_wait = KERNEL_LENGTH + JUMP_SCANS
+        if self._speed_wait > 0:
+            self._speed_wait -= 1
+            sample.values[SPEED_COLUMNS] = np.nan
+            sample.moving = False
+
     def _learn(self, sample: ResidualSample, stamp_ns: int) -> None:
         """Offsets of this unit, in the warm-up only."""
-        if self._learning is None or self._first_ns is None:
+        if self._first_ns is None or not self._learning:
             return
-        if sample.moving:
-            for name in ("parity_mechanical", "parity_electrical"):
-                limit = self._calibration.limit(name)
-                if limit is not None:
-                    j = RESIDUAL_INDEX[name]
-                    variance = limit.sigma[0] ** 2 * limit.correlation_samples
-                    self._learning.add(float(sample.values[j]), sample.spread[j], variance)
         if stamp_ns - self._first_ns >= self._parameters.warm_up_s * 1e9:
-            offsets = self._learning.offsets()
-            self._learning = None
-            self._p = offsets.apply(self._p)
-            self._bank.adopt(self._p)
-            tolerance = offsets.narrow(self._calibration.tolerance)
-            spread = [getattr(tolerance, name) for name in relations.UNIT_PARAMETERS]
-            self._detector.adopt(spread)
+            self._adopt_offsets()
+            return
+        for name, (_, learning) in self._learning.items():
+            limit = self._calibration.limit(name)
+            if limit is not None and sample.moving:
+                j = RESIDUAL_INDEX[name]
+                variance = limit.sigma[0] ** 2 * limit.correlation_samples
+                learning.add(float(sample.values[j]), sample.spread[j], variance)
+
+    def _adopt_offsets(self) -> None:
+        tolerance = {
+            name: getattr(self._calibration.tolerance, name) for name in relations.UNIT_PARAMETERS
+        }
+        change = dict.fromkeys(relations.UNIT_PARAMETERS, 0.0)
+        for parameter_name, learning in self._learning.values():
+            # What a bad channel says of its own offset is not to be learned.
+            if parameter_name == "voltage_offset_v" and self._plausible.bad:
+                continue
+            change[parameter_name], tolerance[parameter_name] = learning.offset()
+        self._learning = {}
+        offsets = {name: getattr(self._p, name) + change[name] for name in LEARNED.values()}
+        self._p = replace(self._p, **offsets)
+        self._bank.adopt(self._p)
+        self._detector.adopt(list(change.values()), list(tolerance.values()))
 
     # --- records ----------------------------------------------------------------------
 
@@ -272,6 +311,8 @@ class ObserverStage:
             "force_and_direction_n": abs(force) * direction,
             "motor_force_n": force,
             "resisting_force_n": s.load_n + drag,
+            "rate_force_n": p.viscous_friction_n_s_per_m * s.speed_m_s
+            + p.reflected_mass_kg * s.acceleration_m_s2,
             "motor_voltage_v": s.voltage_v,
             "emf_and_drop_v": p.winding_resistance_ohm * current
             + p.back_emf_v_s_per_m * s.speed_m_s,
@@ -281,6 +322,7 @@ class ObserverStage:
             "commanded_voltage_v": s.commanded_voltage_v,
             "motor_temperature_degc": float(row[INDEX["motor_temperature"]]),
             "nut_temperature_degc": float(row[INDEX["nut_temperature"]]),
+            "ambient_temperature_degc": float(row[INDEX["ambient_temperature"]]),
             "position_m": s.position_m,
             "encoder_m_s": p.encoder_m_per_rad * s.encoder_speed_rad_s,
         }
