@@ -311,6 +311,21 @@ def test_a_file_cut_anywhere_is_read_as_far_as_it_is_whole(
     assert sorted(set(counts)) == [0, 20, 40, 60]
 
 
+def test_half_of_a_large_chunk_is_saved(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "run", whole_every_s=None) as bag:
+        for number in range(6000):
+            bag.write(r.Scan(scan(number).stamp_ns, ("a",), (number * 0.1234567,)))
+    file = tmp_path / "run" / "run_0.mcap"
+    chunk = file.read_bytes()[: file.stat().st_size // 3]
+    assert chunk.count(b"zstd") == 1
+    (tmp_path / "cut.mcap").write_bytes(chunk)
+    losses: list[str] = []
+    found = records_of(tmp_path / "cut.mcap", losses=losses)
+    assert 1000 < len(found) < 6000
+    assert [record.values[0] for record in found] == [k * 0.1234567 for k in range(len(found))]
+    assert "no footer" in losses[0]
+
+
 @settings(
     max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
-import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flea_diag.errors import FleaError, RecordingError
+from flea_diag.tools.terminal import IN_PART, progress, warn
 
 if TYPE_CHECKING:
     from flea_diag.tools.flea_run import FleaRun
@@ -22,8 +22,6 @@ examples:
   flea import FLEA/*.data -o bags              one bag for each run, under bags/
   flea import run_Low.data -o bags --force     replace the bag of an earlier import
 """
-
-_IN_PART = 1
 
 
 @dataclass(frozen=True)
@@ -58,24 +56,24 @@ def run(arguments: argparse.Namespace) -> int:
     done: list[Imported] = []
     refused: list[str] = []
     for number, file in enumerate(arguments.files, 1):
-        _progress(number, len(arguments.files), file.name)
+        progress(number, len(arguments.files), file.name)
         try:
             done.append(import_run(file, arguments.output, arguments.force))
         except FleaError as error:
             refused.append(str(error))
-            _warn(str(error))
+            warn(str(error))
         else:
             for warning in done[-1].warnings:
-                _warn(warning)
+                warn(warning)
     _report(done, arguments.json)
     incomplete = sum(1 for each in done if each.dropped_lines)
     if not refused and not incomplete:
         return 0
-    _warn(
+    warn(
         f"{len(done)} of {len(arguments.files)} files imported, {len(refused)} refused, "
         f"{incomplete} with lines dropped"
     )
-    return _IN_PART
+    return IN_PART
 
 
 def import_run(file: Path, output: Path, force: bool = False) -> Imported:
@@ -154,13 +152,3 @@ def _report(done: list[Imported], as_json: bool) -> None:
     for each in done:
         onset = "" if each.onset_s is None else f" from {each.onset_s:.2f} s"
         print(f"{each.bag}: {each.scans} scans, {each.duration_s:.2f} s, {each.fault}{onset}")
-
-
-def _warn(words: str) -> None:
-    print(f"flea: {words}", file=sys.stderr)
-
-
-def _progress(number: int, count: int, name: str) -> None:
-    if sys.stderr.isatty():
-        end = "\n" if number == count else ""
-        print(f"\r\x1b[K[{number}/{count}] {name}", end=end, file=sys.stderr, flush=True)

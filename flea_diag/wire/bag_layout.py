@@ -6,9 +6,13 @@ a metadata.yaml that names topics, types, type hashes, QoS and message counts.
 
 from __future__ import annotations
 
+import os
 import re
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
+
+import yaml
 
 from flea_diag.errors import RecordingError
 from flea_diag.wire.topics import TOPICS, Topic
@@ -94,6 +98,20 @@ def quality_of_service(topic: Topic) -> dict[str, Any]:
     }
 
 
+class TopicEntry(NamedTuple):
+    """What metadata.yaml says of one topic; ``qos`` as a list of profiles."""
+
+    message: str
+    type_hash: str
+    qos: list[dict[str, Any]]
+
+
+def entry_of(topic: Topic) -> TopicEntry:
+    """Entry of a topic of ours."""
+    type_hash = message_type(topic.message).type_hash
+    return TopicEntry(topic.message, type_hash, [quality_of_service(topic)])
+
+
 class Span(NamedTuple):
     """Messages so far: how many on each topic, and the range of their log times in ns."""
 
@@ -101,8 +119,15 @@ class Span(NamedTuple):
     start_ns: int
     end_ns: int
 
+    def with_message(self, name: str, log_ns: int) -> Span:
+        """Count one more message of a topic."""
+        first = not any(self.counts.values())
+        self.counts[name] += 1
+        start_ns = log_ns if first else min(self.start_ns, log_ns)
+        return Span(self.counts, start_ns, max(self.end_ns, log_ns))
 
-def metadata(bag_file: str, topics: dict[str, Topic], span: Span) -> dict[str, Any]:
+
+def metadata(bag_file: str, topics: dict[str, TopicEntry], span: Span) -> dict[str, Any]:
     """Content of metadata.yaml for a bag of one file; ``topics`` by full name."""
     return {
         "version": VERSION,
@@ -110,8 +135,8 @@ def metadata(bag_file: str, topics: dict[str, Topic], span: Span) -> dict[str, A
         "relative_file_paths": [bag_file],
         **_times(span),
         "topics_with_message_count": [
-            {"topic_metadata": _topic_metadata(name, topic), "message_count": span.counts[name]}
-            for name, topic in topics.items()
+            {"topic_metadata": _topic_metadata(name, entry), "message_count": span.counts[name]}
+            for name, entry in topics.items()
         ],
         "compression_format": "",
         "compression_mode": "",
@@ -129,11 +154,21 @@ def _times(span: Span) -> dict[str, Any]:
     }
 
 
-def _topic_metadata(name: str, topic: Topic) -> dict[str, Any]:
+def _topic_metadata(name: str, entry: TopicEntry) -> dict[str, Any]:
     return {
         "name": name,
-        "type": topic.message,
+        "type": entry.message,
         "serialization_format": "cdr",
-        "offered_qos_profiles": [quality_of_service(topic)],
-        "type_description_hash": message_type(topic.message).type_hash,
+        "offered_qos_profiles": entry.qos,
+        "type_description_hash": entry.type_hash,
     }
+
+
+def replace_metadata(directory: Path, content: dict[str, Any]) -> None:
+    """Write metadata.yaml in one step: a reader finds the old one or the new one."""
+    fresh = directory / f".{METADATA_FILE}"
+    with fresh.open("w", encoding="utf-8") as stream:
+        yaml.safe_dump({"rosbag2_bagfile_information": content}, stream, sort_keys=False)
+        stream.flush()
+        os.fsync(stream.fileno())
+    fresh.replace(directory / METADATA_FILE)

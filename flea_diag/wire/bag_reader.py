@@ -206,10 +206,10 @@ def _sources(path: Path, losses: list[str]) -> list[Any]:
         return [McapScan(path)]
     if not path.is_dir():
         raise RecordingError(f"{path} does not exist")
-    described = _described(path, losses)
-    if described.get("storage_identifier") == "sqlite3":
+    known = described(path, losses)
+    if known.get("storage_identifier") == "sqlite3":
         return [_SqliteSource(path)]
-    names = described.get("relative_file_paths") or []
+    names = known.get("relative_file_paths") or []
     files = [path / Path(str(name)).name for name in names if str(name).endswith(".mcap")]
     files = files or sorted(path.glob("*.mcap"))
     if not files:
@@ -218,15 +218,14 @@ def _sources(path: Path, losses: list[str]) -> list[Any]:
     return [McapScan(file) for file in files if file.exists()]
 
 
-def _described(path: Path, losses: list[str]) -> dict[str, Any]:
-    """Content of metadata.yaml; empty where it is missing or broken, for a bag may do without."""
+def described(path: Path, losses: list[str]) -> dict[str, Any]:
+    """Read metadata.yaml; empty where it is missing or broken, for a bag may do without."""
     file = path / METADATA_FILE
     try:
         if file.stat().st_size > _METADATA_LIMIT_BYTES:
             raise ValueError(f"above its limit of {_METADATA_LIMIT_BYTES} bytes")
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
-        described = content["rosbag2_bagfile_information"]
-        return dict(described)
+        return dict(content["rosbag2_bagfile_information"])
     except FileNotFoundError:
         losses.append(f"{METADATA_FILE} is missing")
     except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError) as error:

@@ -8,7 +8,6 @@ most the last second.
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
 from types import TracebackType
@@ -24,8 +23,8 @@ from flea_diag.wire.mcap_file import McapFile
 from flea_diag.wire.records import Record
 from flea_diag.wire.topics import TOPIC_OF, Topic
 
-CHUNK_BYTES = 4 << 20
-"""More than a second of a stand, so that between two ``make_whole`` nothing is written."""
+CHUNK_BYTES = 1 << 20
+"""More than a second of most stands, so that between two ``make_whole`` nothing is written."""
 
 
 class BagWriter:
@@ -61,7 +60,7 @@ class BagWriter:
         self.stand = stand
         self._namespace = layout.checked_namespace(namespace)
         self._whole_every_s = whole_every_s
-        self._topics: dict[str, Topic] = {}
+        self._topics: dict[str, layout.TopicEntry] = {}
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._span = layout.Span({}, 0, 0)
@@ -127,34 +126,26 @@ class BagWriter:
             channel = self._channels.get(name) or self._register(name, topic)
             sequence = self._span.counts[name] & 0xFFFFFFFF
             self._writer.add_message(channel, log_ns, data, stamp_ns, sequence)
-            self._count(name, log_ns)
+            self._span = self._span.with_message(name, log_ns)
             if self._due():
                 self.make_whole()
         except OSError as error:
             raise self._refusal(error) from error
 
-    def _count(self, name: str, log_ns: int) -> None:
-        counts, start_ns, end_ns = self._span
-        first = not any(counts.values())
-        counts[name] += 1
-        self._span = layout.Span(
-            counts, log_ns if first else min(start_ns, log_ns), max(end_ns, log_ns)
-        )
-
     def _register(self, name: str, topic: Topic) -> int:
-        kind = layout.message_type(topic.message)
+        entry = layout.entry_of(topic)
         if topic.message not in self._schemas:
             self._schemas[topic.message] = self._writer.register_schema(
-                topic.message, "ros2msg", kind.definition.encode()
+                topic.message, "ros2msg", layout.message_type(topic.message).definition.encode()
             )
-        qos = yaml.safe_dump([layout.quality_of_service(topic)], sort_keys=False)
+        qos = yaml.safe_dump(entry.qos, sort_keys=False)
         self._channels[name] = self._writer.register_channel(
             name,
             "cdr",
             self._schemas[topic.message],
-            {"offered_qos_profiles": qos, "topic_type_hash": kind.type_hash},
+            {"offered_qos_profiles": qos, "topic_type_hash": entry.type_hash},
         )
-        self._topics[name] = topic
+        self._topics[name] = entry
         self._span.counts[name] = 0
         return self._channels[name]
 
@@ -176,21 +167,12 @@ class BagWriter:
         try:
             self._writer.flush()
             self._file.end_for_now()
-            self._replace_metadata()
+            layout.replace_metadata(self.directory, self._metadata())
         except OSError as error:
             raise self._refusal(error) from error
 
     def _metadata(self) -> dict[str, Any]:
         return layout.metadata(self.path.name, self._topics, self._span)
-
-    def _replace_metadata(self) -> None:
-        fresh = self.directory / f".{layout.METADATA_FILE}"
-        content = {"rosbag2_bagfile_information": self._metadata()}
-        with fresh.open("w", encoding="utf-8") as stream:
-            yaml.safe_dump(content, stream, sort_keys=False)
-            stream.flush()
-            os.fsync(stream.fileno())
-        fresh.replace(self.directory / layout.METADATA_FILE)
 
     def close(self) -> None:
         """Finish the bag with its index; a bag without one message is taken away again."""
@@ -211,7 +193,7 @@ class BagWriter:
         self._writer.add_metadata("rosbag2", {"serialized_metadata": content})
         self._writer.finish()
         self._file.sync()
-        self._replace_metadata()
+        layout.replace_metadata(self.directory, self._metadata())
 
     def _discard(self) -> None:
         self.path.unlink()

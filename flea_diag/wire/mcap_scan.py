@@ -11,24 +11,35 @@ from __future__ import annotations
 
 import heapq
 import struct
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, NamedTuple
 
 from flea_diag.errors import RecordingError
+from flea_diag.wire.mcap_chunk import (
+    CHUNK_HEAD,
+    U32,
+    U64,
+    DamageError,
+    chunk_data,
+    pairs,
+    sized,
+    text,
+)
 from flea_diag.wire.mcap_file import MAGIC
 
-CHUNK_LIMIT_BYTES = 256 << 20
-"""A chunk that would unpack to more is refused."""
-
-_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT, _FOOTER = 0x03, 0x04, 0x05, 0x06, 0x09, 0x02
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 1, 2, 3, 4, 5, 6, 9
 _RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
-_CHUNK_HEAD = struct.Struct("<QQQI")
-_U32 = struct.Struct("<I")
-_U64 = struct.Struct("<Q")
 _SMALL_LIMIT_BYTES = 16 << 20
+
+
+class Schema(NamedTuple):
+    """Name, encoding and text of a message definition."""
+
+    name: str
+    encoding: str
+    data: bytes
 
 
 class Channel(NamedTuple):
@@ -37,6 +48,8 @@ class Channel(NamedTuple):
     topic: str
     message: str
     encoding: str
+    schema: Schema = Schema("", "", b"")
+    metadata: tuple[tuple[str, str], ...] = ()
 
 
 class Message(NamedTuple):
@@ -56,10 +69,7 @@ class _Piece(NamedTuple):
     offset: int
     size: int
     opcode: int
-
-
-class _DamageError(Exception):
-    """The bytes contradict the format."""
+    whole: bool = True
 
 
 class McapScan:
@@ -74,8 +84,12 @@ class McapScan:
     ----------
     channels
         Channels met so far by their number; complete after ``messages`` has ended.
-    complete
-        Whether the file ends with its footer.
+    complete, indexed
+        Whether the file ends with its footer, and whether that leads to a summary.
+    profile
+        Profile of the header, ``ros2`` for a bag.
+    attachments
+        Files kept beside the messages, by name.
     losses
         What could not be read, in words.
 
@@ -91,7 +105,9 @@ class McapScan:
         self.attachments: dict[str, bytes] = {}
         self.losses: list[str] = []
         self.complete = False
-        self._schemas: dict[int, str] = {}
+        self.indexed = False
+        self.profile = ""
+        self._schemas: dict[int, Schema] = {}
         self._pieces: list[_Piece] = []
         try:
             self._size = path.stat().st_size
@@ -109,32 +125,43 @@ class McapScan:
             head = stream.read(_RECORD.size)
             opcode, size = _RECORD.unpack(head) if len(head) == _RECORD.size else (0, 0)
             if not opcode or size > self._size - stream.tell():
-                lost = self._size - offset
-                self.losses.append(
-                    f"{self.path.name}: no footer, the file ends at byte {self._size}"
-                    + (f" within a record; {lost} bytes lost" if lost else "")
-                )
+                self._cut_off(stream, opcode, offset)
                 return
             try:
                 self._note(stream, opcode, size)
-            except (_DamageError, struct.error, UnicodeDecodeError) as error:
+            except (DamageError, struct.error, UnicodeDecodeError) as error:
                 self.losses.append(f"{self.path.name}: record at byte {offset} lost: {error}")
             stream.seek(offset + _RECORD.size + size)
+
+    def _cut_off(self, stream: IO[bytes], opcode: int, offset: int) -> None:
+        """Say that the file ends too early; of a chunk that it ends in, some can be saved."""
+        words = f"{self.path.name}: no footer, the file ends at byte {self._size}"
+        if offset == self._size:
+            self.losses.append(words)
+            return
+        self.losses.append(f"{words} within a record that begins at byte {offset}")
+        start, left = stream.tell(), self._size - stream.tell()
+        if opcode == _CHUNK and left > CHUNK_HEAD.size:
+            start_ns, end_ns, _, _ = CHUNK_HEAD.unpack(stream.read(CHUNK_HEAD.size))
+            self._pieces.append(_Piece(start_ns, end_ns, start, left, opcode, whole=False))
 
     def _note(self, stream: IO[bytes], opcode: int, size: int) -> None:
         offset = stream.tell()
         if opcode == _CHUNK:
-            start_ns, end_ns, _, _ = _CHUNK_HEAD.unpack(stream.read(_CHUNK_HEAD.size))
+            start_ns, end_ns, _, _ = CHUNK_HEAD.unpack(stream.read(CHUNK_HEAD.size))
             self._pieces.append(_Piece(start_ns, end_ns, offset, size, opcode))
         elif opcode == _MESSAGE:
             _, _, log_ns, _ = _MESSAGE_HEAD.unpack(stream.read(_MESSAGE_HEAD.size))
             self._pieces.append(_Piece(log_ns, log_ns, offset, size, opcode))
         elif opcode in (_SCHEMA, _CHANNEL, _ATTACHMENT):
             if size > _SMALL_LIMIT_BYTES:
-                raise _DamageError(f"{size} bytes, the limit is {_SMALL_LIMIT_BYTES}")
+                raise DamageError(f"{size} bytes, the limit is {_SMALL_LIMIT_BYTES}")
             self._define(opcode, memoryview(stream.read(size)))
         elif opcode == _FOOTER:
             self.complete = True
+            self.indexed = U64.unpack(stream.read(U64.size)) != (0,)
+        elif opcode == _HEADER:
+            self.profile, _ = text(memoryview(stream.read(min(size, _SMALL_LIMIT_BYTES))), 0)
 
     def _find_channels(self, stream: IO[bytes]) -> None:
         """Channels of a file without summary stand inside the chunks: look there."""
@@ -148,17 +175,20 @@ class McapScan:
     def _define(self, opcode: int, body: memoryview) -> None:
         if opcode == _SCHEMA:
             (number,) = struct.unpack_from("<H", body)
-            self._schemas[number] = _text(body, 2)[0]
+            name, place = text(body, 2)
+            encoding, place = text(body, place)
+            self._schemas[number] = Schema(name, encoding, sized(body, place, U32))
         elif opcode == _CHANNEL:
-            number, schema = struct.unpack_from("<HH", body)
-            topic, place = _text(body, 4)
-            encoding, _ = _text(body, place)
-            self.channels[number] = Channel(topic, self._schemas.get(schema, ""), encoding)
+            number, schema_number = struct.unpack_from("<HH", body)
+            topic, place = text(body, 4)
+            encoding, place = text(body, place)
+            metadata = tuple(pairs(memoryview(sized(body, place, U32))))
+            schema = self._schemas.get(schema_number, Schema("", "", b""))
+            self.channels[number] = Channel(topic, schema.name, encoding, schema, metadata)
         elif opcode == _ATTACHMENT:
-            name, place = _text(body, 16)
-            _, place = _text(body, place)
-            (size,) = _U64.unpack_from(body, place)
-            self.attachments[name] = bytes(body[place + 8 : place + 8 + size])
+            name, place = text(body, 16)
+            _, place = text(body, place)
+            self.attachments[name] = sized(body, place, U64)
 
     def messages(self) -> Iterator[Message]:
         """All messages in order of log time; equal times keep their order in the file."""
@@ -179,9 +209,9 @@ class McapScan:
             if piece.opcode == _MESSAGE:
                 yield self._message(data)
             else:
-                yield from self._records(_chunk_data(data))
-        except (_DamageError, struct.error, UnicodeDecodeError, IndexError) as error:
-            if not quiet:
+                yield from self._records(chunk_data(data, piece.whole))
+        except (DamageError, struct.error, UnicodeDecodeError, IndexError) as error:
+            if piece.whole and not quiet:
                 self.losses.append(f"{self.path.name}: rest of chunk at {piece.offset}: {error}")
 
     def _records(self, data: memoryview) -> Iterator[Message]:
@@ -190,7 +220,7 @@ class McapScan:
             opcode, size = _RECORD.unpack_from(data, place)
             place += _RECORD.size
             if size > len(data) - place:
-                raise _DamageError(f"a record of {size} bytes where {len(data) - place} are left")
+                raise DamageError(f"a record of {size} bytes where {len(data) - place} are left")
             body = data[place : place + size]
             place += size
             if opcode == _MESSAGE:
@@ -202,56 +232,5 @@ class McapScan:
         number, _, log_ns, publish_ns = _MESSAGE_HEAD.unpack_from(body)
         channel = self.channels.get(number)
         if channel is None:
-            raise _DamageError(f"a message on channel {number}, which is not defined")
+            raise DamageError(f"a message on channel {number}, which is not defined")
         return Message(log_ns, publish_ns, channel, bytes(body[_MESSAGE_HEAD.size :]))
-
-
-def _text(body: memoryview, place: int) -> tuple[str, int]:
-    (size,) = _U32.unpack_from(body, place)
-    end = place + 4 + size
-    if end > len(body):
-        raise _DamageError(f"a text of {size} bytes where {len(body) - place - 4} are left")
-    return bytes(body[place + 4 : end]).decode(), end
-
-
-def _chunk_data(body: memoryview) -> memoryview:
-    _, _, size, checksum = _CHUNK_HEAD.unpack_from(body)
-    compression, place = _text(body, _CHUNK_HEAD.size)
-    (packed_size,) = _U64.unpack_from(body, place)
-    packed = body[place + 8 : place + 8 + packed_size]
-    if size > CHUNK_LIMIT_BYTES:
-        raise _DamageError(f"it unpacks to {size} bytes, the limit is {CHUNK_LIMIT_BYTES}")
-    data = _decompress(compression, packed, size)
-    if len(data) != size:
-        raise _DamageError(f"it unpacks to {len(data)} bytes, {size} were announced")
-    if checksum and zlib.crc32(data) != checksum:
-        raise _DamageError("its checksum is wrong")
-    return memoryview(data)
-
-
-def _decompress(compression: str, packed: memoryview, size: int) -> bytes | memoryview:
-    """Unpack without ever making more than ``size`` bytes."""
-    if compression == "":
-        return packed
-    try:
-        if compression == "zstd":
-            return _unzstd(packed, size)
-        if compression == "lz4":
-            import lz4.frame
-
-            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size))
-    except (RuntimeError, EOFError, ValueError, MemoryError) as error:
-        raise _DamageError(f"it does not unpack: {error}") from None
-    raise _DamageError(f"its compression {compression!r} is unknown")
-
-
-def _unzstd(packed: memoryview, size: int) -> bytes:
-    import zstandard
-
-    try:
-        announced = zstandard.frame_content_size(packed)
-        if announced > size:
-            raise _DamageError(f"it unpacks to {announced} bytes, {size} were announced")
-        return bytes(zstandard.ZstdDecompressor().decompress(packed, max_output_size=size))
-    except zstandard.ZstdError as error:
-        raise _DamageError(f"it does not unpack: {error}") from None

@@ -1,0 +1,153 @@
+"""``flea replay``: the diagnosis of a bag, without ROS, repeatable bit for bit."""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import sys
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flea_diag.errors import FleaError, RecordingError
+from flea_diag.tools.terminal import IN_PART, progress, warn, write_json
+
+if TYPE_CHECKING:
+    from flea_diag.stages.pipeline import Pipeline
+
+NAME = "replay"
+SUMMARY = "run the diagnosis over bags, faster than real time and without ROS"
+EXAMPLES = """\
+examples:
+  flea replay bags/run                              the verdict in words
+  flea replay bags/run --calibration cal.yaml --json -
+  flea replay bags/* --json results/ -q             one JSON file for each bag
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAGDIR", help="bags to diagnose")
+    parser.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="calibration (default: the simulated stand)",
+    )
+    parser.add_argument(
+        "--json",
+        metavar="OUT",
+        help="file, - for standard output, or a folder for one file per bag; several bags make a "
+        "list",
+    )
+    parser.add_argument("--namespace", help="which stand, where a bag holds several")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no verdict in words")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Replay every bag; one that is refused does not stop the others."""
+    from flea_diag.configuration import make_pipeline
+
+    # The first pipeline is built before any bag: a wrong calibration is no fault of a bag.
+    fresh = chain((make_pipeline(arguments.calibration),), _pipelines(arguments.calibration))
+    summaries: list[dict[str, Any]] = []
+    refused = 0
+    for number, (bag, pipeline) in enumerate(zip(arguments.bags, fresh, strict=False), 1):
+        progress(number, len(arguments.bags), bag.name)
+        try:
+            summary = replay(bag, pipeline, arguments.namespace)
+        except FleaError as error:
+            refused += 1
+            warn(str(error))
+            continue
+        summaries.append(summary)
+        _say(summary, arguments)
+    if arguments.json:
+        _write(arguments.json, summaries, several=len(arguments.bags) > 1)
+    return _status(summaries, refused, len(arguments.bags))
+
+
+def _pipelines(calibration: Path | None) -> Iterator[Pipeline]:
+    from flea_diag.configuration import make_pipeline
+
+    while True:
+        yield make_pipeline(calibration)
+
+
+def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[str, Any]:
+    """Feed what the stand said in a bag to a fresh pipeline, and summarise what it answers.
+
+    Raises
+    ------
+    RecordingError
+        When there is no bag of ours, or no scan in it.
+    """
+    import numpy as np
+
+    from flea_diag.stages.digest import DECISIONS, Digest
+    from flea_diag.tools.replay_summary import summarise
+    from flea_diag.wire.bag import BagReader
+    from flea_diag.wire.records import (
+        AmbiguityGroup,
+        ChannelTable,
+        Record,
+        Residual,
+        Scan,
+        VibrationBlock,
+        VibrationLevel,
+    )
+
+    source = (ChannelTable, VibrationBlock, Scan)
+    bulk = (Residual, VibrationLevel, VibrationBlock)
+    reader = BagReader(bag)
+    kept: list[Record] = []
+    recorded, published = Digest(), False
+    for _, record in reader.records((*source, *DECISIONS), namespace):
+        if isinstance(record, source):
+            caused = pipeline.handle(record)
+            kept += [each for each in (record, *caused) if not isinstance(each, bulk)]
+        else:
+            published = published or isinstance(record, AmbiguityGroup)
+            recorded.add(record)
+    kept += [each for each in pipeline.finish() if not isinstance(each, bulk)]
+    summary = summarise(kept)
+    if not summary["scans"]:
+        raise RecordingError(f"{bag}: no scan in it (topic sensors/slow), nothing to diagnose")
+    return {
+        **summary,
+        "backend": f"numpy {np.__version__}, {platform.machine()}",
+        "bag": str(bag),
+        "recorded_digest": recorded.hexdigest() if published else None,
+        "losses": reader.losses,
+    }
+
+
+def _say(summary: dict[str, Any], arguments: argparse.Namespace) -> None:
+    from flea_diag.tools.replay_summary import in_words
+
+    for loss in summary["losses"]:
+        warn(f"{summary['bag']}: {loss}")
+    if not arguments.quiet:
+        print(in_words(summary), file=sys.stderr if arguments.json == "-" else sys.stdout)
+
+
+def _write(target: str, summaries: list[dict[str, Any]], several: bool) -> None:
+    if target.endswith("/") or Path(target).is_dir():
+        Path(target).mkdir(parents=True, exist_ok=True)
+        for summary in summaries:
+            name = Path(summary["bag"]).resolve().name
+            write_json(str(Path(target) / f"{name}.json"), summary)
+    elif several:
+        write_json(target, summaries)
+    elif summaries:
+        write_json(target, summaries[0])
+
+
+def _status(summaries: list[dict[str, Any]], refused: int, count: int) -> int:
+    in_part = sum(1 for summary in summaries if summary["losses"])
+    if not refused and not in_part:
+        return 0
+    if count > 1:
+        warn(f"{len(summaries)} of {count} bags replayed, {refused} refused, {in_part} incomplete")
+    return IN_PART

@@ -1,0 +1,156 @@
+"""A diagnosis in one JSON object, and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from flea_diag.stages.digest import digest
+from flea_diag.wire.records import (
+    NEVER_NS,
+    AmbiguityGroup,
+    ChannelQuality,
+    DataQuality,
+    FeatureValue,
+    Outcome,
+    Quality,
+    Record,
+    Scan,
+)
+
+SCHEMA_VERSION = 1
+_SOUND = (Quality.GOOD, Quality.ABSENT)
+
+
+def summarise(records: Iterable[Record]) -> dict[str, Any]:
+    """Summarise a diagnosis from its records: the scans, and all that they caused.
+
+    Times are seconds after the first scan. The fields of an episode that stand at the top
+    are those of the first episode; without any, ``outcome`` is the last verdict's.
+    """
+    known = list(records)
+    scans = [record.stamp_ns for record in known if isinstance(record, Scan)]
+    start_ns = scans[0] if scans else 0
+    groups = [record for record in known if isinstance(record, AmbiguityGroup)]
+    episodes = [_episode(part, start_ns) for part in _by_episode(groups)]
+    last = groups[-1] if groups else None
+    quiet: dict[str, Any] = {
+        "outcome": last.outcome.value if last else None,
+        "detected_at_s": None,
+        "isolated_at_s": None,
+        "ambiguity_group": [],
+    }
+    first = episodes[0] if episodes else quiet
+    return {
+        "schema_version": SCHEMA_VERSION,
+        **{key: first[key] for key in quiet},
+        "episodes": episodes,
+        "not_observable": _not_observable(last),
+        "features_computed": _features(known),
+        "data_quality": _data_quality(known, start_ns),
+        "digest": digest(known),
+        "scans": len(scans),
+        "duration_s": _seconds(max(scans), start_ns) if scans else 0.0,
+    }
+
+
+def _seconds(stamp_ns: int, start_ns: int) -> float | None:
+    return None if stamp_ns == NEVER_NS else (stamp_ns - start_ns) / 1e9
+
+
+def _by_episode(groups: Sequence[AmbiguityGroup]) -> list[list[AmbiguityGroup]]:
+    """Groups of each episode, in order; number 0 is the time between episodes."""
+    parts: dict[int, list[AmbiguityGroup]] = {}
+    for group in groups:
+        if group.episode > 0:
+            parts.setdefault(group.episode, []).append(group)
+    return list(parts.values())
+
+
+def _episode(groups: Sequence[AmbiguityGroup], start_ns: int) -> dict[str, Any]:
+    last = groups[-1]
+    settled_ns = _settled_ns(groups)
+    isolated = last.outcome is Outcome.ISOLATED
+    return {
+        "episode": last.episode,
+        "outcome": last.outcome.value,
+        "detected_at_s": _seconds(groups[0].detected_stamp_ns, start_ns),
+        "isolated_at_s": _seconds(settled_ns, start_ns) if isolated else None,
+        "settled_at_s": _seconds(settled_ns, start_ns),
+        "ambiguity_group": [candidate.fault for candidate in last.members],
+        "words": last.words,
+        "dropped": {candidate.fault: candidate.reason for candidate in last.dropped},
+    }
+
+
+def _settled_ns(groups: Sequence[AmbiguityGroup]) -> int:
+    """Stamp from which on the episode's last outcome and members stood."""
+
+    def verdict(group: AmbiguityGroup) -> tuple[Outcome, frozenset[str]]:
+        return group.outcome, frozenset(candidate.fault for candidate in group.members)
+
+    settled = groups[-1]
+    for group in reversed(groups):
+        if verdict(group) != verdict(settled):
+            break
+        settled = group
+    return settled.stamp_ns
+
+
+def _not_observable(last: AmbiguityGroup | None) -> list[dict[str, str]]:
+    return [
+        {"fault": fault, "reason": reason}
+        for fault, reason in (last.not_observable if last else ())
+    ]
+
+
+def _features(records: Sequence[Record]) -> list[str]:
+    values = (record for record in records if isinstance(record, FeatureValue))
+    return list(dict.fromkeys(value.feature for value in values if not value.reason))
+
+
+def _data_quality(records: Sequence[Record], start_ns: int) -> dict[str, Any]:
+    """Last state, counters, and every stretch that was not good, of each channel."""
+    channels: dict[str, dict[str, Any]] = {}
+    for record in records:
+        if isinstance(record, DataQuality):
+            for row in record.channels:
+                known = channels.setdefault(row.channel, {"quality": None, "stretches": []})
+                _note(known, row, _seconds(row.since_ns, start_ns))
+    return channels
+
+
+def _note(known: dict[str, Any], row: ChannelQuality, since_s: float | None) -> None:
+    if row.quality.value != known["quality"]:
+        if known["stretches"] and known["stretches"][-1]["to_s"] is None:
+            known["stretches"][-1]["to_s"] = since_s
+        if row.quality not in _SOUND:
+            stretch = {"quality": row.quality.value, "reason": row.reason}
+            known["stretches"].append({**stretch, "from_s": since_s, "to_s": None})
+    known.update(quality=row.quality.value, reason=row.reason, counters=dict(row.counters))
+
+
+def in_words(summary: dict[str, Any]) -> str:
+    """Say the summary of a bag in a few lines."""
+    lines = [f"{summary['bag']}: {summary['outcome'] or 'no verdict'}"]
+    for episode in summary["episodes"]:
+        lines.append(_episode_words(episode))
+    for channel, state in summary["data_quality"].items():
+        for stretch in state["stretches"]:
+            end = "the end" if stretch["to_s"] is None else f"{stretch['to_s']:.2f} s"
+            lines.append(
+                f"  {channel} {stretch['quality']} from {stretch['from_s']:.2f} s to {end}: "
+                f"{stretch['reason']}"
+            )
+    reasons: dict[str, list[str]] = {}
+    for entry in summary["not_observable"]:
+        reasons.setdefault(entry["reason"], []).append(entry["fault"])
+    lines += [f"  not observable: {', '.join(faults)} ({why})" for why, faults in reasons.items()]
+    return "\n".join(lines)
+
+
+def _episode_words(episode: dict[str, Any]) -> str:
+    times = f"detected at {episode['detected_at_s']:.2f} s"
+    if episode["settled_at_s"] is not None:
+        times += f", verdict since {episode['settled_at_s']:.2f} s"
+    return f"  {episode['outcome']}: {episode['words']} ({times})"
