@@ -59,6 +59,7 @@ BAD_LINES_LIMIT = 0.05
 
 _STAMP = re.compile(r"(\d{4}-\d\d-\d\d_\d\d:\d\d):(\d\d)\.(\d{1,9})_([+-]\d{4})")
 _NS = 1_000_000_000
+_YEARS = tuple(str(year) for year in range(1980, 2100))
 
 
 @dataclass(frozen=True)
@@ -137,10 +138,14 @@ def _read_line(line: bytes, cut: bool) -> tuple[int, list[float]]:
     if len(texts) != len(COLUMNS):
         why = "the file ends within it: " if cut else ""
         raise _LineError(f"{why}{len(texts) + 1} columns, it must have {len(COLUMNS) + 1}")
-    if cut and len(texts[-1].partition(".")[2]) != len(texts[-2].partition(".")[2]):
+    if cut and texts[-1] != "NaN" and _decimals(texts[-1]) < max(map(_decimals, texts)):
         # A number that was cut off is still a number: its missing digits tell.
         raise _LineError(f"the file ends within it: column {len(texts) + 1} = {texts[-1]!r}")
     return _stamp_ns(stamp), [_value(k, text) for k, text in enumerate(texts)]
+
+
+def _decimals(text: str) -> int:
+    return len(text.partition(".")[2])
 
 
 def _value(number: int, text: str) -> float:
@@ -164,6 +169,11 @@ def _stamp_ns(text: str) -> int:
             f"column 1 (Time) = {text[:40]!r} is not like 2010-09-03_11:09:58.01_-0700"
         )
     minute, seconds, fraction, offset = match.groups()
+    if int(seconds) >= 60 or minute[:4] not in _YEARS:
+        raise _LineError(
+            f"column 1 (Time) = {text[:40]!r} is outside its limits of the years {_YEARS[0]} to "
+            f"{_YEARS[-1]} and 60 seconds"
+        )
     return _minute_ns(minute, offset) + int(seconds) * _NS + int(fraction.ljust(9, "0"))
 
 

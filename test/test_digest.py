@@ -1,0 +1,91 @@
+"""The digest of a diagnosis: what must change it and what must not."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from flea_diag.stages.digest import Digest, canonical, digest
+from flea_diag.wire import records as r
+
+GROUP = r.AmbiguityGroup(
+    stamp_ns=10,
+    outcome=r.Outcome.ISOLATED,
+    episode=1,
+    step=2,
+    seq=3,
+    members=(r.Candidate("jam", "friction+", 1.0, "fits"),),
+    dropped=(),
+    detected_stamp_ns=8,
+    words="the fault is jam",
+    calibration_sha256="ab",
+    source="live",
+)
+DETECTION = r.Detection(8, 1, True, "motor_current", 7.5, 5.0, "z")
+SYMBOLS = r.Symbols(8, 1, (r.Symbol("motor_current", "+", "0", 8),))
+REQUEST = r.FeatureRequest(9, 1, 1, "std", 1, 9)
+VALUE = r.FeatureValue(9, 1, 1, "std", 1, 9, 0.5, "m/s^2", "+", 0.1, 0.2, "", 3.5)
+DIAGNOSIS: list[r.Record] = [DETECTION, SYMBOLS, REQUEST, VALUE, GROUP]
+
+
+def test_the_form_is_canonical_json_hashed_with_sha256() -> None:
+    line = (
+        '{"detected":true,"episode":1,"record":"Detection","residual":"motor_current",'
+        '"stamp_ns":8,"test":"z","threshold":5.0,"z":7.5}'
+    )
+    assert canonical(DETECTION) == line
+    assert digest([DETECTION]) == hashlib.sha256(line.encode() + b"\n").hexdigest()
+    assert digest([]) == hashlib.sha256(b"").hexdigest()
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        [*DIAGNOSIS, GROUP, replace(GROUP, seq=99)],
+        [*DIAGNOSIS[:-1], replace(GROUP, source="replay")],
+        [*DIAGNOSIS[:-1], replace(GROUP, stale=True), GROUP],
+        [replace(VALUE, cost_ms=99.0) if each is VALUE else each for each in DIAGNOSIS],
+        [r.Scan(1, ("a",), (1.0,)), *DIAGNOSIS, r.Residual(1, (), (), (), ())],
+        [GROUP, VALUE, REQUEST, SYMBOLS, DETECTION],
+    ],
+    ids=["repeats", "source", "stale", "cost", "others", "interleaving"],
+)
+def test_what_is_no_decision_does_not_matter(other: list[r.Record]) -> None:
+    assert digest(other) == digest(DIAGNOSIS)
+
+
+CHANGES: list[tuple[int, dict[str, Any]]] = [
+    (0, {"z": math.nextafter(7.5, 8)}),
+    (0, {"stamp_ns": 9}),
+    (1, {"symbols": (r.Symbol("motor_current", "+", "+", 8),)}),
+    (2, {"feature": "rms"}),
+    (3, {"value": math.nan}),
+    (4, {"outcome": r.Outcome.DETECTED}),
+    (4, {"members": (r.Candidate("jam", "friction+", 0.999, "fits"),)}),
+    (4, {"calibration_sha256": "cd"}),
+]
+
+
+@pytest.mark.parametrize(("place", "change"), CHANGES)
+def test_every_decision_matters(place: int, change: dict[str, Any]) -> None:
+    changed = list(DIAGNOSIS)
+    changed[place] = replace(changed[place], **change)
+    assert digest(changed) != digest(DIAGNOSIS)
+
+
+def test_a_change_and_back_again_is_two_changes() -> None:
+    other = replace(GROUP, outcome=r.Outcome.DETECTED)
+    assert digest([GROUP, other, GROUP]) != digest([GROUP])
+
+
+def test_nan_and_infinity_are_written_alike_each_time() -> None:
+    odd = replace(VALUE, value=math.nan, nominal_high=math.inf)
+    assert '"value":"nan"' in canonical(odd)
+    assert '"nominal_high":"inf"' in canonical(odd)
+    whole = Digest()
+    whole.add(odd)
+    assert whole.hexdigest() == digest([replace(odd, value=-math.nan)])
