@@ -53,6 +53,8 @@ def test_verdict_on_change_repeated_and_stale(stand: Stand) -> None:
     assert time.monotonic() - stopped_s < 1.0
     assert stale.outcome == Outcome.ISOLATED
     assert [member.fault for member in stale.members] == ["jam"]
+    held = peer.find(lambda r: isinstance(r, Residual) and r.names == ("held",))
+    assert held.values == (2.0,), "what a stage held back goes out when the source stops"
     peer.until(lambda: len(groups(peer)) >= 5)
 
     stand.scan(9.0)

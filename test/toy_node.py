@@ -51,6 +51,11 @@ class ToyStage:
         self._outcome = outcome
         return (residual, self._group(record.stamp_ns, outcome))
 
+    def finish(self) -> tuple[Record, ...]:
+        """Say once how many scans there were, as a stage lets go what it held back."""
+        self._seen, seen = 0, self._seen
+        return (Residual(seen, ("held",), (float(seen),), (0.0,), (1.0,)),) if seen else ()
+
     def reset(self) -> tuple[Record, ...]:
         self._outcome = Outcome.NOMINAL
         return (self._group(1, Outcome.NOMINAL),)

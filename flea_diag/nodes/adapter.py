@@ -139,7 +139,7 @@ class Adapter:
     def _publish(self, records: tuple[Record, ...]) -> None:
         for record in records:
             if isinstance(record, AmbiguityGroup):
-                record = self._verdict.changed(record)
+                record = self._verdict.changed(record, self._health.silent)
             self._bus.publish(record)
 
     def _follow_stamps(self, record: Record) -> None:
@@ -170,6 +170,9 @@ class Adapter:
         return f"episode closed and re-armed, {len(records)} records published"
 
     def _watch(self) -> None:
+        if self._health.silent:
+            # Records that wait for a watermark would wait for ever.
+            self._publish(getattr(self._stage, "finish", tuple)())
         changed = self._verdict.source_silent(self._health.silent)
         if changed is not None:
             self._bus.publish(changed)

@@ -20,6 +20,7 @@ def program() -> Program:
         ISOLATOR,
         Ports(
             subscribes=(
+                r.ChannelTable,
                 r.DataQuality,
                 r.Residual,
                 r.Detection,

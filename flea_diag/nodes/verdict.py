@@ -17,9 +17,9 @@ class Verdict:
         self._group: AmbiguityGroup | None = None
         self._seq = 0
 
-    def changed(self, group: AmbiguityGroup) -> AmbiguityGroup:
-        """Number a new group; what causes a group cannot be stale."""
-        self._group = replace(group, stale=False)
+    def changed(self, group: AmbiguityGroup, silent: bool = False) -> AmbiguityGroup:
+        """Number a new group; it is stale when it came of the last records of a silent source."""
+        self._group = replace(group, stale=silent)
         return self._numbered(self._group)
 
     def again(self) -> AmbiguityGroup | None:

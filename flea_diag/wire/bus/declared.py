@@ -131,7 +131,9 @@ def _ros_descriptor(entry: Descriptor) -> Any:
         return descriptor
     if entry.kind is float:
         low, high = _limits(entry, (-math.inf, math.inf))
-        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(low), to_value=float(high))
+        ]
     elif entry.kind is int:
         low, high = _limits(entry, INTEGER_LIMITS)
         descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
