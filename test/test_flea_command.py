@@ -1,0 +1,127 @@
+"""The ``flea`` command itself: help, version, and how errors and interruptions end."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flea_diag import __version__
+from flea_diag.errors import CalibrationError
+from flea_diag.tools import importer
+from flea_diag.tools.main import MODULES, commands, main
+from flea_diag.wire.bag import BagWriter
+from flea_diag.wire.records import Scan
+
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "COLUMNS": "100"}
+
+
+def test_every_subcommand_has_its_four_names() -> None:
+    known = commands()
+    assert {"import", "replay", "bag", "recover"} <= known.keys()
+    for name, module in known.items():
+        assert name == module.NAME
+        assert module.SUMMARY
+        parser = argparse.ArgumentParser()
+        module.add_arguments(parser)
+        assert callable(module.run)
+
+
+def test_every_tool_is_listed() -> None:
+    folder = Path(importer.__file__).parent
+    tools = {p.stem for p in folder.glob("*.py") if "\nNAME = " in p.read_text(encoding="utf-8")}
+    assert tools <= set(MODULES)
+
+
+def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as version:
+        main(["--version"])
+    assert version.value.code == 0
+    assert capsys.readouterr().out == f"flea_diag {__version__}\n"
+    with pytest.raises(SystemExit) as explained:
+        main(["replay", "--help"])
+    assert explained.value.code == 0
+    assert "examples:" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [[], ["dance"], ["import"], ["replay", "--colour"]])
+def test_wrong_usage_ends_with_2(arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as refused:
+        main(arguments)
+    assert refused.value.code == 2
+
+
+@pytest.mark.parametrize(
+    ("raised", "status", "words"),
+    [
+        (CalibrationError("run.bag: no motion"), 2, "flea: run.bag: no motion\n"),
+        (KeyboardInterrupt(), 130, "flea: interrupted\n"),
+    ],
+)
+def test_how_errors_end(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    raised: BaseException,
+    status: int,
+    words: str,
+) -> None:
+    def fail(_: argparse.Namespace) -> int:
+        raise raised
+
+    monkeypatch.setattr(importer, "run", fail)
+    assert main(["import", "x", "-o", "y"]) == status
+    assert capsys.readouterr().err == words
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
+    """``flea bag check ... | head -1`` ends quietly."""
+    with BagWriter(tmp_path / "run") as bag:
+        bag.write(Scan(10**18, ("a",), (1.0,)))
+    command = [sys.executable, "-m", "flea_diag.tools.main", "bag", "check"]
+    process = subprocess.Popen(
+        [*command, *[str(tmp_path / "run")] * 3000],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=ENVIRONMENT,
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.readline()
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.stderr.close()
+    assert process.wait() == 0
+
+
+def test_ctrl_c_in_mid_work_ends_with_130(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "run") as bag:
+        bag.write(Scan(10**18, ("a",), (1.0,)))
+    command = [sys.executable, "-m", "flea_diag.tools.main", "bag", "check"]
+    process = subprocess.Popen(
+        [*command, *[str(tmp_path / "run")] * 3000],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**ENVIRONMENT, "PYTHONUNBUFFERED": "1"},
+    )
+    assert process.stdout is not None
+    process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate()
+    assert process.returncode == 130
+    assert errors == b"flea: interrupted\n"
+
+
+def test_help_loads_nothing_slow() -> None:
+    code = (
+        "import sys; from flea_diag.tools.main import commands; commands(); "
+        "print(*sorted({'scipy', 'matplotlib', 'rclpy'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=ENVIRONMENT
+    )
+    assert done.stdout.strip() == ""
