@@ -145,17 +145,17 @@ def _integrate(
         push = c.force_constant * i - c.viscous * v - force - ripple
         v = _stopped(v + dt * push / c.mass, dt * drag / c.mass)
         x += dt * v
-        # Load actuator: a motor that pushes one way only, its current follows its back-EMF.
+        # Load actuator: a motor whose back-EMF adds to its push. Under load its drive conducts one
+        # way only; without, it brakes a little both ways.
         wanted = load[k]
         way = 1.0 if wanted >= 0.0 else -1.0
         measured = c.force_feedback_scale * force + c.force_feedback_offset
         trim = _clipped(trim + dt * c.trim_rate * (wanted - measured), c.trim_limit)
+        share = (abs(wanted) + 0.2 * c.load_knee) / (abs(wanted) + c.load_knee)
         target = wanted / c.load_constant
-        target += (
-            c.load_constant * vl * abs(wanted) / (abs(wanted) + c.load_knee) + trim
-        ) / c.load_resistance
+        target += (c.load_constant * vl * share + trim) / c.load_resistance
         if target * way < 0.0:
-            target = 0.0
+            target *= max(1.0 - 0.5 * abs(wanted) / c.load_knee, 0.0)
         iz += dt * (target - iz) / c.load_lag
         stop = 0.0
         if xl > c.stroke:

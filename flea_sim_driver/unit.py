@@ -117,7 +117,7 @@ class Bench:
     load_roughness_n: float = 2.0
     load_roughness_n_s_m: float = 2700.0
     load_roughness_per_a: float = 0.8
-    load_knee_n: float = 10.5
+    load_knee_n: float = 60.0
     load_force_constant_n_per_a: float = 176.7
     load_effective_resistance_ohm: float = 3.6
     load_current_lag_s: float = 0.12
