@@ -205,10 +205,11 @@ def test_a_bag_through_a_pipeline(tmp_path: Path) -> None:
 
 def test_truth_and_recorded_verdicts_reach_no_stage(tmp_path: Path) -> None:
     class Nosy(Threshold):
-        consumes = (r.Scan, r.Truth, r.AmbiguityGroup)
+        consumes = (r.Scan, r.Truth, r.AmbiguityGroup, r.Detection)
 
         def handle(self, record: r.Record) -> tuple[r.Record, ...]:
-            assert isinstance(record, r.Scan)
+            assert not isinstance(record, r.Truth)
+            assert "spall" not in repr(record)
             return super().handle(record)
 
     live = group(1.0, Outcome.ISOLATED, "spall")
