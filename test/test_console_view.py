@@ -77,6 +77,8 @@ def test_one_line_a_change() -> None:
         "22:13:21.250 ERROR INDISTINGUISHABLE (2 possible: jam, ball_nut_friction): "
         "friction in the mechanism"
     )
+    named = replace(GROUP, words="one of jam, ball_nut_friction")
+    assert line(shown(named)).endswith("INDISTINGUISHABLE (2 possible): " + named.words)
     assert line(shown(GROUP, replace(GROUP, seq=18))) == first
     assert line(shown(GROUP, replace(GROUP, step=4, members=GROUP.members[:1]))) != first
 

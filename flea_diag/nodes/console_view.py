@@ -66,9 +66,21 @@ def line(state: ConsoleState) -> str:
         return "no verdict yet"
     if state.silent_s > SILENT_AFTER_S:
         return "NO VERDICT: the isolator is silent"
-    members = ", ".join(candidate.fault for candidate in group.members)
-    count = f" ({len(group.members)} possible: {members})" if group.members else ""
-    return f"{_clock(group.stamp_ns)} {_level(group)} {group.outcome.value}{count}: {group.words}"
+    return (
+        f"{_clock(group.stamp_ns)} {_level(group)} {group.outcome.value}{_named(group)}: "
+        f"{group.words}"
+    )
+
+
+def _named(group: AmbiguityGroup) -> str:
+    """How many are possible, and which, unless the words name them all."""
+    faults = [candidate.fault for candidate in group.members]
+    if not faults:
+        return ""
+    told = all(fault in group.words for fault in faults)
+    return (
+        f" ({len(faults)} possible)" if told else f" ({len(faults)} possible: {', '.join(faults)})"
+    )
 
 
 def view(state: ConsoleState) -> str:
