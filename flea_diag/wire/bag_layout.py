@@ -73,6 +73,7 @@ def checked_namespace(namespace: str) -> str:
     return full
 
 
+@lru_cache(maxsize=1024)
 def split_name(name: str) -> tuple[str, Topic] | None:
     """Namespace and row of a topic of ours by its full name, None for any other."""
     for topic in TOPICS:
