@@ -69,6 +69,8 @@ install() {
         package.xml setup.py)
     if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
         say "installing flea_diag into .venv"
+        # What a build left behind would be installed again, also modules that are gone.
+        rm -rf "$root/build/lib" "$root"/build/bdist.*
         pip_install --no-deps --force-reinstall "$root"
         printf '%s' "$wanted" >"$stamp"
     fi

@@ -78,7 +78,7 @@ def checked(descriptor: Descriptor, value: Value, where: str) -> Value:
     name, kind = descriptor.name, descriptor.kind
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
-    if type(value) is not kind:
+    if value.__class__ is not kind:  # not isinstance: a bool is no int here
         raise ConfigurationError(
             f"{where}: {name} = {value!r} is a {type(value).__name__}, it must be a {kind.__name__}"
         )

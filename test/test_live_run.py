@@ -1,0 +1,81 @@
+"""The whole stand as processes: started, ended and summed up by `flea_diag.nodes.live_run`."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+from live import Process
+
+from flea_diag.nodes.domain import reserved_domain
+from flea_diag.nodes.live_run import parsed
+from flea_diag.wire.bag import read_bag
+from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan, Truth
+
+
+def command(bag: Path, *arguments: str) -> list[str]:
+    module = "flea_diag.nodes.live_run"
+    return [sys.executable, "-m", module, "--headless", "--bag", str(bag), *arguments]
+
+
+def children(pid: int) -> list[int]:
+    listed = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
+    return [int(child) for child in listed]
+
+
+def test_an_interrupted_run_ends_its_children_and_sums_up(domain: int, tmp_path: Path) -> None:
+    bag = tmp_path / "run"
+    with Process(command(bag, "--for", "60", "--at", "50"), domain) as process:
+        process.wait_for("the stand starts", limit_s=40.0)
+        process.wait_for("NOMINAL", limit_s=40.0)
+        started = children(process.child.pid)
+        status, took_s = process.signal(signal.SIGINT)
+    assert len(started) == 6
+    assert not [pid for pid in started if Path(f"/proc/{pid}").exists()]
+    assert status == 1
+    assert took_s < 6.0
+    for word in ("truth", "diagnosis", "features", str(bag), "interrupted"):
+        assert word in process.output
+    kinds = {type(record) for _, record in read_bag(bag)}
+    assert {Scan, ChannelTable, Truth, AmbiguityGroup} <= kinds
+
+
+def test_a_node_that_cannot_start_ends_the_run(domain: int, tmp_path: Path) -> None:
+    with Process(command(tmp_path / "run", "--fault", "gremlin"), domain) as process:
+        assert process.child.wait(60.0) == 2
+        process.end()
+    assert "daq ended with status 2" in process.output
+    assert "gremlin" in (tmp_path / "run.log").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--at", "40"], "--at 40 is not within the run"),
+        (["--for", "-1"], "not within 0 to 86400 s"),
+        (["--for", "soon"], "invalid"),
+        (["--speed", "2"], "unrecognized"),
+    ],
+)
+def test_bad_options_are_refused(
+    arguments: list[str], word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parsed(arguments)
+    assert ended.value.code == 2
+    assert word in capsys.readouterr().err
+
+
+def test_defaults_are_a_jam_at_eight_seconds() -> None:
+    options = parsed([])
+    assert (options.fault, options.at, options.headless) == ("jam", 8.0, False)
+    assert options.bag.parent == Path("bags/runs")
+
+
+def test_two_reserved_domains_differ_and_come_back() -> None:
+    with reserved_domain() as one, reserved_domain() as two:
+        assert one != two
+    with reserved_domain() as again:
+        assert again == one
