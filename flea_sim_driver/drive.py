@@ -42,13 +42,21 @@ class Waveform:
 
     def voltage(self, phase: Array) -> Array:
         """Terminal voltage in V at a phase, with the tails of the sensor's RC filter."""
-        ends = (self.on, self.on + self.freewheel)
-        floating = np.where(ends[1] >= 1.0 - 1e-9, -self.drop_v, self.emf_v)
-        levels = (np.full_like(phase, self.supply_v), -self.drop_v, floating)
-        second = levels[1] + (levels[0] - levels[1]) * _tail(phase - ends[0])
-        third = levels[2] + (levels[1] - levels[2]) * _tail(phase - ends[1])
-        first = levels[0] + (levels[2] - levels[0]) * _tail(phase)
-        shape = np.where(phase < ends[0], first, np.where(phase < ends[1], second, third))
+        rest = np.maximum(1.0 - self.on - self.freewheel, 0.0)
+        shares = (self.on, self.freewheel, rest)
+        levels = (np.full_like(phase, self.supply_v), -self.drop_v, self.emf_v)
+        tails = [_tail(share) for share in shares]
+        # The filter starts each period where the last one left it.
+        end = np.zeros_like(phase)
+        for level, tail in zip(levels, tails, strict=True):
+            end = level + (end - level) * tail
+        value = end / (1.0 - tails[0] * tails[1] * tails[2])
+        begin, shape = np.zeros_like(phase), np.zeros_like(phase)
+        for level, tail, share in zip(levels, tails, shares, strict=True):
+            here = level + (value - level) * _tail(phase - begin)
+            shape = np.where(phase >= begin, here, shape)
+            value = level + (value - level) * tail
+            begin = begin + share
         return np.asarray(self.way * shape)
 
     def mean_square_current(self) -> Array:
