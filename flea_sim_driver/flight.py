@@ -1,8 +1,8 @@
 """The flight interface: an aircraft's control surface drives the stand.
 
-A CSV with the columns ``time_s, position_m, load_N`` is taken as it stands, or scaled into the
-stroke and the load limits where the scenario asks for it; what the stand cannot follow is
-refused with the row that says so.
+A CSV with the columns ``time_s, position_m, load_N``, or a bag, is taken as it stands, or
+scaled into the stroke and the load limits where the scenario asks for it; what the stand
+cannot follow is refused with the row that says so.
 """
 
 from __future__ import annotations
@@ -11,11 +11,15 @@ import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from flea_diag.wire.records import Scan
 
 COLUMNS = ("time_s", "position_m", "load_N")
 STROKE_M = 0.100
@@ -23,6 +27,11 @@ SPEED_LIMIT_M_S = 0.120
 LOAD_LIMIT_N = 70.0 * 4.4482216152605
 GAP_LIMIT_S = 0.5
 STROKE_MARGIN_M = 0.005
+BAG_SCANS = 10
+BAG_CHANNELS = (
+    ("commanded_position", "actuator_position", "load_position"),
+    ("commanded_load", "load_force"),
+)
 FILE_LIMIT_BYTES = 64 << 20
 Array = npt.NDArray[np.float64]
 
@@ -67,8 +76,10 @@ def read_flight(path: Path, *, fit: bool = False) -> Flight:
     ------
     ConfigurationError
         Unreadable, wrong columns, gaps, or outside stroke, speed or load: names file and row.
+    RecordingError
+        A bag that cannot be read.
     """
-    rows = _rows(path)
+    rows = _rows_of_bag(path) if path.is_dir() or path.suffix == ".mcap" else _rows(path)
     table = np.array(rows, dtype=np.float64).reshape(-1, 3)
     if len(table) < 2:
         raise ConfigurationError(f"{path}: {len(table)} rows, a flight needs at least 2")
@@ -93,6 +104,34 @@ def _rows(path: Path) -> list[list[float]]:
             return [_row(cells, path, reader.line_num) for cells in reader if cells]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ConfigurationError(f"{path}: cannot be read: {error}") from error
+
+
+def _rows_of_bag(path: Path) -> list[list[float]]:
+    """Position and load of a recording, averaged over tenths of a second against its noise."""
+    from flea_diag.wire.bag import read_bag
+    from flea_diag.wire.records import Scan
+
+    scans = [record for _, record in read_bag(path, [Scan]) if isinstance(record, Scan)]
+    rows: list[list[float]] = []
+    for first in range(0, len(scans) - BAG_SCANS + 1, BAG_SCANS):
+        group = scans[first : first + BAG_SCANS]
+        elapsed_ns = float(np.mean([scan.stamp_ns - scans[0].stamp_ns for scan in group]))
+        rows.append([elapsed_ns * 1e-9, *(_first(group, names) for names in BAG_CHANNELS)])
+    if not np.isfinite(rows).all():
+        raise ConfigurationError(
+            f"{path}: a scan lacks position or load, one of "
+            f"{' or '.join(', '.join(names) for names in BAG_CHANNELS)}"
+        )
+    return rows
+
+
+def _first(group: list[Scan], names: tuple[str, ...]) -> float:
+    """Mean of the first of these channels that is measured throughout."""
+    for name in names:
+        value = float(np.mean([scan.value(name) for scan in group]))
+        if math.isfinite(value):
+            return value
+    return math.nan
 
 
 def _row(cells: list[str], path: Path, line: int) -> list[float]:

@@ -197,7 +197,13 @@ def integrator() -> Callable[..., None]:
         import numba
     except ImportError:
         return _integrate
-    compile_ = numba.njit(cache=True, fastmath=False)
+    try:
+        return _compiled(numba.njit(cache=True))
+    except RuntimeError:  # nowhere to keep the compiled code: a read-only installation
+        return _compiled(numba.njit)
+
+
+def _compiled(compile_: Callable[[Any], Any]) -> Callable[..., None]:
     globals()["_stopped"] = compile_(_stopped)
     globals()["_clipped"] = compile_(_clipped)
     compiled: Callable[..., None] = compile_(_integrate)

@@ -44,7 +44,7 @@ class Motion:
     rise_s: float = parameter(
         1.0, "time of one ramp of a trapezoid", unit="s", minimum=0.05, maximum=60.0
     )
-    file: str = parameter("", "CSV of a flight: time_s, position_m, load_N")
+    file: str = parameter("", "flight: a CSV with time_s, position_m, load_N, or a bag")
     fit: bool = parameter(False, "scale a flight into stroke and load limits")
 
 
@@ -179,7 +179,7 @@ def _flight(motion: Motion, where: str, folder: Path) -> Flight | None:
     if motion.kind != "flight":
         return None
     if not motion.file:
-        raise ConfigurationError(f"{where}: motion.file is empty, a flight needs a CSV")
+        raise ConfigurationError(f"{where}: motion.file is empty, a flight needs a CSV or a bag")
     return read_flight(folder / motion.file, fit=motion.fit)
 
 

@@ -13,6 +13,8 @@ from flea_diag.tools.main import main
 from flea_diag.wire.bag import read_bag
 from flea_diag.wire.records import ChannelTable, Scan, Truth, VibrationBlock
 from flea_sim_driver.library import find_scenario
+from flea_sim_driver.profile import commanded
+from flea_sim_driver.scenario import scenario_from_mapping
 from flea_sim_driver.stand import Stand, with_seed
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -46,6 +48,19 @@ def test_equal_commands_write_equal_files(tmp_path: Path) -> None:
         assert main(command) == 0
         files.append((bag / "bag_0.mcap").read_bytes())
     assert files[0] == files[1]
+
+
+def test_a_bag_can_be_flown_again(tmp_path: Path) -> None:
+    bag = tmp_path / "flown"
+    assert main(["simulate", "nominal", "-o", str(bag), "--duration", "8", "--no-vibration"]) == 0
+    motion = {"kind": "flight", "file": "flown"}
+    again = scenario_from_mapping({"motion": motion, "duration_s": 7.0}, "s.yaml", tmp_path)
+    time = np.arange(0.5, 7.0, 0.01)
+    position, load = commanded(again, time)
+    expected, _ = commanded(find_scenario("nominal"), time)
+    assert np.abs(np.gradient(position, 0.01)).max() < 0.1
+    assert np.corrcoef(position, np.interp(time + 0.045, time, expected))[0, 1] > 0.99
+    assert np.all(load == 0.0)
 
 
 @pytest.mark.parametrize(
