@@ -89,7 +89,15 @@ BANNED_MODULES = (
     "time", "datetime", "random", "os", "io", "pathlib", "socket", "subprocess", "threading",
     "tempfile", "shutil", "pickle", "secrets", "uuid", "asyncio", "multiprocessing",
 )  # fmt: skip
-GENERATORS = ("Generator", "default_rng", "SeedSequence", "PCG64", "Philox", "BitGenerator")
+GENERATORS = (
+    "Generator",
+    "default_rng",
+    "SeedSequence",
+    "PCG64",
+    "MT19937",
+    "Philox",
+    "BitGenerator",
+)
 
 
 class Import(NamedTuple):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from flea_diag.errors import ConfigurationError
 
@@ -78,7 +78,7 @@ def checked(descriptor: Descriptor, value: Value, where: str) -> Value:
     name, kind = descriptor.name, descriptor.kind
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
-    if value.__class__ is not kind:  # not isinstance: a bool is no int here
+    if type(value) is not kind:
         raise ConfigurationError(
             f"{where}: {name} = {value!r} is a {type(value).__name__}, it must be a {kind.__name__}"
         )
@@ -87,6 +87,7 @@ def checked(descriptor: Descriptor, value: Value, where: str) -> Value:
         raise ConfigurationError(
             f"{where}: {name} = {value!r} is unknown, choose one of {', '.join(descriptor.choices)}"
         )
+    value = cast(Value, value)  # mypy has narrowed it to object
     # Written so that NaN, which compares false with everything, is refused too.
     if descriptor.minimum is not None and not value >= descriptor.minimum:
         raise ConfigurationError(
