@@ -46,8 +46,8 @@ pip_install() {
     done
     [ -t 2 ] && printf '\r\033[K' >&2
     wait $installer || {
-        grep -v WARNING "$venv/pip.log" | tail -n 5 >&2
-        fail "pip failed, its whole log is in $venv/pip.log: is the package index reachable?"
+        grep -iE '(^|  )error|Errno' "$venv/pip.log" | tail -n 5 >&2
+        fail "pip failed (is the package index reachable, the disk full?): see $venv/pip.log"
     }
 }
 
