@@ -1,0 +1,233 @@
+from __future__ import annotations
+
+import linear_ema as ema
+import numpy as np
+import pytest
+
+from flea_diag.core.parameters import ActuatorParameters
+from flea_diag.core.residual_bank import (
+    CHANNELS,
+    INDEX,
+    RESIDUAL_INDEX,
+    RESIDUALS,
+    ResidualBank,
+)
+
+TRUE = ActuatorParameters(
+    force_constant_n_per_a=170.0,
+    back_emf_v_s_per_m=170.0,
+    winding_resistance_ohm=3.1,
+    current_offset_a=0.25,
+    voltage_offset_v=-0.8,
+    coulomb_friction_n=60.0,
+    viscous_friction_n_s_per_m=500.0,
+    reflected_mass_kg=120.0,
+    motor_heating_k_per_a2s=0.0098,
+    motor_cooling_s=800.0,
+    encoder_m_per_rad=5e-4,
+)
+DELAY = 15
+WHOLE = ema.run()
+
+
+def residuals(columns: ema.Columns, channels: tuple[str, ...] = CHANNELS) -> np.ndarray:
+    bank = ResidualBank(TRUE)
+    return np.array([bank.step(row, False).values for row in ema.rows(columns, channels)])
+
+
+def cruising(columns: ema.Columns) -> np.ndarray:
+    """Scans whose whole smoothing window lies in motion one way, without the start."""
+    speed = columns["motor_speed"] * 5e-4
+    steady = np.abs(speed) > 0.03
+    windows = np.lib.stride_tricks.sliding_window_view(steady & (np.abs(speed) < 0.05), 31)
+    return np.flatnonzero(windows.all(axis=1)) + 30
+
+
+def bank_rows() -> list[str]:
+    return [row.name for row in RESIDUALS]
+
+
+def test_channels_and_names_are_those_of_the_stand():
+    assert CHANNELS == ema.CHANNELS
+    assert len(set(bank_rows())) == len(RESIDUALS)
+
+
+def test_a_healthy_actuator_leaves_nothing():
+    found, use = residuals(WHOLE), cruising(WHOLE)
+    assert len(use) > 500
+    largest = {name: np.abs(found[use, j]).max() for name, j in RESIDUAL_INDEX.items()}
+    assert largest["parity_mechanical"] < 3.0
+    assert largest["parity_electrical"] < 0.02
+    assert largest["parity_drive"] == pytest.approx(0.8, abs=1e-9)  # its own offset is not given
+    assert largest["parity_kinematic"] < 1e-12
+    assert largest["parity_speed"] < 1e-4
+
+
+TRUE_SIGNALS = {
+    "i": lambda c: c["motor_current"] - 0.25,
+    "v": lambda c: c["motor_speed"] * 5e-4,
+    "s": lambda c: np.sign(c["motor_speed"]),
+    "F": lambda c: c["load_force"],
+    "1": lambda c: np.ones_like(c["load_force"]),
+}
+PLANT = {
+    # fault: parameters, and (residual, coefficient of each true signal)
+    "jam": (
+        {"coulomb": 200.0, "viscous": 1500.0},
+        {"parity_mechanical": {"s": 140.0, "v": 1000.0}, "parity_electrical": {}},
+    ),
+    "winding_short": (
+        {"resistance": 0.8 * 3.1, "back_emf": 0.85 * 170, "force_constant": 0.85 * 170},
+        {
+            "parity_mechanical": {"i": 0.15 * 170},
+            "parity_electrical": {"i": -0.2 * 3.1, "v": -0.15 * 170},
+        },
+    ),
+    "heavier": ({"mass": 240.0}, {"parity_electrical": {}}),
+}
+SENSOR = {
+    "motor_current_bias": (
+        ("motor_current", lambda y: y + 0.5),
+        {"parity_mechanical": {"1": 85.0}, "parity_electrical": {"1": -1.55}},
+    ),
+    "motor_current_scaling": (
+        ("motor_current", lambda y: 0.25 + 1.2 * (y - 0.25)),
+        {"parity_mechanical": {"i": 34.0}, "parity_electrical": {"i": -0.62}},
+    ),
+    "load_force_bias": (
+        ("load_force", lambda y: y + 50.0),
+        {"parity_mechanical": {"1": -50.0}, "parity_electrical": {}},
+    ),
+    "motor_voltage_bias": (
+        ("motor_voltage", lambda y: y + 2.0),
+        {"parity_mechanical": {}, "parity_electrical": {"1": 2.0}, "parity_drive": {"1": 1.2}},
+    ),
+    "actuator_position_bias": (
+        ("actuator_position", lambda y: y + 0.003),
+        {"parity_kinematic": {"1": 0.003}, "parity_mechanical": {}, "parity_electrical": {}},
+    ),
+    "load_position_bias": (
+        ("load_position", lambda y: y + 0.003),
+        {"parity_kinematic": {"1": -0.003}, "parity_mechanical": {}},
+    ),
+    "motor_speed_scaling": (
+        ("motor_speed", lambda y: 1.1 * y),
+        {"parity_electrical": {"v": -17.0}, "parity_mechanical": {"v": -50.0}},
+    ),
+}
+LIMITS = {"parity_mechanical": 4.0, "parity_electrical": 0.05, "parity_kinematic": 1e-9}
+
+
+def check(columns: ema.Columns, truth: ema.Columns, expected: dict) -> None:
+    found, use = residuals(columns), cruising(truth)
+    for name, coefficients in expected.items():
+        want = sum(k * TRUE_SIGNALS[s](truth)[use - DELAY] for s, k in coefficients.items())
+        got = found[use, RESIDUAL_INDEX[name]]
+        np.testing.assert_allclose(
+            got, want + np.zeros(len(use)), atol=LIMITS.get(name, 1e-6), rtol=0.02, err_msg=name
+        )
+
+
+@pytest.mark.parametrize("fault", PLANT)
+def test_a_fault_of_the_plant_moves_its_residuals_as_the_equations_say(fault):
+    parameters, expected = PLANT[fault]
+    columns = ema.run(ema.changed(**parameters))
+    check(columns, columns, expected)
+
+
+@pytest.mark.parametrize("fault", SENSOR)
+def test_a_sensor_fault_moves_its_residuals_as_the_equations_say(fault):
+    (channel, error), expected = SENSOR[fault]
+    check({**WHOLE, channel: error(WHOLE[channel])}, WHOLE, expected)
+
+
+def test_normalised_by_direction_a_drag_keeps_its_sign_and_a_bias_alternates():
+    jam = ema.run(ema.changed(coulomb=200.0))
+    biased = {**WHOLE, "motor_current": WHOLE["motor_current"] + 0.5}
+    for columns, raw_sign_is_kept in ((jam, False), (biased, True)):
+        found, use = residuals(columns), cruising(columns)
+        raw = np.sign(found[use, RESIDUAL_INDEX["parity_mechanical"]])
+        normalised = np.sign(found[use, RESIDUAL_INDEX["parity_mechanical_dn"]])
+        assert (np.unique(raw).tolist() == [1.0]) is raw_sign_is_kept
+        assert (np.unique(normalised).tolist() == [1.0]) is not raw_sign_is_kept
+
+
+def test_without_an_encoder_the_slope_of_the_position_is_the_speed():
+    channels = tuple(c for c in CHANNELS if c != "motor_speed")
+    bank = ResidualBank(ActuatorParameters(coulomb_friction_n=60.0))
+    assert not bank.has_encoder
+    speeds = [bank.step(row, False).signals.speed_m_s for row in ema.rows(WHOLE, channels)]
+    use = cruising(WHOLE)
+    true = WHOLE["motor_speed"][use - DELAY] * 5e-4
+    np.testing.assert_allclose(np.array(speeds)[use], true, rtol=0.01)
+
+
+def test_noise_level_is_blind_to_motion_and_right_for_white_noise():
+    quiet = residuals(WHOLE)[100:, RESIDUAL_INDEX["actuator_position_noise"]]
+    assert np.median(quiet) < 1e-6
+    random = np.random.default_rng(5)
+    levels = []
+    for channel in ("actuator_position", "load_position", "load_force", "motor_temperature"):
+        noise = 1e-3 * random.standard_normal(len(WHOLE["load_force"]))
+        loud = residuals({**WHOLE, channel: WHOLE[channel] + noise})
+        levels.append(loud[100:, RESIDUAL_INDEX[f"{channel}_noise"]].mean())
+    # Mean of |x| for a normal x, to 2.4 % each.
+    assert np.mean(levels) == pytest.approx(1e-3 * np.sqrt(2 / np.pi), rel=0.04)
+
+
+def jumps(position: np.ndarray) -> np.ndarray:
+    columns = {**WHOLE, "actuator_position": position}
+    return residuals(columns)[:, RESIDUAL_INDEX["actuator_position"]]
+
+
+@pytest.mark.parametrize("size", [0.01, -0.01])
+def test_a_step_of_the_position_is_a_jump_and_outliers_are_none(size):
+    still = np.full(len(WHOLE["load_force"]), 0.05)
+    still += 6e-5 * np.random.default_rng(1).standard_normal(len(still))
+    assert np.nanmax(np.abs(jumps(still))) < 5e-4
+    stepped = still + size * (np.arange(len(still)) >= 700)
+    assert jumps(stepped)[702] == pytest.approx(size, abs=1.2e-3)
+    for width in (1, 2):
+        pierced = still.copy()
+        pierced[700 : 700 + width] += size
+        assert np.nanmax(np.abs(jumps(pierced))) < 1.2e-3, width
+
+
+def test_motion_is_no_jump():
+    # At the reversals of the triangle the actuator brakes as hard as its supply allows.
+    assert np.nanmax(np.abs(jumps(WHOLE["actuator_position"]))) < 3e-4
+
+
+def test_a_gap_empties_the_windows_and_keeps_the_temperatures():
+    bank = ResidualBank(TRUE)
+    table = ema.rows(WHOLE)
+    for row in table[:500]:
+        before = bank.step(row, False)
+    bank.interrupt()
+    after = bank.step(table[500], False)
+    assert np.isfinite(before.values[RESIDUAL_INDEX["parity_mechanical"]])
+    for name in ("parity_mechanical", "actuator_position", "motor_current_noise"):
+        assert np.isnan(after.values[RESIDUAL_INDEX[name]]), name
+    assert abs(after.values[RESIDUAL_INDEX["motor_temperature"]]) < 1.0
+
+
+def test_what_is_missing_takes_only_its_own_residuals():
+    columns = {**WHOLE, "motor_voltage": np.full(len(WHOLE["load_force"]), np.nan)}
+    use = cruising(WHOLE)
+    found = residuals(columns)[use[use > 200]]
+    for row in RESIDUALS:
+        lacking = np.isnan(found[:, RESIDUAL_INDEX[row.name]])
+        assert lacking.all() if "motor_voltage" in row.needs else not lacking.any(), row.name
+
+
+def test_adopted_parameters_count_from_then_on():
+    from dataclasses import replace
+
+    bank, other = ResidualBank(TRUE), ResidualBank(TRUE)
+    other.adopt(replace(TRUE, current_offset_a=0.35))
+    for row in ema.rows(WHOLE)[:200]:
+        plain, moved = bank.step(row, False), other.step(row, False)
+    j = RESIDUAL_INDEX["parity_mechanical"]
+    assert plain.values[j] - moved.values[j] == pytest.approx(17.0)
+    assert plain.spread.shape == (len(RESIDUALS), 7)
+    assert INDEX["motor_current"] == 0

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flea_diag.core.running_mean import WindowedMeans
+
+WINDOWS = (2, 3, 7)
+CELLS = st.one_of(st.floats(-1e3, 1e3), st.just(float("nan")), st.just(float("inf")))
+
+
+def expected(rows: np.ndarray, window: int) -> np.ndarray:
+    last = rows[-window:]
+    if len(last) < window:
+        return np.full(rows.shape[1], np.nan)
+    return np.where(np.isfinite(last).all(axis=0), np.where(np.isfinite(last), last, 0).mean(0),
+                    np.nan)  # fmt: skip
+
+
+@settings(max_examples=60)
+@given(st.lists(st.tuples(CELLS, CELLS), min_size=1, max_size=40))
+def test_means_are_those_of_the_last_rows(rows):
+    means = WindowedMeans(2, WINDOWS)
+    table = np.array(rows)
+    for count, row in enumerate(table, 1):
+        means.push(row)
+        for found, window in zip(means.means(), WINDOWS, strict=True):
+            np.testing.assert_allclose(found, expected(table[:count], window), atol=1e-9)
+
+
+def test_no_drift_over_many_laps():
+    random = np.random.default_rng(3)
+    # A huge value passes through now and then: its rounding must leave with it.
+    stream = random.standard_normal(20_000) * np.where(random.random(20_000) < 0.01, 1e12, 1.0)
+    stream[-400:] = random.standard_normal(400)
+    means = WindowedMeans(1, (50, 100))
+    for value in stream:
+        means.push(np.array([value]))
+    np.testing.assert_allclose(
+        means.means()[:, 0], [stream[-50:].mean(), stream[-100:].mean()], rtol=1e-12
+    )
+
+
+@given(st.integers(0, 20), st.floats(-5.0, 5.0))
+def test_combine_acts_as_if_the_rows_had_been_so_all_along(later, weight):
+    random = np.random.default_rng(later)
+    rows = random.standard_normal((9 + later, 3))
+    rows[4, 0] = np.nan
+    plain, moved = WindowedMeans(3, WINDOWS), WindowedMeans(3, WINDOWS)
+    for row in rows[:9]:
+        moved.push(row)
+    moved.combine(0, slice(1, 3), np.array([weight, -1.0]))
+    change = np.zeros_like(rows)
+    change[:9, 0] = weight * rows[:9, 1] - rows[:9, 2]
+    for row in rows + change:
+        plain.push(row)
+    for row in rows[9:]:
+        moved.push(row)
+    np.testing.assert_allclose(moved.means(), plain.means(), atol=1e-12)
+
+
+def test_clear_forgets_some_columns_or_all():
+    means = WindowedMeans(2, (2,))
+    for _ in range(5):
+        means.push(np.array([1.0, 2.0]))
+    means.clear([0])
+    assert np.isnan(means.means()[0, 0])
+    assert means.means()[0, 1] == 2.0
+    means.push(np.array([5.0, 2.0]))
+    means.push(np.array([6.0, 2.0]))
+    assert means.means()[0].tolist() == [5.5, 2.0]
+    means.clear()
+    assert np.isnan(means.means()).all()
+    means.clear([])
+    means.push(np.array([1.0, 1.0]))
+    means.push(np.array([3.0, 1.0]))
+    assert means.means()[0].tolist() == pytest.approx([2.0, 1.0])

@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flea_diag.core.smoothing import Smoother, hann_kernels
+
+LENGTHS = st.integers(2, 30).map(lambda half: 2 * half + 1)
+NUMBERS = st.floats(-100.0, 100.0)
+
+
+@given(LENGTHS, st.sampled_from((0.001, 0.01, 0.1)), NUMBERS, NUMBERS, NUMBERS)
+def test_polynomials_come_out_exactly_at_the_centre(length, period, level, slope, bend):
+    t = (np.arange(length) - (length - 1) / 2) * period
+    value, first, second = hann_kernels(length, period)
+    ramp = level + slope * t
+    assert value @ ramp == pytest.approx(level, abs=1e-9)
+    assert first @ ramp == pytest.approx(slope, abs=1e-9 / period)
+    assert second @ ramp == pytest.approx(0.0, abs=1e-9 / period**2)
+    parabola = ramp + 0.5 * bend * t**2
+    assert first @ parabola == pytest.approx(slope, abs=1e-9 / period)
+    assert second @ parabola == pytest.approx(bend, abs=1e-9 / period**2)
+
+
+def test_a_slow_sine_keeps_value_and_derivatives_within_the_kernel_bandwidth():
+    period, f = 0.01, 0.5
+    smoother = Smoother(1, 31, period)
+    w = 2 * np.pi * f
+    for k in range(400):
+        value, first, second = smoother.push(np.array([np.sin(w * k * period)]))[:, 0]
+    centre = 399 * period - smoother.delay_s
+    assert smoother.delay_s == pytest.approx(0.15)
+    assert value == pytest.approx(np.sin(w * centre), abs=0.03)
+    assert first == pytest.approx(w * np.cos(w * centre), abs=0.05 * w)
+    assert second == pytest.approx(-(w**2) * np.sin(w * centre), abs=0.05 * w**2)
+
+
+def test_pwm_is_averaged_to_its_mean():
+    pwm = np.where(np.random.default_rng(1).random(3000) < 0.7, 24.0, 0.0)
+    smoother = Smoother(1, 31, 0.01)
+    means = [smoother.push(np.array([v]))[0, 0] for v in pwm][31:]
+    # Effective length of a Hann window: (sum k)^2 / sum k^2 = 2/3 of 32 samples.
+    assert np.mean(means) == pytest.approx(0.7 * 24.0, abs=0.6)
+    assert np.std(means) == pytest.approx(24.0 * np.sqrt(0.21 / (32 * 2 / 3)), rel=0.15)
+
+
+def test_nan_stays_in_its_channel_and_leaves_with_the_window():
+    smoother = Smoother(2, 7, 0.01)
+    out = [smoother.push(np.array([1.0, np.nan if k == 20 else 2.0])) for k in range(40)]
+    assert np.isnan(out[5]).all()
+    assert np.isfinite(np.array(out[6:])[:, :, 0]).all()
+    bad = [k for k in range(6, 40) if np.isnan(out[k][0, 1])]
+    assert bad == list(range(20, 27))
+    smoother.clear()
+    assert np.isnan(smoother.push(np.array([1.0, 1.0]))).all()
+
+
+@given(st.lists(NUMBERS, min_size=5, max_size=60))
+def test_streaming_is_the_correlation_with_the_kernels(values):
+    smoother, kernels = Smoother(1, 5, 0.01), hann_kernels(5, 0.01)
+    streamed = [smoother.push(np.array([v]))[:, 0] for v in values][4:]
+    whole = [np.correlate(values, kernel, mode="valid") for kernel in kernels]
+    np.testing.assert_allclose(streamed, np.transpose(whole), rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("length", [4, 30, 3, 1, 0])
+def test_kernels_without_a_centre_or_too_short_are_refused(length):
+    with pytest.raises(ValueError, match=f"kernel length {length} must be odd and at least 5"):
+        hann_kernels(length, 0.01)
