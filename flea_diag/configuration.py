@@ -87,9 +87,15 @@ def load_yaml(name_or_path: str | Path) -> Any:
         raise ConfigurationError(f"{path}: {size} bytes, at most {LARGEST_YAML_BYTES} are read")
     try:
         return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        words = " ".join(str(error).split())
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
+    except _UNREADABLE as error:
+        words = " ".join(str(error).split())[:300]
         raise ConfigurationError(f"{path}: not a YAML file: {words}") from error
+
+
+# Beside its own errors the parser lets through what Python makes of a date, number or tag.
+_UNREADABLE = (yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError)
 
 
 def load_calibration(path: str | Path) -> Calibration:

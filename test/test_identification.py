@@ -76,7 +76,7 @@ def test_bad_voltage_does_not_draw_the_fit():
 
 def test_runs_without_motion_are_refused():
     still = ema.run(reference=lambda t: 0.0)
-    with pytest.raises(CalibrationError, match="s of motion above.*record the actuator while"):
+    with pytest.raises(CalibrationError, match=r"s of motion above.*record the actuator while"):
         found([ema.noisy(still, n) for n in range(3)])
 
 
@@ -106,7 +106,8 @@ def test_huber_agrees_with_a_general_minimiser():
     x, covariance, weight = robust_fit(A, y, np.arange(400) // 50)
     reference = optimize.least_squares(lambda b: (A @ b - y) / (2 * 0.1), (0, 0), loss="huber").x
     np.testing.assert_allclose(x, reference, atol=0.01)
-    assert (weight[:40].mean() < weight[40:].mean()) and covariance.shape == (2, 2)
+    assert weight[:40].mean() < weight[40:].mean()
+    assert covariance.shape == (2, 2)
 
 
 def test_standard_errors_cover_the_scatter_of_repeated_experiments():

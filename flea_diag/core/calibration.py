@@ -8,8 +8,9 @@ what a calibration file holds; it names the recordings that it came from.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, fields
+from reprlib import repr as short
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ import numpy.typing as npt
 from flea_diag.core.detection import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residual import UNIT_PARAMETERS
+from flea_diag.core.residual_bank import RESIDUALS
 from flea_diag.errors import CalibrationError
 
 Array = npt.NDArray[np.float64]
@@ -110,32 +112,34 @@ def from_mapping(mapping: object, where: str) -> Calibration:
         )
     if mapping.get("schema_version") != SCHEMA_VERSION:
         raise CalibrationError(
-            f"{where}: schema_version = {mapping.get('schema_version')!r}, this version reads "
+            f"{where}: schema_version = {short(mapping.get('schema_version'))}, this version reads "
             f"{SCHEMA_VERSION}; make it anew with 'flea calibrate'"
         )
-    if list(mapping.get("speed_regions_m_s", [])) != list(SPEED_REGIONS_M_S):
+    if mapping.get("speed_regions_m_s") != list(SPEED_REGIONS_M_S):
         raise CalibrationError(
-            f"{where}: speed_regions_m_s = {mapping.get('speed_regions_m_s')!r}, this version "
+            f"{where}: speed_regions_m_s = {short(mapping.get('speed_regions_m_s'))}, this version "
             f"tests in {list(SPEED_REGIONS_M_S)!r}; make it anew with 'flea calibrate'"
         )
     known = {"schema_version", "speed_regions_m_s", *_READERS}
     for key in mapping:
         if key not in known:
-            raise CalibrationError(f"{where}: unknown entry {key!r}, known are {sorted(known)}")
+            raise CalibrationError(
+                f"{where}: unknown entry {short(key)}, known are {sorted(known)}"
+            )
     values: dict[str, Any] = {}
     for key, reader in _READERS.items():
         if key not in mapping:
             raise CalibrationError(f"{where}: entry {key!r} is missing")
         try:
             values[key] = reader(mapping[key])
-        except (TypeError, ValueError, KeyError, AttributeError) as error:
+        except (TypeError, ValueError, KeyError, AttributeError, OverflowError) as error:
             raise CalibrationError(f"{where}: {key}: {error}") from error
     return Calibration(**values)
 
 
 def _number(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise ValueError(f"{value!r} is not a finite number")
+        raise ValueError(f"{short(value)} is not a finite number")
     return float(value)
 
 
@@ -147,46 +151,73 @@ def _positive(value: Any) -> float:
 
 def _text(value: Any) -> str:
     if not isinstance(value, str) or len(value) > 10_000:
-        raise ValueError(f"{value!r} is not a text")
+        raise ValueError(f"{short(value)} is not a text")
+    return value
+
+
+def _list(value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise ValueError(f"{short(value)} is not a list")
     return value
 
 
 def _texts(value: Any) -> tuple[str, ...]:
-    return tuple(_text(entry) for entry in value)
+    return tuple(_text(entry) for entry in _list(value))
 
 
-def _numbers_of(kind: type) -> Callable[[Any], Any]:
+def _numbers_of(kind: type, above_zero: Collection[str] = ()) -> Callable[[Any], Any]:
     names = {entry.name for entry in fields(kind)}
 
     def read(value: Any) -> Any:
-        if set(value) != names:
-            odd = sorted(set(value) ^ names)
-            raise ValueError(f"{odd[0]!r} is missing or unknown")
+        if not isinstance(value, Mapping) or set(value) != names:
+            odd = sorted(map(short, set(value) ^ names))
+            raise ValueError(f"{odd[0]} is missing or unknown")
+        for key in above_zero:
+            if not _number(value[key]) > 0.0:
+                raise ValueError(f"{key} = {value[key]!r} must be above 0")
         return kind(**{key: _number(entry) for key, entry in value.items()})
 
     return read
 
 
 def _limits(value: Any) -> tuple[ResidualLimit, ...]:
-    return tuple(
-        ResidualLimit(
-            _text(entry["name"]),
-            tuple(_window_limit(window) for window in entry["windows"]),
-            tuple(_positive(number) for number in entry["sigma"]),
-            _positive(entry["nominal"]),
-            _positive(entry["correlation_samples"]),
-        )
-        for entry in value
+    return tuple(_limit(entry) for entry in _list(value))
+
+
+def _limit(value: Any) -> ResidualLimit:
+    name = _text(value["name"])
+    row = next((row for row in RESIDUALS if row.name == name), None)
+    if row is None:
+        raise ValueError(f"{name!r} is no residual of this version")
+    windows = tuple(_window_limit(window) for window in _list(value["windows"]))
+    known = [limit.window for limit in windows if limit.window in row.windows]
+    if not windows or len(known) != len(windows) or len(set(known)) != len(known):
+        raise ValueError(f"{name}: windows {[w.window for w in windows]}, known {row.windows}")
+    return ResidualLimit(
+        name,
+        windows,
+        _regions(value["sigma"], _positive, name),
+        _positive(value["nominal"]),
+        _positive(value["correlation_samples"]),
     )
 
 
 def _window_limit(value: Any) -> WindowLimit:
-    window = int(_positive(value["window"]))
-    centre = tuple(_number(number) for number in value["centre"])
-    sigma = tuple(_positive(number) for number in value["sigma"])
-    if not len(centre) == len(sigma) == len(SPEED_REGIONS_M_S) + 1:
-        raise ValueError(f"window {window}: needs {len(SPEED_REGIONS_M_S) + 1} speed regions")
-    return WindowLimit(window, centre, sigma, _positive(value["k"]))
+    window = _positive(value["window"])
+    what = f"window {window:g}"
+    return WindowLimit(
+        int(window) if window == int(window) else 0,
+        _regions(value["centre"], _number, what),
+        _regions(value["sigma"], _positive, what),
+        _positive(value["k"]),
+    )
+
+
+def _regions(value: Any, read: Callable[[Any], float], what: str) -> tuple[float, ...]:
+    numbers = tuple(read(number) for number in _list(value))
+    if len(numbers) != len(SPEED_REGIONS_M_S) + 1:
+        raise ValueError(f"{what}: needs {len(SPEED_REGIONS_M_S) + 1} speed regions")
+    return numbers
 
 
 def _stretches(value: Any) -> tuple[BadStretch, ...]:
@@ -197,8 +228,20 @@ def _stretches(value: Any) -> tuple[BadStretch, ...]:
             _number(entry["start_s"]),
             _number(entry["end_s"]),
         )
-        for entry in value
+        for entry in _list(value)
     )
+
+
+ABOVE_ZERO = (
+    "force_constant_n_per_a",
+    "back_emf_v_s_per_m",
+    "winding_resistance_ohm",
+    "stribeck_speed_m_s",
+    "reflected_mass_kg",
+    "motor_cooling_s",
+    "nut_cooling_s",
+)
+"""Parameters that no actuator has at or below zero; the diagnosis divides by most of them."""
 
 
 _READERS: dict[str, Callable[[Any], Any]] = {
@@ -206,10 +249,10 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "period_s": _positive,
     "channels": _texts,
     "voltage_sampling": _text,
-    "parameters": _numbers_of(ActuatorParameters),
+    "parameters": _numbers_of(ActuatorParameters, ABOVE_ZERO),
     "sigmas": lambda value: {_text(key): _number(entry) for key, entry in value.items()},
     "not_identified": lambda value: {_text(key): _text(entry) for key, entry in value.items()},
-    "tolerance": _numbers_of(UnitTolerance),
+    "tolerance": _numbers_of(UnitTolerance, [f.name for f in fields(UnitTolerance)]),
     "limits": _limits,
     "false_alarms_per_hour": _positive,
     "voltage_limit_v": _positive,
