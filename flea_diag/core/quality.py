@@ -6,7 +6,9 @@ import math
 from dataclasses import dataclass, field
 
 ABSENT_SAMPLES = 50
-"""So many missing values in a row make a channel bad (absent, if it never had one)."""
+"""So many values in a row that cannot be used make a channel bad (absent: it never had one)."""
+BEYOND_BOUNDS = 1e9
+"""No quantity of an actuator is larger in SI units; squares and sums of such stay finite."""
 SATURATED_SAMPLES = 10
 COUNTERS = ("samples", "missing", "out_of_range", "saturated", "implausible")
 
@@ -29,7 +31,7 @@ class ChannelMonitor:
     maximum: float = math.inf
     state: ChannelState = ChannelState("absent", 0, "no value yet")
     counters: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTERS, 0))
-    _missing: int = 0
+    _unusable: int = 0
     _at_limit: int = 0
 
     def step(self, stamp_ns: int, value: float, trusted: bool, distrust: str) -> float:
@@ -39,9 +41,9 @@ class ChannelMonitor:
         """
         self.counters["samples"] += 1
         used = self._range(value)
-        self._missing = self._missing + 1 if math.isnan(value) else 0
+        self._unusable = self._unusable + 1 if math.isnan(used) else 0
         self.counters["missing"] += math.isnan(value)
-        at_limit = value in (self.minimum, self.maximum)
+        at_limit = value == used and value in (self.minimum, self.maximum)
         self._at_limit = self._at_limit + 1 if at_limit else 0
         self.counters["saturated"] += at_limit
         self.counters["implausible"] += not trusted
@@ -51,15 +53,17 @@ class ChannelMonitor:
         return used
 
     def _range(self, value: float) -> float:
-        if math.isnan(value) or self.minimum <= value <= self.maximum:
+        if math.isnan(value):
+            return value
+        if self.minimum <= value <= self.maximum and abs(value) <= BEYOND_BOUNDS:
             return value
         self.counters["out_of_range"] += 1
         return math.nan
 
     def _judge(self, trusted: bool, distrust: str) -> tuple[str, str]:
         had_one = self.counters["samples"] > self.counters["missing"]
-        if self._missing >= ABSENT_SAMPLES or not had_one:
-            words = f"no value for {self._missing} scans" if had_one else "not measured"
+        if self._unusable >= ABSENT_SAMPLES or not had_one:
+            words = f"no usable value for {self._unusable} scans" if had_one else "not measured"
             return ("bad" if had_one else "absent"), words
         if not trusted:
             return "bad", distrust
