@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+import pytest
+
+from flea_diag.core.feature_table import NominalRanges
+from flea_diag.core.nominal_range import NominalRange
+from flea_diag.core.sentinel import BLOCKS, RAISED, Sentinel
+
+AXIS = "accelerometer_2_z"
+
+
+def sentinel(limit: float = 2.0) -> Sentinel:
+    return Sentinel(NominalRanges(levels={AXIS: NominalRange((1.0,), -1.0, limit - 1.0)}))
+
+
+def alarms(watch: Sentinel, levels: list[float]) -> list[str | None]:
+    return [watch.step((AXIS,), (level,)) for level in levels]
+
+
+def test_loud_blocks_raise_the_alarm_when_they_are_many():
+    found = alarms(sentinel(), [3.0] * RAISED)
+    assert found == [None] * (RAISED - 1) + [AXIS]
+
+
+def test_a_few_loud_blocks_among_quiet_ones_do_not():
+    pattern = ([3.0] * (RAISED - 1) + [1.0] * (BLOCKS - RAISED + 1)) * 5
+    assert alarms(sentinel(), pattern) == [None] * len(pattern)
+
+
+def test_the_alarm_ends_with_the_noise():
+    watch = sentinel()
+    alarms(watch, [3.0] * BLOCKS)
+    later = alarms(watch, [1.0] * BLOCKS)
+    assert later[BLOCKS - RAISED - 1] == AXIS
+    assert later[BLOCKS - RAISED :] == [None] * RAISED
+
+
+def test_what_was_never_learned_is_silent():
+    watch = sentinel()
+    assert [watch.step(("other",), (99.0,)) for _ in range(BLOCKS)] == [None] * BLOCKS
+
+
+@pytest.mark.parametrize(("speed", "alarm"), [(100.0, None), (10.0, AXIS)])
+def test_the_range_follows_the_speed(speed, alarm):
+    # Centre ln(0.1 + speed / 100): a level of 1.1 is nominal at full speed, loud at low speed.
+    nominal = NominalRange((0.0, 1.0), -9.0, 0.2, logarithmic=True, speed_rad_s=(0.0, 200.0))
+    watch = Sentinel(NominalRanges(levels={AXIS: nominal}))
+    for _ in range(20):
+        watch.motion(speed, 50.0)
+    assert alarms(watch, [1.1] * RAISED)[-1] == alarm
