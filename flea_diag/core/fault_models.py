@@ -20,7 +20,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.thermal import CORRECTION_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,131 +80,54 @@ REGRESSORS = (
     "nut_temperature_degc",
     "ambient_temperature_degc",
     "position_m",
+    "load_position_m",
     "encoder_m_s",
+    "position_rate_m_s",
+    "rate_direction",
+)
+"""Signals that fault models are made of. ``motor_force_n`` is K (i - i0), ``resisting_force_n``
+is load, friction and inertia, ``rate_force_n`` is B v + M a, ``emf_and_drop_v`` is
+R (i - i0) + Ke v and ``driving_voltage_v`` is V - V0 - Ke v, what is left to drive a current."""
+
+INFINITE = float("inf")
+SPALL_DRAG_N = 20.0
+ROUGHNESS = 0.3
+"""Drag of the real jammed units scatters by about this share along the stroke."""
+REGRESSORS = (
+    "one",
+    "elapsed_s",
+    "direction",
+    "speed_m_s",
+    "current_a",
+    "load_n",
+    "load_and_direction_n",
+    "force_and_direction_n",
+    "motor_force_n",
+    "resisting_force_n",
+    "rate_force_n",
+    "motor_voltage_v",
+    "emf_and_drop_v",
+    "driving_voltage_v",
+    "commanded_voltage_v",
+    "motor_temperature_degc",
+    "nut_temperature_degc",
+    "ambient_temperature_degc",
+    "position_m",
+    "load_position_m",
+    "encoder_m_s",
+    "position_rate_m_s",
+    "rate_direction",
 )
 """Signals that fault models are made of; ``motor_force_n`` is K (i - i0), ``resisting_force_n``
 is load, friction and inertia, ``rate_force_n`` is B v + M a, ``emf_and_drop_v`` is R (i - i0) + Ke v, ``driving_voltage_v`` is
 V - V0 - Ke v, what is left to drive a current."""
 
 MECHANICAL, ELECTRICAL, DRIVE = "parity_mechanical", "parity_electrical", "parity_drive"
-# Scaling y = g y' with g in [0.5, 2]: the share 1 - 1/g of the reading that is wrong.
-SHARE_LOW, SHARE_HIGH = 1.0 - 1.0 / 0.5, 1.0 - 1.0 / 2.0
+KINEMATIC, SPEED = "parity_kinematic", "parity_speed"
 
 
-@dataclass(frozen=True, slots=True)
-class _Reading:
-    """How an error of one sensor enters the relations: residual, gain, and its own reading.
-
-    ``truth`` names, per residual, the regressor that replaces a dead sensor's lost signal.
-    """
-
-    channel: str
-    unit: str
-    largest_bias: float
-    largest_drift: float
-    entries: tuple[tuple[str, float], ...]
-    reading: str
-    truth: tuple[tuple[str, str, float], ...]
-
-
-def _readings(p: ActuatorParameters) -> tuple[_Reading, ...]:
-    K, R = p.force_constant_n_per_a, p.winding_resistance_ohm
-    return (
-        _Reading(
-            "motor_current",
-            "A",
-            3.0,
-            0.5,
-            ((MECHANICAL, K), (ELECTRICAL, -R)),
-            "current_a",
-            ((MECHANICAL, "resisting_force_n", -1.0),),
-        ),
-        _Reading(
-            "load_force",
-            "N",
-            600.0,
-            100.0,
-            ((MECHANICAL, -1.0),),
-            "load_n",
-            ((MECHANICAL, "motor_force_n", 1.0),),
-        ),
-        _Reading(
-            "motor_voltage",
-            "V",
-            24.0,
-            3.0,
-            ((ELECTRICAL, 1.0), (DRIVE, 1.0)),
-            "motor_voltage_v",
-            ((ELECTRICAL, "emf_and_drop_v", -1.0), (DRIVE, "commanded_voltage_v", -1.0)),
-        ),
-        _Reading(
-            "motor_temperature",
-            "K",
-            60.0,
-            2.0,
-            (("motor_temperature", 1.0),),
-            "motor_temperature_degc",
-            (),
-        ),
-        _Reading(
-            "nut_temperature",
-            "K",
-            60.0,
-            2.0,
-            (("nut_temperature", 1.0),),
-            "nut_temperature_degc",
-            (),
-        ),
-        # Wrong air moves the models of motor and nut only by CORRECTION_S over their cooling time.
-        _Reading(
-            "ambient_temperature",
-            "K",
-            60.0,
-            2.0,
-            (
-                ("ambient_temperature", 1.0),
-                ("motor_temperature", -CORRECTION_S / p.motor_cooling_s),
-                ("nut_temperature", -CORRECTION_S / p.nut_cooling_s),
-            ),
-            "ambient_temperature_degc",
-            (),
-        ),
-    )
-
-
-def _sensor_models(entry: _Reading) -> tuple[FaultModel, ...]:
-    def terms(regressor: str, index: int = 0) -> tuple[Term, ...]:
-        return tuple(Term(residual, regressor, gain, index) for residual, gain in entry.entries)
-
-    free = Size("bias", entry.unit, -entry.largest_bias, entry.largest_bias)
-    share = Size("scaling share", "1", SHARE_LOW, SHARE_HIGH)
-    lost = Size("lost share", "1", 0.9, 1.1)
-    models = [
-        FaultModel(f"{entry.channel}_bias", (free,), terms("one")),
-        FaultModel(f"{entry.channel}_scaling", (share,), terms(entry.reading)),
-    ]
-    # A drift that began before the window has grown already: offset and rate agree in sign.
-    for low, high in ((0.0, 1.0), (-1.0, 0.0)):
-        rate = Size(
-            "drift", f"{entry.unit}/s", low * entry.largest_drift, high * entry.largest_drift
-        )
-        grown = Size("grown", entry.unit, low * entry.largest_bias, high * entry.largest_bias)
-        models.append(
-            FaultModel(
-                f"{entry.channel}_drift", (rate, grown), terms("elapsed_s") + terms("one", 1)
-            )
-        )
-    if not entry.truth:
-        # Nothing else tells what the reading should be: a constant, like a bias.
-        models.append(FaultModel(f"{entry.channel}_dead", (free,), terms("one")))
-    else:
-        gone = tuple(Term(residual, source, gain) for residual, source, gain in entry.truth)
-        models.append(FaultModel(f"{entry.channel}_dead", (lost, free), gone + terms("one", 1)))
-    return tuple(models)
-
-
-def fault_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
-    """All faults that the parity relations can size, for one calibrated actuator."""
+def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
+    """Faults of screw, motor and supply that the parity relations can size."""
     drag = (
         Size("coulomb drag", "N", 0.0, INFINITE),
         Size("viscous drag", "N s/m", 0.0, INFINITE),
@@ -232,14 +154,6 @@ def fault_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
     opened = (Term(ELECTRICAL, "driving_voltage_v", 1.0),)
     torqueless = (Term(MECHANICAL, "current_a", K), Term(ELECTRICAL, "speed_m_s", -Ke))
     unpowered = (Term(DRIVE, "commanded_voltage_v", -1.0),)
-    # Speed and acceleration come from the position where there is no encoder.
-    slid = (Size("scaling share", "1", SHARE_LOW, SHARE_HIGH),)
-    slope = (Term(MECHANICAL, "rate_force_n", -1.0), Term(ELECTRICAL, "speed_m_s", -Ke))
-    crept = (Size("drift", "m/s", -0.005, 0.005),)
-    creep = (
-        Term(MECHANICAL, "one", -p.viscous_friction_n_s_per_m),
-        Term(ELECTRICAL, "one", -Ke),
-    )
     # A spall is a rattle with next to no mean drag: no more than healthy units differ by.
     rattle = (Size("coulomb drag", "N", 0.0, SPALL_DRAG_N),)
     return (
@@ -252,9 +166,6 @@ def fault_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
         FaultModel("winding_open", (most,), opened),
         FaultModel("motor_failure", (most,), opened),
         FaultModel("motor_failure", (most,), torqueless),
-        FaultModel("actuator_position_scaling", slid, slope),
-        FaultModel("actuator_position_drift", crept, creep),
         FaultModel("supply_open", (most,), unpowered),
         FaultModel("supply_short", (most,), unpowered),
-        *(model for entry in _readings(p) for model in _sensor_models(entry)),
     )

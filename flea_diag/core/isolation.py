@@ -19,8 +19,12 @@ from flea_diag.core.likelihood import Fit
 from flea_diag.core.operating_point import Quadrant
 from flea_diag.core.signature import SignatureTable
 
-OWN_RESIDUALS = ("ambient_temperature",)
-"""Held against the sensor's own past: nothing but its own faults move it."""
+OWN_RESIDUALS = {
+    "ambient_temperature": ("ambient_temperature",),
+    "parity_speed": ("motor_speed", "actuator_position"),
+}
+"""Residuals that nothing but the faults of these sensors can move: one is held against the
+sensor's own past, the other one sensor against the other."""
 JUMP_RESIDUALS = ("actuator_position", "load_position")
 """Innovations over three samples. The position of a mass cannot jump: no fault of the plant
 has an effect of order 0 on it, so only the sensor's own faults move these."""
@@ -152,13 +156,13 @@ class Isolation:
     ) -> Iterable[FaultSignature]:
         if residual.endswith("_noise"):
             symbol = NOISE_SYMBOLS.get(fault.mode, "0")
-            yield _own(fault, residual.removesuffix("_noise"), symbol, "noise")
+            yield _own(fault, (residual.removesuffix("_noise"),), symbol, "noise")
             return
         if residual in JUMP_RESIDUALS:
-            yield _own(fault, residual, "*" if fault.mode in JUMP_MODES else "0", "jump")
+            yield _own(fault, (residual,), "*" if fault.mode in JUMP_MODES else "0", "jump")
             return
         if residual in OWN_RESIDUALS:
-            yield _own(fault, residual, "*", "level")
+            yield _own(fault, OWN_RESIDUALS[residual], "*", "level")
             return
         for quadrant in visited:
             table = self._tables[quadrant]
@@ -192,7 +196,7 @@ class Isolation:
         """
         best_fit: dict[str, Fit] = {}
         for fit in fits:
-            if fit.log_likelihood > best_fit.get(fit.fault, fit).log_likelihood - 1e-12:
+            if fit.log_likelihood >= best_fit.get(fit.fault, fit).log_likelihood:
                 best_fit[fit.fault] = fit
         weighed = [h for h in self.alive() if h.name in best_fit]
         if not weighed:
@@ -228,8 +232,8 @@ class Isolation:
             hypothesis.probability = weight / sum(weights)
 
 
-def _own(fault: Fault, channel: str, symbol: str, what: str) -> FaultSignature:
-    """Signature of a residual that only the faults of its own sensor can move."""
-    if fault.channel != channel or symbol == "0":
+def _own(fault: Fault, channels: Collection[str], symbol: str, what: str) -> FaultSignature:
+    """Signature of a residual that only the faults of its own sensors can move."""
+    if fault.channel not in channels or symbol == "0":
         return UNAFFECTED
-    return FaultSignature(symbol, "*", 0, f"{fault.name} -> {what} of {channel}")
+    return FaultSignature(symbol, "*", 0, f"{fault.name} -> {what} of {fault.channel}")

@@ -9,7 +9,8 @@ long the episode:
     J_h = min_theta,eta  sum (y - Phi theta - Psi eta)^2 / (c sigma^2) + eta' Lambda eta
     log L_h = (J_0 - J_h) / 2 - dim(theta) ln(n) / 2          (BIC; J_0 without a fault)
 
-Only sizes that are not held at a bound count as dimensions.
+Only sizes that are not held at a bound count as dimensions. Where the best fit leaves a misfit
+of phi > 1 for each independent sample, all gains are divided by phi (quasi-likelihood).
 
 After Biswas et al. and Willsky and Jones: parameter estimation takes over where signs do not
 help any further.
@@ -86,32 +87,26 @@ class Evidence:
         self._spacing = np.array([correlation[name] for name in self.residuals])
         weight = 1.0 / (self._spacing * np.square([sigma[name] for name in self.residuals]))
         nominal, _, _ = self._solve(None, weight, tolerance)
-        independent = float(
-            sum(n / correlation[name] for n, name in zip(self.samples, self.residuals, strict=True))
-        )
+        independent = max(float((self.samples / self._spacing).sum()), 2.0)
+        found = [self._gain(model, nominal, weight, tolerance) for model in models]
+        # Where even the best fit leaves more than noise, the models are that much too sure.
+        least = min((misfit for _, misfit, _, _ in found), default=0.0)
+        dispersion = max(1.0, least / independent)
         return tuple(
-            self._fit(model, weight, tolerance, nominal, max(independent, 2.0)) for model in models
+            Fit(model.fault, gain / dispersion - _penalty(model, sizes, independent), sizes, sigmas)
+            for model, (gain, _, sizes, sigmas) in zip(models, found, strict=True)
         )
 
-    def _fit(
-        self,
-        model: FaultModel,
-        weight: Array,
-        tolerance: Sequence[float],
-        nominal: float,
-        independent: float,
-    ) -> Fit:
+    def _gain(
+        self, model: FaultModel, nominal: float, weight: Array, tolerance: Sequence[float]
+    ) -> tuple[float, float, tuple[float, ...], tuple[float, ...]]:
+        """Log-likelihood over no fault, misfit, sizes and their errors, of one model."""
         misfit, sizes, sigmas = self._solve(model, weight, tolerance)
-        gain = 0.5 * (nominal - misfit)
-        if model.roughness > 0.0:
-            weight, loss = self._roughened(model, sizes, weight)
-            misfit, sizes, sigmas = self._solve(model, weight, tolerance)
-            gain = 0.5 * (nominal - misfit) - loss
-        inside = sum(
-            size.low < value < size.high for size, value in zip(model.sizes, sizes, strict=True)
-        )
-        penalty = 0.5 * inside * np.log(independent)
-        return Fit(model.fault, gain - penalty, sizes, sigmas)
+        if model.roughness == 0.0:
+            return 0.5 * (nominal - misfit), misfit, sizes, sigmas
+        rough, loss = self._roughened(model, sizes, weight)
+        left, sizes, sigmas = self._solve(model, rough, tolerance)
+        return 0.5 * (nominal - left) - loss, misfit, sizes, sigmas
 
     def _roughened(
         self, model: FaultModel, sizes: Sequence[float], weight: Array
@@ -177,6 +172,14 @@ class Evidence:
         prior = np.concatenate((np.zeros(count), 1.0 / np.square(tolerance)))
         A[np.diag_indices(width)] += prior
         return A, b, float(weight @ self._square)
+
+
+def _penalty(model: FaultModel, sizes: Sequence[float], independent: float) -> float:
+    """BIC: half a logarithm of the sample count for each size that is not held at a bound."""
+    inside = sum(
+        size.low < value < size.high for size, value in zip(model.sizes, sizes, strict=True)
+    )
+    return 0.5 * inside * float(np.log(independent))
 
 
 def _least(A: Array, b: Array) -> Array:

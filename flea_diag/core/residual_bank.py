@@ -8,6 +8,7 @@ window, thermal states, last samples) and nothing of detection.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,6 +121,7 @@ class ResidualBank:
         self._smoother = Smoother(len(CHANNELS), kernel_length, period_s)
         self._last = np.full((4, len(CHANNELS)), np.nan)
         self._jumps = {name: _JumpPredictor() for name in JUMP_CHANNELS}
+        self._held = {name: deque([math.nan] * 4, maxlen=4) for name in JUMP_CHANNELS}
         self._motor = ThermalNode(parameters.motor_cooling_s, start_samples)
         self._nut = ThermalNode(parameters.nut_cooling_s, start_samples)
         self._ambient = ThermalNode(math.inf, start_samples)
@@ -130,7 +132,8 @@ class ResidualBank:
         """Residuals after one row of ``CHANNELS``; ``frozen`` stops every correction."""
         smooth = self._smoother.push(row)
         signals = self._signals(smooth)
-        moving = abs(signals.speed_m_s) > self._moving_m_s
+        speeds = abs(signals.speed_m_s), abs(signals.position_rate_m_s)
+        moving = any(speed > self._moving_m_s for speed in speeds)
         values = np.full(len(RESIDUALS), np.nan)
         spread = np.zeros((len(RESIDUALS), len(UNIT_PARAMETERS)))
         sign = math.copysign(1.0, signals.speed_m_s)
@@ -141,9 +144,9 @@ class ResidualBank:
             spread[index] = parity.sensitivity(self._p, signals)
             spread[index] *= factor
         self._thermal(row, signals, frozen, values)
-        for name, predictor in self._jumps.items():
-            values[RESIDUAL_INDEX[name]] = predictor.step(float(row[INDEX[name]]))
         self._noise(row, values)
+        for name, predictor in self._jumps.items():
+            self._jump(name, predictor.step(float(row[INDEX[name]])), values)
         return ResidualSample(values, spread, signals, moving)
 
     def adopt(self, parameters: ActuatorParameters) -> None:
@@ -205,12 +208,24 @@ class ResidualBank:
         for name in NOISE_CHANNELS:
             values[RESIDUAL_INDEX[f"{name}_noise"]] = abs(third[INDEX[name]]) / math.sqrt(20.0)
 
+    def _jump(self, name: str, jump: float, values: Array) -> None:
+        """A jump of a position, and its noise as far as that is not the jump's own trace.
+
+        The noise of these channels is held back by as many samples as a jump takes to show.
+        """
+        values[RESIDUAL_INDEX[name]] = jump
+        noise = RESIDUAL_INDEX[f"{name}_noise"]
+        held = self._held[name]
+        held.append(float(values[noise]))
+        values[noise] = held[0] if jump == 0.0 else math.nan
+
 
 class _JumpPredictor:
     """How far a position has jumped from the parabola through the samples before.
 
     Three successive samples are held against the parabola through the six before them; the
-    smallest of the three counts, and only if all agree in sign. A single outlier is no jump.
+    smallest of the three counts, and only if all agree in sign. A single outlier is no jump,
+    nor is a mass that stops dead at an end stop: what it can fall short by is taken off.
     """
 
     _HISTORY = 6
@@ -230,4 +245,5 @@ class _JumpPredictor:
         low, high = float(apart.min()), float(apart.max())
         if math.isnan(low):
             return math.nan
-        return low if low > 0.0 else high if high < 0.0 else 0.0
+        stop = self._AHEAD * float(np.abs(np.diff(self._samples[: self._HISTORY])).max())
+        return max(low - stop, 0.0) + min(high + stop, 0.0)

@@ -134,7 +134,7 @@ def _limit(
         tuple(windows),
         (scatter,) * REGIONS,
         nominal,
-        _correlation(windows[-1], scatter, is_noise(row)),
+        _correlation(windows, scatter, is_noise(row)),
     )
 
 
@@ -144,11 +144,12 @@ def _rolling(values: Array, window: int) -> Array:
     return rolled
 
 
-def _correlation(longest: WindowLimit, scatter: float, noise: bool) -> float:
-    """Samples of one independent sample: w var(mean) / var(sample), at least 1."""
+def _correlation(windows: Sequence[WindowLimit], scatter: float, noise: bool) -> float:
+    """Samples of one independent sample: w var(mean) / var(sample), the worst window counts."""
     if noise:
         return 1.0
-    return max(1.0, longest.window * float(np.mean(longest.sigma)) ** 2 / scatter**2)
+    worst = max(limit.window * float(np.mean(limit.sigma)) ** 2 for limit in windows)
+    return max(1.0, worst / scatter**2)
 
 
 def _window_limit(

@@ -10,19 +10,20 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.fault import Fault
-from flea_diag.core.fault_models import REGRESSORS, FaultModel, fault_models
+from flea_diag.core.fault_models import REGRESSORS, FaultModel, plant_models
 from flea_diag.core.feature_choice import FeatureChooser, refine
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.core.isolation import Hypothesis, Isolation
 from flea_diag.core.likelihood import Evidence as Likelihood
 from flea_diag.core.operating_point import QUADRANTS, Quadrant
+from flea_diag.core.sensor_models import sensor_models
 from flea_diag.core.sentinel import Sentinel
 from flea_diag.core.signature import SignatureTable
 from flea_diag.stages.merge import Merge
@@ -51,17 +52,25 @@ WEIGHED = (
     "parity_mechanical",
     "parity_electrical",
     "parity_drive",
+    "parity_kinematic",
+    "parity_speed",
     "motor_temperature",
     "nut_temperature",
     "ambient_temperature",
 )
 """Residuals that the quantitative fault models explain."""
-MOTION_ONLY = ("parity_mechanical", "parity_electrical", "parity_drive")
+MOTION_ONLY = ("parity_mechanical",)
 ELAPSED, SPEED = REGRESSORS.index("elapsed_s"), REGRESSORS.index("speed_m_s")
+CONCLUSIVE_SAMPLES = 50
+"""Scans of evidence before likelihoods may drop anything."""
+MOTION_CHANNELS = ("actuator_position", "motor_speed")
+MOTION = [REGRESSORS.index(name) for name in ("position_rate_m_s", "encoder_m_s")]
+"""Channels that say that the actuator moves, and the speeds that they say."""
+MOVING_M_S = 0.010
 BOTH_WAYS_SAMPLES = 30
 """Scans in each direction of motion before parity residuals may decide by likelihood."""
 MOVED_SAMPLES = 50
-"""So many scans in motion since the detection say that the position still reads."""
+"""So many scans in motion since the detection say that a channel still reads."""
 NEEDED = ("motor_current", "load_force", "actuator_position")
 """Without these the stand shows too little of the actuator to say anything."""
 
@@ -86,8 +95,12 @@ class IsolatorParameters:
     feature_window_s: float = parameter(
         1.0, "length of vibration that a feature is computed on", unit="s", minimum=0.1, maximum=5
     )
-    history_s: float = parameter(
-        1.0, "residuals before the detection that count as evidence", unit="s", minimum=0, maximum=9
+    onset_s: float = parameter(
+        0.2,
+        "scans this soon after the detection are no evidence: smoothing still shows the onset",
+        unit="s",
+        minimum=0.0,
+        maximum=5.0,
     )
     settle_samples: int = parameter(
         200, "moving scans after the detection before features are asked for", minimum=1
@@ -132,28 +145,33 @@ class _Episode:
     isolation: Isolation
     likelihood: Likelihood
     step: int = 0
-    moved: int = 0
+    moving: int = 0
     computed: tuple[str, ...] = ()
     request: FeatureRequest | None = None
     symbols: tuple[tuple[str, str, str], ...] = ()
     weighed_at: int = 0
     settled: bool = False
+    scans: int = 0
     out: int = 0
     back: int = 0
+    moved: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, dtype=np.int64))
 
     def learn(self, stamp_ns: int, values: Array, regressors: Array) -> None:
         """One more scan of evidence; counts the scans in each direction of motion."""
-        regressors = regressors.copy()
         regressors[ELAPSED] = (stamp_ns - self.start_ns) / 1e9
         self.likelihood.add(values, regressors)
+        self.scans += 1
         if np.isfinite(values[0]):
             self.out += bool(regressors[SPEED] > 0.0)
             self.back += bool(regressors[SPEED] < 0.0)
+        self.moved += np.abs(regressors[MOTION]) > MOVING_M_S
 
     def conclusive(self) -> bool:
         """Whether likelihoods may drop: in one direction a drag and a bias look alike."""
-        in_motion = any(residual.startswith("parity_") for residual, _, _ in self.symbols)
-        return not in_motion or min(self.out, self.back) >= BOTH_WAYS_SAMPLES
+        rubbing = any(residual.startswith("parity_mech") for residual, _, _ in self.symbols)
+        if rubbing:
+            return min(self.out, self.back) >= BOTH_WAYS_SAMPLES
+        return self.scans >= CONCLUSIVE_SAMPLES
 
 
 class IsolatorStage:
@@ -172,7 +190,7 @@ class IsolatorStage:
     def __init__(self, knowledge: Knowledge, parameters: IsolatorParameters) -> None:
         self._k = knowledge
         self._p = parameters
-        self._models = fault_models(knowledge.calibration.parameters)
+        fitted = knowledge.calibration.parameters
         self._chooser = FeatureChooser(knowledge.features, parameters.strategy)
         self._merge = Merge(
             Residual, round(parameters.watermark_s * 1e9), round(parameters.answer_limit_s * 1e9)
@@ -181,13 +199,17 @@ class IsolatorStage:
         self._sigma = {limit.name: limit.sigma[0] for limit in limits}
         self._correlation = {limit.name: limit.correlation_samples for limit in limits}
         self._weighed = tuple(name for name in WEIGHED if name in self._sigma)
+        # A fault that moves none of this stand's relations cannot be weighed on it.
+        self._models = tuple(
+            model
+            for model in plant_models(fitted) + sensor_models(fitted)
+            if any(term.residual in self._weighed for term in model.terms)
+        )
         self._axes: tuple[str, ...] = ()
         self._bad: tuple[str, ...] = ()
         self._episodes = 0
         self._episode: _Episode | None = None
         self._sentinel = Sentinel(knowledge.features.nominal)
-        history = round(parameters.history_s / knowledge.calibration.period_s)
-        self._history: deque[tuple[int, Array, Array]] = deque(maxlen=max(history, 1))
         self._visited: deque[Quadrant | None] = deque(maxlen=400)
         self._moved_ns = NEVER_NS
         self._moved = 0
@@ -250,8 +272,6 @@ class IsolatorStage:
         self._detected_ns = stamp_ns
         isolation = Isolation(self._k.faults, self._k.signatures)
         self._episode = _Episode(self._episodes, stamp_ns, isolation, Likelihood(self._weighed))
-        for earlier_ns, values, regressors in self._history:
-            self._episode.learn(earlier_ns, values, regressors)
         return self._episode
 
     def _symbols(self, record: Symbols) -> Iterable[Record]:
@@ -283,13 +303,13 @@ class IsolatorStage:
                 for name in self._weighed
             ]
         )
-        self._history.append((record.stamp_ns, values, regressors))
         self._motion(record.stamp_ns, regressors, moving)
         episode = self._episode
         if episode is None:
             return self._say(record.stamp_ns)
-        episode.learn(record.stamp_ns, values, regressors)
-        episode.moved += moving
+        if record.stamp_ns - episode.start_ns >= self._p.onset_s * 1e9:
+            episode.learn(record.stamp_ns, values, regressors)
+            episode.moving += moving
         return self._weigh(record.stamp_ns, episode)
 
     def _motion(self, stamp_ns: int, regressors: Array, moving: bool) -> None:
@@ -313,16 +333,16 @@ class IsolatorStage:
         episode.weighed_at = due
         alive = {h.name for h in episode.isolation.alive()}
         models = [model for model in self._models if model.fault in alive]
-        if models and episode.symbols:
+        if models and episode.symbols and episode.scans:
             fits = episode.likelihood.fit(
                 models, self._sigma, self._correlation, self._k.calibration.tolerances()
             )
             limit = self._p.drop_nats if episode.conclusive() else math.inf
             episode.isolation.weigh(stamp_ns, fits, limit)
         waited = (stamp_ns - episode.start_ns) / 1e9 >= self._p.settle_s
-        if not episode.settled and (waited or episode.moved >= self._p.settle_samples):
+        if not episode.settled and (waited or episode.moving >= self._p.settle_samples):
             episode.settled = True
-            moved = ("actuator_position",) if episode.moved >= MOVED_SAMPLES else ()
+            moved = [c for c, n in zip(MOTION_CHANNELS, episode.moved) if n >= MOVED_SAMPLES]
             seen = {residual: magnitude for residual, magnitude, _ in episode.symbols}
             episode.isolation.require(stamp_ns, seen, moved)
         return [*self._say(stamp_ns), *self._ask(stamp_ns)]
@@ -411,15 +431,18 @@ class IsolatorStage:
             return Outcome.UNEXPLAINED, "a deviation that no fault of the catalogue explains"
         if not episode.settled or episode.request is not None:
             return Outcome.DETECTED, f"a fault, one of: {names}"
-        if self._unexplained(alive):
+        if self._unexplained(episode, alive):
             return Outcome.UNEXPLAINED, f"a deviation that none of {names} explains well"
         if len(alive) == 1:
             return Outcome.ISOLATED, f"the fault is {names}"
         return Outcome.INDISTINGUISHABLE, f"one of {names}: {self._why_not_split(alive)}"
 
-    def _unexplained(self, alive: list[Hypothesis]) -> bool:
-        """Every hypothesis has a model, and none gains on 'no fault'."""
-        if any(h.fit is None for h in alive):
+    def _unexplained(self, episode: _Episode, alive: list[Hypothesis]) -> bool:
+        """Relations deviate, every hypothesis has a model of them, and none gains on 'no fault'."""
+        weighable = all(
+            residual.removesuffix("_dn") in self._weighed for residual, _, _ in episode.symbols
+        )
+        if not weighable or any(h.fit is None for h in alive):
             return False
         return max(h.log_likelihood for h in alive) < self._p.explain_nats
 

@@ -324,6 +324,9 @@ class ObserverStage:
             "nut_temperature_degc": float(row[INDEX["nut_temperature"]]),
             "ambient_temperature_degc": float(row[INDEX["ambient_temperature"]]),
             "position_m": s.position_m,
+            "load_position_m": s.load_position_m,
+            "position_rate_m_s": s.position_rate_m_s,
+            "rate_direction": relations.direction(p, s.position_rate_m_s),
             "encoder_m_s": p.encoder_m_per_rad * s.encoder_speed_rad_s,
         }
         return (*(values[name] for name in REGRESSORS), float(sample.moving))
