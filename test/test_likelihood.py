@@ -1,0 +1,208 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import optimize
+
+from flea_diag.core.fault_models import (
+    ELECTRICAL,
+    MECHANICAL,
+    REGRESSORS,
+    FaultModel,
+    Size,
+    Term,
+)
+from flea_diag.core.likelihood import Evidence
+from flea_diag.core.residual import UNIT_PARAMETERS
+
+RESIDUALS = (MECHANICAL, ELECTRICAL)
+SIGMA = {MECHANICAL: 12.0, ELECTRICAL: 0.6}
+SPACING = {MECHANICAL: 4.0, ELECTRICAL: 2.0}
+TOLERANCE = (10.0, 125.0, 15.0, 0.3, 4.0, 0.5, 0.15)
+INFINITE = float("inf")
+DRAG = FaultModel(
+    "drag",
+    (Size("coulomb", "N", 0.0, INFINITE), Size("viscous", "N s/m", 0.0, INFINITE)),
+    (Term(MECHANICAL, "direction", 1.0, 0), Term(MECHANICAL, "speed_m_s", 1.0, 1)),
+)
+BIAS = FaultModel(
+    "bias",
+    (Size("bias", "A", -3.0, 3.0),),
+    (Term(MECHANICAL, "one", 170.0), Term(ELECTRICAL, "one", -3.0)),
+)
+LOAD = FaultModel(
+    "load",
+    (Size("bias", "N", -600.0, 600.0), Size("share", "1", -1.0, 0.5)),
+    (Term(MECHANICAL, "one", -1.0), Term(MECHANICAL, "load_n", -1.0, 1)),
+)
+MODELS = (DRAG, BIAS, LOAD)
+# What another unit may differ by: (row, regressor, sign), as the relations say.
+UNIT = {
+    "coulomb_friction_n": (0, "direction"),
+    "viscous_friction_n_s_per_m": (0, "speed_m_s"),
+    "winding_resistance_ohm": (1, "current_a"),
+    "back_emf_v_s_per_m": (1, "speed_m_s"),
+    "voltage_offset_v": (1, "one"),
+}
+
+
+def window(seed: int, count: int = 300) -> dict[str, np.ndarray]:
+    random = np.random.default_rng(seed)
+    v = 0.05 * np.sin(np.linspace(0, 9 + seed, count))
+    columns = {name: np.zeros(count) for name in REGRESSORS}
+    columns |= {
+        "one": np.ones(count),
+        "direction": np.tanh(v / 0.004),
+        "speed_m_s": v,
+        "current_a": random.normal(0, 1, count),
+        "load_n": 50.0 + 40.0 * np.cos(np.linspace(0, 7, count)),
+    }
+    return columns
+
+
+def effect(model: FaultModel, sizes, columns) -> np.ndarray:
+    y = np.zeros((2, len(columns["one"])))
+    for term in model.terms:
+        y[RESIDUALS.index(term.residual)] += sizes[term.index] * term.gain * columns[term.regressor]
+    return y
+
+
+def evidence(y: np.ndarray, columns) -> Evidence:
+    found = Evidence(RESIDUALS)
+    table = np.stack([columns[name] for name in REGRESSORS], axis=1)
+    for values, regressors in zip(y.T, table, strict=True):
+        found.add(values, regressors)
+    return found
+
+
+def reference(model: FaultModel | None, y, columns):
+    """Misfit and sizes by bounded least squares on the samples themselves."""
+    count = 0 if model is None else len(model.sizes)
+    weight = [1 / (SIGMA[r] * math.sqrt(SPACING[r])) for r in RESIDUALS]
+    blocks, right = [], []
+    for row in range(2):
+        A = np.zeros((y.shape[1], count + 7))
+        for k in range(count):
+            A[:, k] = effect(model, np.eye(count)[k], columns)[row]
+        for name, (where, regressor) in UNIT.items():
+            if where == row:
+                A[:, count + UNIT_PARAMETERS.index(name)] = -columns[regressor]
+        use = np.isfinite(y[row])
+        blocks.append(A[use] * weight[row])
+        right.append(y[row, use] * weight[row])
+    blocks.append(np.hstack((np.zeros((7, count)), np.diag(1 / np.array(TOLERANCE)))))
+    A, b = np.vstack(blocks), np.concatenate([*right, np.zeros(7)])
+    low = [size.low for size in (model.sizes if model else ())] + [-np.inf] * 7
+    high = [size.high for size in (model.sizes if model else ())] + [np.inf] * 7
+    scale = np.linalg.norm(A, axis=0)
+    found = optimize.lsq_linear(A / scale, b, (low * scale, high * scale), tol=1e-14)
+    return 2 * found.cost, found.x[:count] / scale[:count]
+
+
+def fits(found: Evidence, models=MODELS):
+    return found.fit(models, SIGMA, SPACING, TOLERANCE)
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_misfit_and_sizes_are_those_of_bounded_least_squares(seed):
+    random = np.random.default_rng(100 + seed)
+    columns = window(seed)
+    true = MODELS[seed % 3]
+    sizes = [random.uniform(max(s.low, -2), min(s.high, 100)) for s in true.sizes]
+    y = effect(true, sizes, columns)
+    y += 0.3 * random.standard_normal(y.shape) * [[SIGMA[r]] for r in RESIDUALS]
+    y[random.random(y.shape) < 0.1] = np.nan
+    nominal, _ = reference(None, y, columns)
+    n = sum(np.isfinite(y[k]).sum() / SPACING[r] for k, r in enumerate(RESIDUALS))
+    for model in MODELS:
+        (fit,) = fits(evidence(y, columns), (model,))
+        misfit, expected = reference(model, y, columns)
+        at_bound = sum(
+            not size.low + 1e-6 < x < size.high - 1e-6
+            for size, x in zip(model.sizes, expected, strict=True)
+        )
+        gain = 0.5 * (nominal - misfit) / max(1.0, misfit / n)
+        penalty = 0.5 * (len(expected) - at_bound) * math.log(n)
+        np.testing.assert_allclose(fit.sizes, expected, atol=1e-3, rtol=1e-3, err_msg=model.fault)
+        assert fit.log_likelihood == pytest.approx(gain - penalty, abs=1e-3, rel=1e-4)
+
+
+@pytest.mark.parametrize(("model", "sizes"), [(DRAG, (80.0, 900.0)), (BIAS, (0.6,))])
+def test_the_size_lies_within_its_error_and_the_true_fault_wins(model, sizes):
+    pulls = []
+    for seed in range(30):
+        columns = window(seed, 600)
+        noise = np.random.default_rng(seed).standard_normal((2, 600))
+        # White noise whose mean scatters as that of the coloured one does.
+        y = effect(model, sizes, columns)
+        y += noise * [[SIGMA[r] * math.sqrt(SPACING[r])] for r in RESIDUALS]
+        found = {fit.fault: fit for fit in fits(evidence(y, columns))}
+        best = max(found.values(), key=lambda fit: fit.log_likelihood)
+        assert best.fault == model.fault
+        fit = found[model.fault]
+        pulls.append((fit.sizes[0] - sizes[0]) / fit.sigmas[0])
+    # The spread of units is in the error: it is no smaller than the scatter.
+    assert abs(np.mean(pulls)) < 1.0
+    assert np.std(pulls) < 1.3
+
+
+def test_no_fault_explains_a_healthy_window_better_than_none():
+    columns = window(1)
+    y = 0.5 * np.random.default_rng(1).standard_normal((2, 300)) * [[12.0], [0.6]]
+    assert max(fit.log_likelihood for fit in fits(evidence(y, columns))) <= 1e-9
+
+
+def test_what_another_unit_may_differ_by_is_hardly_held_against_it():
+    columns = window(2)
+    friction = 10.0 * columns["direction"]
+    y = np.stack((friction, np.zeros(300)))
+    (drag, *_) = fits(evidence(y, columns))
+    y = np.stack((10 * friction, np.zeros(300)))
+    (jam, *_) = fits(evidence(y, columns))
+    assert drag.log_likelihood < 3.0 < jam.log_likelihood
+
+
+def test_a_misfit_of_all_models_makes_them_less_sure():
+    columns = window(3)
+    noise = 4.0 * np.random.default_rng(3).standard_normal((2, 300)) * [[12.0], [0.6]]
+    y = effect(DRAG, (150.0, 0.0), columns)
+    sure, unsure = (fits(evidence(each, columns), (DRAG,))[0] for each in (y, y + noise))
+    assert 0.0 < unsure.log_likelihood < 0.5 * sure.log_likelihood
+
+
+def test_a_fault_that_scatters_forgives_a_rough_effect_and_pays_for_it():
+    columns = window(4)
+    random = np.random.default_rng(4)
+    rough = FaultModel(DRAG.fault, DRAG.sizes, DRAG.terms, roughness=0.5)
+    y = effect(DRAG, (200.0, 0.0), columns)
+    even = fits(evidence(y, columns), (DRAG,))[0], fits(evidence(y, columns), (rough,))[0]
+    assert even[0].log_likelihood > even[1].log_likelihood
+    y *= 1.0 + 0.5 * random.standard_normal(y.shape)
+    scattered = fits(evidence(y, columns), (rough,))[0]
+    assert scattered.sizes[0] + 0.055 * scattered.sizes[1] == pytest.approx(200.0, rel=0.25)
+
+
+def test_without_evidence_there_is_no_preference():
+    for fit in fits(Evidence(RESIDUALS)):
+        assert fit.log_likelihood == pytest.approx(0.0, abs=2.0)
+        assert all(math.isfinite(size) for size in fit.sizes)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_four_sizes_of_a_jam_are_held_to_their_bounds_at_the_optimum(seed):
+    from flea_diag.core.fault_models import plant_models
+    from flea_diag.core.parameters import ActuatorParameters
+
+    jam = next(m for m in plant_models(ActuatorParameters()) if m.fault == "jam")
+    random, columns = np.random.default_rng(seed), window(seed)
+    force = columns["load_n"] + 60.0 * columns["direction"] + 500.0 * columns["speed_m_s"]
+    columns["load_and_direction_n"] = np.abs(columns["load_n"]) * columns["direction"]
+    columns["force_and_direction_n"] = np.abs(force) * columns["direction"]
+    y = effect(jam, [random.uniform(0, 150), random.uniform(0, 2000), 0.3, 0.0], columns)
+    y += random.standard_normal(y.shape) * [[24.0], [0.8]]
+    (fit,) = fits(evidence(y, columns), (jam,))
+    _, expected = reference(jam, y, columns)
+    np.testing.assert_allclose(effect(jam, fit.sizes, columns), effect(jam, expected, columns),
+                               atol=0.05)  # fmt: skip

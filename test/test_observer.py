@@ -1,0 +1,251 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import linear_ema as ema
+import numpy as np
+import pytest
+import stands
+
+from flea_diag.wire.records import DataQuality, Detection, Quality, Residual, Scan, Symbols
+
+S = 1_000_000_000
+
+
+@lru_cache(maxsize=1)
+def healthy() -> list[Scan]:
+    return stands.scans(ema.noisy(ema.run(seconds=20.0), 50))
+
+
+@lru_cache(maxsize=1)
+def jammed() -> list[Scan]:
+    """Drag from 10 s on."""
+    worse = ema.changed(coulomb=200.0, viscous=1500.0)
+    return stands.scans(ema.noisy(ema.run(seconds=20.0, faulty=worse, onset_s=10.0), 51))
+
+
+def after(scan: Scan, **ns_and_values: float) -> Scan:
+    """Same scan with some channels changed."""
+    values = dict(zip(scan.channels, scan.values, strict=True)) | ns_and_values
+    return Scan(scan.stamp_ns, tuple(values), tuple(values.values()))
+
+
+def quality(record: DataQuality, channel: str):
+    return next(row for row in record.channels if row.channel == channel)
+
+
+def counters(stage, channel: str) -> dict[str, int]:
+    return dict(quality(stage.quality_record(0), channel).counters)
+
+
+def decisions(records) -> list:
+    return stands.of(Detection, records) + stands.of(Symbols, records)
+
+
+def test_a_healthy_actuator_is_quiet_and_every_scan_has_its_residuals():
+    out = stands.feed(stands.observer(), [stands.table(), *healthy()])
+    assert decisions(out) == []
+    residuals = stands.of(Residual, out)
+    assert [r.stamp_ns for r in residuals] == [s.stamp_ns for s in healthy()]
+    assert len(out) == len(residuals) + 1  # the first quality
+    last = residuals[-1]
+    assert len(last.names) == len(last.values) == len(last.z) == len(last.thresholds)
+    assert len(last.regressor_names) == len(last.regressors)
+    assert last.regressor_names[-1] == "moving"
+
+
+def test_a_jam_is_detected_within_a_second_and_never_before():
+    out = stands.feed(stands.observer(), jammed())
+    (detection,) = stands.of(Detection, out)
+    delay_s = (detection.stamp_ns - jammed()[0].stamp_ns) / 1e9 - 10.0
+    assert 0.0 < delay_s < 1.5
+    assert detection.detected
+    assert detection.residual.startswith("parity_mechanical")
+    assert abs(detection.z) > detection.threshold
+    symbols = stands.of(Symbols, out)
+    assert symbols[0].stamp_ns == detection.stamp_ns
+    seen = {symbol.residual: symbol.magnitude for symbol in symbols[-1].symbols}
+    assert seen["parity_mechanical_dn"] == "+"
+    assert symbols[0].symbols[0].slope == "?"
+    # Symbols never leave an episode and never change sign.
+    for earlier, later in zip(symbols, symbols[1:], strict=False):
+        for one, other in zip(earlier.symbols, later.symbols, strict=False):
+            assert (one.residual, one.magnitude) == (other.residual, other.magnitude)
+
+
+def test_the_same_scans_give_the_same_records():
+    one, two = (stands.feed(stands.observer(), jammed()) for _ in range(2))
+    assert repr(one) == repr(two)
+
+
+def test_duplicates_and_late_scans_change_nothing_but_the_counters():
+    disturbed = []
+    for k, scan in enumerate(jammed()):
+        disturbed.append(scan)
+        if k % 7 == 3:
+            disturbed.append(replace(scan, values=(99.0,) * len(scan.values)))
+        if k % 11 == 10:
+            disturbed.append(jammed()[k - 5])
+    stage, plain = stands.observer(), stands.observer()
+    assert repr(stands.feed(stage, disturbed)) == repr(stands.feed(plain, jammed()))
+    found = counters(stage, "sensors/slow")
+    assert found["duplicate"] == sum(k % 7 == 3 for k in range(2000))
+    assert found["late"] == sum(k % 11 == 10 for k in range(2000))
+    assert found["lost"] == 0
+    assert counters(plain, "sensors/slow") == {
+        "samples": 2000, "late": 0, "duplicate": 0, "lost": 0
+    }  # fmt: skip
+
+
+def test_a_jump_back_in_time_starts_afresh():
+    stage = stands.observer()
+    stands.feed(stage, jammed())
+    again = stands.feed(stage, healthy())
+    assert stands.of(Detection, again) == []
+    fresh = stands.feed(stands.observer(), healthy())
+    assert repr(stands.of(Residual, again)) == repr(stands.of(Residual, fresh))
+
+
+def test_a_gap_empties_the_window_and_is_counted():
+    stage = stands.observer()
+    whole = healthy()
+    out = stands.feed(stage, whole[:1000] + whole[1050:])
+    assert counters(stage, "sensors/slow")["lost"] == 50
+    after_gap = stands.of(Residual, out)[1000]
+    assert math.isnan(after_gap.values[after_gap.names.index("parity_mechanical")])
+    assert decisions(out) == []
+
+
+def test_a_few_lost_scans_raise_nothing():
+    out = stands.feed(stands.observer(), [s for k, s in enumerate(healthy()) if k % 40 > 2])
+    assert decisions(out) == []
+
+
+def test_a_channel_that_goes_missing_is_said_once():
+    lacking = [
+        s if k < 1000 else Scan(s.stamp_ns, s.channels[1:], s.values[1:])
+        for k, s in enumerate(healthy())
+    ]
+    assert healthy()[0].channels[0] == "motor_current"
+    out = stands.feed(stands.observer(), lacking)
+    said = stands.of(DataQuality, out)
+    assert [quality(r, "motor_current").quality for r in said] == [Quality.GOOD, Quality.BAD]
+    assert quality(said[-1], "motor_current").since_ns == said[-1].stamp_ns
+    assert decisions(out) == []
+    last = stands.of(Residual, out)[-1]
+    assert math.isnan(last.values[last.names.index("parity_mechanical")])
+    assert math.isfinite(last.values[last.names.index("nut_temperature")])
+
+
+def test_values_out_of_range_are_not_used():
+    spoilt = [
+        after(s, motor_temperature=2e4) if k % 50 == 0 else s for k, s in enumerate(healthy())
+    ]
+    stage = stands.observer()
+    out = stands.feed(stage, [stands.table(), *spoilt])
+    assert decisions(out) == []
+    assert counters(stage, "motor_temperature")["out_of_range"] == 40
+
+
+def test_a_bad_voltage_is_no_fault_and_is_named():
+    spoilt = [
+        after(s, motor_voltage=-24.0) if 800 <= k < 1000 else s for k, s in enumerate(healthy())
+    ]
+    out = stands.feed(stands.observer(), spoilt)
+    assert decisions(out) == []
+    found = [quality(r, "motor_voltage") for r in stands.of(DataQuality, out)]
+    assert [row.quality for row in found] == [Quality.GOOD, Quality.BAD]
+    assert "disagrees with current and motion" in found[-1].reason
+    start_s = (found[-1].since_ns - spoilt[0].stamp_ns) / 1e9
+    assert start_s == pytest.approx(8.2, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("channel", "error", "residual"),
+    [
+        ("motor_current", 0.6, "parity_mechanical"),
+        ("load_force", 120.0, "parity_mechanical"),
+        ("motor_temperature", 6.0, "motor_temperature"),
+        ("nut_temperature", 8.0, "nut_temperature"),
+        ("ambient_temperature", 5.0, "ambient_temperature"),
+        ("actuator_position", 0.005, "actuator_position"),
+        ("motor_voltage", 3.4, "parity_electrical"),
+    ],
+)
+def test_a_biased_sensor_is_detected_by_its_own_residuals(channel, error, residual):
+    at = healthy()[0].channels.index(channel)
+    faulty = [
+        after(s, **{channel: s.values[at] + error}) if k >= 1200 else s
+        for k, s in enumerate(healthy())
+    ]
+    out = stands.feed(stands.observer(), faulty)
+    (detection,) = stands.of(Detection, out)
+    assert detection.residual.startswith(residual)
+    assert 0.0 < (detection.stamp_ns - faulty[1200].stamp_ns) / 1e9 < 2.5
+
+
+def test_an_offset_that_is_there_from_the_start_is_the_units_own():
+    at = healthy()[0].channels.index("motor_current")
+    other = [after(s, motor_current=s.values[at] + 0.25) for s in healthy()]
+    out = stands.feed(stands.observer(), other)
+    assert decisions(out) == []
+    last = stands.of(Residual, out)[-1]
+    current = last.regressors[last.regressor_names.index("current_a")]
+    plain = stands.of(Residual, stands.feed(stands.observer(), healthy()))[-1]
+    assert current == pytest.approx(
+        plain.regressors[plain.regressor_names.index("current_a")], abs=0.02
+    )
+    # Without the warm-up nothing is learned.
+    untaught = stands.of(Residual, stands.feed(stands.observer(warm_up_s=0.0), other))[-1]
+    assert untaught.regressors[last.regressor_names.index("current_a")] == pytest.approx(
+        current + 0.25, abs=0.03
+    )
+
+
+def test_reset_closes_the_episode_and_arms_again():
+    stage = stands.observer()
+    assert stage.reset() == ()
+    stands.feed(stage, jammed()[:1500])
+    (closed,) = stage.reset()
+    assert isinstance(closed, Detection)
+    assert (closed.detected, closed.episode, closed.test) == (False, 1, "reset")
+    assert stage.reset() == ()
+    found = stands.of(Detection, stands.feed(stage, jammed()[1500:]))
+    assert [(d.detected, d.episode) for d in found] == [(True, 2)]
+
+
+def test_an_episode_ends_by_itself_once_all_is_quiet():
+    columns = ema.noisy(ema.run(seconds=24.0), 52)
+    biased = columns["motor_current"].copy()
+    biased[1000:1300] += 1.0
+    columns["motor_current"] = biased
+    out = stands.feed(stands.observer(rearm_after_s=3.0), stands.scans(columns))
+    found = stands.of(Detection, out)
+    assert [(d.detected, d.episode) for d in found] == [(True, 1), (False, 1)]
+    assert found[1].test == "quiet"
+    assert found[1].stamp_ns - found[0].stamp_ns > 6 * S
+    stays = stands.of(
+        Detection, stands.feed(stands.observer(rearm_after_s=0.0), stands.scans(columns))
+    )
+    assert [d.detected for d in stays] == [True]
+
+
+def test_at_rest_nothing_is_called():
+    still = ema.noisy(ema.run(seconds=12.0, reference=lambda t: 0.0), 53)
+    out = stands.feed(stands.observer(), stands.scans(still))
+    assert decisions(out) == []
+    assert np.isnan(stands.of(Residual, out)[-1].z[0])
+
+
+def test_with_encoder_and_command_a_position_fault_stays_in_its_own_residuals():
+    columns = ema.noisy(ema.run(seconds=16.0), 54)
+    columns["actuator_position"] = columns["actuator_position"].copy()
+    columns["actuator_position"][1000:] += 0.004
+    out = stands.feed(stands.observer(ema.CHANNELS), stands.scans(columns, ema.CHANNELS))
+    assert len([d for d in stands.of(Detection, out) if d.detected]) == 1
+    seen = {symbol.residual for symbol in stands.of(Symbols, out)[-1].symbols}
+    assert "parity_kinematic" in seen
+    assert seen <= {"parity_kinematic", "actuator_position", "actuator_position_noise",
+                    "parity_speed"}  # fmt: skip
