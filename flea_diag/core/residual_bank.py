@@ -49,6 +49,10 @@ NOISE_CHANNELS = {
 JUMP_CHANNELS = ("actuator_position", "load_position")
 
 
+JUMP_TRACE = 6
+"""Scans from the one that shows a jump to the last whose noise it spoils."""
+
+
 @dataclass(frozen=True, slots=True)
 class ResidualRow:
     """One residual: its unit, the channels it needs, and when it may be tested.
@@ -121,6 +125,7 @@ class ResidualBank:
         self._smoother = Smoother(len(CHANNELS), kernel_length, period_s)
         self._last = np.full((4, len(CHANNELS)), np.nan)
         self._jumps = {name: _JumpPredictor() for name in JUMP_CHANNELS}
+        self._traces = dict.fromkeys(JUMP_CHANNELS, 0)
         self._held = {name: deque([math.nan] * 4, maxlen=4) for name in JUMP_CHANNELS}
         self._motor = ThermalNode(parameters.motor_cooling_s, start_samples)
         self._nut = ThermalNode(parameters.nut_cooling_s, start_samples)
@@ -217,7 +222,10 @@ class ResidualBank:
         noise = RESIDUAL_INDEX[f"{name}_noise"]
         held = self._held[name]
         held.append(float(values[noise]))
-        values[noise] = held[0] if jump == 0.0 else math.nan
+        if jump != 0.0:
+            self._traces[name] = JUMP_TRACE
+        values[noise] = held[0] if self._traces[name] == 0 else math.nan
+        self._traces[name] = max(self._traces[name] - 1, 0)
 
 
 class _JumpPredictor:

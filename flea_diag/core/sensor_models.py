@@ -4,6 +4,8 @@ An error e of a reading enters a relation as ``gain * e``, or through its rate a
 ``gain * de/dt``. The modes differ only in what e is (y' is the true signal):
 
 bias e = b    drift e = d t    scaling e = (1 - 1/g) y    dead e = c - y'
+
+(scaling of a temperature: e = (g - 1) times what the thermal model expects)
 """
 
 from __future__ import annotations

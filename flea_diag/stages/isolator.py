@@ -389,7 +389,7 @@ class IsolatorStage:
         episode.request = None
         self._merge.hold(None)
         episode.computed += (record.feature,)
-        if record.symbol in ("+", "-", "0", "1"):
+        if record.symbol != "?":
             group = {h.name: h.probability for h in episode.isolation.alive()}
             left = refine(group, self._k.features, record.feature, record.symbol)
             episode.isolation.believe(record.stamp_ns, record.feature, record.symbol, left)

@@ -320,9 +320,9 @@ class ObserverStage:
             - p.voltage_offset_v
             - p.back_emf_v_s_per_m * s.speed_m_s,
             "commanded_voltage_v": s.commanded_voltage_v,
-            "motor_temperature_degc": float(row[INDEX["motor_temperature"]]),
-            "nut_temperature_degc": float(row[INDEX["nut_temperature"]]),
-            "ambient_temperature_degc": float(row[INDEX["ambient_temperature"]]),
+            "motor_temperature_degc": self._expected(row, sample, "motor_temperature"),
+            "nut_temperature_degc": self._expected(row, sample, "nut_temperature"),
+            "ambient_temperature_degc": self._expected(row, sample, "ambient_temperature"),
             "position_m": s.position_m,
             "load_position_m": s.load_position_m,
             "position_rate_m_s": s.position_rate_m_s,
@@ -330,6 +330,11 @@ class ObserverStage:
             "encoder_m_s": p.encoder_m_per_rad * s.encoder_speed_rad_s,
         }
         return (*(values[name] for name in REGRESSORS), float(sample.moving))
+
+    @staticmethod
+    def _expected(row: Array, sample: ResidualSample, channel: str) -> float:
+        """What a reading should be; the reading itself shares its noise with the residual."""
+        return float(row[INDEX[channel]] - sample.values[RESIDUAL_INDEX[channel]])
 
     # --- episode ----------------------------------------------------------------------
 
