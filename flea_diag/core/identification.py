@@ -108,7 +108,7 @@ def robust_fit(
     bread = np.linalg.pinv((A * weight[:, None] ** 2).T @ A)
     scores = np.array([A[run == number].T @ residual[run == number] for number in np.unique(run)])
     covariance: Array = bread @ (scores.T @ scores) @ bread
-    return x, covariance, weight
+    return np.asarray(x, dtype=np.float64), covariance, weight
 
 
 def identify(runs: Sequence[Run], kernel_length: int, period_s: float) -> Identified:
@@ -141,8 +141,8 @@ def identify(runs: Sequence[Run], kernel_length: int, period_s: float) -> Identi
 
 
 def _have(data: Smoothed, *channels: str) -> npt.NDArray[np.bool_]:
-    present: npt.NDArray[np.bool_] = np.isfinite(data.value[:, [INDEX[c] for c in channels]]).all(1)
-    return present
+    finite = np.isfinite(data.value[:, [INDEX[channel] for channel in channels]])
+    return np.asarray(finite.all(axis=1), dtype=np.bool_)
 
 
 def _motion(data: Smoothed, result: Identified) -> tuple[Array, Array]:

@@ -183,8 +183,7 @@ def _penalty(model: FaultModel, sizes: Sequence[float], independent: float) -> f
 
 
 def _least(A: Array, b: Array) -> Array:
-    solution: Array = np.linalg.lstsq(A, b, rcond=1e-12)[0]
-    return solution
+    return np.asarray(np.linalg.lstsq(A, b, rcond=1e-12)[0], dtype=np.float64)
 
 
 def _outside(

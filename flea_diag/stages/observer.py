@@ -343,11 +343,12 @@ class ObserverStage:
         if self._detected_ns < 0:
             return self._open(stamp_ns, results, deviating) if deviating.any() else ()
         changed = False
-        for j in np.flatnonzero(deviating):
-            if j not in self._symbols:
-                self._symbols[int(j)] = symbols.crossed(float(results.z[j]), stamp_ns)
+        for column in np.flatnonzero(deviating):
+            if int(column) not in self._symbols:
+                j = int(column)
+                self._symbols[j] = symbols.crossed(float(results.z[j]), stamp_ns)
                 changed = True
-        for j, state in self._symbols.items():
+        for j, state in tuple(self._symbols.items()):
             renewed = symbols.later(state, float(results.z[j]), stamp_ns)
             changed = changed or renewed is not state
             self._symbols[j] = renewed
