@@ -10,7 +10,8 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from flea_diag.core.feature_choice import FeatureChooser, Group, normalised, outcomes, refine
+from flea_diag.core.fault_group import Group, normalised, outcomes, refine
+from flea_diag.core.feature_choice import FeatureChooser
 
 
 @dataclass(frozen=True)

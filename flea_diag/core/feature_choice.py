@@ -8,17 +8,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
+from flea_diag.core.fault_group import (
+    DROP_BELOW,
+    Group,
+    entropy,
+    normalised,
+    outcomes,
+    refine,
+)
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.errors import ConfigurationError
 
-Group = Mapping[str, float]
-"""Faults still possible, each with its probability."""
-
-DROP_BELOW = 0.02
-"""A fault whose probability falls below this leaves the group for good."""
+__all__ = ["STRATEGIES", "FeatureChooser", "Rules", "next_feature", "outcomes", "refine"]
 
 WORTH_ODDS = 4.0
 """Shift of the odds between two faults for which a feature is computed."""
@@ -26,62 +31,11 @@ WORTH_ODDS = 4.0
 RAREST = 0.01
 """Answers less probable than this are not planned for."""
 
-MOST_STATES = 1000
-"""Groups that the optimum looks at before it gives way to gain per cost."""
+ROUGH_BELOW = 0.05
+"""Groups reached with less probability than this are not worth an exact plan."""
 
-
-def normalised(group: Group) -> dict[str, float]:
-    """Group whose probabilities sum to 1, by name."""
-    total = math.fsum(group.values())
-    return {fault: group[fault] / total for fault in sorted(group)} if total > 0.0 else {}
-
-
-def refine(
-    group: Group,
-    table: FaultFeatureTable,
-    feature: str,
-    symbol: str,
-    drop_below: float = DROP_BELOW,
-) -> dict[str, float]:
-    """Group after one answer: Bayes with P(symbol | fault), then the improbable leave.
-
-    Never grows. Empty where no fault of the group can give this symbol; unchanged by ``?``.
-    """
-    if symbol == "?":
-        return normalised(group)
-    place = table.place(symbol)
-    return _after(
-        {fault: p * table.probabilities(fault, feature)[place] for fault, p in group.items()},
-        drop_below,
-    )
-
-
-def _after(joint: Group, drop_below: float) -> dict[str, float]:
-    """Posterior of joint probabilities, without those below the limit."""
-    posterior = normalised(joint)
-    left = {fault: p for fault, p in posterior.items() if p >= drop_below and p > 0.0}
-    return posterior if len(left) == len(posterior) else normalised(left)
-
-
-def outcomes(
-    group: Group,
-    table: FaultFeatureTable,
-    feature: str,
-    drop_below: float = DROP_BELOW,
-    rarest: float = 0.0,
-) -> dict[str, tuple[float, dict[str, float]]]:
-    """Symbol -> (probability, group left), for each symbol more probable than ``rarest``.
-
-    The probabilities of ``group`` must sum to 1.
-    """
-    rows = [(fault, p, table.probabilities(fault, feature)) for fault, p in group.items()]
-    found: dict[str, tuple[float, dict[str, float]]] = {}
-    for place, symbol in enumerate(table.alphabet):
-        joint = {fault: p * row[place] for fault, p, row in rows}
-        total = sum(joint.values())
-        if total > rarest:
-            found[symbol] = total, _after(joint, drop_below)
-    return found
+MOST_STATES = 2000
+"""Groups that the search for the optimum looks at: under a tenth of a second."""
 
 
 def partition_sizes(group: Group, table: FaultFeatureTable, feature: str) -> list[int]:
@@ -97,6 +51,7 @@ class Rules:
     drop_below: float = DROP_BELOW
     worth_odds: float = WORTH_ODDS
     rarest: float = RAREST
+    rough_below: float = ROUGH_BELOW
     most_states: int = MOST_STATES
 
 
@@ -118,6 +73,10 @@ class _Question:
             for feature in self.prices
         }
         return {feature: rows for feature, rows in found.items() if self._is_worth(rows)}
+
+    def splitting(self) -> list[tuple[str, float]]:
+        """Features that are worth computing with their prices, cheapest first."""
+        return [(feature, self.prices[feature]) for feature in self.answers]
 
     def _is_worth(self, rows: Mapping[str, tuple[float, dict[str, float]]]) -> bool:
         """Whether some answer drops a member or shifts the odds between two by much.
@@ -172,11 +131,6 @@ def _gains(question: _Question) -> dict[str, float]:
     }
 
 
-def entropy(group: Group) -> float:
-    """Shannon entropy of a group in bits."""
-    return -math.fsum(p * math.log2(p) for p in normalised(group).values() if p > 0.0)
-
-
 GREEDY: dict[str, Callable[[_Question], str | None]] = {
     "paper": _paper,
     "balanced": _balanced,
@@ -189,13 +143,41 @@ class _TooManyStatesError(Exception):
     """The exact optimum would cost more than it saves."""
 
 
+@dataclass
+class _Node:
+    """A group, the least and the most that splitting it may cost, and the best feature so far.
+
+    ``solved``: the probability of being reached for which ``most`` is known to be the optimum.
+    """
+
+    question: _Question
+    least: float = 0.0
+    most: float = math.inf
+    choice: str | None = None
+    solved: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Start from what any way must cost: the cheapest feature that splits."""
+        self.least = min((price for _, price in self.question.splitting()), default=0.0)
+
+
+Key = tuple[tuple[tuple[str, float], ...], tuple[tuple[str, float], ...]]
+
+
+def _key(group: Group, prices: Mapping[str, float]) -> Key:
+    """Group and features to choose from as a key; rounded, for the same group reached twice."""
+    return tuple((fault, round(p, 9)) for fault, p in group.items()), tuple(prices.items())
+
+
 class FeatureChooser:
-    """Chooses by one strategy over one table, and remembers what the optimum worked out.
+    """Chooses by one strategy over one table, and remembers what it has chosen.
 
     ``optimal`` minimises J(G) = min over features of c_f + sum over v of P(v | G) J(G_v), with
-    J = 0 where no feature splits G, by memoised recursion over the groups that ``refine``
-    makes; exact for hard and for noisy tables but for the answers rarer than
-    ``rules.rarest``. Past ``rules.most_states`` groups it answers by gain per cost instead.
+    J = 0 where no feature splits G, by branch and bound over the groups that ``refine`` makes,
+    memoised; exact for hard and for noisy tables when ``rules.rarest`` and
+    ``rules.rough_below`` are 0. By default answers rarer than ``rarest`` are not planned for, and
+    groups that are reached with less than ``rough_below`` are priced by gain per cost; past
+    ``most_states`` groups the best way found so far counts.
     """
 
     def __init__(
@@ -208,7 +190,8 @@ class FeatureChooser:
         self.table = table
         self.strategy = strategy
         self.rules = rules or Rules()
-        self._memory: dict[tuple[object, ...], tuple[float, str | None]] = {}
+        self._memory: dict[Key, _Node] = {}
+        self._choices: dict[Key, str | None] = {}
 
     def next(
         self,
@@ -225,14 +208,25 @@ class FeatureChooser:
         """
         if len(group) < 2:
             return None
-        prices = self._prices(computed, at_hand)
-        question = _Question(normalised(group), self.table, prices, self.rules)
-        if self.strategy != "optimal":
-            return GREEDY[self.strategy](question)
-        try:
-            return self._optimum(question.group, prices, len(self._memory))[1]
-        except _TooManyStatesError:
-            return _information(question)
+        question = _Question(
+            normalised(group), self.table, self._prices(computed, at_hand), self.rules
+        )
+        key = _key(question.group, question.prices)
+        if key not in self._choices:
+            choose = GREEDY.get(self.strategy, self._best)
+            self._choices[key] = choose(question)
+        return self._choices[key]
+
+    def _best(self, question: _Question) -> str | None:
+        """First feature of the optimum, or of the best way found within ``most_states``.
+
+        Starts from nothing each time: what is chosen must not depend on what was asked before.
+        """
+        self._memory.clear()
+        node = self._node(question.group, question.prices)
+        with suppress(_TooManyStatesError):
+            self._optimum(node, 1.0, math.inf)
+        return node.choice or _information(question)
 
     def _prices(self, computed: Collection[str], at_hand: Collection[str]) -> dict[str, float]:
         """Features to choose from, cheapest first."""
@@ -243,36 +237,59 @@ class FeatureChooser:
         }
         return dict(sorted(costs.items(), key=lambda item: (item[1], item[0])))
 
-    def _optimum(
-        self, group: Group, prices: Mapping[str, float], known: int
-    ) -> tuple[float, str | None]:
-        """Expected cost to the leaves and the first feature on the way, memoised."""
-        if len(group) < 2:
-            return 0.0, None
-        key = (tuple((fault, round(p, 9)) for fault, p in group.items()), tuple(prices))
+    def _node(self, group: Group, prices: Mapping[str, float]) -> _Node:
+        """What is known of a group with these features to choose from."""
+        key = _key(group, prices)
         if key not in self._memory:
-            if len(self._memory) - known >= self.rules.most_states:
+            if len(self._memory) >= self.rules.most_states:
                 raise _TooManyStatesError
-            self._memory[key] = self._cheapest(group, prices, known)
+            self._memory[key] = _Node(_Question(group, self.table, prices, self.rules))
         return self._memory[key]
 
-    def _cheapest(
-        self, group: Group, prices: Mapping[str, float], known: int
-    ) -> tuple[float, str | None]:
-        """Minimum over features, the most promising first so that the rest is soon cut off."""
-        question = _Question(group, self.table, prices, self.rules)
-        gains = _gains(question)
-        best, choice = math.inf, None
-        for feature in sorted(gains, key=lambda name: -gains[name]):
-            left = {name: price for name, price in prices.items() if name != feature}
-            total = prices[feature]
-            for p, smaller in question.answers[feature].values():
+    def _greedy_cost(self, node: _Node) -> float:
+        """Expected cost of gain per cost all the way down: the optimum costs at most this."""
+        if math.isinf(node.most):
+            feature = _information(node.question)
+            node.most = 0.0 if feature is None else node.question.prices[feature]
+            for p, child in self._children(node, feature):
+                node.most += p * self._greedy_cost(child)
+            node.choice = feature
+        return node.most
+
+    def _children(self, node: _Node, feature: str | None) -> list[tuple[float, _Node]]:
+        """Groups, with probabilities, that are still to be split after a feature."""
+        if feature is None:
+            return []
+        left = {name: price for name, price in node.question.prices.items() if name != feature}
+        rows = node.question.answers[feature].values()
+        return [(p, self._node(smaller, left)) for p, smaller in rows if len(smaller) > 1]
+
+    def _optimum(self, node: _Node, reach: float, budget: float) -> float:
+        """Least expected cost to the leaves, or some cost over budget where that is all there is.
+
+        ``reach`` is the probability of coming to this group at all.
+        """
+        if reach < self.rules.rough_below:
+            return self._greedy_cost(node)
+        if node.solved >= reach:
+            return node.most
+        if node.least >= budget:
+            return node.least
+        best = min(self._greedy_cost(node), budget)
+        for feature, price in node.question.splitting():
+            children = self._children(node, feature)
+            total = price + sum(p * child.least for p, child in children)
+            for p, child in children:
                 if total >= best:
                     break
-                total += p * self._optimum(smaller, left, known)[0]
+                room = (best - total) / p + child.least
+                total += p * (self._optimum(child, reach * p, room) - child.least)
             if total < best:
-                best, choice = total, feature
-        return (best, choice) if choice else (0.0, None)
+                best, node.most, node.choice = total, total, feature
+        if node.most <= best:
+            node.solved = reach
+            return node.most
+        return budget
 
 
 def next_feature(

@@ -33,7 +33,7 @@ ENOUGH_EVIDENCE = 4.5
 independent, the odds of mistaking one for the other would be below exp(-4.5)."""
 
 LEAST_GAIN = 0.1
-REDUNDANT = 0.97
+REDUNDANT = 0.9
 
 
 @dataclass(frozen=True)

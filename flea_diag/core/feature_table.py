@@ -21,8 +21,18 @@ ALPHABETS: tuple[tuple[str, ...], ...] = (
     ("-", "0", "+"),
     ("--", "-", "0", "+", "++"),
 )
-KEYS = frozenset({"title", "provenance", "alphabet", "confidence", "features", "faults",
-                  "nominal", "sources"})  # fmt: skip
+KEYS = frozenset(
+    {
+        "title",
+        "provenance",
+        "alphabet",
+        "confidence",
+        "features",
+        "faults",
+        "unaffected",
+        "nominal",
+    }
+)
 FEATURE_KEYS = frozenset({"cost", "note"})
 NOMINAL_KEYS = frozenset({"rate_hz", "window_s", "false_alarm_rate", "ranges", "levels", "orders"})
 
@@ -129,7 +139,10 @@ class FaultFeatureTable:
         columns = _mapping(mapping.get("features"), f"{where}: features")
         costs = {str(name): _cost(row, f"{where}: {name}") for name, row in columns.items()}
         confidence = _number(mapping.get("confidence", 1.0), f"{where}: confidence", 0.0, 1.0)
-        rows = _mapping(mapping.get("faults"), f"{where}: faults")
+        rows = {
+            **_mapping(mapping.get("faults"), f"{where}: faults"),
+            **_unaffected(mapping, where),
+        }
         entries, provenance = _entries(rows, costs, alphabet, confidence, where)
         return cls(
             str(mapping.get("title", where)),
@@ -155,10 +168,9 @@ def _entries(
     for fault, row in rows.items():
         row = dict(_mapping(row, f"{where}: {fault}"))
         source = str(row.pop("source", ""))
-        default = row.pop("all", None)
         _known(row, frozenset(costs), f"{where}: {fault}")
         for feature in costs:
-            entry = row.get(feature, default)
+            entry = row.get(feature)
             if entry is None:
                 continue
             place = f"{where}: {fault}, {feature}"
@@ -168,6 +180,18 @@ def _entries(
             )
             entries[fault, feature] = _probabilities(own, alphabet, confidence, place)
     return entries, provenance
+
+
+def _unaffected(mapping: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Rows of the faults of section ``unaffected``, which share one list of entries."""
+    where = f"{where}: unaffected"
+    section = _mapping(mapping.get("unaffected") or {}, where, empty=True)
+    _known(section, frozenset({"source", "faults", "entries"}), where)
+    names = section.get("faults", [])
+    if not isinstance(names, list):
+        raise ConfigurationError(f"{where}: faults = {names!r} must be a list of fault ids")
+    entries = _mapping(section.get("entries", {}), f"{where}: entries", empty=True)
+    return {str(name): {"source": section.get("source", ""), **entries} for name in names}
 
 
 def _probabilities(

@@ -140,10 +140,9 @@ class ExtractorStage:
         return tuple(answers)
 
     def _is_ready(self, request: FeatureRequest, now_ns: int) -> bool:
-        """Whether the window is over and covered, or the time for the answer has come."""
-        if now_ns >= request.stamp_ns + self._budget_ns:
-            return True
-        return now_ns >= request.window_end_ns and self.windows.covers(request.window_end_ns)
+        """Whether the window is covered, or the time for the answer has come."""
+        late = now_ns >= request.stamp_ns + self._budget_ns
+        return late or self.windows.covers(request.window_end_ns)
 
     @property
     def _budget_ns(self) -> int:

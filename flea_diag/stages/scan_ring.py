@@ -23,6 +23,11 @@ class ScanRing:
         self.gap_limit_s = gap_limit_s
         self._scans: deque[Scan] = deque()
 
+    @property
+    def end_ns(self) -> int:
+        """Stamp of the newest scan; -1 without any."""
+        return self._scans[-1].stamp_ns if self._scans else -1
+
     def add(self, scan: Scan) -> bool:
         """Keep a scan and forget what is too old; a jump back in time starts afresh."""
         if self._scans and scan.stamp_ns <= self._scans[-1].stamp_ns:

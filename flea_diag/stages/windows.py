@@ -42,8 +42,14 @@ class Windows:
         return self.vibration.add(record)
 
     def covers(self, end_ns: int) -> bool:
-        """Whether vibration up to ``end_ns`` is here."""
-        return self.vibration.end_ns >= end_ns - self.vibration.gap_limit_ns
+        """Whether all that a stream can still bring up to ``end_ns`` is here.
+
+        A stream of which nothing was ever received is not waited for.
+        """
+        vibration_ns, scan_ns = self.vibration.end_ns, self.scans.end_ns
+        return (vibration_ns < 0 or vibration_ns >= end_ns - self.vibration.gap_limit_ns) and (
+            scan_ns < 0 or scan_ns >= end_ns
+        )
 
     def operating_point(self, start_ns: int, end_ns: int) -> OperatingPoint:
         """Root mean square of speed and load over a window."""

@@ -59,15 +59,13 @@ def run_of(name: str, stream: Iterable[Record], truths: list[Truth], grid: Grid)
     windows = Windows(grid.window_s + 3.0, 0.002, 0.05, grid.orders or {})
     samples: list[Sample] = []
     levels: list[tuple[OperatingPoint, Mapping[str, float]]] = []
-    end_ns, seen_ns = -1, -1
+    end_ns = -1
     for record in stream:
         if not isinstance(record, Scan | VibrationBlock) or not windows.add(record):
             continue
         if end_ns < 0:
             end_ns = record.stamp_ns + round((grid.window_s + SETTLING_S) * SECOND_NS)
-        if isinstance(record, Scan):
-            seen_ns = record.stamp_ns
-        while windows.covers(end_ns) and seen_ns >= end_ns:
+        while min(windows.vibration.end_ns, windows.scans.end_ns) > 0 and windows.covers(end_ns):
             start_ns = end_ns - round(grid.window_s * SECOND_NS)
             fault = label(truths, start_ns, end_ns)
             if fault is not None:

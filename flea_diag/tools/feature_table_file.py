@@ -1,4 +1,4 @@
-"""Fault feature tables as YAML files: read with a bound, written with how they were made."""
+"""Learned fault feature tables as YAML files that say how they were made."""
 
 from __future__ import annotations
 
@@ -10,11 +10,8 @@ from typing import Any
 import yaml
 
 from flea_diag.core.feature_learning import NOMINAL, SYMBOLS, Ends, Learned
-from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.core.nominal_range import NominalRange
 from flea_diag.errors import ConfigurationError
-
-LIMIT_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -28,28 +25,6 @@ class Making:
     window_s: float
     false_alarm_rate: float
     orders: Mapping[str, float]
-
-
-def read_table(path: Path) -> FaultFeatureTable:
-    """Read one table.
-
-    Raises
-    ------
-    ConfigurationError
-        When the file cannot be read, is too large, or does not hold a table.
-    """
-    try:
-        if path.stat().st_size > LIMIT_BYTES:
-            raise ConfigurationError(f"{path}: {path.stat().st_size} bytes, limit {LIMIT_BYTES}")
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error}") from error
-    except (yaml.YAMLError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise ConfigurationError(f"{path}: not valid YAML: {reason}") from error
-    if not isinstance(values, Mapping):
-        raise ConfigurationError(f"{path}: holds a {type(values).__name__}, not a table")
-    return FaultFeatureTable.from_mapping(values, str(path))
 
 
 def table_mapping(
@@ -71,18 +46,18 @@ def table_mapping(
         }
         for fault in learned.faults
     }
-    reason = "assumed: acts on no accelerometer, so reads as the nominal windows"
-    for fault in unaffected:
-        rows[fault] = {
-            "source": reason,
-            **{f: _entry(learned.probability(NOMINAL, f, ends)) for f, ends in features.items()},
-        }
+    nominal = {f: _entry(learned.probability(NOMINAL, f, ends)) for f, ends in features.items()}
     return {
         "title": making.title,
         "provenance": making.provenance,
         "alphabet": list(SYMBOLS),
         "features": {feature: {"cost": costs[feature]} for feature in features},
         "faults": rows,
+        "unaffected": {
+            "source": f"assumed to act on no accelerometer: entries of {NOMINAL} windows",
+            "faults": list(unaffected),
+            "entries": nominal,
+        },
         "nominal": {
             "rate_hz": _rounded(making.rate_hz),
             "window_s": making.window_s,

@@ -1,0 +1,230 @@
+"""What ``flea features`` does, one function an action."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+
+from flea_diag.configuration import load_features, load_yaml
+from flea_diag.core.actuator import actuator
+from flea_diag.core.diagnosis_tree import build, render
+from flea_diag.core.fault import catalogue
+from flea_diag.core.feature_choice import FeatureChooser
+from flea_diag.core.feature_learning import Ends, Learned, Sample, Score, learn, rank, select
+from flea_diag.core.features import FEATURES, FeatureId
+from flea_diag.core.nominal_range import NominalRange, learn_nominal
+from flea_diag.errors import CalibrationError, ConfigurationError, FleaError
+from flea_diag.tools import feature_bearing as bearing
+from flea_diag.tools import feature_bench as bench
+from flea_diag.tools.feature_judge import judge, report
+from flea_diag.tools.feature_samples import Grid, Run, run_of_bag
+from flea_diag.tools.feature_stand import SEVERITIES, stand_runs
+from flea_diag.tools.feature_table_file import Making, table_mapping, write_table
+
+KEPT = ("accelerometer_1_std", "accelerometer_2_std", "accelerometer_2_nut_line")
+"""In every table: the founding paper's two, and the line that the kinematics of a spall give."""
+
+POINT_CHANNELS = ("motor_speed_", "load_force_")
+"""A fault of these moves the operating point, and so the nominal ranges: no row for it."""
+
+LEFT_OUT = ("mean", "rms", "skewness", "kurtogram_band", "motor_heating", "nut_heating")
+"""Not learned from: offset and polarity of a sensor, a band's name, slopes over one second."""
+
+
+def _list(_: argparse.Namespace) -> int:
+    print(f"{'feature id':38s}{'unit':9s}{'cost':>6s}  meaning")
+    for row in FEATURES.values():
+        name = row.scope.value + row.name
+        print(f"{name:38s}{row.unit:9s}{row.cost:6.1f}  {row.words}")
+    return 0
+
+
+def _bench(_: argparse.Namespace) -> int:
+    costs = bench.costs_s()
+    print(f"{'feature':30s}{'us':>9s}{'of std':>9s}   (one accelerometer, 1 s x 3 axes, 20 kHz)")
+    for name, cost in costs.items():
+        print(f"{name:30s}{cost * 1e6:9.0f}{cost / costs['std']:9.1f}")
+    print(f"{'whole library, both, shared':30s}{bench.library_s() * 1e6:9.0f}")
+    return 0
+
+
+def _tree(arguments: argparse.Namespace) -> int:
+    table = load_features(str(arguments.table))
+    faults = arguments.faults or table.faults
+    unknown = sorted(set(faults) - set(table.faults))
+    if unknown:
+        raise ConfigurationError(f"{arguments.table}: no row for fault {unknown[0]!r}")
+    chooser = FeatureChooser(table, arguments.strategy)
+    print(render(build(dict.fromkeys(faults, 1.0), chooser, rarest=0.005)))
+    for group in table.inseparable(faults):
+        if len(group) > 1:
+            print(f"never split by this table: {', '.join(group)}")
+    return 0
+
+
+def _learn(arguments: argparse.Namespace) -> int:
+    runs, source, failed = _runs(arguments)
+    samples = [sample for run in runs for sample in run.samples]
+    ids = _candidates(samples)
+    learned = learn(samples, ids, arguments.false_alarm_rate)
+    costs = {feature: FeatureId.parse(feature).feature.cost for feature in ids}
+    ranking = rank(learned, costs)
+    kept = [feature for feature in KEPT if feature in learned.ranges]
+    chosen = select(learned, costs, arguments.most, kept)
+    making = Making(
+        arguments.title,
+        f"learned from {source}: {len(runs)} runs, "
+        f"{len(samples)} windows of {arguments.window:g} s",
+        source,
+        _one_rate(runs),
+        arguments.window,
+        arguments.false_alarm_rate,
+        bench.FLEA_SCREW.orders(),
+    )
+    mapping = table_mapping(learned, chosen, costs, _levels(runs), _unaffected(learned), making)
+    write_table(arguments.output, mapping, _header(arguments, making, learned))
+    _print_ranking(ranking, chosen)
+    print(f"{arguments.output}: {len(chosen)} features, {len(learned.faults)} faults learned")
+    return failed
+
+
+def _judge(arguments: argparse.Namespace) -> int:
+    table = load_features(str(arguments.table))
+    group = [name for name in arguments.group.split(",") if name] or list(table.faults)
+    runs, source, failed = _runs(arguments, [f for f in group if f in SEVERITIES], nominal=False)
+    print(f"{arguments.table} on {source}, group {{{', '.join(group)}}}")
+    print(report(judge(runs, table, group, arguments.strategy, arguments.windows)))
+    return failed
+
+
+def _bearing(arguments: argparse.Namespace) -> int:
+    files = [arguments.normal, *arguments.faulty]
+    normal, *faulty = (bearing.read_bearing(p, arguments.rate, arguments.rpm) for p in files)
+    found = bearing.judge(normal, faulty, arguments.window, arguments.false_alarm_rate)
+    print(f"{'feature':40s}{'false':>7s}" + "".join(f"{r.name[-14:]:>16s}" for r in faulty))
+    for row in found:
+        detected = "".join(f"{share:16.3f}" for share in row.detected.values())
+        print(f"{row.feature:40s}{row.false_alarms:7.3f}{detected}")
+    for recording in (normal, *faulty):
+        names = Counter(bearing.lines(recording))
+        print(f"{recording.name}: " + ", ".join(f"{n} x {name}" for name, n in names.items()))
+    return 0
+
+
+ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "list": _list,
+    "bench": _bench,
+    "learn": _learn,
+    "judge": _judge,
+    "tree": _tree,
+    "bearing": _bearing,
+}
+
+
+def _runs(
+    arguments: argparse.Namespace, faults: Sequence[str] = tuple(SEVERITIES), nominal: bool = True
+) -> tuple[list[Run], str, int]:
+    """Runs of bags or of the stand, where they come from, and 1 when some could not be read."""
+    grid = Grid(arguments.window, arguments.hop, bench.FLEA_SCREW.orders())
+    if arguments.stand:
+        seeds = _seeds(arguments.stand)
+        # As many nominal runs as four faults have: ranges need more windows than entries do.
+        runs = stand_runs(seeds, faults, arguments.duration, grid, arguments.jobs)
+        if nominal:
+            more = range(seeds.start * 10, seeds.start * 10 + 4 * len(seeds))
+            runs += stand_runs(more, ["nominal"], arguments.duration, grid, arguments.jobs)
+        return runs, f"simulated stand, seeds {arguments.stand}", 0
+    if not arguments.bags:
+        raise ConfigurationError("features: give bags, or --stand FIRST:LAST")
+    runs, failed = [], 0
+    for directory in arguments.bags:
+        try:
+            runs.append(run_of_bag(directory, grid))
+        except FleaError as error:
+            print(f"{directory}: left out: {error}", file=sys.stderr)
+            failed = 1
+    return runs, f"{len(runs)} bags", failed
+
+
+def _seeds(text: str) -> range:
+    first, _, last = text.partition(":")
+    if not (first.isdigit() and last.isdigit() and int(first) < int(last)):
+        raise ConfigurationError(f"features: --stand = {text!r} must be FIRST:LAST, as 0:20")
+    return range(int(first), int(last))
+
+
+def _candidates(samples: Sequence[Sample]) -> list[str]:
+    """Feature ids to learn from: all that the samples carry but those left out."""
+    ids = dict.fromkeys(feature for sample in samples for feature in sample.values)
+    return [feature for feature in ids if FeatureId.parse(feature).feature.name not in LEFT_OUT]
+
+
+def _unaffected(learned: Learned) -> list[str]:
+    """Faults of the catalogue that act on no accelerometer, and on no operating point."""
+    described = actuator(load_yaml("actuator.yaml"), "actuator.yaml")
+    rows = catalogue(load_yaml("faults.yaml"), described)
+    return [
+        name
+        for name, row in rows.items()
+        if not row.vibration and name not in learned.counts and not name.startswith(POINT_CHANNELS)
+    ]
+
+
+def _one_rate(runs: Sequence[Run]) -> float:
+    rates = sorted(run.rate_hz for run in runs if run.rate_hz)
+    if not rates:
+        raise CalibrationError("no run holds vibration: a table needs sensors/vibration")
+    if rates[-1] > 1.01 * rates[0]:
+        raise CalibrationError(
+            f"runs are sampled at {rates[0]:.6g} and at {rates[-1]:.6g} Hz: learn one table a rate"
+        )
+    return float(round(rates[len(rates) // 2]))
+
+
+def _levels(runs: Sequence[Run], false_alarm_rate: float = 1e-3) -> dict[str, NominalRange]:
+    """Nominal range of the level of each axis, for the sentinel."""
+    rows = [row for run in runs for row in run.levels]
+    axes = dict.fromkeys(axis for _, values in rows for axis in values)
+    points = [point for point, _ in rows]
+    return {
+        axis: learn_nominal(
+            [values.get(axis, math.nan) for _, values in rows],
+            false_alarm_rate,
+            points,
+            logarithmic=True,
+        )
+        for axis in axes
+    }
+
+
+def _header(arguments: argparse.Namespace, making: Making, learned: Learned) -> list[str]:
+    command = f"flea features learn --stand {arguments.stand}" if arguments.stand else (
+        f"flea features learn <{len(arguments.bags)} bags>"
+    )  # fmt: skip
+    counts = ", ".join(f"{fault} {count}" for fault, count in learned.counts.items())
+    return [
+        f"{making.title}. Made by",
+        f"  {command} --duration {arguments.duration:g} --window {arguments.window:g} "
+        f"--hop {arguments.hop:g} --false-alarm-rate {arguments.false_alarm_rate:g} "
+        f"--most {arguments.most}",
+        "Each entry: probability that the feature reads below, inside or above its nominal range",
+        "when the fault is there, counted over moving windows (half a count added to each); ++ and",
+        "-- lie more than `much` half widths of the range from its middle.",
+        f"Windows: {counts}.",
+        "Nominal ranges follow the operating point: centre = coefficients . (1, ln(0.1 + w/100),",
+        "w/100, ln(0.5 + F/100)) with the rms speed w (rad/s) and load F (N) of the window.",
+        "levels: the same for the standard deviation of blocks (vibration_level), rate 0.001.",
+    ]
+
+
+def _print_ranking(ranking: Sequence[Score], chosen: Mapping[str, Ends]) -> None:
+    print(f"{'':2s}{'feature':40s}{'F':>8s}{'AUC':>7s}{'bit':>6s}{'cost':>6s}")
+    for score in ranking:
+        mark = "*" if score.feature in chosen else ""
+        print(
+            f"{mark:2s}{score.feature:40s}{score.variance_ratio:8.2f}{score.auc:7.3f}"
+            f"{score.information_bit:6.2f}{score.cost:6.1f}"
+        )
