@@ -1,0 +1,229 @@
+"""Particle filter with the optimal proposal, or the bootstrap filter in its literal form.
+
+Narasimhan et al. 2010, section 3.1, observe by a particle filter (Arulampalam et al. 2002).
+The bootstrap filter of that tutorial moves particles blindly and then weighs them: with
+sensors better than the process noise hardly any of them survives. Where the measurement is
+linear and the noise Gaussian the optimal proposal is known in closed form (Doucet et al.
+2000): particles are weighed by how well they predicted, resampled, and moved knowing the
+measurement. That is the default here.
+
+Every step draws the same number of random bits whatever happens in it, from the generator
+given, outside of the backend: numpy and numba see the same random numbers and give the same
+answers up to the order of sums.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core import backend as backends
+from flea_diag.core import normal_table
+from flea_diag.core.gaussian import square_root
+from flea_diag.core.particle_kernel import pack, step_numpy, unpack
+from flea_diag.core.particle_loops import step_loops
+from flea_diag.core.state_filter import FilterModel, Health, Innovation
+from flea_diag.errors import ConfigurationError
+
+Array = npt.NDArray[np.float64]
+
+PROPOSALS = ("optimal", "bootstrap")
+PATTERNS = 256
+"""How many patterns of missing channels are kept ready; beyond, all are made anew."""
+
+
+class _Pattern(NamedTuple):
+    """Matrices for one pattern of measured channels, as ``particle_kernel.pack`` puts them."""
+
+    matrices: Array | list[Array]
+    measured: int
+
+
+class ParticleFilter:
+    """A ``Filter`` of N particles.
+
+    Parameters
+    ----------
+    model
+        What it runs on.
+    mean, covariance : shape (n,), (n, n)
+        Gaussian from which the first particles are drawn.
+    generator
+        The only source of randomness, of 64 bits (``numpy.random.default_rng(seed)``).
+    particles
+        N, at least 2.
+    proposal
+        "optimal" or "bootstrap".
+    threshold
+        Resample when the effective sample size falls below this share of N.
+    backend
+        "numpy", "numba" or "auto".
+
+    Raises
+    ------
+    ConfigurationError
+        A parameter out of its limits, by name.
+    """
+
+    def __init__(
+        self,
+        model: FilterModel,
+        mean: Array,
+        covariance: Array,
+        generator: np.random.Generator,
+        *,
+        particles: int = 200,
+        proposal: str = "optimal",
+        threshold: float = 0.5,
+        backend: str = "auto",
+    ) -> None:
+        if particles < 2:
+            raise ConfigurationError(f"particles = {particles}: at least 2 are needed")
+        if proposal not in PROPOSALS:
+            raise ConfigurationError(
+                f"proposal {proposal!r} is unknown, known are {', '.join(PROPOSALS)}"
+            )
+        if not 0.0 <= threshold <= 1.0:
+            raise ConfigurationError(f"threshold = {threshold}: must be from 0 to 1")
+        self.backend = backends.chosen(backend)
+        self.particles = particles
+        self.proposal = proposal
+        self._threshold = threshold * particles
+        self._step: Callable[..., bool] = (
+            backends.compiled(step_loops) if self.backend == "numba" else step_numpy
+        )
+        n, p = len(mean), len(model.channels)
+        self._words = normal_table.RandomWords(generator, n * particles)
+        self._table = normal_table.table()
+        self._cloud = np.empty((2, particles))
+        self._cloud[0], self._cloud[1] = -math.log(particles), 1.0 / particles
+        self._x = np.asarray(mean, dtype=float)[:, None] + self._scatter(square_root(covariance))
+        self._new = np.empty((n, particles))
+        self._u = np.zeros(len(model.inputs))
+        self._pending = False
+        self._start = np.array(mean, dtype=float)
+        self._told: Innovation | None = None
+        self._width = 3 * p + n + 2
+        self._health = Health()
+        self.diverged = False
+        self.adopt(model)
+
+    def adopt(self, model: FilterModel) -> None:
+        """Go on with another model of the same states and channels."""
+        self._model = model
+        self._linear = model.linear if self.proposal == "optimal" else None
+        self._patterns: dict[tuple[int, bytes], _Pattern] = {}
+        self._heed(np.zeros((len(self._x), len(self._x))))
+
+    def _heed(self, noise: Array) -> None:
+        """Take a covariance of process noise as the one of the coming step."""
+        self._noise = noise
+        self._root = square_root(noise) if self.proposal == "bootstrap" else noise
+        self._pattern = self._patterned(np.zeros(len(self._model.channels)))
+
+    @property
+    def mean(self) -> Array:
+        """Estimated states, shape (n,), free of the scatter of the last draw."""
+        return self._start if self._told is None else self._told.mean
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the cloud, shape (n, n)."""
+        weights = self._cloud[1]
+        apart = self._x - (self._x @ weights)[:, None]
+        covariance: Array = (apart * weights) @ apart.T
+        return covariance
+
+    @property
+    def cloud(self) -> tuple[Array, Array]:
+        """Particles, shape (n, N), and their weights, shape (N,)."""
+        return self._x.copy(), self._cloud[1].copy()
+
+    def predict(self, u: Array) -> None:
+        """Move every particle by one period under the inputs ``u``, shape (m,)."""
+        if self._pending:
+            # A scan without any measurement: its noise has not been drawn yet.
+            self.update(np.full(len(self._model.channels), np.nan))
+        self._u[:] = u
+        self._pending = True
+        noise = self._model.process_noise(self._u)
+        if noise is not self._noise:
+            self._heed(noise)
+        if self._linear is None:
+            self._x = self._model.transition(self._x, self._u)
+        if self.proposal == "bootstrap":
+            self._x = self._x + self._scatter(self._root)
+
+    def update(self, y: Array, *, frozen: bool = False) -> Innovation:
+        """Compare with a measurement, shape (p,), NaN = not measured, and correct by it."""
+        words = self._words.next()
+        if frozen:
+            compared = self._compare(y, self._cloud.copy(), words)
+            y = np.where(self._model.driving, y, np.nan)
+        told = self._compare(y, self._cloud, words)
+        self._x, self._new = self._new, self._x
+        self._told = told
+        self._pending = False
+        if frozen:
+            return compared
+        self.diverged = told.diverged = self._health.step(told.nis, told.measured)
+        return told
+
+    def _compare(self, y: Array, cloud: Array, words: normal_table.Words) -> Innovation:
+        """Correct a cloud, and tell how it had predicted."""
+        row = np.empty(self._width)
+        while not self._step(
+            self._x,
+            cloud,
+            self._new,
+            y,
+            self._u,
+            self._pattern.matrices,
+            words,
+            self._table,
+            self._threshold,
+            row,
+        ):
+            self._pattern = self._patterned(y)
+        return Innovation(row, len(y), self._pattern.measured, self.diverged)
+
+    def _scatter(self, root: Array) -> Array:
+        """Gaussian numbers of zero mean and covariance root root', shape (n, N)."""
+        shape = (root.shape[1], self.particles)
+        normal = normal_table.normal_numbers(self._words.next(), self._table, shape)
+        scattered: Array = root @ normal
+        return scattered
+
+    def _patterned(self, y: Array) -> _Pattern:
+        measured = np.isfinite(y)
+        key = (id(self._noise), measured.tobytes())
+        found = self._patterns.get(key)
+        if found is None:
+            if len(self._patterns) >= PATTERNS:
+                self._patterns.clear()
+            found = self._patterns[key] = self._make_pattern(measured)
+        return found
+
+    def _make_pattern(self, measured: npt.NDArray[np.bool_]) -> _Pattern:
+        model, n, p = self._model, len(self._x), len(measured)
+        Q = self._noise if self.proposal == "optimal" else np.zeros((n, n))
+        factor, whitening, gain = np.zeros((p, p)), np.zeros((p, p)), np.zeros((n, p))
+        if measured.any():
+            block = np.ix_(measured, measured)
+            H, R = model.H[measured], model.R[block]
+            lower = np.linalg.cholesky(H @ Q @ H.T + R)
+            inverse = np.linalg.inv(lower)
+            factor[block], whitening[block] = lower, inverse
+            gain[:, measured] = Q @ H.T @ inverse.T @ inverse
+        keep = np.eye(n) - gain @ model.H
+        spread = square_root(keep @ Q @ keep.T + gain @ model.R @ gain.T)
+        T, B = self._linear or (np.eye(n), np.zeros((n, len(self._u))))
+        drive = model.H @ B + model.D
+        flat = pack(T, B, model.H, drive, model.h, whitening, factor, gain, spread)
+        compiled = self.backend == "numba"
+        matrices = flat if compiled else unpack(flat, n, p, len(self._u))
+        return _Pattern(matrices, int(measured.sum()))

@@ -1,0 +1,206 @@
+"""What every state filter of the observer is: a model, ``predict``, ``update``, health.
+
+A filter tracks the states of a model whose measurement is linear, y = H x + D u + h + noise,
+and whose noise is Gaussian; the transition may be anything. Health is an output like any
+other: a filter that has lost its track says so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+class FilterModel(Protocol):
+    """What a filter runs on: n states, p channels, m inputs; N particles are columns."""
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states."""
+        ...
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the measured channels."""
+        ...
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        ...
+
+    @property
+    def driving(self) -> npt.NDArray[np.bool_]:
+        """Channels that stand for inputs, shape (p,): they count even when frozen."""
+        ...
+
+    @property
+    def H(self) -> Array:
+        """Measurement matrix, shape (p, n)."""
+        ...
+
+    @property
+    def D(self) -> Array:
+        """What inputs add to the measurement, shape (p, m)."""
+        ...
+
+    @property
+    def h(self) -> Array:
+        """Offsets of the measurement, shape (p,)."""
+        ...
+
+    @property
+    def R(self) -> Array:
+        """Covariance of the measurement noise, shape (p, p)."""
+        ...
+
+    @property
+    def linear(self) -> tuple[Array, Array] | None:
+        """A (n, n) and B (n, m) of a linear transition, which a filter may then do itself."""
+        ...
+
+    def transition(self, x: Array, u: Array) -> Array:
+        """States one period later without noise, (n, N) and (m,) -> (n, N), ``x`` kept."""
+        ...
+
+    def jacobian(self, x: Array, u: Array) -> Array:
+        """Partial derivatives of the transition at one state, (n,) and (m,) -> (n, n)."""
+        ...
+
+    def process_noise(self, u: Array) -> Array:
+        """Covariance of what one period adds under ``u``, shape (n, n).
+
+        One of a few arrays that the model keeps, so that filters can keep what they derive.
+        """
+        ...
+
+
+class Innovation:
+    """Measurement against prediction in one scan: views of one row of numbers."""
+
+    __slots__ = ("_p", "_row", "diverged", "measured")
+
+    def __init__(self, row: Array, channels: int, measured: int, diverged: bool) -> None:
+        self._row = row
+        self._p = channels
+        self.measured = measured
+        """How many channels were measured."""
+        self.diverged = diverged
+        """The filter has lost its track; see ``Health``."""
+
+    @property
+    def prediction(self) -> Array:
+        """Estimate of every channel from all earlier scans, measured now or not, (p,)."""
+        return self._row[: self._p]
+
+    @property
+    def residual(self) -> Array:
+        """Measured less prediction, (p,); NaN where nothing was measured."""
+        return self._row[self._p : 2 * self._p]
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation expected of each residual, (p,); 0 where nothing was measured."""
+        return self._row[2 * self._p : 3 * self._p]
+
+    @property
+    def mean(self) -> Array:
+        """Estimated states after the correction, (n,)."""
+        return self._row[3 * self._p : -2]
+
+    @property
+    def nis(self) -> float:
+        """Normalised innovation squared; its mean is ``measured`` while all is well."""
+        return float(self._row[-2])
+
+    @property
+    def ess(self) -> float:
+        """Effective sample size before resampling; inf for a filter without particles."""
+        return float(self._row[-1])
+
+    def joined(
+        self, channels: Sequence[tuple[float, float, float]], states: Sequence[float]
+    ) -> Innovation:
+        """The same with independent channels added: (prediction, residual, sigma) of each."""
+        p, more, n = self._p, len(channels), len(states)
+        row = np.empty(len(self._row) + 3 * more + n)
+        for part in range(3):
+            start = part * (p + more)
+            row[start : start + p] = self._row[part * p : (part + 1) * p]
+            row[start + p : start + p + more] = [channel[part] for channel in channels]
+        row[3 * (p + more) : -2 - n] = self.mean
+        row[-2 - n : -2] = states
+        seen = [channel for channel in channels if not math.isnan(channel[1])]
+        row[-2] = self.nis + sum((residual / sigma) ** 2 for _, residual, sigma in seen)
+        row[-1] = self._row[-1]
+        return Innovation(row, p + more, self.measured + len(seen), self.diverged)
+
+
+class Filter(Protocol):
+    """One interface for particle and Kalman filters."""
+
+    @property
+    def backend(self) -> str:
+        """What computes: "numpy" or "numba"."""
+        ...
+
+    @property
+    def mean(self) -> Array:
+        """Estimated states, shape (n,)."""
+        ...
+
+    @property
+    def covariance(self) -> Array:
+        """Their covariance, shape (n, n)."""
+        ...
+
+    def predict(self, u: Array) -> None:
+        """Advance by one period under the inputs ``u``, shape (m,)."""
+        ...
+
+    def update(self, y: Array, *, frozen: bool = False) -> Innovation:
+        """Compare with a measurement, shape (p,), NaN = not measured, and correct by it.
+
+        ``frozen`` compares only: after a detection nothing is corrected, so that a faulty
+        sensor does not smear into the states.
+        """
+        ...
+
+    def adopt(self, model: FilterModel) -> None:
+        """Go on with another model of the same states and channels (offsets learned)."""
+        ...
+
+
+LOST = 10.0
+"""Mean of NIS over channels measured at which a filter counts as diverged; 1 is expected."""
+MEMORY = 50
+"""Scans over which that mean reaches back."""
+
+
+class Health:
+    """Watches the normalised innovation squared (Bar-Shalom et al. 2001, section 5.4).
+
+    An exponential mean of NIS / channels, which is 1 for a filter that knows its own error.
+    Model and reality always differ somewhat; ``LOST`` times is lost.
+    """
+
+    def __init__(self, memory: int = MEMORY, lost: float = LOST) -> None:
+        self._share = 1.0 / memory
+        self._lost = lost
+        self.level = 1.0
+
+    def step(self, nis: float, measured: int) -> bool:
+        """Take one scan; whether the filter has diverged."""
+        if measured:
+            # One outlier, of any size, is not yet a lost track.
+            most = 5.0 * self._lost
+            level = nis / measured
+            bounded = level if level < most else most  # NaN is no less lost
+            self.level += self._share * (bounded - self.level)
+        return self.level > self._lost
