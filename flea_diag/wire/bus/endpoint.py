@@ -24,6 +24,11 @@ WARN_EVERY_S = 5.0
 
 POLL_S = 0.02
 
+READER_DEPTH = 100
+"""Samples of a latched topic that may wait for their reader. The writer keeps one for those who
+join late, but changes may come in a burst: a reader that keeps one too loses all but the last.
+"""
+
 
 @dataclass
 class Stream:
@@ -120,7 +125,7 @@ class Bus(Generic[P]):
         return self._node.create_publisher(
             codec.message_class(record_type),
             topic.name,
-            _qos(topic),
+            _qos(topic, topic.depth),
             qos_overriding_options=_overriding(),
         )
 
@@ -162,7 +167,7 @@ class Bus(Generic[P]):
             codec.message_class(record_type),
             topic.name,
             received,
-            _qos(topic),
+            _qos(topic, READER_DEPTH if topic.latched else topic.depth),
             event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
             qos_overriding_options=_overriding(),
             raw=True,
@@ -229,12 +234,12 @@ class Bus(Generic[P]):
         return int(self._publishers[record_type].get_subscription_count())
 
 
-def _qos(topic: Topic) -> Any:
+def _qos(topic: Topic, depth: int) -> Any:
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=topic.depth,
+        depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE,
     )
