@@ -83,6 +83,8 @@ def parser_of(known: dict[str, Any]) -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand; 0 success, 1 done in part, 2 refused, 130 interrupted."""
+    # BLAS threads on matrices this small only wait for each other; read once, by numpy's import.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     known = commands()
     parsed = parser_of(known).parse_args(arguments)
     try:

@@ -54,6 +54,8 @@ def run(make: Callable[[], Program], argv: Sequence[str] | None = None) -> int:
     into it.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
+    # BLAS threads on matrices this small only wait for each other; read once, by numpy's import.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _end_at_once)
     try:
