@@ -12,8 +12,9 @@ import os
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, make_dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
 import yaml
@@ -21,10 +22,10 @@ import yaml
 from flea_diag.core import calibration as calibrations
 from flea_diag.core.actuator import actuator as read_actuator
 from flea_diag.core.calibration import Calibration
-from flea_diag.core.fault import catalogue
+from flea_diag.core.fault import Fault, catalogue
 from flea_diag.core.feature_table import FaultFeatureTable
-from flea_diag.core.operating_point import QUADRANTS
-from flea_diag.core.signature import signature_table
+from flea_diag.core.operating_point import QUADRANTS, Quadrant
+from flea_diag.core.signature import SignatureTable, signature_table
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages import Stage
 from flea_diag.stages.extractor import ExtractorParameters, ExtractorStage
@@ -123,17 +124,25 @@ def knowledge(
     features: str = "feature_table.yaml",
 ) -> Knowledge:
     """All that the isolator knows: catalogue and signatures for the sensors of this stand."""
+    rows, tables = _signatures(actuator, faults, calibration.channels, calibration.period_s)
+    table = load_features(features)
+    return Knowledge(calibration, calibration_sha256(calibration), rows, tables, table)
+
+
+@lru_cache(maxsize=8)
+def _signatures(
+    actuator: str, faults: str, channels: tuple[str, ...], period_s: float
+) -> tuple[Mapping[str, Fault], Mapping[Quadrant, SignatureTable]]:
+    """Catalogue and signature tables; a second or so of work, the same for every fresh stage."""
     described = read_actuator(load_yaml(actuator), actuator)
-    sensors = [name for name in calibration.channels if name in described.sensors]
-    model = described.with_sensors(sensors)
+    model = described.with_sensors([name for name in channels if name in described.sensors])
     rows = catalogue(load_yaml(faults), model, faults)
     names = tuple(model.residuals)
     tables = {
-        quadrant: signature_table(model, rows, names, quadrant, calibration.period_s)
+        quadrant: signature_table(model, rows, names, quadrant, period_s)
         for quadrant in QUADRANTS
     }
-    table = load_features(features)
-    return Knowledge(calibration, calibration_sha256(calibration), rows, tables, table)
+    return MappingProxyType(rows), MappingProxyType(tables)
 
 
 # --- stages -----------------------------------------------------------------------------
