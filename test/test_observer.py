@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 
 import linear_ema as ema
 import numpy as np
@@ -70,7 +71,7 @@ def test_a_jam_is_detected_within_a_second_and_never_before():
     assert seen["parity_mechanical_dn"] == "+"
     assert symbols[0].symbols[0].slope == "?"
     # Symbols never leave an episode and never change sign.
-    for earlier, later in zip(symbols, symbols[1:], strict=False):
+    for earlier, later in pairwise(symbols):
         for one, other in zip(earlier.symbols, later.symbols, strict=False):
             assert (one.residual, one.magnitude) == (other.residual, other.magnitude)
 
