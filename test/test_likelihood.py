@@ -116,14 +116,14 @@ def test_misfit_and_sizes_are_those_of_bounded_least_squares(seed):
     y[random.random(y.shape) < 0.1] = np.nan
     nominal, _ = reference(None, y, columns)
     n = sum(np.isfinite(y[k]).sum() / SPACING[r] for k, r in enumerate(RESIDUALS))
-    for model in MODELS:
-        (fit,) = fits(evidence(y, columns), (model,))
+    # The true model is among them and leaves less than noise: nothing dampens the gains.
+    for model, fit in zip(MODELS, fits(evidence(y, columns)), strict=True):
         misfit, expected = reference(model, y, columns)
         at_bound = sum(
             not size.low + 1e-6 < x < size.high - 1e-6
             for size, x in zip(model.sizes, expected, strict=True)
         )
-        gain = 0.5 * (nominal - misfit) / max(1.0, misfit / n)
+        gain = 0.5 * (nominal - misfit)
         penalty = 0.5 * (len(expected) - at_bound) * math.log(n)
         np.testing.assert_allclose(fit.sizes, expected, atol=1e-3, rtol=1e-3, err_msg=model.fault)
         assert fit.log_likelihood == pytest.approx(gain - penalty, abs=1e-3, rel=1e-4)
@@ -169,7 +169,7 @@ def test_a_misfit_of_all_models_makes_them_less_sure():
     noise = 4.0 * np.random.default_rng(3).standard_normal((2, 300)) * [[12.0], [0.6]]
     y = effect(DRAG, (150.0, 0.0), columns)
     sure, unsure = (fits(evidence(each, columns), (DRAG,))[0] for each in (y, y + noise))
-    assert 0.0 < unsure.log_likelihood < 0.5 * sure.log_likelihood
+    assert 0.0 < unsure.log_likelihood < 0.8 * sure.log_likelihood
 
 
 def test_a_fault_that_scatters_forgives_a_rough_effect_and_pays_for_it():
@@ -191,16 +191,19 @@ def test_without_evidence_there_is_no_preference():
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_four_sizes_of_a_jam_are_held_to_their_bounds_at_the_optimum(seed):
+def test_the_sizes_of_a_jam_are_held_to_their_bounds_at_the_optimum(seed):
     from flea_diag.core.fault_models import plant_models
     from flea_diag.core.parameters import ActuatorParameters
 
-    jam = next(m for m in plant_models(ActuatorParameters()) if m.fault == "jam")
+    models = (m for m in plant_models(ActuatorParameters()) if m.fault == "jam")
+    jam = max((m for m in models if not m.roughness), key=lambda m: len(m.sizes))
     random, columns = np.random.default_rng(seed), window(seed)
     force = columns["load_n"] + 60.0 * columns["direction"] + 500.0 * columns["speed_m_s"]
     columns["load_and_direction_n"] = np.abs(columns["load_n"]) * columns["direction"]
     columns["force_and_direction_n"] = np.abs(force) * columns["direction"]
-    y = effect(jam, [random.uniform(0, 150), random.uniform(0, 2000), 0.3, 0.0], columns)
+    y = effect(
+        jam, [random.uniform(0, 150), random.uniform(0, 2000), 0.3, 0.0][: len(jam.sizes)], columns
+    )
     y += random.standard_normal(y.shape) * [[24.0], [0.8]]
     (fit,) = fits(evidence(y, columns), (jam,))
     _, expected = reference(jam, y, columns)
