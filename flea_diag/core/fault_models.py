@@ -128,17 +128,21 @@ KINEMATIC, SPEED = "parity_kinematic", "parity_speed"
 
 def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
     """Faults of screw, motor and supply that the parity relations can size."""
-    drag = (
-        Size("coulomb drag", "N", 0.0, INFINITE),
-        Size("viscous drag", "N s/m", 0.0, INFINITE),
-        Size("load-dependent drag", "1", 0.0, INFINITE),
-        Size("force-dependent drag", "1", 0.0, 0.9),
-    )
     rub = (
         Term(MECHANICAL, "direction", 1.0, 0),
         Term(MECHANICAL, "speed_m_s", 1.0, 1),
-        Term(MECHANICAL, "load_and_direction_n", 1.0, 2),
-        Term(MECHANICAL, "force_and_direction_n", 1.0, 3),
+    )
+    drag = (
+        Size("coulomb drag", "N", 0.0, INFINITE),
+        Size("viscous drag", "N s/m", 0.0, INFINITE),
+    )
+    # Drag that grows with what the screw carries: with the load, or with the motor's force.
+    pressed = (Size("load-dependent drag", "1", 0.0, INFINITE),)
+    forced = (Size("force-dependent drag", "1", 0.0, 0.9),)
+    frictions = (
+        (drag, rub),
+        (drag + pressed, (*rub, Term(MECHANICAL, "load_and_direction_n", 1.0, 2))),
+        (forced, (Term(MECHANICAL, "force_and_direction_n", 1.0),)),
     )
     K, Ke = p.force_constant_n_per_a, p.back_emf_v_s_per_m
     shorted = (
@@ -157,10 +161,12 @@ def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
     # A spall is a rattle with next to no mean drag: no more than healthy units differ by.
     rattle = (Size("coulomb drag", "N", 0.0, SPALL_DRAG_N),)
     return (
-        FaultModel("jam", drag, rub),
-        FaultModel("jam", drag, rub, ROUGHNESS),
-        FaultModel("ball_nut_friction", drag, rub),
-        FaultModel("ball_nut_friction", drag, rub, ROUGHNESS),
+        *(
+            FaultModel(fault, sizes, terms, roughness)
+            for fault in ("jam", "ball_nut_friction")
+            for sizes, terms in frictions
+            for roughness in (0.0, ROUGHNESS)
+        ),
         FaultModel("spall", rattle, rub[:1]),
         FaultModel("winding_short", short, shorted),
         FaultModel("winding_open", (most,), opened),

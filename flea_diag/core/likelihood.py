@@ -9,8 +9,7 @@ long the episode:
     J_h = min_theta,eta  sum (y - Phi theta - Psi eta)^2 / (c sigma^2) + eta' Lambda eta
     log L_h = (J_0 - J_h) / 2 - dim(theta) ln(n) / 2          (BIC; J_0 without a fault)
 
-Only sizes that are not held at a bound count as dimensions. Where the best fit leaves a misfit
-of phi > 1 for each independent sample, all gains are divided by phi (quasi-likelihood).
+Only sizes that are not held at a bound count as dimensions.
 
 After Biswas et al. and Willsky and Jones: parameter estimation takes over where signs do not
 help any further.
@@ -86,27 +85,40 @@ class Evidence:
         """
         self._spacing = np.array([correlation[name] for name in self.residuals])
         weight = 1.0 / (self._spacing * np.square([sigma[name] for name in self.residuals]))
+        weight = weight / self._dispersion(models, weight, tolerance)
         nominal, _, _ = self._solve(None, weight, tolerance)
         independent = max(float((self.samples / self._spacing).sum()), 2.0)
-        found = [self._gain(model, nominal, weight, tolerance) for model in models]
-        # Where even the best fit leaves more than noise, the models are that much too sure.
-        least = min((misfit for _, misfit, _, _ in found), default=0.0)
-        dispersion = max(1.0, least / independent)
-        return tuple(
-            Fit(model.fault, gain / dispersion - _penalty(model, sizes, independent), sizes, sigmas)
-            for model, (gain, _, sizes, sigmas) in zip(models, found, strict=True)
-        )
+        return tuple(self._fit(model, nominal, weight, tolerance, independent) for model in models)
 
-    def _gain(
-        self, model: FaultModel, nominal: float, weight: Array, tolerance: Sequence[float]
-    ) -> tuple[float, float, tuple[float, ...], tuple[float, ...]]:
-        """Log-likelihood over no fault, misfit, sizes and their errors, of one model."""
+    def _dispersion(
+        self, models: Sequence[FaultModel], weight: Array, tolerance: Sequence[float]
+    ) -> Array:
+        """By how much each residual scatters more than noise under the model that fits it best.
+
+        Where even that leaves a misfit of phi > 1 for each independent sample, the models of
+        this residual are that much too sure (quasi-likelihood); other residuals are not.
+        """
+        least = np.full(len(self.residuals), np.inf)
+        for model in models:
+            least = np.minimum(least, self._misfits(model, weight, tolerance))
+        independent = np.maximum(self.samples / self._spacing, 1.0)
+        return np.maximum(1.0, np.where(np.isfinite(least), least, 0.0) / independent)
+
+    def _fit(
+        self,
+        model: FaultModel,
+        nominal: float,
+        weight: Array,
+        tolerance: Sequence[float],
+        independent: float,
+    ) -> Fit:
         misfit, sizes, sigmas = self._solve(model, weight, tolerance)
-        if model.roughness == 0.0:
-            return 0.5 * (nominal - misfit), misfit, sizes, sigmas
-        rough, loss = self._roughened(model, sizes, weight)
-        left, sizes, sigmas = self._solve(model, rough, tolerance)
-        return 0.5 * (nominal - left) - loss, misfit, sizes, sigmas
+        gain = 0.5 * (nominal - misfit)
+        if model.roughness > 0.0:
+            rough, loss = self._roughened(model, sizes, weight)
+            misfit, sizes, sigmas = self._solve(model, rough, tolerance)
+            gain = 0.5 * (nominal - misfit) - loss
+        return Fit(model.fault, float(gain - _penalty(model, sizes, independent)), sizes, sigmas)
 
     def _roughened(
         self, model: FaultModel, sizes: Sequence[float], weight: Array
@@ -136,18 +148,21 @@ class Evidence:
         """Smallest misfit, sizes and their standard errors, sizes held to their bounds."""
         count = 0 if model is None else len(model.sizes)
         A, b, c = self._normal(model, count, weight, tolerance)
-        free = np.ones(len(b), dtype=bool)
-        x = np.zeros(len(b))
-        for _ in range(count + 1):
-            x[free] = _least(A[np.ix_(free, free)], (b - A @ np.where(free, 0.0, x))[free])
-            outside = _outside(model, x, free)
-            if outside is None:
-                break
-            index, bound = outside
-            free[index], x[index] = False, bound
+        x = _bounded(model, A, b)
         misfit = float(c - 2.0 * b @ x + x @ A @ x)
         spread = np.sqrt(np.clip(np.diag(np.linalg.pinv(A)), 0.0, None))
         return misfit, tuple(map(float, x[:count])), tuple(map(float, spread[:count]))
+
+    def _misfits(self, model: FaultModel, weight: Array, tolerance: Sequence[float]) -> Array:
+        """Misfit of each residual at the joint optimum, weighted."""
+        A, b, _ = self._normal(model, len(model.sizes), weight, tolerance)
+        x = _bounded(model, A, b)
+        misfits = np.zeros(len(self.residuals))
+        for index, name in enumerate(self.residuals):
+            effect = _design(model, name, len(model.sizes)) @ x
+            quadratic = effect @ self._gram[index] @ effect
+            misfits[index] = self._square[index] - 2.0 * effect @ self._cross[index] + quadratic
+        return misfits * weight
 
     def _normal(
         self,
@@ -159,19 +174,38 @@ class Evidence:
         width = count + len(UNIT_PARAMETERS)
         A, b = np.zeros((width, width)), np.zeros(width)
         for index, name in enumerate(self.residuals):
-            design = np.zeros((len(REGRESSORS), width))
-            for term in () if model is None else model.terms:
-                if term.residual == name:
-                    design[COLUMN[term.regressor], term.index] += term.gain
-            for residual, parameter, regressor, gain in UNIT_TERMS:
-                if residual == name:
-                    at = count + UNIT_PARAMETERS.index(parameter)
-                    design[COLUMN[regressor], at] += gain
+            design = _design(model, name, count)
             A += weight[index] * design.T @ self._gram[index] @ design
             b += weight[index] * design.T @ self._cross[index]
         prior = np.concatenate((np.zeros(count), 1.0 / np.square(tolerance)))
         A[np.diag_indices(width)] += prior
         return A, b, float(weight @ self._square)
+
+
+def _design(model: FaultModel | None, residual: str, count: int) -> Array:
+    """How sizes and unit parameters enter one residual, shape (regressors, parameters)."""
+    design = np.zeros((len(REGRESSORS), count + len(UNIT_PARAMETERS)))
+    for term in () if model is None else model.terms:
+        if term.residual == residual:
+            design[COLUMN[term.regressor], term.index] += term.gain
+    for name, parameter, regressor, gain in UNIT_TERMS:
+        if name == residual:
+            design[COLUMN[regressor], count + UNIT_PARAMETERS.index(parameter)] += gain
+    return design
+
+
+def _bounded(model: FaultModel | None, A: Array, b: Array) -> Array:
+    """Minimise x' A x - 2 b' x with the sizes held to their bounds, one after the other."""
+    free = np.ones(len(b), dtype=bool)
+    x = np.zeros(len(b))
+    for _ in range(1 + (0 if model is None else len(model.sizes))):
+        x[free] = _least(A[np.ix_(free, free)], (b - A @ np.where(free, 0.0, x))[free])
+        outside = _outside(model, x, free)
+        if outside is None:
+            break
+        index, bound = outside
+        free[index], x[index] = False, bound
+    return x
 
 
 def _penalty(model: FaultModel, sizes: Sequence[float], independent: float) -> float:

@@ -25,8 +25,8 @@ from flea_diag.core.fault_models import (
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.thermal import CORRECTION_S
 
-# Scaling y = g y' with g in [0.5, 2]: the share 1 - 1/g of the reading that is wrong.
-SHARE_LOW, SHARE_HIGH = 1.0 - 1.0 / 0.5, 1.0 - 1.0 / 2.0
+# Scaling y = g y' with g in [0.6, 1.6]: the share 1 - 1/g of the reading that is wrong.
+SHARE_LOW, SHARE_HIGH = 1.0 - 1.0 / 0.6, 1.0 - 1.0 / 1.6
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,8 +61,12 @@ WEIGHED = (
 """Residuals that the quantitative fault models explain."""
 MOTION_ONLY = ("parity_mechanical",)
 ELAPSED, SPEED = REGRESSORS.index("elapsed_s"), REGRESSORS.index("speed_m_s")
+EARLY_NS = 8_000_000_000
+"""A deviation within this time of the stream's start was there before it."""
 CONCLUSIVE_SAMPLES = 50
 """Scans of evidence before likelihoods may drop anything."""
+LEVEL_DELAY_NS = 150_000_000
+"""From the end of a block until the smoothed speed of that time is known: half a kernel."""
 MOTION_CHANNELS = ("actuator_position", "motor_speed")
 MOTION = [REGRESSORS.index(name) for name in ("position_rate_m_s", "encoder_m_s")]
 """Channels that say that the actuator moves, and the speeds that they say."""
@@ -109,7 +113,7 @@ class IsolatorParameters:
         4.0, "the same as a time, for a stand that hardly moves", unit="s", minimum=0.1
     )
     drop_nats: float = parameter(
-        5.0, "log-likelihood behind the best at which a fault is dropped", unit="1", minimum=0.1
+        3.5, "log-likelihood behind the best at which a fault is dropped", unit="1", minimum=0.1
     )
     explain_nats: float = parameter(
         3.0, "log-likelihood a fault must gain over no fault to explain anything", minimum=0.0
@@ -209,10 +213,13 @@ class IsolatorStage:
         self._bad: tuple[str, ...] = ()
         self._episodes = 0
         self._episode: _Episode | None = None
+        self._levels: deque[VibrationLevel] = deque(maxlen=100)
         self._sentinel = Sentinel(knowledge.features.nominal)
         self._visited: deque[Quadrant | None] = deque(maxlen=400)
         self._moved_ns = NEVER_NS
         self._moved = 0
+        self._mismatch = ""
+        self._first_ns = NEVER_NS
         self._said: tuple[object, ...] = ()
         self._detected_ns = NEVER_NS
 
@@ -242,11 +249,13 @@ class IsolatorStage:
         if isinstance(record, FeatureValue):
             return self._feature(record)
         if isinstance(record, VibrationLevel):
-            return self._level(record)
+            self._levels.append(record)
+            return ()
         if isinstance(record, DataQuality):
             return self._data_quality(record)
         if isinstance(record, ChannelTable):
             self._axes = tuple(r.name for r in record.channels if r.name.startswith("accelero"))
+            self._mismatch = _mismatch(self._k.calibration, record)
         return ()
 
     # --- what arrives -----------------------------------------------------------------
@@ -292,6 +301,8 @@ class IsolatorStage:
         return self._say(record.stamp_ns)
 
     def _residual(self, record: Residual) -> Iterable[Record]:
+        if self._first_ns == NEVER_NS:
+            self._first_ns = record.stamp_ns
         at = {name: index for index, name in enumerate(record.names)}
         regressors = np.array(record.regressors[: len(REGRESSORS)])
         moving = record.regressors[-1] > 0.5
@@ -304,9 +315,10 @@ class IsolatorStage:
             ]
         )
         self._motion(record.stamp_ns, regressors, moving)
+        raised = self._level(record.stamp_ns)
         episode = self._episode
-        if episode is None:
-            return self._say(record.stamp_ns)
+        if episode is None or raised:
+            return raised or self._say(record.stamp_ns)
         if record.stamp_ns - episode.start_ns >= self._p.onset_s * 1e9:
             episode.learn(record.stamp_ns, values, regressors)
             episode.moving += moving
@@ -347,18 +359,24 @@ class IsolatorStage:
             episode.isolation.require(stamp_ns, seen, moved)
         return [*self._say(stamp_ns), *self._ask(stamp_ns)]
 
-    def _level(self, record: VibrationLevel) -> Iterable[Record]:
-        """A vibration level out of its nominal range opens an episode of its own."""
-        axis = self._sentinel.step(record.axes, record.std)
+    def _level(self, stamp_ns: int) -> Iterable[Record]:
+        """A vibration level out of its nominal range opens an episode of its own.
+
+        A block is judged once the smoothed speed of the same time is known.
+        """
+        if not self._levels or self._levels[0].stamp_ns + LEVEL_DELAY_NS > stamp_ns:
+            return ()
+        level = self._levels.popleft()
+        axis = self._sentinel.step(level.axes, level.std)
         if axis is None or self._episode is not None:
             return ()
-        episode = self._open(record.stamp_ns)
+        episode = self._open(stamp_ns)
         for hypothesis in episode.isolation.alive():
             if not hypothesis.fault.vibration:
                 hypothesis.why_dropped = f"{axis} rose, and this fault does not show in vibration"
         episode.settled = True
         episode.isolation.share_out()
-        return [*self._say(record.stamp_ns), *self._ask(record.stamp_ns)]
+        return [*self._say(stamp_ns), *self._ask(stamp_ns)]
 
     # --- features ---------------------------------------------------------------------
 
@@ -422,6 +440,18 @@ class IsolatorStage:
             self._merge.hold(None)
 
     def _outcome(self, stamp_ns: int) -> tuple[Outcome, str]:
+        if self._mismatch:
+            return Outcome.MODEL_MISMATCH, self._mismatch
+        outcome, words = self._episode_outcome(stamp_ns)
+        from_the_start = self._detected_ns - self._first_ns <= EARLY_NS
+        if outcome is Outcome.UNEXPLAINED and from_the_start:
+            return (
+                Outcome.MODEL_MISMATCH,
+                f"{words}, and so from the start: the calibration does not fit this actuator",
+            )
+        return outcome, words
+
+    def _episode_outcome(self, stamp_ns: int) -> tuple[Outcome, str]:
         episode = self._episode
         if episode is None:
             return self._quiet(stamp_ns)
@@ -505,6 +535,24 @@ class IsolatorStage:
         )
 
 
+def _mismatch(calibration: Calibration, table: ChannelTable) -> str:
+    """What keeps a calibration from being used on a stand with this channel table, or ""."""
+    here = {row.name for row in table.channels}
+    missing = [name for name in calibration.channels if name not in here]
+    if missing:
+        return (
+            f"the calibration is of a stand with {missing[0]}, this one has none: "
+            "calibrate on recordings of this stand"
+        )
+    voltage = table.info("motor_voltage")
+    if voltage is not None and voltage.sampling != calibration.voltage_sampling:
+        return (
+            f"the calibration is for a voltage sampled as {calibration.voltage_sampling!r}, this "
+            f"stand samples {voltage.sampling!r}: calibrate on recordings of this stand"
+        )
+    return ""
+
+
 def _terms(models: Sequence[FaultModel], fault: str) -> tuple[object, ...]:
     return tuple((model.sizes, model.terms) for model in models if model.fault == fault)
 
@@ -512,7 +560,8 @@ def _terms(models: Sequence[FaultModel], fault: str) -> tuple[object, ...]:
 def _candidate(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> Candidate:
     size, sigma, unit = math.nan, math.nan, ""
     if hypothesis.fit is not None:
-        model = next(model for model in models if model.fault == hypothesis.name)
+        count = len(hypothesis.fit.sizes)
+        model = next(m for m in models if m.fault == hypothesis.name and len(m.sizes) == count)
         size, sigma = hypothesis.fit.sizes[0], hypothesis.fit.sigmas[0]
         unit = model.sizes[0].unit
     return Candidate(
