@@ -67,47 +67,47 @@ _TRACKED: dict[str, Any] = {"needs_scans": True}
 
 _ROWS: tuple[Feature, ...] = (
     Feature("std", "m/s^2", time.std, 1.0, **_LEVEL),
-    Feature("rms", "m/s^2", time.rms, 0.7, **_LEVEL),
-    Feature("mean", "m/s^2", time.mean, 0.7, **_LEVEL),
-    Feature("peak", "m/s^2", time.peak, 0.9, np.max),
-    Feature("crest", "1", time.crest, 1.2),
-    Feature("skewness", "1", time.skewness, 1.6, **_LINEAR),
-    Feature("kurtosis", "1", time.kurtosis, 1.3),
-    Feature("impulse_factor", "1", time.impulse_factor, 1.6),
-    Feature("shape_factor", "1", time.shape_factor, 1.4),
-    Feature("local_kurtosis", "1", time.local_kurtosis, 1.8),
-    Feature("intermittence", "1", time.intermittence, 2.0),
+    Feature("rms", "m/s^2", time.rms, 0.6, **_LEVEL),
+    Feature("mean", "m/s^2", time.mean, 0.6, **_LEVEL),
+    Feature("peak", "m/s^2", time.peak, 0.8, np.max),
+    Feature("crest", "1", time.crest, 0.9),
+    Feature("skewness", "1", time.skewness, 1.2, **_LINEAR),
+    Feature("kurtosis", "1", time.kurtosis, 1.7),
+    Feature("impulse_factor", "1", time.impulse_factor, 1.1),
+    Feature("shape_factor", "1", time.shape_factor, 0.9),
+    Feature("local_kurtosis", "1", time.local_kurtosis, 1.5),
+    Feature("intermittence", "1", time.intermittence, 1.8),
     *(
-        Feature(f"band_{low:.0f}_{high:.0f}_rms", "m/s^2", spectral.band_rms(low, high), 4.9, _rms)
+        Feature(f"band_{low:.0f}_{high:.0f}_rms", "m/s^2", spectral.band_rms(low, high), 3.0, _rms)
         for low, high in spectral.BANDS_HZ
     ),
-    Feature("spectral_centroid", "Hz", spectral.spectral_centroid, 4.5),
-    Feature("spectral_spread", "Hz", spectral.spectral_spread, 4.5),
-    Feature("spectral_flatness", "1", spectral.spectral_flatness, 4.5),
-    Feature("spectral_kurtosis_peak", "1", spectral.spectral_kurtosis_peak, 4.7, **_LINEAR),
-    Feature("kurtogram_peak", "1", spectral.kurtogram_peak, 24.0, **_LINEAR),
-    Feature("kurtogram_band", "Hz", spectral.kurtogram_band_hz, 24.0, np.median),
+    Feature("spectral_centroid", "Hz", spectral.spectral_centroid, 6.8),
+    Feature("spectral_spread", "Hz", spectral.spectral_spread, 6.8),
+    Feature("spectral_flatness", "1", spectral.spectral_flatness, 6.8),
+    Feature("spectral_kurtosis_peak", "1", spectral.spectral_kurtosis_peak, 7.3, **_LINEAR),
+    Feature("kurtogram_peak", "1", spectral.kurtogram_peak, 32.0, **_LINEAR),
+    Feature("kurtogram_band", "Hz", spectral.kurtogram_band_hz, 32.0, np.median),
     *(
-        Feature(f"wavelet_{node}_energy", "1", spectral.wavelet_energy(node), 6.0)
+        Feature(f"wavelet_{node}_energy", "1", spectral.wavelet_energy(node), 3.9)
         for node in range(2**spectral.WAVELET_LEVEL)
     ),
-    Feature("axis_coherence", "1", spectral.axis_coherence, 6.3),
+    Feature("axis_coherence", "1", spectral.axis_coherence, 8.4),
     *(
-        Feature(f"{line}_line", "1", envelope.line_ratio(line), 14.0, np.max, **_TRACKED)
+        Feature(f"{line}_line", "1", envelope.line_ratio(line), 13.7, np.max, **_TRACKED)
         for line in ("nut", "screw", "ball")
     ),
-    Feature("order_1_amplitude", "m/s^2", envelope.order_amplitude(1.0), 4.8, **_LEVEL, **_TRACKED),
-    Feature("rest_std", "m/s^2", motion.rest_std, 1.1, **_LEVEL, **_TRACKED),
+    Feature("order_1_amplitude", "m/s^2", envelope.order_amplitude(1.0), 4.9, **_LEVEL, **_TRACKED),
+    Feature("rest_std", "m/s^2", motion.rest_std, 1.3, **_LEVEL, **_TRACKED),
     Feature("rest_moving_ratio", "1", motion.rest_moving_ratio, 1.6, **_TRACKED),
-    Feature("reversal_ratio", "1", motion.reversal_ratio, 2.3, np.max, **_TRACKED),
-    Feature("speed_correlation", "1", motion.speed_correlation, 1.3, **_LINEAR, **_TRACKED),
-    Feature("current_correlation", "1", motion.current_correlation, 1.1, **_LINEAR, **_TRACKED),
-    Feature("coherence", "1", spectral.accelerometer_coherence, 8.7, **_PAIR),
-    Feature("level_correlation", "1", motion.level_correlation, 1.0, **_LINEAR, **_PAIR),
-    Feature("motor_current_coulomb", "A", motion.current_coulomb, 0.5, **_SCANS),
-    Feature("motor_current_viscous", "A s/rad", motion.current_viscous, 0.5, **_SCANS),
-    Feature("motor_heating", "K/s", motion.motor_heating, 0.2, **_SCANS),
-    Feature("nut_heating", "K/s", motion.nut_heating, 0.2, **_SCANS),
+    Feature("reversal_ratio", "1", motion.reversal_ratio, 3.0, np.max, **_TRACKED),
+    Feature("speed_correlation", "1", motion.speed_correlation, 1.2, **_LINEAR, **_TRACKED),
+    Feature("current_correlation", "1", motion.current_correlation, 1.0, **_LINEAR, **_TRACKED),
+    Feature("coherence", "1", spectral.accelerometer_coherence, 12.5, **_PAIR),
+    Feature("level_correlation", "1", motion.level_correlation, 2.2, **_LINEAR, **_PAIR),
+    Feature("motor_current_coulomb", "A", motion.current_coulomb, 1.2, **_SCANS),
+    Feature("motor_current_viscous", "A s/rad", motion.current_viscous, 1.2, **_SCANS),
+    Feature("motor_heating", "K/s", motion.motor_heating, 0.5, **_SCANS),
+    Feature("nut_heating", "K/s", motion.nut_heating, 0.5, **_SCANS),
 )
 
 FEATURES: dict[str, Feature] = {row.name: row for row in _ROWS}

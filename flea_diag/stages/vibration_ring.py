@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from struct import Struct
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,8 @@ from flea_diag.core.window import NotComputableError
 from flea_diag.wire.records import VibrationBlock
 
 SECOND_NS = 1_000_000_000
+OFFSET = Struct("<I")
+"""First field of a point; one float32 of the same size follows for each axis."""
 
 
 @dataclass(frozen=True)
@@ -139,11 +142,11 @@ class VibrationRing:
 
 def _measured(block: VibrationBlock) -> _Kept | None:
     """Rate and end of a block from its first and last offset; None where it is malformed."""
-    size = VibrationBlock.point_dtype(len(block.axes)).itemsize
+    size = OFFSET.size * (1 + len(block.axes))
     if block.count < 2 or not block.axes or len(block.data) != block.count * size:
         return None
-    first = int(np.frombuffer(block.data, "<u4", 1)[0])
-    last = int(np.frombuffer(block.data, "<u4", 1, (block.count - 1) * size)[0])
+    (first,) = OFFSET.unpack_from(block.data)
+    (last,) = OFFSET.unpack_from(block.data, (block.count - 1) * size)
     if last <= first:
         return None
     step_ns = (last - first) / (block.count - 1)
