@@ -47,6 +47,9 @@ SOURCES: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan)
 STREAMS: tuple[type, ...] = (VibrationBlock, Scan, Residual, VibrationLevel)
 """Records whose stamps only grow. A latched record is as old as it likes to be."""
 
+SAID_ONCE: tuple[type, ...] = (ChannelTable, DataQuality)
+"""Records that come before the first of a run's streams: a fresh stage is told them again."""
+
 JUMP_NS = 1_000_000_000
 """A stamp that is older than the stream by more than this starts a new run."""
 
@@ -122,6 +125,7 @@ class Adapter:
         self._verdict = Verdict()
         self._health = HealthReport(bus)
         self._latest_ns: dict[type, int] = {}
+        self._said_once: dict[type, Record] = {}
         bus.advertise(*ports.publishes, Health)
         for record_type in self._stage.consumes:
             if record_type in SOURCES or not ports.sources_only:
@@ -134,6 +138,8 @@ class Adapter:
 
     def _take(self, record: Record) -> None:
         self._follow_stamps(record)
+        if isinstance(record, SAID_ONCE):
+            self._said_once[type(record)] = record
         self._publish(self._stage.handle(record))
 
     def _publish(self, records: tuple[Record, ...]) -> None:
@@ -150,14 +156,25 @@ class Adapter:
         if record.stamp_ns < latest_ns - JUMP_NS:
             back_s = (latest_ns - record.stamp_ns) / 1e9
             self._bus.info(f"{kind.__name__} stamps went back by {back_s:.1f} s: starting afresh")
+            self._forget_after(record.stamp_ns)
             self._start_afresh()
             latest_ns = record.stamp_ns
         self._health.arrived(kind, record.stamp_ns, late=record.stamp_ns < latest_ns)
         self._latest_ns[kind] = max(record.stamp_ns, latest_ns)
 
+    def _forget_after(self, stamp_ns: int) -> None:
+        """What is younger than a new run's first record belongs to the run before."""
+        self._said_once = {
+            kind: record for kind, record in self._said_once.items() if record.stamp_ns <= stamp_ns
+        }
+
     def _start_afresh(self) -> None:
         self._stage = self._build(self._parameters)
+        self._verdict.forget()
         self._latest_ns.clear()
+        for kind in SAID_ONCE:
+            if kind in self._said_once:
+                self._publish(self._stage.handle(self._said_once[kind]))
 
     def _reconfigure(self, parameters: Any) -> None:
         self._parameters = parameters

@@ -22,6 +22,10 @@ class Verdict:
         self._group = replace(group, stale=silent)
         return self._numbered(self._group)
 
+    def forget(self) -> None:
+        """Repeat nothing of the run before; numbers go on growing."""
+        self._group = None
+
     def again(self) -> AmbiguityGroup | None:
         """The last group with the next number, or None before there is one."""
         return None if self._group is None else self._numbered(self._group)
