@@ -83,8 +83,6 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
     RecordingError
         When there is no bag of ours, or no scan in it.
     """
-    import numpy as np
-
     from flea_diag.stages.digest import DECISIONS, Digest
     from flea_diag.tools.replay_summary import summarise
     from flea_diag.wire.bag import BagReader
@@ -116,11 +114,22 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
         raise RecordingError(f"{bag}: no scan in it (topic sensors/slow), nothing to diagnose")
     return {
         **summary,
-        "backend": f"numpy {np.__version__}, {platform.machine()}",
+        "backend": _backend(),
         "bag": str(bag),
         "recorded_digest": recorded.hexdigest() if published else None,
         "losses": reader.losses,
     }
+
+
+def _backend() -> str:
+    """What the last bits of a number depend on: libraries and the processor's instruction set."""
+    from importlib.metadata import version
+
+    import numpy as np
+
+    found = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
+    processor = " ".join([platform.machine(), *found[-1:]])
+    return f"numpy {version('numpy')}, scipy {version('scipy')}, {processor}"
 
 
 def _say(summary: dict[str, Any], arguments: argparse.Namespace) -> None:
