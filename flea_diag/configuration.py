@@ -139,8 +139,7 @@ def _signatures(
     rows = catalogue(load_yaml(faults), model, faults)
     names = tuple(model.residuals)
     tables = {
-        quadrant: signature_table(model, rows, names, quadrant, period_s)
-        for quadrant in QUADRANTS
+        quadrant: signature_table(model, rows, names, quadrant, period_s) for quadrant in QUADRANTS
     }
     return MappingProxyType(rows), MappingProxyType(tables)
 
