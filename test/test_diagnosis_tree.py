@@ -9,6 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from flea_diag.configuration import load_features
 from flea_diag.core.diagnosis_tree import Node, build, follow, leaves, render
 from flea_diag.core.fault_group import entropy, normalised, refine
 from flea_diag.core.feature_choice import STRATEGIES, FeatureChooser, Rules, next_feature
@@ -229,6 +230,15 @@ def test_tree_is_drawn() -> None:
         "├─ 0 (67%)  {ball_nut_friction, jam}",
         "└─ + (33%)  {spall}",
     ]
+
+
+@pytest.mark.parametrize("states", [30, 2000])
+def test_cut_off_search_costs_no_more_than_gain_per_cost(states: int) -> None:
+    shipped = load_features("feature_table.yaml")
+    group = {"jam": 0.5, "ball_nut_friction": 0.3, "accelerometer_2_fault": 0.2}
+    cut = FeatureChooser(shipped, rules=Rules(most_states=states))
+    greedy = build(group, FeatureChooser(shipped, "information")).expected_cost
+    assert build(group, cut).expected_cost <= greedy + 1e-9
 
 
 def test_search_for_the_optimum_is_bounded() -> None:

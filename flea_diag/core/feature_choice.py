@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -176,8 +175,8 @@ class FeatureChooser:
     J = 0 where no feature splits G, by branch and bound over the groups that ``refine`` makes,
     memoised; exact for hard and for noisy tables when ``rules.rarest`` and
     ``rules.rough_below`` are 0. By default answers rarer than ``rarest`` are not planned for, and
-    groups that are reached with less than ``rough_below`` are priced by gain per cost; past
-    ``most_states`` groups the best way found so far counts.
+    groups that are reached with less than ``rough_below`` are priced by gain per cost, which
+    also answers past ``most_states`` groups: so it never costs more than gain per cost.
     """
 
     def __init__(
@@ -218,15 +217,19 @@ class FeatureChooser:
         return self._choices[key]
 
     def _best(self, question: _Question) -> str | None:
-        """First feature of the optimum, or of the best way found within ``most_states``.
+        """First feature of the optimum, or of gain per cost where that would search too long.
 
         Starts from nothing each time: what is chosen must not depend on what was asked before.
+        What a cut-off search has found is not used: only whole plans keep their promise of
+        costing no more than gain per cost.
         """
         self._memory.clear()
-        node = self._node(question.group, question.prices)
-        with suppress(_TooManyStatesError):
+        try:
+            node = self._node(question.group, question.prices)
             self._optimum(node, 1.0, math.inf)
-        return node.choice or _information(question)
+            return node.choice
+        except _TooManyStatesError:
+            return _information(question)
 
     def _prices(self, computed: Collection[str], at_hand: Collection[str]) -> dict[str, float]:
         """Features to choose from, cheapest first."""
@@ -265,7 +268,7 @@ class FeatureChooser:
         return [(p, self._node(smaller, left)) for p, smaller in rows if len(smaller) > 1]
 
     def _optimum(self, node: _Node, reach: float, budget: float) -> float:
-        """Least expected cost to the leaves, or some cost over budget where that is all there is.
+        """Least expected cost to the leaves; infinite where no way stays under the budget.
 
         ``reach`` is the probability of coming to this group at all.
         """
@@ -274,7 +277,7 @@ class FeatureChooser:
         if node.solved >= reach:
             return node.most
         if node.least >= budget:
-            return node.least
+            return math.inf
         best = min(self._greedy_cost(node), budget)
         for feature, price in node.question.splitting():
             children = self._children(node, feature)
@@ -289,7 +292,7 @@ class FeatureChooser:
         if node.most <= best:
             node.solved = reach
             return node.most
-        return budget
+        return math.inf
 
 
 def next_feature(
