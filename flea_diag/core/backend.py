@@ -38,7 +38,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """
     import numba
 
-    options = {"fastmath": {"reassoc", "contract", "nsz", "arcp"}, "nogil": True}
+    options: dict[str, Any] = {"fastmath": {"reassoc", "contract", "nsz", "arcp"}}
     try:
         result: Callable[..., Any] = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # nowhere to keep a cache: a read-only installation

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core import normal_table
 from flea_diag.core.gaussian import square_root
-from flea_diag.core.particle_kernel import pack, step_numpy, unpack
+from flea_diag.core.particle_kernel import Views, pack, step_numpy, unpack
 from flea_diag.core.particle_loops import step_loops
 from flea_diag.core.state_filter import FilterModel, Health, Innovation
 from flea_diag.errors import ConfigurationError
@@ -39,7 +39,7 @@ PATTERNS = 256
 class _Pattern(NamedTuple):
     """Matrices for one pattern of measured channels, as ``particle_kernel.pack`` puts them."""
 
-    matrices: Array | list[Array]
+    matrices: Array | Views
     measured: int
 
 
@@ -92,12 +92,13 @@ class ParticleFilter:
         self.backend = backends.chosen(backend)
         self.particles = particles
         self.proposal = proposal
+        self._blind = proposal == "bootstrap"
         self._threshold = threshold * particles
         self._step: Callable[..., bool] = (
             backends.compiled(step_loops) if self.backend == "numba" else step_numpy
         )
         n, p = len(mean), len(model.channels)
-        self._words = normal_table.RandomWords(generator, n * particles)
+        self._bits = normal_table.RandomBits(generator, n * particles)
         self._table = normal_table.table()
         self._cloud = np.empty((2, particles))
         self._cloud[0], self._cloud[1] = -math.log(particles), 1.0 / particles
@@ -105,9 +106,9 @@ class ParticleFilter:
         self._new = np.empty((n, particles))
         self._u = np.zeros(len(model.inputs))
         self._pending = False
-        self._start = np.array(mean, dtype=float)
-        self._told: Innovation | None = None
         self._width = 3 * p + n + 2
+        self._row = np.zeros(self._width)
+        self._row[3 * p : -2] = mean
         self._health = Health()
         self.diverged = False
         self.adopt(model)
@@ -115,20 +116,21 @@ class ParticleFilter:
     def adopt(self, model: FilterModel) -> None:
         """Go on with another model of the same states and channels."""
         self._model = model
-        self._linear = model.linear if self.proposal == "optimal" else None
+        self._linear = None if self._blind else model.linear
         self._patterns: dict[tuple[int, bytes], _Pattern] = {}
         self._heed(np.zeros((len(self._x), len(self._x))))
 
     def _heed(self, noise: Array) -> None:
         """Take a covariance of process noise as the one of the coming step."""
         self._noise = noise
-        self._root = square_root(noise) if self.proposal == "bootstrap" else noise
+        self._root = square_root(noise) if self._blind else noise
         self._pattern = self._patterned(np.zeros(len(self._model.channels)))
 
     @property
     def mean(self) -> Array:
         """Estimated states, shape (n,), free of the scatter of the last draw."""
-        return self._start if self._told is None else self._told.mean
+        mean: Array = self._row[3 * len(self._model.channels) : -2]
+        return mean
 
     @property
     def covariance(self) -> Array:
@@ -155,26 +157,29 @@ class ParticleFilter:
             self._heed(noise)
         if self._linear is None:
             self._x = self._model.transition(self._x, self._u)
-        if self.proposal == "bootstrap":
+        if self._blind:
             self._x = self._x + self._scatter(self._root)
 
     def update(self, y: Array, *, frozen: bool = False) -> Innovation:
         """Compare with a measurement, shape (p,), NaN = not measured, and correct by it."""
-        words = self._words.next()
+        bits = self._bits.next()
         if frozen:
-            compared = self._compare(y, self._cloud.copy(), words)
+            compared = self._correct(y, self._cloud.copy(), bits)
+            told = Innovation(compared, len(y), self._pattern.measured, self.diverged)
             y = np.where(self._model.driving, y, np.nan)
-        told = self._compare(y, self._cloud, words)
+        row = self._correct(y, self._cloud, bits)
+        self._row = row
         self._x, self._new = self._new, self._x
-        self._told = told
         self._pending = False
         if frozen:
-            return compared
-        self.diverged = told.diverged = self._health.step(told.nis, told.measured)
-        return told
+            told.mean[:] = self.mean  # not what the correction would have made of it
+            return told
+        measured = self._pattern.measured
+        self.diverged = self._health.step(row.item(-2), measured)
+        return Innovation(row, len(y), measured, self.diverged)
 
-    def _compare(self, y: Array, cloud: Array, words: normal_table.Words) -> Innovation:
-        """Correct a cloud, and tell how it had predicted."""
+    def _correct(self, y: Array, cloud: Array, bits: tuple[float, normal_table.Indices]) -> Array:
+        """Correct a cloud; the row of an ``Innovation``."""
         row = np.empty(self._width)
         while not self._step(
             self._x,
@@ -183,18 +188,18 @@ class ParticleFilter:
             y,
             self._u,
             self._pattern.matrices,
-            words,
+            *bits,
             self._table,
             self._threshold,
             row,
         ):
             self._pattern = self._patterned(y)
-        return Innovation(row, len(y), self._pattern.measured, self.diverged)
+        return row
 
     def _scatter(self, root: Array) -> Array:
         """Gaussian numbers of zero mean and covariance root root', shape (n, N)."""
         shape = (root.shape[1], self.particles)
-        normal = normal_table.normal_numbers(self._words.next(), self._table, shape)
+        normal = normal_table.normal_numbers(self._bits.next()[1], self._table, shape)
         scattered: Array = root @ normal
         return scattered
 
@@ -210,7 +215,7 @@ class ParticleFilter:
 
     def _make_pattern(self, measured: npt.NDArray[np.bool_]) -> _Pattern:
         model, n, p = self._model, len(self._x), len(measured)
-        Q = self._noise if self.proposal == "optimal" else np.zeros((n, n))
+        Q = np.zeros((n, n)) if self._blind else self._noise
         factor, whitening, gain = np.zeros((p, p)), np.zeros((p, p)), np.zeros((n, p))
         if measured.any():
             block = np.ix_(measured, measured)

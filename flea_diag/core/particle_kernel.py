@@ -9,8 +9,9 @@ cloud (2, N)   log weights and weights, normalised; renewed in place
 new (n, N)     the particles after this scan
 y (p,), u (m,) measurement, NaN = not measured, and inputs, NaN counts as zero
 flat           the matrices of ``pack``, end to end (step_numpy: their views by ``unpack``)
-words          64-bit random words: the first makes a uniform number, the rest normal ones
-table          65536 normal quantiles, see ``normal_table``
+uniform        a random number in [0, 1)
+chosen         random indices into ``table``, at least q N
+table          normal quantiles, see ``normal_table``
 threshold      resample below this effective sample size
 result         prediction (p), residual (p), sigma (p), posterior mean (n), NIS, ESS
 
@@ -25,15 +26,15 @@ so that resampling comes first; then x ~ N(f + K (y - h - H f), L L'), L L' = (1
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.normal_table import normal_numbers, uniform_number
+from flea_diag.core.normal_table import Indices, normal_numbers
 from flea_diag.core.resampling import effective_sample_size, normalised, systematic
 
 Array = npt.NDArray[np.float64]
-Words = npt.NDArray[np.uint64]
 
 
 def pack(
@@ -65,25 +66,46 @@ def pack(
     return np.concatenate([np.ravel(part) for part in (*parts, spread.T)])
 
 
-def unpack(flat: Array, n: int, p: int, m: int) -> list[Array]:
-    """The matrices of ``pack`` as views of its row; the last one is L'."""
-    shapes = ((n, n), (n, n), (p, n), (p, n), (p, n), (n, m), (p, m), (p,), (p, p), (p, p))
+class Views(NamedTuple):
+    """The matrices of ``pack`` as ``step_numpy`` takes them; what is used together is one."""
+
+    T: Array
+    keep: Array
+    seen: Array
+    """H T above G T, shape (2 p, n)."""
+    gain: Array
+    given: Array
+    """B above H B + D, shape (n + p, m)."""
+    h: Array
+    whitening: Array
+    factor: Array
+    spread: Array
+    measured: bytes
+
+
+def unpack(flat: Array, n: int, p: int, m: int) -> Views:
+    """Views of the row that ``pack`` makes."""
+    shapes = ((n, n), (n, n), (2 * p, n), (p, n), (n + p, m), (p,), (p, p), (p, p))
     parts, at = [], 0
     for shape in shapes:
         size = math.prod(shape)
         parts.append(flat[at : at + size].reshape(shape))
         at += size
-    return [*parts, flat[at:].reshape(-1, n)]
+    T, keep, seen, gain, given, h, whitening, factor = parts
+    spread, measured = flat[at:].reshape(-1, n), (whitening.diagonal() != 0.0).tobytes()
+    return Views(T, keep, seen, gain, given, h, whitening, factor, spread, measured)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what nothing fits is handled below
 def step_numpy(
     x: Array,
     cloud: Array,
     new: Array,
     y: Array,
     u: Array,
-    matrices: list[Array],
-    words: Words,
+    matrices: Views,
+    uniform: float,
+    chosen: Indices,
     table: Array,
     threshold: float,
     result: Array,
@@ -91,41 +113,69 @@ def step_numpy(
     """See the module; takes the matrices as ``unpack`` gives them."""
     n, count = x.shape
     p = len(y)
-    T, keep, HT, GT, gain, B, drive, h, whitening, factor, spread = matrices
+    T, keep, seen, gain, given, h, whitening, factor, spread, pattern = matrices
     measured = np.isfinite(y)
-    if ((whitening.diagonal() != 0.0) != measured).any():
+    if measured.tobytes() != pattern:
         return False
-    given = np.where(np.isnan(u), 0.0, u)
-    ahead = h + drive @ given
-    held = B @ given
+    if np.isnan(u).any():
+        u = np.nan_to_num(u)
+    added = given @ u
+    held, ahead = added[:n], added[n:] + h
     d = np.where(measured, y - ahead, 0.0)
-    error = (whitening @ d)[:, None] - GT @ x
-    centre = error @ cloud[1]
+    weights = cloud[1]
+    middle = seen @ (x @ weights)
+    start = whitening @ d
+    centre = start - middle[p:]
+    error = start[:, None] - seen[p:] @ x
     apart = error - centre[:, None]
-    expected = (apart * cloud[1]) @ apart.T
+    expected = (apart * weights) @ apart.T
     expected.flat[:: p + 1] += 1.0
-    result[:p] = ahead + HT @ (x @ cloud[1])
-    result[p : 2 * p] = y - result[:p]
+    ahead += middle[:p]
+    result[:p] = ahead
+    result[p : 2 * p] = y - ahead
     result[2 * p : 3 * p] = np.sqrt(((factor @ expected) * factor).sum(axis=1))
-    result[-2] = centre @ np.linalg.solve(expected, centre)
-    log_weights = cloud[0] - 0.5 * (error * error).sum(axis=0)
-    cloud[1], log_sum = normalised(log_weights)
+    result[-2] = squared_length(expected.tolist(), centre.tolist())
+    log_weights = cloud[0] - 0.5 * np.einsum("ai,ai->i", error, error)
+    weights, log_sum = normalised(log_weights)
     if math.isfinite(log_sum):
-        np.subtract(log_weights, log_sum, out=cloud[0])
+        log_weights -= log_sum
         held += d @ gain
     else:
         # Nothing fits: keep the prediction rather than follow a measurement of any size.
-        cloud[0] = -math.log(count)
+        log_weights[:] = -math.log(count)
         keep = T
         result[-2] = math.inf
-    result[3 * p : 3 * p + n] = keep @ (x @ cloud[1]) + held
-    result[-1] = ess = effective_sample_size(cloud[1])
+    result[3 * p : 3 * p + n] = keep @ (x @ weights) + held
+    result[-1] = ess = effective_sample_size(weights)
     if ess < threshold:
-        x = x[:, systematic(cloud[1], uniform_number(words))]
+        x = x.take(systematic(weights, uniform), axis=1)
         cloud[0] = -math.log(count)
         cloud[1] = 1.0 / count
+    else:
+        cloud[0], cloud[1] = log_weights, weights
     np.matmul(keep, x, out=new)
     new += held[:, None]
     if len(spread):
-        new += spread.T @ normal_numbers(words, table, (len(spread), count))
+        new += spread.T @ normal_numbers(chosen, table, (len(spread), count))
     return True
+
+
+def squared_length(covariance: list[list[float]], vector: list[float]) -> float:
+    """Of v in the metric of C, v' C^-1 v, by Cholesky's factor, in place.
+
+    For a few numbers this is faster than any library.
+    """
+    total = 0.0
+    for a, row in enumerate(covariance):
+        s = vector[a]
+        for b in range(a):
+            above = covariance[b]
+            row[b] = (row[b] - sum(row[c] * above[c] for c in range(b))) / above[b]
+            s -= row[b] * vector[b]
+        pivot = row[a] - sum(row[c] * row[c] for c in range(a))
+        if not pivot > 0.0:
+            return math.nan
+        row[a] = math.sqrt(pivot)
+        vector[a] = s / row[a]
+        total += vector[a] * vector[a]
+    return total

@@ -11,7 +11,8 @@ import math
 
 import numpy as np
 
-from flea_diag.core.particle_kernel import Array, Words
+from flea_diag.core.normal_table import Indices
+from flea_diag.core.particle_kernel import Array
 
 LN2 = math.log(2.0)
 INVERSE_LN2 = 1.0 / LN2
@@ -25,7 +26,8 @@ def step_loops(
     y: Array,
     u: Array,
     flat: Array,
-    words: Words,
+    uniform: float,
+    chosen: Indices,
     table: Array,
     threshold: float,
     result: Array,
@@ -183,25 +185,27 @@ def step_loops(
 
     source = x
     if ess < threshold:
-        uniform = (words[0] >> np.uint64(11)) * 2.0**-53
-        source = np.empty((n, count))
-        k, reached = 0, 0.0
-        for i in range(count):
+        # How many particles have all their copies before place k: the index of the one at k.
+        done = np.zeros(count + 1, np.int64)
+        reached = 0.0
+        for i in range(count - 1):
             reached += weights[i] * count
-            below = count if i == count - 1 else min(count, math.ceil(reached - uniform))
-            while k < below:
-                for c in range(n):
-                    source[c, k] = x[c, i]
-                k += 1
+            done[min(count, math.ceil(reached - uniform))] += 1
+        source = np.empty((n, count))
+        index = 0
+        for k in range(count):
+            index += done[k]
+            done[k] = index
+        for c in range(n):
+            for k in range(count):
+                source[c, k] = x[c, done[k]]
         weights[:] = 1.0 / count
         log_weights[:] = -math.log(count)
 
     for b in range(q):
         row = error[p + 1 + b]
         for i in range(count):
-            j = b * count + i
-            word = words[1 + (j >> 2)] >> np.uint64(16 * (j & 3))
-            row[i] = table[word & np.uint64(0xFFFF)]
+            row[i] = table[chosen[b * count + i]]
     for a in range(n):
         row = new[a]
         row[:] = held[a]

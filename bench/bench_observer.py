@@ -1,0 +1,272 @@
+"""One step of the observer: cost and accuracy against progpy 1.9, and the Kalman filter's error.
+
+One actuator (current, speed, position; current and position measured), one exact
+discretisation and one measured record for all. progpy runs vectorised and at its best, on
+whole matrices instead of state by state; with its default resampling and with filterpy's
+systematic one. The default one is wrong (it subtracts the number of copies from the weights,
+not from N w), so the ratios are against systematic.
+
+All go through the record in turns of ``BLOCK`` scans, so that whatever else the machine does
+hits all alike; figures are medians over scans, on one core.
+``pip install progpy==1.9`` for the rival.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.util import find_spec
+
+import numpy as np
+
+from flea_diag.configuration import load_yaml
+from flea_diag.core.actuator import actuator
+from flea_diag.core.kalman import KalmanFilter
+from flea_diag.core.observer_model import LinearModel, NoiseLevels, linear_model
+from flea_diag.core.parameters import ActuatorParameters
+from flea_diag.core.particle_filter import ParticleFilter
+from flea_diag.core.residual_bank import CHANNELS, INDEX
+from flea_diag.core.state_observer import StateObserver
+
+PERIOD_S = 0.01
+STEPS = 1500
+SETTLE = 100
+BLOCK = 50
+START = np.diag([0.1, 1.0, 1e-8])
+HAVE_NUMBA = find_spec("numba") is not None
+HAVE_PROGPY = find_spec("progpy") is not None and find_spec("filterpy") is not None
+BACKENDS = ("numpy", "numba") if HAVE_NUMBA else ("numpy",)
+
+Step = Callable[[int, np.ndarray, np.ndarray], None]
+Rival = tuple[Step, Callable[[], np.ndarray]]
+"""One scan (number, inputs, measurement), and the estimate after it, which is not timed."""
+
+
+def on_one_core() -> None:
+    """Keep to one core; matrices of this size are never spread over threads anyway."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+
+
+def ema() -> LinearModel:
+    """The bond graph's actuator without Coulomb friction: linear, so Kalman's error is least."""
+    frictionless = actuator(load_yaml("actuator.yaml")).with_parameters(
+        {"screw_coulomb_friction": 0.0}
+    )
+    space = frictionless.state_space("driven", ["motor_current", "actuator_position"])
+    noise = NoiseLevels(
+        channels={"motor_current": 0.053, "actuator_position": 6e-5},
+        inputs={"motor_voltage": 1.0, "load_force": 20.0},
+        rates={"i": 0.2, "omega": 10.0, "x_nut": 1e-4},
+    )
+    return linear_model(space, np.zeros(3), np.zeros(2), PERIOD_S, noise)
+
+
+def sharpened(model: LinearModel, factor: float) -> LinearModel:
+    """Sensors so many times better than what one scan of process noise does to them."""
+    return replace(model, R=np.diag(np.diag(model.H @ model.Q @ model.H.T)) / factor**2)
+
+
+def simulated(model: LinearModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States, inputs and measurements, each (STEPS, ...)."""
+    draw, zero = np.random.default_rng(seed), np.zeros(3)
+    x, rows = draw.multivariate_normal(zero, START), []
+    for k in range(STEPS):
+        u = np.array([10.0 * np.sin(k / 30), 100.0 * np.cos(k / 50), 1.0])
+        x = model.A @ x + model.B @ u + draw.multivariate_normal(zero, model.Q)
+        y = model.H @ x + model.h + draw.multivariate_normal(np.zeros(2), model.R)
+        rows.append((x, u, y))
+    states, inputs, measurements = zip(*rows, strict=True)
+    return np.array(states), np.array(inputs), np.array(measurements)
+
+
+def ours(model: LinearModel, particles: int, proposal: str, backend: str) -> Rival:
+    """A particle filter of this package."""
+    filtered = ParticleFilter(
+        model,
+        np.zeros(3),
+        START,
+        np.random.default_rng(1),
+        particles=particles,
+        proposal=proposal,
+        backend=backend,
+    )
+
+    def step(number: int, u: np.ndarray, y: np.ndarray) -> None:
+        filtered.predict(u)
+        filtered.update(y)
+
+    return step, lambda: filtered.mean
+
+
+def kalman(model: LinearModel) -> Rival:
+    """The exact filter."""
+    filtered = KalmanFilter(model, np.zeros(3), START)
+
+    def step(number: int, u: np.ndarray, y: np.ndarray) -> None:
+        filtered.predict(u)
+        filtered.update(y)
+
+    return step, lambda: filtered.mean
+
+
+def progpy(model: LinearModel, particles: int, systematic: bool) -> Rival:
+    """The particle filter of progpy on the same model: vectorised, same noise, exact step."""
+    from filterpy.monte_carlo import residual_resample, systematic_resample
+    from progpy import PrognosticsModel
+    from progpy.state_estimators import ParticleFilter as ProgpyFilter
+    from progpy.uncertain_data import MultivariateNormalDist
+
+    np.random.seed(1)  # noqa: NPY002 - filterpy draws from the global generator
+    draw, root = np.random.default_rng(1), np.linalg.cholesky(model.Q)
+    names = {
+        "inputs": list(model.inputs),
+        "states": list(model.states),
+        "outputs": list(model.channels),
+    }
+
+    class Ema(PrognosticsModel):
+        """The model in progpy's terms."""
+
+        is_vectorized = True
+        inputs, states, outputs = names["inputs"], names["states"], names["outputs"]
+        events: list[str] = []  # noqa: RUF012
+        default_parameters = {"process_noise": 0, "measurement_noise": 0}  # noqa: RUF012
+
+        def initialize(self, u: object = None, z: object = None) -> object:
+            """All zero."""
+            return self.StateContainer(np.zeros((3, 1)))
+
+        def next_state(self, x: object, u: object, dt: float) -> object:
+            """One exact scan."""
+            return self.StateContainer(model.A @ x.matrix + model.B @ u.matrix)
+
+        def output(self, x: object) -> object:
+            """Current and position."""
+            return self.OutputContainer(model.H @ x.matrix + model.h[:, None])
+
+    def scattered(x: object, dt: float = 1) -> object:
+        noise = root @ draw.standard_normal(x.matrix.shape)
+        return prognostics.StateContainer(x.matrix + noise)
+
+    prognostics = Ema()
+    prognostics.apply_process_noise = scattered  # correlated noise, the same as ours
+    sigma = dict(zip(model.channels, np.sqrt(np.diag(model.R)).tolist(), strict=True))
+    estimator = ProgpyFilter(
+        prognostics,
+        MultivariateNormalDist(names["states"], np.zeros(3), START),
+        num_particles=particles,
+        measurement_noise=sigma,
+        resample_fcn=systematic_resample if systematic else residual_resample,
+        dt=1.0,  # no substeps: the model is exact over a scan
+    )
+
+    def step(number: int, u: np.ndarray, y: np.ndarray) -> None:
+        estimator.estimate(
+            PERIOD_S * (number + 1),
+            prognostics.InputContainer(dict(zip(model.inputs, u, strict=True))),
+            prognostics.OutputContainer(dict(zip(model.channels, y, strict=True))),
+        )
+
+    def estimate() -> np.ndarray:
+        return np.asarray(estimator.particles.matrix, dtype=float).mean(axis=1)
+
+    return step, estimate
+
+
+def rivals(model: LinearModel) -> dict[str, Rival]:
+    """Everything that is compared, by name."""
+    found = {"Kalman, numpy": kalman(model)}
+    if HAVE_PROGPY:
+        found["progpy N=500, systematic"] = progpy(model, 500, systematic=True)
+        found["progpy N=500, its default"] = progpy(model, 500, systematic=False)
+    for backend in BACKENDS:
+        for particles in (200, 500):
+            found[f"optimal N={particles}, {backend}"] = ours(model, particles, "optimal", backend)
+        found[f"bootstrap N=500, {backend}"] = ours(model, 500, "bootstrap", backend)
+    return found
+
+
+def compared(model: LinearModel, seed: int) -> dict[str, tuple[float, float]]:
+    """Median time of a step in seconds and RMSE over Kalman's (root mean square of states)."""
+    X, U, Y = simulated(model, seed)
+    field = rivals(model)
+    times: dict[str, list[int]] = {name: [] for name in field}
+    errors: dict[str, list[np.ndarray]] = {name: [] for name in field}
+    for start in range(0, STEPS, BLOCK):
+        for name, (step, estimate) in field.items():
+            for k in range(start, start + BLOCK):
+                begin = time.perf_counter_ns()
+                step(k, U[k], Y[k])
+                times[name].append(time.perf_counter_ns() - begin)
+                errors[name].append(estimate() - X[k])
+    rmse = {
+        name: np.sqrt(np.mean(np.square(rows[SETTLE:]), axis=0)) for name, rows in errors.items()
+    }
+    least = rmse["Kalman, numpy"]
+    return {
+        name: (
+            float(np.median(times[name][SETTLE:])) / 1e9,
+            float(np.sqrt(np.mean((rmse[name] / least) ** 2))),
+        )
+        for name in field
+    }
+
+
+def observer_steps() -> dict[str, float]:
+    """Median time of one scan of ``StateObserver`` at N = 200, all channels, in seconds."""
+    draw = np.random.default_rng(0)
+    rows = np.zeros((2000, len(CHANNELS)))
+    for channel, level, sigma in (
+        ("motor_current", 0.0, 0.05),
+        ("actuator_position", 0.05, 6e-5),
+        ("motor_temperature", 25.0, 0.5),
+        ("nut_temperature", 25.0, 1.0),
+        ("ambient_temperature", 24.0, 0.0),
+    ):
+        rows[:, INDEX[channel]] = level + sigma * draw.normal(size=len(rows))
+    found = {}
+    for backend in BACKENDS:
+        observer = StateObserver(
+            ActuatorParameters(), PERIOD_S, np.random.default_rng(0), 200, backend
+        )
+        times = []
+        for row in rows:
+            begin = time.perf_counter_ns()
+            observer.step(row)
+            times.append(time.perf_counter_ns() - begin)
+        found[backend] = float(np.median(times[SETTLE:])) / 1e9
+    return found
+
+
+def main() -> None:
+    """Print both comparisons and what is missing for more."""
+    on_one_core()
+    if not HAVE_PROGPY:
+        print("no ratios against progpy: it is not installed (pip install progpy==1.9)")
+    if not HAVE_NUMBA:
+        print("no figures for numba: it is not installed (pip install 'flea_diag[numba]')")
+    plain = ema()
+    for title, model in (
+        ("sensors as on the stand", plain),
+        ("sensors five times better than the process noise", sharpened(plain, 5.0)),
+    ):
+        runs = [compared(model, seed) for seed in (1, 2, 3)]
+        base = "progpy N=500, systematic"
+        print(f"\n{title}\n{'':28s}{'us a step':>10s}{'x progpy':>10s}{'RMSE / Kalman':>15s}")
+        for name in runs[0]:
+            cost = float(np.median([run[name][0] for run in runs]))
+            error = float(np.mean([run[name][1] for run in runs]))
+            ratio = float("nan")
+            if HAVE_PROGPY:
+                ratio = float(np.median([run[base][0] / run[name][0] for run in runs]))
+            print(f"{name:28s}{cost * 1e6:10.1f}{ratio:10.1f}{error:15.3f}")
+    print("\none scan of StateObserver, N = 200, all channels")
+    for backend, cost in observer_steps().items():
+        print(f"{backend:28s}{cost * 1e6:10.1f} us")
+
+
+if __name__ == "__main__":
+    main()
