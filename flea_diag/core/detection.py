@@ -178,7 +178,13 @@ class _Group:
         thermal = np.array([row.name in THERMAL for row in rows])
         self._variance = np.where(self._noise, noise_log**2, np.where(thermal, thermal_k**2, 0.0))
         self._bounds(rows, limits)
+        self._spread_rows = self._columns[self._spread] if len(self._spread) else self._spread
+        self._noisy = np.flatnonzero(self._noise)
+        self._base = self._sigma**2 + self._variance[None, :, None]
+        self._lengths, self._order = np.array(self._windows), np.arange(len(rows))
+        self._places = np.arange(len(self._windows))
         width = len(rows) + 1 + len(self._spread) * len(tolerance)
+        self._row = np.zeros(width)
         self._means = WindowedMeans(width, self._windows)
 
     def _bounds(self, rows: list[ResidualRow], limits: dict[str, ResidualLimit]) -> None:
@@ -198,28 +204,35 @@ class _Group:
     def step(self, sample: ResidualSample, results: TestResults) -> None:
         """Take one sample and judge every window."""
         # A missing speed only matters to what needs it; the region then falls to slow.
-        speed = np.nan_to_num(abs(sample.signals.speed_m_s))
-        spread = np.nan_to_num(sample.spread[self._columns[self._spread]]).ravel()
-        self._means.push(np.concatenate((sample.values[self._columns], (speed,), spread)))
-        means = self._means.means()
+        speed = abs(sample.signals.speed_m_s)
         count = len(self._columns)
+        row = self._row
+        row[:count] = sample.values[self._columns]
+        row[count] = speed if speed == speed else 0.0
+        if len(self._spread):
+            spread = sample.spread[self._spread_rows].ravel()
+            spread[np.isnan(spread)] = 0.0
+            row[count + 1 :] = spread
+        self._means.push(row)
+        means = self._means.means()
         z, statistic = self._z(means[:, :count], means[:, count], means[:, count + 1 :])
-        ratio = np.nan_to_num(np.abs(z) / self._k, nan=-1.0)
+        ratio = np.abs(z) / self._k
+        ratio[np.isnan(ratio)] = -1.0
         nearest = ratio.argmax(axis=0)
-        pick = nearest, np.arange(count)
+        pick = nearest, self._order
         results.z[self._columns] = z[pick]
         results.k[self._columns] = self._k[pick]
         results.mean[self._columns] = statistic[pick]
-        results.window[self._columns] = np.array(self._windows)[nearest]
+        results.window[self._columns] = self._lengths[nearest]
 
     def _z(self, means: Array, speeds: Array, spreads: Array) -> tuple[Array, Array]:
-        region = np.searchsorted(SPEED_REGIONS_M_S, np.nan_to_num(speeds))
-        window = np.arange(len(self._windows))
+        region = np.searchsorted(SPEED_REGIONS_M_S, np.where(np.isnan(speeds), 0.0, speeds))
+        window = self._places
         statistic = means.copy()
-        if self._noise.any():
-            ratio = means[:, self._noise] / self._nominal[self._noise]
-            statistic[:, self._noise] = np.log(np.maximum(ratio, LOG_FLOOR))
-        variance = self._sigma[window, :, region] ** 2 + self._variance
+        if len(self._noisy):
+            ratio = means[:, self._noisy] / self._nominal[self._noisy]
+            statistic[:, self._noisy] = np.log(np.maximum(ratio, LOG_FLOOR))
+        variance = self._base[window, :, region]
         if len(self._spread):
             spreads = spreads.reshape(len(window), len(self._spread), len(self.tolerance))
             variance[:, self._spread] += np.square(spreads * self.tolerance).sum(axis=2)

@@ -89,39 +89,6 @@ REGRESSORS = (
 is load, friction and inertia, ``rate_force_n`` is B v + M a, ``emf_and_drop_v`` is
 R (i - i0) + Ke v and ``driving_voltage_v`` is V - V0 - Ke v, what is left to drive a current."""
 
-INFINITE = float("inf")
-SPALL_DRAG_N = 20.0
-ROUGHNESS = 0.3
-"""Drag of the real jammed units scatters by about this share along the stroke."""
-REGRESSORS = (
-    "one",
-    "elapsed_s",
-    "direction",
-    "speed_m_s",
-    "current_a",
-    "load_n",
-    "load_and_direction_n",
-    "force_and_direction_n",
-    "motor_force_n",
-    "resisting_force_n",
-    "rate_force_n",
-    "motor_voltage_v",
-    "emf_and_drop_v",
-    "driving_voltage_v",
-    "commanded_voltage_v",
-    "motor_temperature_degc",
-    "nut_temperature_degc",
-    "ambient_temperature_degc",
-    "position_m",
-    "load_position_m",
-    "encoder_m_s",
-    "position_rate_m_s",
-    "rate_direction",
-)
-"""Signals that fault models are made of; ``motor_force_n`` is K (i - i0), ``resisting_force_n``
-is load, friction and inertia, ``rate_force_n`` is B v + M a, ``emf_and_drop_v`` is R (i - i0) + Ke v, ``driving_voltage_v`` is
-V - V0 - Ke v, what is left to drive a current."""
-
 MECHANICAL, ELECTRICAL, DRIVE = "parity_mechanical", "parity_electrical", "parity_drive"
 KINEMATIC, SPEED = "parity_kinematic", "parity_speed"
 

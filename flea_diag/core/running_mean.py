@@ -21,6 +21,7 @@ class WindowedMeans:
     def __init__(self, columns: int, windows: Sequence[int]) -> None:
         self.windows = tuple(windows)
         self._size = max(self.windows)
+        self._lengths = np.array(self.windows)
         self._rows = np.zeros((self._size, columns))
         self._valid = np.zeros((self._size, columns))
         self._sums = np.zeros((len(self.windows), columns))
@@ -31,10 +32,9 @@ class WindowedMeans:
         """Take one row, shape (columns,)."""
         valid = np.isfinite(row)
         clean = np.where(valid, row, 0.0)
-        for index, window in enumerate(self.windows):
-            leaving = (self._next - window) % self._size
-            self._sums[index] += clean - self._rows[leaving]
-            self._counts[index] += valid - self._valid[leaving]
+        leaving = (self._next - self._lengths) % self._size
+        self._sums += clean - self._rows[leaving]
+        self._counts += valid - self._valid[leaving]
         self._rows[self._next] = clean
         self._valid[self._next] = valid
         self._next = (self._next + 1) % self._size
@@ -54,7 +54,7 @@ class WindowedMeans:
 
     def means(self) -> Array:
         """Shape (windows, columns); NaN until a window holds its full count of valid samples."""
-        full = self._counts >= np.array(self.windows)[:, None]
+        full = self._counts >= self._lengths[:, None]
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(full, self._sums / self._counts, np.nan)
 

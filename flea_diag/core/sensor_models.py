@@ -28,6 +28,9 @@ from flea_diag.core.thermal import CORRECTION_S
 # Scaling y = g y' with g in [0.6, 1.6]: the share 1 - 1/g of the reading that is wrong.
 SHARE_LOW, SHARE_HIGH = 1.0 - 1.0 / 0.6, 1.0 - 1.0 / 1.6
 
+DRIFT_AGES_S = (0.3, 1.0, 2.0, 4.0, 8.0, 15.0)
+"""How long a drift may have gone on when it is detected."""
+
 
 @dataclass(frozen=True, slots=True)
 class Reading:
@@ -162,7 +165,7 @@ def _temperatures(p: ActuatorParameters) -> tuple[Reading, ...]:
 
 
 def sensor_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
-    """Bias, scaling, drift and dead of every sensor; a drift has one model for each direction."""
+    """Bias, scaling, drift and dead of every sensor; a drift has one model for each age."""
     return tuple(
         model
         for row in readings(p)
@@ -190,14 +193,20 @@ def _scaling(row: Reading) -> FaultModel:
 
 
 def _drifts(row: Reading) -> tuple[FaultModel, ...]:
-    terms = _level(row, "elapsed_s") + _level(row, "one", 1) + _rate(row, "one")
-    models = []
-    # A drift that began before the window has grown already: offset and rate agree in sign.
-    for low, high in ((0.0, 1.0), (-1.0, 0.0)):
-        rate = Size("drift", f"{row.unit}/s", low * row.largest_drift, high * row.largest_drift)
-        grown = Size("grown", row.unit, low * row.largest_bias, high * row.largest_bias)
-        models.append(FaultModel(f"{row.channel}_drift", (rate, grown), terms))
-    return tuple(models)
+    """One model for each age: what has grown by the detection is the rate times the age.
+
+    A free offset beside the rate would make every bias a drift that has just stopped.
+    """
+    rate = Size("drift", f"{row.unit}/s", -row.largest_drift, row.largest_drift)
+    fault = f"{row.channel}_drift"
+    return tuple(
+        FaultModel(fault, (rate,), _level(row, "elapsed_s") + _aged(row, age_s) + _rate(row, "one"))
+        for age_s in DRIFT_AGES_S
+    )
+
+
+def _aged(row: Reading, age_s: float) -> tuple[Term, ...]:
+    return tuple(Term(residual, "one", gain * age_s) for residual, gain in row.gains)
 
 
 def _dead(row: Reading) -> FaultModel:

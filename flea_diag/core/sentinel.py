@@ -33,6 +33,10 @@ class Sentinel:
         self._speed.append(speed)
         self._load.append(load_n)
 
+    def clear(self) -> None:
+        """Forget which blocks were raised."""
+        self._raised.clear()
+
     def step(self, axes: Sequence[str], std: Sequence[float]) -> str | None:
         """The axis that raises the alarm with this block, or None."""
         point = OperatingPoint(_rms(self._speed), _rms(self._load))

@@ -13,6 +13,9 @@ import heapq
 from flea_diag.wire.records import Record
 from flea_diag.wire.topics import TOPIC_OF
 
+RESTART_NS = 1_000_000_000
+"""A clock that jumps back by more than this has started a new run."""
+
 
 class Merge:
     """Buffer between several topics and one stage; bounded by the watermark."""
@@ -23,7 +26,7 @@ class Merge:
         self._hold_limit_ns = hold_limit_ns
         self._waiting: list[tuple[int, int, int, Record]] = []
         self._arrivals = 0
-        self._now_ns = -1
+        self.now_ns = -1
         self._released_ns = -1
         self._hold_ns: int | None = None
         self.late = 0
@@ -31,6 +34,8 @@ class Merge:
     def push(self, record: Record) -> None:
         """Take a record in."""
         stamp = record.stamp_ns
+        if type(record) is self._clock and stamp < self.now_ns - RESTART_NS:
+            self._restart()
         if stamp < self._released_ns:
             self.late += 1
             return
@@ -38,7 +43,14 @@ class Merge:
         entry = (stamp, TOPIC_OF[type(record)].rank, self._arrivals, record)
         heapq.heappush(self._waiting, entry)
         if type(record) is self._clock:
-            self._now_ns = max(self._now_ns, stamp)
+            self.now_ns = max(self.now_ns, stamp)
+
+    def _restart(self) -> None:
+        """The clock has jumped back: a new run, to which nothing that waits belongs."""
+        self.late += len(self._waiting)
+        self._waiting.clear()
+        self.now_ns = self._released_ns = -1
+        self._hold_ns = None
 
     def hold(self, stamp_ns: int | None) -> None:
         """Release nothing after ``stamp_ns`` until told otherwise, or the limit has passed."""
@@ -55,7 +67,7 @@ class Merge:
         return heapq.heappop(self._waiting)[3]
 
     def _due_ns(self) -> int:
-        due = self._now_ns - self._watermark_ns
+        due = self.now_ns - self._watermark_ns
         if self._hold_ns is None or due > self._hold_ns + self._hold_limit_ns:
             return due
         return min(due, self._hold_ns)

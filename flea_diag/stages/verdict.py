@@ -1,0 +1,197 @@
+"""From the state of the isolator to what is said: the outcome, its words, the record.
+
+The order of the questions is the order of the functions: does the calibration fit, is there
+an episode, what is left of its hypotheses; and without one, is anything to be seen at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from flea_diag.core.calibration import Calibration
+from flea_diag.core.fault_models import FaultModel
+from flea_diag.core.isolation import Hypothesis
+from flea_diag.stages.episode import Episode
+from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
+from flea_diag.wire.records import (
+    NEVER_NS,
+    AmbiguityGroup,
+    Candidate,
+    ChannelTable,
+    Evidence,
+    Outcome,
+)
+
+EARLY_NS = 8_000_000_000
+"""A deviation within this time of the stream's start was there before it."""
+SEEN_MOVING = 50
+"""Scans in motion without which nothing can be said of motor and screw."""
+NEEDED = ("motor_current", "load_force", "actuator_position")
+"""Without these the stand shows too little of the actuator to say anything."""
+
+
+@dataclass
+class Standing:
+    """What is known of the stand apart from any episode."""
+
+    axes: tuple[str, ...] = ()
+    mismatch: str = ""
+    bad: tuple[str, ...] = ()
+    first_ns: int = NEVER_NS
+    moved: int = 0
+    moved_ns: int = NEVER_NS
+
+
+class Verdict:
+    """Says what an episode, or its absence, amounts to."""
+
+    def __init__(
+        self,
+        knowledge: Knowledge,
+        parameters: IsolatorParameters,
+        models: Sequence[FaultModel],
+        weighed: Collection[str],
+    ) -> None:
+        self._k = knowledge
+        self._p = parameters
+        self._models = tuple(models)
+        self._weighed = weighed
+
+    def outcome(
+        self, stamp_ns: int, standing: Standing, episode: Episode | None
+    ) -> tuple[Outcome, str]:
+        """Outcome and its words."""
+        if standing.mismatch:
+            return Outcome.MODEL_MISMATCH, standing.mismatch
+        if episode is None:
+            return self._quiet(stamp_ns, standing)
+        outcome, words = self._of_episode(standing, episode)
+        early = episode.start_ns - standing.first_ns <= EARLY_NS
+        if outcome is Outcome.UNEXPLAINED and early:
+            return (
+                Outcome.MODEL_MISMATCH,
+                f"{words}, and so from the start: the calibration does not fit this actuator",
+            )
+        return outcome, words
+
+    def _of_episode(self, standing: Standing, episode: Episode) -> tuple[Outcome, str]:
+        alive = episode.isolation.alive()
+        names = ", ".join(h.name for h in alive)
+        if not alive:
+            return Outcome.UNEXPLAINED, "a deviation that no fault of the catalogue explains"
+        if not episode.settled or episode.request is not None:
+            return Outcome.DETECTED, f"a fault, one of: {names}"
+        if self._unexplained(episode, alive):
+            return Outcome.UNEXPLAINED, f"a deviation that none of {names} explains well"
+        if len(alive) == 1:
+            return Outcome.ISOLATED, f"the fault is {names}"
+        return Outcome.INDISTINGUISHABLE, f"one of {names}: {self._why_not_split(standing, alive)}"
+
+    def _unexplained(self, episode: Episode, alive: list[Hypothesis]) -> bool:
+        """Relations deviate, every hypothesis has a model of them, and none gains on 'no fault'."""
+        weighable = all(
+            residual.removesuffix("_dn") in self._weighed for residual, _, _ in episode.symbols
+        )
+        if not weighable or any(h.fit is None for h in alive):
+            return False
+        return max(h.log_likelihood for h in alive) < self._p.explain_nats
+
+    def _why_not_split(self, standing: Standing, alive: list[Hypothesis]) -> str:
+        """Same quantitative model: no slow evidence can ever tell them apart."""
+        terms = {_terms(self._models, h.name) for h in alive}
+        if len(terms) > 1 or () in terms:
+            return "not split by this evidence"
+        remedy = "" if standing.axes else "; accelerometers would"
+        return f"cannot be split by this sensor set, by design{remedy}"
+
+    def _quiet(self, stamp_ns: int, standing: Standing) -> tuple[Outcome, str]:
+        bad = [channel for channel in NEEDED if channel in standing.bad]
+        if bad:
+            return Outcome.DATA_UNUSABLE, f"{', '.join(bad)} cannot be used"
+        rested = standing.moved_ns < 0 or stamp_ns - standing.moved_ns > self._p.rest_s * 1e9
+        if standing.moved < SEEN_MOVING or rested:
+            return (
+                Outcome.NOT_OBSERVABLE,
+                "the actuator does not move: faults of motor and screw show only in motion",
+            )
+        return Outcome.NOMINAL, "nothing deviates"
+
+    def record(self, stamp_ns: int, standing: Standing, episode: Episode | None) -> AmbiguityGroup:
+        """The verdict as it goes out."""
+        outcome, words = self.outcome(stamp_ns, standing, episode)
+        alive = episode.isolation.alive() if episode is not None else []
+        dropped = episode.isolation.dropped() if episode is not None else []
+        suffix = " (single-fault assumption)" if episode is not None else ""
+        return AmbiguityGroup(
+            stamp_ns=stamp_ns,
+            outcome=outcome,
+            episode=episode.number if episode is not None else 0,
+            step=episode.step if episode is not None else 0,
+            seq=0,
+            members=tuple(_candidate(h, self._models) for h in alive),
+            dropped=tuple(_candidate(h, self._models) for h in dropped),
+            detected_stamp_ns=episode.start_ns if episode is not None else NEVER_NS,
+            words=words + suffix,
+            calibration_sha256=self._k.calibration_sha256,
+            source=self._p.source,
+            not_observable=self._not_observable(standing),
+            features_computed=episode.computed if episode is not None else (),
+            features_available=len(self._k.features.features) if standing.axes else 0,
+        )
+
+    def _not_observable(self, standing: Standing) -> tuple[tuple[str, str], ...]:
+        """Faults that this stand cannot show, with the reason."""
+        if standing.axes:
+            return ()
+        reason = "shows only in vibration, and this stand has no accelerometer"
+        return tuple(
+            (name, reason)
+            for name, fault in self._k.faults.items()
+            if fault.vibration and fault.approach == "data"
+        )
+
+
+def mismatch(calibration: Calibration, table: ChannelTable) -> str:
+    """What keeps a calibration from being used on a stand with this channel table, or ""."""
+    here = {row.name for row in table.channels}
+    missing = [name for name in calibration.channels if name not in here]
+    if missing:
+        return (
+            f"the calibration is of a stand with {missing[0]}, this one has none: "
+            "calibrate on recordings of this stand"
+        )
+    voltage = table.info("motor_voltage")
+    if voltage is not None and voltage.sampling != calibration.voltage_sampling:
+        return (
+            f"the calibration is for a voltage sampled as {calibration.voltage_sampling!r}, this "
+            f"stand samples {voltage.sampling!r}: calibrate on recordings of this stand"
+        )
+    return ""
+
+
+def _terms(models: Sequence[FaultModel], fault: str) -> tuple[object, ...]:
+    return tuple((model.sizes, model.terms) for model in models if model.fault == fault)
+
+
+def _candidate(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> Candidate:
+    size, sigma, unit = math.nan, math.nan, ""
+    if hypothesis.fit is not None:
+        count = len(hypothesis.fit.sizes)
+        model = next(m for m in models if m.fault == hypothesis.name and len(m.sizes) == count)
+        size, sigma = hypothesis.fit.sizes[0], hypothesis.fit.sigmas[0]
+        unit = model.sizes[0].unit
+    return Candidate(
+        hypothesis.name,
+        hypothesis.deviation,
+        hypothesis.probability if not hypothesis.why_dropped else 0.0,
+        hypothesis.why_dropped or "fits everything seen so far",
+        tuple(
+            Evidence(f.stamp_ns, f.source, f.observed, f.predicted, f.words, f.path)
+            for f in hypothesis.findings
+        ),
+        size,
+        sigma,
+        unit,
+    )
