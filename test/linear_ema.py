@@ -95,8 +95,18 @@ def run(
         amps = (volts - p.back_emf * v) / ohms
         if step % 10 == 0:
             rows.append(
-                (amps + p.current_offset, volts + p.voltage_offset, volts, v / p.lead_m_per_rad)
-                + (0.05 + x, 0.05 + x, force, motor, 27.0, 24.0)
+                (
+                    amps + p.current_offset,
+                    volts + p.voltage_offset,
+                    volts,
+                    v / p.lead_m_per_rad,
+                    0.05 + x,
+                    0.05 + x,
+                    force,
+                    motor,
+                    27.0,
+                    24.0,
+                )
             )
         a = slope(v)
         b = slope(v + 0.5 * h * a)
