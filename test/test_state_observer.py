@@ -222,6 +222,18 @@ def test_after_a_gap_it_starts_from_what_is_measured() -> None:
     assert not told[-1].diverged
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("value", [math.inf, -math.inf, 1e300, -1e12])
+def test_one_absurd_scan_does_not_outlast_a_second(backend: str, value: float) -> None:
+    rows = recording().copy()
+    rows[500] = value
+    made = observer(backend)
+    told = [made.step(row) for row in rows[:900]]
+    position = np.array([t.residual[AT["actuator_position"]] for t in told[600:]])
+    assert np.sqrt(np.mean(position**2)) < 3e-4
+    assert not told[-1].diverged
+
+
 def test_numbers_before_the_first_scan_and_wrong_parameters() -> None:
     assert np.isnan(observer().mean).all()
     for options, said in (

@@ -117,7 +117,7 @@ def step_numpy(
     measured = np.isfinite(y)
     if measured.tobytes() != pattern:
         return False
-    if np.isnan(u).any():
+    if math.isnan(u @ u):
         u = np.nan_to_num(u)
     added = given @ u
     held, ahead = added[:n], added[n:] + h
@@ -132,10 +132,13 @@ def step_numpy(
     expected.flat[:: p + 1] += 1.0
     ahead += middle[:p]
     result[:p] = ahead
-    result[p : 2 * p] = y - ahead
+    np.subtract(y, ahead, out=result[p : 2 * p])
     result[2 * p : 3 * p] = np.sqrt(((factor @ expected) * factor).sum(axis=1))
     result[-2] = squared_length(expected.tolist(), centre.tolist())
-    log_weights = cloud[0] - 0.5 * np.einsum("ai,ai->i", error, error)
+    error *= error
+    log_weights = error.sum(axis=0)
+    log_weights *= -0.5
+    log_weights += cloud[0]
     weights, log_sum = normalised(log_weights)
     if math.isfinite(log_sum):
         log_weights -= log_sum

@@ -63,9 +63,8 @@ def systematic(weights: Array, uniform: float) -> Indices:
     # How many of the points k + u lie below N c_i: the copies of the first i particles together.
     below = np.minimum(np.ceil(np.cumsum(weights) * n - uniform), n).astype(np.int64)
     below[-1] = n  # whatever rounding made of the last sum
-    copies = below.copy()
-    copies[1:] -= below[:-1]
-    return np.repeat(np.arange(n), copies)
+    below[1:] -= below[:-1].copy()
+    return np.repeat(np.arange(n), below)
 
 
 def resample(log_weights: Array, generator: np.random.Generator) -> Indices:

@@ -36,6 +36,8 @@ SAMPLINGS = ("mean", "instant_pwm")
 START_SIGMA = {"voltage_v": 10.0, "mean_speed_m_s": 0.1, "speed_m_s": 0.1, "position_m": 0.001}
 """What is known of the states before the first scan, beside its own readings."""
 UNKNOWN_POSITION_M = 0.1
+ABSURD = 1.0e6
+"""No channel of a test stand reads so much in SI units: not a measurement."""
 WARMED_K = 0.5
 """Change of the winding's temperature at which its resistance is renewed."""
 
@@ -156,6 +158,7 @@ class StateObserver:
         frozen : bool
             Compare, but correct nothing.
         """
+        row = np.where(np.abs(row) < ABSURD, row, math.nan)
         y = row[_MOVED]
         if not self._model.pwm:
             y[1] = math.nan  # an input
@@ -166,6 +169,9 @@ class StateObserver:
         else:
             self._filter.predict(self._inputs(row))
         moved = self._filter.update(y, frozen=frozen)
+        if not frozen and not math.isfinite(moved.nis):
+            # Nothing of what was predicted fits in any way: begin again with the next scan.
+            self.interrupt()
         return self._with_temperatures(moved, row, frozen)
 
     def adopt(self, parameters: ActuatorParameters) -> None:
