@@ -67,7 +67,7 @@ install() {
     stamp=$venv/.sources
     wanted=$(cd "$root" && sum_of flea_diag flea_sim_driver config launch launcher resource \
         package.xml setup.py)
-    if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
+    if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ] || [ ! -x "$venv/bin/flea" ]; then
         say "installing flea_diag into .venv"
         # What a build left behind would be installed again, also modules that are gone.
         rm -rf "$root/build/lib" "$root"/build/bdist.*

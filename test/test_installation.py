@@ -51,7 +51,8 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def pip_prefix(sources: Path, place: Path) -> Path:
     pytest.importorskip("setuptools", "70.1", reason="pip needs setuptools 70.1 for a wheel here")
     prefix = place / "pip"
-    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps"]
+    # Without --ignore-installed pip takes the copy that this very test runs from away.
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--ignore-installed"]
     command += ["--no-build-isolation", "--no-index", "--prefix", str(prefix), str(sources)]
     run(command, place)
     # Debian's Python puts a local/ in between; a virtual environment does not.

@@ -1,9 +1,9 @@
-"""Is a voltage channel to be trusted, where no second source corroborates it?
+"""Whether a voltage channel is to be trusted, where no second source corroborates it.
 
 A voltage that disagrees with current and motion by more than any healthy unit or winding
 fault could explain is a bad channel. It is judged on the smoothed electrical residual:
-implausible samples are left out at once, ``ENTER`` of them in a row make a bad stretch, and
-the channel is trusted again only after ``CLEAN`` plausible ones.
+implausible samples are left out at once, ``ENTER_SAMPLES`` of them in a row make a bad stretch, and
+the channel is trusted again only after ``CLEAN_SAMPLES`` plausible ones.
 """
 
 from __future__ import annotations

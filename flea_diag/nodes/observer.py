@@ -16,7 +16,7 @@ def program() -> Program:
 
     return stage_program(
         "observer",
-        "Estimates the actuator's state by a particle filter and reports what deviates from it.",
+        "Forms calibrated residuals of every scan, tests them and reports what deviates, as signs.",
         OBSERVER,
         Ports(
             subscribes=(r.ChannelTable, r.Scan),
