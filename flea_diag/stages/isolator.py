@@ -241,8 +241,9 @@ class IsolatorStage:
             limit = self._p.drop_nats if episode.conclusive() else math.inf
             episode.isolation.weigh(stamp_ns, fits, limit)
         waited = (stamp_ns - episode.start_ns) / 1e9 >= self._p.settle_s
-        if not episode.settled and (waited or episode.moving >= self._p.settle_samples):
+        if waited or episode.moving >= self._p.settle_samples:
             episode.settled = True
+        if episode.settled and episode.symbols:
             episode.isolation.require(stamp_ns, episode.magnitudes(), episode.moved_channels())
         return self._go_on(stamp_ns)
 

@@ -155,6 +155,10 @@ class ObserverStage:
         self._distrust_speed(sample)
         self._learn(sample, scan.stamp_ns)
         results = self._detector.step(sample)
+        if math.isnan(sample.signals.commanded_voltage_v):
+            # The zero of a voltage that nothing corroborates is data quality, not a symptom;
+            # what alternates with the motion (direction-normalised) still is one.
+            results.z[RESIDUAL_INDEX["parity_electrical"]] = math.nan
         out: list[Record] = [*self._quality(scan.stamp_ns)]
         out.append(self._residual(scan.stamp_ns, row, sample, results))
         out.extend(self._episode(scan.stamp_ns, results))
