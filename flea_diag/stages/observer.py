@@ -20,6 +20,7 @@ from flea_diag.core.detection import Detector, TestResults
 from flea_diag.core.fault_models import REGRESSORS
 from flea_diag.core.plausibility import VoltagePlausibility
 from flea_diag.core.quality import ChannelMonitor
+from flea_diag.core.regressors import TEMPERATURES, regressors
 from flea_diag.core.residual import SPEED
 from flea_diag.core.residual_bank import (
     CHANNELS,
@@ -295,50 +296,8 @@ class ObserverStage:
             tuple(results.z[self._tested].tolist()),
             tuple(results.k[self._tested].tolist()),
             REGRESSOR_NAMES,
-            self._regressors(row, sample),
+            (*regressors(self._p, sample.signals, _expected(row, sample)), float(sample.moving)),
         )
-
-    def _regressors(self, row: Array, sample: ResidualSample) -> tuple[float, ...]:
-        p, s = self._p, sample.signals
-        current = s.current_a - p.current_offset_a
-        force = p.force_constant_n_per_a * current
-        direction = relations.direction(p, s.speed_m_s)
-        drag = relations.friction_n(p, s) + p.reflected_mass_kg * s.acceleration_m_s2
-        values = {
-            "one": 1.0,
-            "elapsed_s": 0.0,
-            "direction": direction,
-            "speed_m_s": s.speed_m_s,
-            "current_a": current,
-            "load_n": s.load_n,
-            "load_and_direction_n": abs(s.load_n) * direction,
-            "force_and_direction_n": abs(force) * direction,
-            "motor_force_n": force,
-            "resisting_force_n": s.load_n + drag,
-            "rate_force_n": p.viscous_friction_n_s_per_m * s.speed_m_s
-            + p.reflected_mass_kg * s.acceleration_m_s2,
-            "motor_voltage_v": s.voltage_v,
-            "emf_and_drop_v": p.winding_resistance_ohm * current
-            + p.back_emf_v_s_per_m * s.speed_m_s,
-            "driving_voltage_v": s.voltage_v
-            - p.voltage_offset_v
-            - p.back_emf_v_s_per_m * s.speed_m_s,
-            "commanded_voltage_v": s.commanded_voltage_v,
-            "motor_temperature_degc": self._expected(row, sample, "motor_temperature"),
-            "nut_temperature_degc": self._expected(row, sample, "nut_temperature"),
-            "ambient_temperature_degc": self._expected(row, sample, "ambient_temperature"),
-            "position_m": s.position_m,
-            "load_position_m": s.load_position_m,
-            "position_rate_m_s": s.position_rate_m_s,
-            "rate_direction": relations.direction(p, s.position_rate_m_s),
-            "encoder_m_s": p.encoder_m_per_rad * s.encoder_speed_rad_s,
-        }
-        return (*(values[name] for name in REGRESSORS), float(sample.moving))
-
-    @staticmethod
-    def _expected(row: Array, sample: ResidualSample, channel: str) -> float:
-        """What a reading should be; the reading itself shares its noise with the residual."""
-        return float(row[INDEX[channel]] - sample.values[RESIDUAL_INDEX[channel]])
 
     # --- episode ----------------------------------------------------------------------
 
@@ -408,3 +367,10 @@ class ObserverStage:
 
 
 REGRESSOR_NAMES = (*REGRESSORS, "moving")
+
+
+def _expected(row: Array, sample: ResidualSample) -> dict[str, float]:
+    """What each temperature should read; the reading itself shares the residual's noise."""
+    return {
+        name: float(row[INDEX[name]] - sample.values[RESIDUAL_INDEX[name]]) for name in TEMPERATURES
+    }
