@@ -160,6 +160,10 @@ def _run(program: Program, arguments: list[str]) -> int:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
+        # The interpreter gives signals with a handler back to the system before it is gone, and
+        # one more SIGINT would then kill the process; an ignored signal it leaves alone.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
     return 0
 
 
