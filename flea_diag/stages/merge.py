@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import heapq
 
-from flea_diag.wire.records import Record
+from flea_diag.wire.records import ChannelTable, DataQuality, Record
 from flea_diag.wire.topics import TOPIC_OF
 
+STANDING = (ChannelTable, DataQuality)
+"""Latched records: a node that starts later gets them late, and needs them all the same."""
 RESTART_NS = 1_000_000_000
 """A clock that jumps back by more than this has started a new run."""
 
@@ -37,8 +39,11 @@ class Merge:
         if type(record) is self._clock and stamp < self.now_ns - RESTART_NS:
             self._restart()
         if stamp < self._released_ns:
-            self.late += 1
-            return
+            # What tells how things stand is as old as it likes to be, and never too late.
+            if not isinstance(record, STANDING):
+                self.late += 1
+                return
+            stamp = self._released_ns
         self._arrivals += 1
         entry = (stamp, TOPIC_OF[type(record)].rank, self._arrivals, record)
         heapq.heappush(self._waiting, entry)
