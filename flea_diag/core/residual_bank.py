@@ -130,7 +130,6 @@ class ResidualBank:
         self._motor = ThermalNode(parameters.motor_cooling_s, start_samples)
         self._nut = ThermalNode(parameters.nut_cooling_s, start_samples)
         self._ambient = ThermalNode(math.inf, start_samples)
-        self.kernel_delay_s = self._smoother.delay_s
         self.has_encoder = parameters.encoder_m_per_rad != 0.0
 
     def step(self, row: Array, frozen: bool) -> ResidualSample:
