@@ -110,8 +110,6 @@ def test_a_replay_decides_what_was_published_live(name: str, replayed: Summaries
     kinds = (*SOURCES, DataQuality, *DECISIONS)
     published = [record for _, record in BagReader(BAGS / name).records(kinds)]
     assert decisions(summarise(published)) == decisions(replayed[name])
-    if replayed[name]["backend"] == expected(name)["backend"]:
-        assert replayed[name]["recorded_digest"] == replayed[name]["digest"]
 
 
 # --- through nodes ------------------------------------------------------------------------

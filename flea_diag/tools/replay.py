@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import platform
 import sys
 from collections.abc import Iterator
 from itertools import chain
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import FleaError, RecordingError
+from flea_diag.tools.numeric_backend import numeric_backend
 from flea_diag.tools.terminal import IN_PART, progress, warn, write_json
 
 if TYPE_CHECKING:
@@ -114,22 +114,11 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
         raise RecordingError(f"{bag}: no scan in it (topic sensors/slow), nothing to diagnose")
     return {
         **summary,
-        "backend": _backend(),
+        "backend": numeric_backend(),
         "bag": str(bag),
         "recorded_digest": recorded.hexdigest() if published else None,
         "losses": reader.losses,
     }
-
-
-def _backend() -> str:
-    """What the last bits of a number depend on: libraries and the processor's instruction set."""
-    from importlib.metadata import version
-
-    import numpy as np
-
-    found = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
-    processor = " ".join([platform.machine(), *found[-1:]])
-    return f"numpy {version('numpy')}, scipy {version('scipy')}, {processor}"
 
 
 def _say(summary: dict[str, Any], arguments: argparse.Namespace) -> None:

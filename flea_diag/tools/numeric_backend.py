@@ -1,0 +1,33 @@
+"""What the last bits of a number depend on: libraries, instruction set and processor."""
+
+from __future__ import annotations
+
+import platform
+from pathlib import Path
+
+CPUINFO = Path("/proc/cpuinfo")
+IDENTITY = ("vendor_id", "cpu family", "model")
+"""Lines of the processor's description: BLAS picks its kernels by them."""
+
+
+def numeric_backend() -> str:
+    """Name of the backend that a digest holds for, e.g. ``numpy 2.4.6, …, GenuineIntel 6 106``."""
+    from importlib.metadata import version
+
+    import numpy as np
+
+    found = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
+    instructions = " ".join([platform.machine(), *found[-1:]])
+    libraries = f"numpy {version('numpy')}, scipy {version('scipy')}"
+    return f"{libraries}, {instructions}, {_processor(CPUINFO)}"
+
+
+def _processor(description: Path) -> str:
+    """Vendor, family and model where Linux tells them, else the name that the system gives."""
+    try:
+        lines = description.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return platform.processor() or "unknown processor"
+    pairs = (line.partition(":") for line in lines)
+    told = {key.strip(): value.strip() for key, _, value in reversed([*pairs])}
+    return " ".join(told[key] for key in IDENTITY if key in told) or "unknown processor"

@@ -1,0 +1,48 @@
+"""The backend that a digest holds for."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from flea_diag.tools import numeric_backend
+
+TWO_CORES = """\
+processor\t: 0
+vendor_id\t: GenuineIntel
+cpu family\t: 6
+model\t\t: 106
+model name\t: a name that says less
+
+processor\t: 1
+vendor_id\t: AnotherVendor
+cpu family\t: 9
+model\t\t: 1
+"""
+
+
+def backend_with(description: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr(numeric_backend, "CPUINFO", description)
+    return numeric_backend.numeric_backend()
+
+
+def test_names_libraries_and_the_first_processor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    description = tmp_path / "cpuinfo"
+    description.write_text(TWO_CORES)
+    told = backend_with(description, monkeypatch)
+    assert told.startswith(f"numpy {version('numpy')}, scipy {version('scipy')}, ")
+    assert told.endswith(", GenuineIntel 6 106")
+
+
+@pytest.mark.parametrize("text", [None, "", "Hardware : of another kind\n"])
+def test_a_system_without_such_a_description_still_has_a_name(
+    text: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    description = tmp_path / "cpuinfo"
+    if text is not None:
+        description.write_text(text)
+    assert backend_with(description, monkeypatch).rpartition(", ")[2]
