@@ -57,8 +57,8 @@ def parameter(
 
 
 def descriptors(parameters: type) -> tuple[Descriptor, ...]:
-    """Descriptors of all fields of a parameter class, in order of definition."""
-    return tuple(_descriptor(entry) for entry in fields(parameters))
+    """Descriptors of all parameters of a class, in order; its other fields are left out."""
+    return tuple(_descriptor(entry) for entry in fields(parameters) if "doc" in entry.metadata)
 
 
 def _descriptor(entry: Field[Any]) -> Descriptor:
