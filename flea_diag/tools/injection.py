@@ -1,0 +1,246 @@
+"""Software sensor faults put into recordings after the DAQ, as the paper did.
+
+A healthy recording goes on being what the actuator did; one channel of it reads something
+else from the onset on. ``ROWS`` is what is drawn from: sizes for each channel and mode, and
+the ladder of severities that shows where each ends. Everything is decided by seeds: the same
+row, run, seed and case give the same reading bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.wire.records import Scan
+
+Array = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+CLEAR_S = 8.0
+"""No onset nearer than this to either end of a recording."""
+MOVING_M_S = 0.010
+SPEED_SPAN = 10
+"""Scans to either side over which the speed at an onset is taken."""
+GAP_S = 0.05
+"""Length of a drop-out: the reading is zero for so long."""
+
+
+@dataclass(frozen=True)
+class Injection:
+    """One fault of one channel, plain data.
+
+    ``size`` is in the unit of the channel, of its rate for a drift, a factor for a scaling,
+    standard deviation for noise, the level read for dead, drop-outs per second for a dropout;
+    a stuck sensor, which holds its last value, has none. ``seed`` is that of noise and drop-outs.
+    """
+
+    channel: str
+    mode: str
+    size: float
+    onset_s: float
+    seed: int = 0
+
+    @property
+    def fault(self) -> str:
+        """Fault id of the catalogue: a stuck sensor is a dead one."""
+        return f"{self.channel}_{'dead' if self.mode == 'stuck' else self.mode}"
+
+
+def _bias(true: Array, age_s: Array, fault: Injection) -> Array:
+    return true + fault.size
+
+
+def _drift(true: Array, age_s: Array, fault: Injection) -> Array:
+    return true + fault.size * age_s
+
+
+def _scaling(true: Array, age_s: Array, fault: Injection) -> Array:
+    return true * fault.size
+
+
+def _dead(true: Array, age_s: Array, fault: Injection) -> Array:
+    return np.full_like(true, fault.size)
+
+
+def _stuck(true: Array, age_s: Array, fault: Injection) -> Array:
+    measured = true[np.isfinite(true)]
+    return np.full_like(true, measured[0] if len(measured) else math.nan)
+
+
+def _noise(true: Array, age_s: Array, fault: Injection) -> Array:
+    return true + fault.size * np.random.default_rng(fault.seed).standard_normal(len(true))
+
+
+def _dropout(true: Array, age_s: Array, fault: Injection) -> Array:
+    slots = ((age_s + 1e-9) / GAP_S).astype(np.int64)
+    count = int(slots.max(initial=0)) + 1
+    gone = np.random.default_rng(fault.seed).random(count) < GAP_S * fault.size
+    return np.where(gone[slots], 0.0, true)
+
+
+MODES: dict[str, Callable[[Array, Array, Injection], Array]] = {
+    "bias": _bias,
+    "drift": _drift,
+    "scaling": _scaling,
+    "dead": _dead,
+    "stuck": _stuck,
+    "noise": _noise,
+    "dropout": _dropout,
+}
+"""What each mode makes of the true readings from the onset on, and of their age (s)."""
+
+
+def faulted(
+    values: Array,
+    times_s: Array,
+    injection: Injection,
+    low: float = -math.inf,
+    high: float = math.inf,
+) -> Array:
+    """Readings of a channel with the fault in them, shape (n,) as ``values`` and ``times_s``.
+
+    ``times_s`` counts from the first scan. What is beyond ``low`` and ``high`` is clipped, as
+    the DAQ would; where nothing was measured (NaN) nothing is made up.
+    """
+    if injection.mode not in MODES:
+        raise ConfigurationError(
+            f"mode {injection.mode!r} is unknown, known are {', '.join(MODES)}"
+        )
+    reading = values.copy()
+    since = times_s >= injection.onset_s
+    age_s = times_s[since] - injection.onset_s
+    wrong = np.clip(MODES[injection.mode](values[since], age_s, injection), low, high)
+    reading[since] = np.where(np.isnan(values[since]), np.nan, wrong)
+    return reading
+
+
+def inject(
+    scans: Sequence[Scan],
+    injection: Injection,
+    low: float = -math.inf,
+    high: float = math.inf,
+) -> tuple[Scan, ...]:
+    """The same scans with the fault in one channel; ``low`` and ``high`` are its range.
+
+    Raises
+    ------
+    ConfigurationError
+        A mode that is unknown, or a channel that no scan holds.
+    """
+    if not any(injection.channel in scan.channels for scan in scans):
+        raise ConfigurationError(f"no scan holds the channel {injection.channel!r}")
+    first = scans[0].stamp_ns
+    holding = [k for k, scan in enumerate(scans) if injection.channel in scan.channels]
+    at = [scans[k].channels.index(injection.channel) for k in holding]
+    values = np.array([scans[k].values[column] for k, column in zip(holding, at, strict=True)])
+    times_s = np.array([(scans[k].stamp_ns - first) / 1e9 for k in holding])
+    out = list(scans)
+    reading = faulted(values, times_s, injection, low, high)
+    for k, column, value in zip(holding, at, reading.tolist(), strict=True):
+        row = scans[k].values
+        out[k] = replace(scans[k], values=(*row[:column], value, *row[column + 1 :]))
+    return tuple(out)
+
+
+@dataclass(frozen=True)
+class Row:
+    """Sizes of one channel and mode: drawn between ``low`` and ``high``, either sign or side.
+
+    ``ladder`` are severities from faint to plain, of which some lie below ``low``.
+    """
+
+    channel: str
+    mode: str
+    low: float
+    high: float
+    ladder: tuple[float, ...]
+
+    def size(self, severity: float, upward: bool) -> float:
+        """Signed size; for a scaling ``severity`` is the distance from one."""
+        if self.mode == "scaling":
+            return 1.0 + severity if upward else 1.0 - severity
+        if self.mode in ("bias", "drift"):
+            return severity if upward else -severity
+        return severity
+
+
+ROWS: tuple[Row, ...] = (
+    Row("motor_current", "bias", 0.3, 1.0, (0.1, 0.2, 0.3, 0.4, 0.6, 1.0)),
+    Row("motor_current", "drift", 0.05, 0.2, (0.01, 0.02, 0.05, 0.1, 0.2)),
+    Row("motor_current", "scaling", 0.2, 0.4, (0.05, 0.1, 0.2, 0.3, 0.4)),
+    Row("motor_current", "dead", 0.0, 0.0, (0.0,)),
+    Row("motor_current", "stuck", 0.0, 0.0, (0.0,)),
+    Row("motor_current", "noise", 0.6, 2.0, (0.2, 0.4, 0.6, 1.0, 2.0)),
+    Row("motor_current", "dropout", 0.5, 3.0, (0.1, 0.2, 0.5, 1.0, 3.0)),
+    Row("motor_temperature", "bias", 4.0, 8.0, (1.0, 2.0, 4.0, 6.0, 8.0)),
+    Row("motor_temperature", "drift", 0.3, 0.8, (0.05, 0.1, 0.2, 0.3, 0.8)),
+    Row("motor_temperature", "scaling", 0.25, 0.4, (0.05, 0.1, 0.15, 0.25, 0.4)),
+    Row("motor_temperature", "dead", 0.0, 0.0, (0.0,)),
+    Row("motor_temperature", "stuck", 0.0, 0.0, (0.0,)),
+    Row("motor_temperature", "noise", 2.0, 6.0, (0.5, 1.0, 2.0, 4.0, 6.0)),
+    Row("motor_temperature", "dropout", 0.5, 3.0, (0.1, 0.2, 0.5, 1.0, 3.0)),
+    Row("actuator_position", "bias", 0.001, 0.006, (0.0003, 0.0005, 0.001, 0.002, 0.006)),
+    Row("actuator_position", "drift", 0.0003, 0.002, (0.0003, 0.0007, 0.001, 0.002)),
+    Row("actuator_position", "scaling", 0.1, 0.15, (0.02, 0.05, 0.1, 0.15)),
+    Row("actuator_position", "dead", 0.0, 0.0, (0.0,)),
+    Row("actuator_position", "stuck", 0.0, 0.0, (0.0,)),
+    Row("actuator_position", "noise", 0.0005, 0.002, (0.0001, 0.0002, 0.0005, 0.001, 0.002)),
+    Row("actuator_position", "dropout", 0.5, 3.0, (0.1, 0.2, 0.5, 1.0, 3.0)),
+)
+"""Fixed before any of them was diagnosed; what lies below ``low`` only shows where a row ends."""
+
+
+def row_of(channel: str, mode: str) -> Row:
+    """Row of a channel and mode.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming what is known.
+    """
+    for row in ROWS:
+        if (row.channel, row.mode) == (channel, mode):
+            return row
+    known = ", ".join(f"{row.channel} {row.mode}" for row in ROWS)
+    raise ConfigurationError(f"no sizes for {channel} {mode}, known are {known}")
+
+
+def onsets(times_s: Array, position_m: Array) -> Array:
+    """Times at which a fault may set in: in motion, and well away from either end."""
+    span = SPEED_SPAN
+    speed = np.full(len(times_s), np.nan)
+    if len(times_s) > 2 * span:
+        apart = position_m[2 * span :] - position_m[: -2 * span]
+        speed[span:-span] = apart / (times_s[2 * span :] - times_s[: -2 * span])
+    inside: Bools = (times_s >= times_s[0] + CLEAR_S) & (times_s <= times_s[-1] - CLEAR_S)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(times_s[inside & (np.abs(speed) > MOVING_M_S)])
+
+
+def draw(
+    row: Row, onsets_s: Array, seed: int, case: int, severity: float | None = None
+) -> Injection:
+    """One case of a row: size, side and onset from ``seed``, or the size of a ladder's rung.
+
+    Raises
+    ------
+    ConfigurationError
+        No onset is possible: the recording is too short, or hardly moves.
+    """
+    if not len(onsets_s):
+        raise ConfigurationError(
+            f"{row.channel} {row.mode}: no onset is possible, the recording must move faster than "
+            f"{MOVING_M_S} m/s at a time {CLEAR_S:g} s or more from both ends"
+        )
+    words: Iterable[int] = (seed, ROWS.index(row), case)
+    generator = np.random.default_rng(list(words))
+    share, upward = float(generator.random()), bool(generator.integers(2))
+    onset_s = float(onsets_s[generator.integers(len(onsets_s))])
+    strength = row.low + share * (row.high - row.low) if severity is None else severity
+    noise_seed = int(generator.integers(2**31))
+    return Injection(row.channel, row.mode, row.size(strength, upward), onset_s, noise_seed)
