@@ -239,9 +239,9 @@ DIAGNOSER: Component[Any] = Component(
 )
 
 
-def make_pipeline(calibration: Path | None, source: str = "replay") -> Pipeline:
-    """The three stages as one, for a replay without ROS."""
-    values = DIAGNOSER.parameters(calibration=str(calibration or ""), source=source)
+def make_pipeline(calibration: Path | None, source: str = "replay", **given: Any) -> Pipeline:
+    """The three stages as one, for a replay without ROS; ``given`` are parameters of theirs."""
+    values = DIAGNOSER.parameters(calibration=str(calibration or ""), source=source, **given)
     pipeline = DIAGNOSER.build(values)
     assert isinstance(pipeline, Pipeline)
     return pipeline

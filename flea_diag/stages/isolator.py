@@ -179,6 +179,8 @@ class IsolatorStage:
         if episode is None:
             return ()
         visited = {quadrant for scan in self._visited for quadrant in scan}
+        if not self._p.gating:
+            visited = set(QUADRANTS)
         for symbol in record.symbols:
             seen = (symbol.residual, symbol.magnitude, symbol.slope)
             if seen not in episode.symbols:
@@ -234,11 +236,12 @@ class IsolatorStage:
         episode.weighed_at = due
         alive = {h.name for h in episode.isolation.alive()}
         models = [model for model in self._models if model.fault in alive]
-        if models and episode.symbols and episode.scans:
+        if self._p.likelihood and models and episode.symbols and episode.scans:
             fits = episode.likelihood.fit(
                 models, self._sigma, self._correlation, self._k.calibration.tolerances()
             )
-            limit = self._p.drop_nats if episode.conclusive() else math.inf
+            conclusive = episode.conclusive() or not self._p.gating
+            limit = self._p.drop_nats if conclusive else math.inf
             episode.isolation.weigh(stamp_ns, fits, limit)
         waited = (stamp_ns - episode.start_ns) / 1e9 >= self._p.settle_s
         if waited or episode.moving >= self._p.settle_samples:

@@ -55,6 +55,14 @@ class IsolatorParameters:
     rest_s: float = parameter(
         60.0, "without motion for so long nothing is observable", unit="s", minimum=1.0
     )
+    likelihood: bool = parameter(
+        True, "weigh the faults that are left by likelihood (off: signs and features alone)"
+    )
+    gating: bool = parameter(
+        True,
+        "hold symbols against the quadrants passed through only, and let likelihoods wait for "
+        "motion both ways (off: for comparisons)",
+    )
     strategy: str = parameter(
         "optimal",
         "how the next feature is chosen",
