@@ -1,0 +1,165 @@
+"""Alarms, acknowledgements, comments and marks in an SQLite file, which survives any restart.
+
+Several screens may share one file (SQLite's write-ahead log); what one acknowledges the
+others see when they read again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+
+from flea_diag.errors import ConfigurationError, RecordingError
+from flea_diag.operator.alarm import Alarm, Comment, Key, Member
+from flea_diag.wire.records import NEVER_NS, Outcome, Symbol
+
+SCHEMA = """
+CREATE TABLE IF NOT EXISTS alarm (
+    stand TEXT NOT NULL, source TEXT NOT NULL, detected_ns INTEGER NOT NULL,
+    record TEXT NOT NULL, acknowledged_ns INTEGER NOT NULL DEFAULT -1,
+    acknowledged_by TEXT NOT NULL DEFAULT '', PRIMARY KEY (stand, source, detected_ns));
+CREATE TABLE IF NOT EXISTS comment (
+    stand TEXT NOT NULL, source TEXT NOT NULL, detected_ns INTEGER NOT NULL,
+    stamp_ns INTEGER NOT NULL, author TEXT NOT NULL, text TEXT NOT NULL);
+CREATE INDEX IF NOT EXISTS comment_alarm ON comment (stand, source, detected_ns);
+"""
+MARK: Key = ("mark", NEVER_NS)
+"""A mark is a comment on a moment and belongs to no alarm."""
+BUSY_S = 2.0
+LONGEST_TEXT = 2000
+
+
+def default_path() -> Path:
+    """Where the journal lies when nobody says otherwise (XDG base directories)."""
+    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(state) / "flea_diag" / "alarms.sqlite"
+
+
+class AlarmJournal:
+    """The alarms of one stand.
+
+    Raises
+    ------
+    ConfigurationError
+        When the file cannot be opened or is no journal.
+    """
+
+    def __init__(self, path: Path, stand: str = "stand") -> None:
+        self.path, self._stand = path, stand
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            # A screen may draw in one thread and take records in another; SQLite serialises.
+            self._db = sqlite3.connect(
+                path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
+            )
+            self._db.execute("PRAGMA journal_mode = WAL")
+            self._db.executescript(SCHEMA)
+        except (OSError, sqlite3.Error) as error:
+            raise ConfigurationError(
+                f"journal = {str(path)!r} cannot be used ({error}): name a file that can be written"
+            ) from None
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+
+    def note(self, alarm: Alarm) -> None:
+        """Keep what the records say of an alarm; acknowledgement and comments stay as they are."""
+        with self._told():
+            self._db.execute(
+                "INSERT INTO alarm (stand, source, detected_ns, record) VALUES (?, ?, ?, ?) "
+                "ON CONFLICT DO UPDATE SET record = excluded.record "
+                "WHERE record != excluded.record",
+                (self._stand, *alarm.key, _text(alarm)),
+            )
+
+    def acknowledge(self, key: Key, stamp_ns: int, author: str) -> bool:
+        """Acknowledge an alarm; False when it is unknown, or somebody has done it before."""
+        with self._told():
+            changed = self._db.execute(
+                "UPDATE alarm SET acknowledged_ns = ?, acknowledged_by = ? WHERE stand = ? "
+                "AND source = ? AND detected_ns = ? AND acknowledged_ns = -1",
+                (stamp_ns, author, self._stand, *key),
+            )
+        return changed.rowcount == 1
+
+    def comment(self, key: Key, comment: Comment) -> None:
+        """Add a comment to an alarm."""
+        text = comment.text.strip()[:LONGEST_TEXT]
+        if not text:
+            return
+        with self._told():
+            self._db.execute(
+                "INSERT INTO comment VALUES (?, ?, ?, ?, ?, ?)",
+                (self._stand, *key, comment.stamp_ns, comment.author, text),
+            )
+
+    def mark(self, comment: Comment) -> None:
+        """Mark a moment: a comment that belongs to no alarm."""
+        self.comment(MARK, comment)
+
+    def alarms(self, most: int = 100) -> tuple[Alarm, ...]:
+        """The latest alarms, oldest first, with what people said to them."""
+        with self._told():
+            rows = self._db.execute(
+                "SELECT source, detected_ns, record, acknowledged_ns, acknowledged_by FROM alarm "
+                "WHERE stand = ? ORDER BY detected_ns DESC LIMIT ?",
+                (self._stand, most),
+            ).fetchall()
+        return tuple(
+            replace(
+                _alarm(text),
+                acknowledged_ns=acknowledged_ns,
+                acknowledged_by=author,
+                comments=self._comments((source, detected_ns)),
+            )
+            for source, detected_ns, text, acknowledged_ns, author in reversed(rows)
+        )
+
+    def marks(self, most: int = 100) -> tuple[Comment, ...]:
+        """The latest marks, oldest first."""
+        return self._comments(MARK)[-most:]
+
+    def version(self) -> int:
+        """A number that changes when another process has written."""
+        return int(self._db.execute("PRAGMA data_version").fetchone()[0])
+
+    def _comments(self, key: Key) -> tuple[Comment, ...]:
+        rows = self._db.execute(
+            "SELECT stamp_ns, author, text FROM comment WHERE stand = ? AND source = ? "
+            "AND detected_ns = ? ORDER BY stamp_ns",
+            (self._stand, *key),
+        )
+        return tuple(Comment(*row) for row in rows)
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise RecordingError(f"journal {self.path}: {error}") from None
+
+
+LEFT_OUT = ("acknowledged_ns", "acknowledged_by", "comments")
+"""Fields of an alarm that have columns of their own."""
+
+
+def _text(alarm: Alarm) -> str:
+    content = asdict(alarm)
+    for name in LEFT_OUT:
+        del content[name]
+    return json.dumps(content)
+
+
+def _alarm(text: str) -> Alarm:
+    content = json.loads(text)
+    content["outcome"] = Outcome(content["outcome"])
+    content["members"] = tuple(Member(**member) for member in content["members"])
+    content["deviations"] = tuple(Symbol(**symbol) for symbol in content["deviations"])
+    known = {entry.name for entry in fields(Alarm)}
+    return Alarm(**{name: value for name, value in content.items() if name in known})

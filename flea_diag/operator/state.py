@@ -1,0 +1,345 @@
+"""Everything a screen shows, folded from records: ``state = fold(state, record, arrived_ns)``.
+
+Frozen and bounded: a day of records is as large as a minute. Screens that join late get the
+latched topics (verdict, detection, data quality, channels, truth) and start from there; what
+is not latched they show from when they joined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from flea_diag.operator import alarm as alarms_of
+from flea_diag.operator.alarm import Alarm
+from flea_diag.operator.stream import (
+    Stream,
+    counted,
+    jumped_back,
+    scan_period_ns,
+    streams,
+)
+from flea_diag.wire.records import (
+    NEVER_NS,
+    AmbiguityGroup,
+    ChannelTable,
+    DataQuality,
+    Detection,
+    FeatureRequest,
+    FeatureValue,
+    Health,
+    Outcome,
+    Record,
+    Residual,
+    Scan,
+    Symbol,
+    Symbols,
+    Truth,
+    VibrationLevel,
+)
+from flea_diag.wire.topics import TOPIC_OF
+
+MOST_STEPS = 200
+MOST_SYMBOLS = 400
+MOST_FEATURES = 64
+MOST_ALARMS = 100
+MOST_NODES = 64
+ALONE_NS = 2_000_000_000
+"""A detection that no verdict follows for so long is an alarm by itself."""
+
+SHOWN: tuple[type, ...] = (
+    AmbiguityGroup,
+    ChannelTable,
+    DataQuality,
+    Detection,
+    FeatureRequest,
+    FeatureValue,
+    Health,
+    Residual,
+    Scan,
+    Symbols,
+    Truth,
+    VibrationLevel,
+)
+"""Records that are folded; a screen subscribes to these."""
+
+OPEN = (Outcome.DETECTED, Outcome.ISOLATED, Outcome.INDISTINGUISHABLE, Outcome.UNEXPLAINED)
+"""Outcomes whose members are faults that are held possible."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroupStep:
+    """One change of the group: what is left, and what this step dropped and why."""
+
+    stamp_ns: int
+    episode: int
+    step: int
+    outcome: Outcome
+    faults: tuple[str, ...]
+    dropped: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SymbolChange:
+    """A symbol of one residual from ``stamp_ns`` on."""
+
+    stamp_ns: int
+    episode: int
+    symbol: Symbol
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """A feature that was asked for; ``value`` is None while its answer has not come."""
+
+    episode: int
+    step: int
+    name: str
+    asked_ns: int
+    value: FeatureValue | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorState:
+    """The latest record of each kind, and a bounded past of what changes slowly.
+
+    ``steps``, ``symbols`` and ``features`` are in order of time, over episodes; ``alarms`` are
+    in order of detection. ``streams`` are by topic and ``health`` is by node.
+    """
+
+    group: AmbiguityGroup | None = None
+    detection: Detection | None = None
+    quality: DataQuality | None = None
+    channels: ChannelTable | None = None
+    truth: Truth | None = None
+    scan: Scan | None = None
+    residual: Residual | None = None
+    level: VibrationLevel | None = None
+    steps: tuple[GroupStep, ...] = ()
+    symbols: tuple[SymbolChange, ...] = ()
+    features: tuple[Feature, ...] = ()
+    alarms: tuple[Alarm, ...] = ()
+    streams: Mapping[str, Stream] = field(default_factory=streams)
+    health: Mapping[str, Health] = field(default_factory=dict)
+    detection_arrived_ns: int = NEVER_NS
+
+    def stream(self, record_type: type) -> Stream:
+        """Counters of a record's topic."""
+        return self.streams[TOPIC_OF[record_type].name.lstrip("/")]
+
+    def silent(self, record_type: type, now_ns: int) -> bool:
+        """Whether a stream that was there has stopped."""
+        return self.stream(record_type).standing(now_ns) == "stale"
+
+
+def fold(state: OperatorState, record: Record, arrived_ns: int) -> OperatorState:
+    """State after one more record that came at ``arrived_ns`` (any steady clock)."""
+    state = _counted(state, record, arrived_ns)
+    take = _FOLDS.get(type(record))
+    return state if take is None else take(state, record, arrived_ns)
+
+
+def aged(state: OperatorState, now_ns: int) -> OperatorState:
+    """State after time alone has passed: a detection that no verdict follows is an alarm."""
+    flag, since_ns = state.detection, state.detection_arrived_ns
+    alone = flag is not None and flag.detected and state.group is None and since_ns != NEVER_NS
+    if not alone or now_ns - since_ns < ALONE_NS or state.alarms:
+        return state
+    return _with_alarm(state, alarms_of.of_detection(flag, "live"))  # type: ignore[arg-type]
+
+
+def with_losses(state: OperatorState, lost: Mapping[str, int]) -> OperatorState:
+    """Take in what the middleware reported as lost, by topic name without leading slash."""
+    changed = {
+        name: replace(state.streams[name], lost=count)
+        for name, count in lost.items()
+        if name in state.streams and state.streams[name].lost != count
+    }
+    return replace(state, streams={**state.streams, **changed}) if changed else state
+
+
+def with_journal(state: OperatorState, kept: tuple[Alarm, ...]) -> OperatorState:
+    """Take in alarms of a journal: older ones, acknowledgements and comments.
+
+    What the records say of an alarm stays; the journal alone knows what people said.
+    """
+    known = {entry.key: entry for entry in kept}
+    for alarm in state.alarms:
+        said = known.get(alarm.key, alarm)
+        known[alarm.key] = replace(
+            alarm,
+            acknowledged_ns=said.acknowledged_ns,
+            acknowledged_by=said.acknowledged_by,
+            comments=said.comments,
+            deviations=alarm.deviations or said.deviations,
+        )
+    merged = sorted(known.values(), key=lambda entry: entry.detected_ns)
+    return replace(state, alarms=tuple(merged[-MOST_ALARMS:]))
+
+
+def _counted(state: OperatorState, record: Record, arrived_ns: int) -> OperatorState:
+    stream = state.streams.get(TOPIC_OF[type(record)].name.lstrip("/"))
+    if stream is None:
+        return state
+    if isinstance(record, Scan | Residual) and jumped_back(stream, record.stamp_ns):
+        state = _anew(state)
+        stream = state.streams[stream.name]
+    period_ns = scan_period_ns(state.channels) if isinstance(record, Scan) else 0
+    changed = counted(stream, record, arrived_ns, period_ns)
+    return replace(state, streams={**state.streams, stream.name: changed})
+
+
+def _anew(state: OperatorState) -> OperatorState:
+    """A new run on the same stand: what people said stays, what was measured goes."""
+    fresh = {
+        name: replace(stream, stamp_ns=NEVER_NS, since_ns=NEVER_NS)
+        for name, stream in state.streams.items()
+    }
+    return replace(
+        state, scan=None, residual=None, level=None, steps=(), symbols=(), features=(),
+        streams=fresh,
+    )  # fmt: skip
+
+
+def _with_group(state: OperatorState, group: AmbiguityGroup, _: int) -> OperatorState:
+    before = state.group
+    state = replace(state, group=group)
+    if group.detected_stamp_ns != NEVER_NS:
+        state = _with_alarm(state, _alarm_of(state, group))
+    elif before is not None and before.detected_stamp_ns != NEVER_NS:
+        state = _closed(state, before, group.stamp_ns)
+    step = _step(before, group)
+    last = state.steps[-1] if state.steps else None
+    if last is not None and (last.episode, last.outcome, last.faults) == (
+        step.episode, step.outcome, step.faults,
+    ):  # fmt: skip
+        return state
+    return replace(state, steps=(*state.steps, step)[-MOST_STEPS:])
+
+
+def _step(before: AmbiguityGroup | None, group: AmbiguityGroup) -> GroupStep:
+    same = before is not None and before.detected_stamp_ns == group.detected_stamp_ns
+    earlier = {c.fault for c in before.dropped} if before is not None and same else set()
+    return GroupStep(
+        group.stamp_ns,
+        group.episode,
+        group.step,
+        group.outcome,
+        tuple(c.fault for c in group.members),
+        tuple((c.fault, c.reason) for c in group.dropped if c.fault not in earlier),
+    )
+
+
+def _alarm_of(state: OperatorState, group: AmbiguityGroup) -> Alarm:
+    key = group.source, group.detected_stamp_ns
+    known = next((entry for entry in state.alarms if entry.key == key), None)
+    alarm = alarms_of.of_group(group) if known is None else alarms_of.with_group(known, group)
+    flag = state.detection
+    if flag is not None and flag.detected and flag.stamp_ns == alarm.detected_ns:
+        alarm = alarms_of.with_detection(alarm, flag)
+    return alarm
+
+
+def _closed(state: OperatorState, before: AmbiguityGroup, stamp_ns: int) -> OperatorState:
+    key = before.source, before.detected_stamp_ns
+    return replace(
+        state,
+        alarms=tuple(
+            replace(entry, closed_ns=stamp_ns) if entry.key == key else entry
+            for entry in state.alarms
+        ),
+    )
+
+
+def _with_alarm(state: OperatorState, alarm: Alarm) -> OperatorState:
+    if any(entry.key == alarm.key for entry in state.alarms):
+        known = (alarm if entry.key == alarm.key else entry for entry in state.alarms)
+        return replace(state, alarms=tuple(known))
+    return replace(state, alarms=(*state.alarms, alarm)[-MOST_ALARMS:])
+
+
+def _with_detection(state: OperatorState, flag: Detection, arrived_ns: int) -> OperatorState:
+    state = replace(state, detection=flag, detection_arrived_ns=arrived_ns)
+    if not flag.detected or state.group is None:
+        return state
+    key = state.group.source, flag.stamp_ns
+    known = next((entry for entry in state.alarms if entry.key == key), None)
+    if known is not None:
+        return _with_alarm(state, alarms_of.with_detection(known, flag))
+    if _before_last(state, flag):
+        return state  # a vibration episode is open: the detection is evidence inside it
+    return _with_alarm(state, alarms_of.of_detection(flag, state.group.source))
+
+
+def _before_last(state: OperatorState, flag: Detection) -> bool:
+    group = state.group
+    return group is not None and group.detected_stamp_ns not in (NEVER_NS, flag.stamp_ns)
+
+
+def _with_symbols(state: OperatorState, record: Symbols, _: int) -> OperatorState:
+    latest = {c.symbol.residual: c.symbol for c in state.symbols if c.episode == record.episode}
+    new = tuple(
+        SymbolChange(record.stamp_ns, record.episode, symbol)
+        for symbol in record.symbols
+        if latest.get(symbol.residual) != symbol
+    )
+    state = replace(state, symbols=(*state.symbols, *new)[-MOST_SYMBOLS:])
+    alarm = _open_alarm(state, record.stamp_ns)
+    return state if alarm is None else _with_alarm(state, alarms_of.with_symbols(alarm, record))
+
+
+def _open_alarm(state: OperatorState, stamp_ns: int) -> Alarm | None:
+    """Alarm of the episode that a deviation belongs to; numbers of two nodes may differ."""
+    source = state.group.source if state.group is not None else None
+    fitting = (
+        entry
+        for entry in state.alarms
+        if entry.source == source and entry.detected_ns <= stamp_ns and entry.closed_ns == NEVER_NS
+    )
+    return max(fitting, key=lambda entry: entry.detected_ns, default=None)
+
+
+def _with_request(state: OperatorState, record: FeatureRequest, _: int) -> OperatorState:
+    asked = Feature(record.episode, record.step, record.feature, record.stamp_ns)
+    return replace(state, features=(*state.features, asked)[-MOST_FEATURES:])
+
+
+def _with_value(state: OperatorState, record: FeatureValue, _: int) -> OperatorState:
+    asked = (record.episode, record.step, record.feature)
+    answer = Feature(*asked, record.stamp_ns, record)
+    for index, entry in enumerate(state.features):
+        if (entry.episode, entry.step, entry.name) == asked:
+            answer = replace(entry, value=record)
+            features = (*state.features[:index], answer, *state.features[index + 1 :])
+            return replace(state, features=features)
+    return replace(state, features=(*state.features, answer)[-MOST_FEATURES:])
+
+
+def _with_health(state: OperatorState, record: Health, _: int) -> OperatorState:
+    if record.node not in state.health and len(state.health) >= MOST_NODES:
+        return state
+    return replace(state, health={**state.health, record.node: record})
+
+
+def _latest(name: str) -> Callable[[OperatorState, Any, int], OperatorState]:
+    def take(state: OperatorState, record: Any, _: int) -> OperatorState:
+        return replace(state, **{name: record})
+
+    return take
+
+
+_FOLDS: dict[type, Callable[[OperatorState, Any, int], OperatorState]] = {
+    AmbiguityGroup: _with_group,
+    ChannelTable: _latest("channels"),
+    DataQuality: _latest("quality"),
+    Detection: _with_detection,
+    FeatureRequest: _with_request,
+    FeatureValue: _with_value,
+    Health: _with_health,
+    Residual: _latest("residual"),
+    Scan: _latest("scan"),
+    Symbols: _with_symbols,
+    Truth: _latest("truth"),
+    VibrationLevel: _latest("level"),
+}

@@ -1,0 +1,115 @@
+"""Health of one stream as a screen sees it: rate, late, missing and stale.
+
+Rate, late and missing come from the records' own stamps; stale from when they arrived.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from flea_diag.wire.records import (
+    NEVER_NS,
+    AmbiguityGroup,
+    ChannelTable,
+    Health,
+    Record,
+    Residual,
+    Scan,
+    VibrationLevel,
+)
+from flea_diag.wire.topics import TOPIC_OF
+
+STALE_AFTER_NS: dict[type, int] = {
+    Scan: 1_000_000_000,
+    Residual: 1_000_000_000,
+    VibrationLevel: 1_000_000_000,
+    AmbiguityGroup: 2_500_000_000,
+    Health: 3_500_000_000,
+}
+"""Streams that never pause -> the silence after which they are stale. The verdict comes once a
+second, so two in a row missing mean that its writer is gone; health comes once a second, too."""
+
+RATE_OVER_NS = 1_000_000_000
+AXIS = "accelerometer"
+"""Channels of this name come in vibration blocks, all others in scans."""
+JUMP_NS = 1_000_000_000
+"""A stamp that is older than the stream by more than this starts a new run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """What was counted on one topic; ``missing`` are records that the stamps leave room for.
+
+    ``rate_hz`` is NaN until a second of stamps has passed. ``lost`` is what the middleware
+    reported, in any node.
+    """
+
+    name: str
+    stale_after_ns: int
+    received: int = 0
+    late: int = 0
+    missing: int = 0
+    lost: int = 0
+    rate_hz: float = math.nan
+    stamp_ns: int = NEVER_NS
+    arrived_ns: int = NEVER_NS
+    since_ns: int = NEVER_NS
+    counted: int = 0
+
+    def silent_s(self, now_ns: int) -> float:
+        """Seconds since the last record; infinite when there was none."""
+        return math.inf if self.arrived_ns == NEVER_NS else (now_ns - self.arrived_ns) / 1e9
+
+    def standing(self, now_ns: int) -> str:
+        """One of ``waiting`` (none yet), ``stale`` and ``running``."""
+        if self.arrived_ns == NEVER_NS:
+            return "waiting"
+        return "stale" if now_ns - self.arrived_ns > self.stale_after_ns else "running"
+
+
+def streams() -> dict[str, Stream]:
+    """Streams that are watched, before anything came."""
+    names = {kind: TOPIC_OF[kind].name.lstrip("/") for kind in STALE_AFTER_NS}
+    return {names[kind]: Stream(names[kind], limit) for kind, limit in STALE_AFTER_NS.items()}
+
+
+def jumped_back(stream: Stream, stamp_ns: int) -> bool:
+    """Whether a stamp belongs to a new run (a replay that loops, a stand started again)."""
+    return stamp_ns < stream.stamp_ns - JUMP_NS
+
+
+def counted(stream: Stream, record: Record, arrived_ns: int, period_ns: int = 0) -> Stream:
+    """Stream with one more record; ``period_ns`` is its nominal period where one is known."""
+    stamp_ns = record.stamp_ns
+    if stamp_ns <= stream.stamp_ns and not isinstance(record, AmbiguityGroup | Health):
+        late = stream.late + 1
+        return replace(stream, received=stream.received + 1, late=late, arrived_ns=arrived_ns)
+    missing = stream.missing
+    if period_ns and stream.stamp_ns != NEVER_NS:
+        missing += max(0, round((stamp_ns - stream.stamp_ns) / period_ns) - 1)
+    rate_hz, since_ns, count = stream.rate_hz, stream.since_ns, stream.counted + 1
+    if since_ns == NEVER_NS:
+        since_ns, count = stamp_ns, 0
+    elif stamp_ns - since_ns >= RATE_OVER_NS:
+        rate_hz, since_ns, count = count * 1e9 / (stamp_ns - since_ns), stamp_ns, 0
+    return Stream(
+        stream.name,
+        stream.stale_after_ns,
+        stream.received + 1,
+        stream.late,
+        missing,
+        stream.lost,
+        rate_hz,
+        stamp_ns,
+        arrived_ns,
+        since_ns,
+        count,
+    )
+
+
+def scan_period_ns(table: ChannelTable | None) -> int:
+    """Nominal period of the scans by the channel table, 0 where it does not tell."""
+    slow = [row for row in table.channels if not row.name.startswith(AXIS)] if table else []
+    rate_hz = max((row.rate_hz for row in slow), default=0.0)
+    return round(1e9 / rate_hz) if rate_hz > 0.0 else 0
