@@ -36,6 +36,7 @@ REQUIRES = [
 EXTRAS = {
     "numba": ["numba>=0.60"],
     "plot": ["matplotlib>=3.7"],
+    "evaluate": ["Jinja2>=3.1"],
     "test": [
         "pytest>=7.4",
         "hypothesis>=6.100",
@@ -43,6 +44,7 @@ EXTRAS = {
         "ruff>=0.9",
         "setuptools>=70.1",
         "colcon-common-extensions",
+        "Jinja2>=3.1",
     ],
 }
 
@@ -88,6 +90,7 @@ setup(
         "Programming Language :: Python :: 3",
         "Topic :: Scientific/Engineering",
     ],
+    package_data={"flea_diag.tools": ["templates/*.html"]},
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "flea_sim_driver*"]),
     install_requires=REQUIRES,
     extras_require=EXTRAS,

@@ -1,0 +1,223 @@
+"""An evaluation as one HTML page that needs nothing else: no network, no server, no script library.
+
+What is read: the results, one a run, and the traces of those runs that are to be drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
+from importlib.resources import files
+from typing import Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.report_charts import Mark, group_steps, range_words, strip, symbol_matrix
+from flea_diag.tools.run_result import NOMINAL, RunResult
+
+KINDS = {
+    "real": "Recorded runs",
+    "injected": "Recorded runs with a software fault put in",
+    "spliced": "Recorded runs switched to another unit",
+    "simulated": "Simulated runs",
+}
+COLUMNS = (
+    "run",
+    "kind",
+    "diagnoser",
+    "truth",
+    "judged",
+    "answer",
+    "detected after (s)",
+    "final after (s)",
+    "features",
+    "CPU (s)",
+)
+WIDE = ("kind", "diagnoser", "features", "CPU (s)")
+"""Columns that a phone leaves out."""
+DRAWN_RIGHT = 2
+"""Right runs drawn for each row, next to all that are wrong."""
+MOST_DRAWN = 400
+RESIDUAL_SHOWN = 0.5
+"""A residual that stays below this share of its limit is not drawn."""
+MOST_RESIDUALS = 10
+SIGNALS = (
+    "actuator_position",
+    "load_position",
+    "motor_speed",
+    "load_force",
+    "motor_current",
+    "motor_voltage",
+    "commanded_voltage",
+    "motor_temperature",
+    "nut_temperature",
+    "ambient_temperature",
+)
+
+Share = Mapping[str, float]
+Traces = Callable[[RunResult], Mapping[str, Any] | None]
+
+
+def to_draw(results: Sequence[RunResult]) -> list[RunResult]:
+    """Runs worth a picture: all that are wrong, then a few right ones of each row."""
+    wrong = [r for r in results if not r.right and not r.failure]
+    seen: dict[tuple[str, str, str], int] = {}
+    right = []
+    for result in results:
+        row = result.kind, result.row, result.configuration
+        if result.right and seen.setdefault(row, 0) < DRAWN_RIGHT:
+            seen[row] += 1
+            right.append(result)
+    return (wrong + right)[:MOST_DRAWN]
+
+
+def page(
+    title: str,
+    made: str,
+    results: Sequence[RunResult],
+    shares: Mapping[str, Mapping[str, Mapping[str, Share]]],
+    paper: Mapping[str, float],
+    traces: Traces,
+) -> str:
+    """The whole page.
+
+    Parameters
+    ----------
+    shares
+        Kind -> diagnoser -> row -> ``percent`` right with ``low`` and ``high`` (%).
+    paper
+        Row -> the paper's figure (%).
+    traces
+        Gives what ``run_trace`` kept of a run, None where nothing was kept.
+
+    Raises
+    ------
+    ConfigurationError
+        Jinja2 is not installed.
+    """
+    try:
+        from jinja2 import Environment
+    except ImportError as error:
+        raise ConfigurationError(
+            "the report needs Jinja2: pip install 'flea_diag[evaluate]'"
+        ) from error
+    environment = Environment(autoescape=True, trim_blocks=True)
+    source = files("flea_diag.tools").joinpath("templates/report.html").read_text("utf-8")
+    drawn = [(r, trace) for r in to_draw(results) if (trace := traces(r)) is not None]
+    rows = {kind: list(dict.fromkeys(r.row for r in results if r.kind == kind)) for kind in shares}
+    return environment.from_string(source).render(
+        title=title,
+        made=made,
+        backends=sorted({r.backend for r in results if r.backend}),
+        kinds=KINDS,
+        tables=shares,
+        rows=rows,
+        counts={k: {row: _count(results, k, row) for row in rows[k]} for k in rows},
+        paper=paper,
+        columns=COLUMNS,
+        wide=WIDE,
+        results=[_line(result) for result in results],
+        drawn={anchor(result) for result, _ in drawn},
+        drawn_words=(
+            f"{len(drawn)} of {len(results)} runs are drawn: those judged wrong, and up to "
+            f"{DRAWN_RIGHT} right ones of each row."
+        ),
+        pictures=(picture(result, trace) for result, trace in drawn),
+    )
+
+
+def anchor(result: RunResult) -> str:
+    """Name of the run's drawing on the page."""
+    return "run-" + "-".join(part.replace(" ", "_") for part in result.key if part)
+
+
+def _count(results: Iterable[RunResult], kind: str, row: str) -> int:
+    """Runs in a row, whoever diagnosed them."""
+    return len({(r.id, r.fold) for r in results if r.kind == kind and r.row == row})
+
+
+def _line(result: RunResult) -> dict[str, Any]:
+    return {
+        **asdict(result),
+        "right": result.right,
+        "anchor": anchor(result),
+        "detection": _number(result.detection_time_s, "{:.2f}"),
+        "isolation": _number(result.isolation_time_s, "{:.2f}"),
+        "features": f"{len(result.features_computed)}",
+        "cpu": f"{result.cpu_s:.2f}",
+    }
+
+
+def picture(result: RunResult, trace: Mapping[str, Any]) -> dict[str, Any]:
+    """All charts of one run."""
+    from markupsafe import Markup
+
+    duration_s = trace["duration_s"]
+    marks = _marks(result, trace)
+    traces = trace["traces"]
+    ordered = [name for name in SIGNALS if name in traces]
+    features = [_feature(each) for each in trace["features"]]
+    available = max((group["features"][1] for group in trace["groups"]), default=0)
+    return {
+        **_line(result),
+        "marks": "; ".join(f"{words} at {at_s:.2f} s" for at_s, words, _ in marks),
+        "verdict": result.failure or _verdict(result),
+        "group": Markup(group_steps(trace["groups"], duration_s, marks)),
+        "symbols": Markup(symbol_matrix(trace["symbols"], duration_s, marks)),
+        "features": features,
+        "skipped": max(available - len(result.features_computed), 0),
+        "residuals": [
+            (name, Markup(strip(traces[f"{name}/limit"], duration_s, marks, limit=True)))
+            for name in _notable(traces)
+        ],
+        "signals": [
+            (
+                f"{name}: {range_words(traces[name])}",
+                Markup(strip(traces[name], duration_s, marks)),
+            )
+            for name in ordered
+        ],
+    }
+
+
+def _verdict(result: RunResult) -> str:
+    return " ".join([result.outcome, ", ".join(result.group)]).strip()
+
+
+def _marks(result: RunResult, trace: Mapping[str, Any]) -> list[Mark]:
+    truths = [(at_s, f"truth: {fault}", "truth") for fault, at_s in trace["truth"]]
+    onset = [mark for mark in truths if mark[1] != f"truth: {NOMINAL}"]
+    if not onset and result.onset_s is not None:
+        onset = [(result.onset_s, f"truth: {result.truth}", "truth")]
+    return onset + [(at_s, "detected", "detected") for at_s in result.alarms_s]
+
+
+def _notable(traces: Mapping[str, Any]) -> list[str]:
+    """Residuals that came near their limits, the farthest first."""
+    reach = {
+        name.removesuffix("/limit"): _largest(trace)
+        for name, trace in traces.items()
+        if name.endswith("/limit")
+    }
+    near = [name for name, size in reach.items() if size >= RESIDUAL_SHOWN]
+    return sorted(near, key=lambda name: -reach[name])[:MOST_RESIDUALS]
+
+
+def _largest(trace: Mapping[str, Any]) -> float:
+    return max((abs(v) for key in ("low", "high") for v in trace[key] if v is not None), default=0)
+
+
+def _feature(feature: Mapping[str, Any]) -> dict[str, str]:
+    low, high = feature["low"], feature["high"]
+    return {
+        "name": feature["name"],
+        "asked": _number(feature["asked_s"], "{:.2f} s"),
+        "value": feature["reason"] or _number(feature["value"], "{:.4g} ") + feature["unit"],
+        "nominal": "" if low is None or high is None else f"{low:.4g} to {high:.4g}",
+        "symbol": feature["symbol"],
+        "cost": _number(feature["cost_ms"], "{:.2f} ms"),
+    }
+
+
+def _number(value: float | None, form: str) -> str:
+    return "" if value is None or not math.isfinite(value) else form.format(value)
