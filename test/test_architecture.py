@@ -27,6 +27,7 @@ class Room(NamedTuple):
 
 ROS = ("rclpy", "rcl_interfaces", "std_srvs", "rosgraph_msgs", "builtin_interfaces", "launch")
 BAGS = ("mcap", "rosbags", "zstandard", "lz4", "yaml")
+PAGES = ("jinja2", "markupsafe")
 SCIENCE = ("numpy", "scipy", "numba", "pywt")
 
 # The first room whose name a module starts with is its room.
@@ -85,7 +86,7 @@ ROOMS = (
             "flea_diag.errors",
             "flea_sim_driver",
         ),
-        (*SCIENCE, *BAGS, "matplotlib"),
+        (*SCIENCE, *BAGS, "matplotlib", *PAGES),
     ),
     Room(
         "flea_diag.configuration",
