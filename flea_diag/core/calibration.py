@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from reprlib import repr as short
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.detection import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
+from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residual import UNIT_PARAMETERS
 from flea_diag.core.residual_bank import RESIDUALS
@@ -67,6 +68,7 @@ class Calibration:
     nominal_s: float
     sources: tuple[str, ...]
     bad_stretches: tuple[BadStretch, ...] = ()
+    observer_noise: ObserverNoise = field(default_factory=ObserverNoise)
 
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
@@ -128,6 +130,8 @@ def from_mapping(mapping: object, where: str) -> Calibration:
             )
     values: dict[str, Any] = {}
     for key, reader in _READERS.items():
+        if key not in mapping and key in LATER:
+            continue  # an older file: the default holds
         if key not in mapping:
             raise CalibrationError(f"{where}: entry {key!r} is missing")
         try:
@@ -199,7 +203,15 @@ def _limit(value: Any) -> ResidualLimit:
         _regions(value["sigma"], _positive, name),
         _positive(value["nominal"]),
         _positive(value["correlation_samples"]),
+        _spread(value.get("spread", []), name),
     )
+
+
+def _spread(value: Any, name: str) -> tuple[float, ...]:
+    numbers = tuple(map(_number, _list(value)))
+    if len(numbers) not in (0, len(UNIT_PARAMETERS)):
+        raise ValueError(f"{name}: spread has {len(numbers)} numbers, not {len(UNIT_PARAMETERS)}")
+    return numbers
 
 
 def _window_limit(value: Any) -> WindowLimit:
@@ -259,4 +271,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "nominal_s": _positive,
     "sources": _texts,
     "bad_stretches": _stretches,
+    "observer_noise": _numbers_of(ObserverNoise, [f.name for f in fields(ObserverNoise)]),
 }
+LATER = ("observer_noise",)
+"""Entries that files of this schema may lack."""

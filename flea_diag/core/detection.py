@@ -60,7 +60,9 @@ class ResidualLimit:
     """Limits of one residual; ``sigma`` is the scatter of single samples, per region.
 
     ``nominal`` is the nominal noise level (noise residuals) and ``correlation_samples`` the
-    number of samples that carry as much news as one independent sample.
+    number of samples that carry as much news as one independent sample. ``spread`` is d r / d
+    theta of healthy units (order of ``UNIT_PARAMETERS``) where the residual itself does not
+    tell it scan by scan, and empty elsewhere.
     """
 
     name: str
@@ -68,6 +70,7 @@ class ResidualLimit:
     sigma: tuple[float, ...]
     nominal: float = 1.0
     correlation_samples: float = 1.0
+    spread: tuple[float, ...] = ()
 
 
 @dataclass(slots=True)
@@ -177,10 +180,11 @@ class _Group:
         noise_log, thermal_k = extra
         thermal = np.array([row.name in THERMAL for row in rows])
         self._variance = np.where(self._noise, noise_log**2, np.where(thermal, thermal_k**2, 0.0))
+        self._fixed = np.zeros((len(rows), len(tolerance)))
         self._bounds(rows, limits)
         self._spread_rows = self._columns[self._spread] if len(self._spread) else self._spread
         self._noisy = np.flatnonzero(self._noise)
-        self._base = self._sigma**2 + self._variance[None, :, None]
+        self._based()
         self._lengths, self._order = np.array(self._windows), np.arange(len(rows))
         self._places = np.arange(len(self._windows))
         width = len(rows) + 1 + len(self._spread) * len(tolerance)
@@ -197,9 +201,16 @@ class _Group:
             if limit is None:
                 continue
             self._nominal[column] = limit.nominal
+            if limit.spread:
+                self._fixed[column] = limit.spread
             for bound in limit.windows:
                 at = self._windows.index(bound.window), column
                 self._centre[at], self._sigma[at], self._k[at] = bound.centre, bound.sigma, bound.k
+
+    def _based(self) -> None:
+        """What every window's variance holds whatever its samples were."""
+        unit = np.square(self._fixed * self.tolerance).sum(axis=1)
+        self._base = self._sigma**2 + (self._variance + unit)[None, :, None]
 
     def step(self, sample: ResidualSample, results: TestResults) -> None:
         """Take one sample and judge every window."""
@@ -242,6 +253,7 @@ class _Group:
     def adopt(self, change: Array, tolerance: Array) -> None:
         """Move the parity residuals in the windows along with the unit's parameters."""
         self.tolerance = tolerance
+        self._based()
         count = len(self._columns)
         for place, column in enumerate(self._spread):
             start = count + 1 + place * len(change)

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual import PARITIES, UNIT_PARAMETERS, Parity, Signals
+from flea_diag.core.residual import PARITIES, SPEED, UNIT_PARAMETERS, Parity, Signals
 from flea_diag.core.smoothing import Smoother
 from flea_diag.core.thermal import ThermalNode
 
@@ -47,6 +47,8 @@ NOISE_CHANNELS = {
 }
 """Channels whose noise is watched, and when: that of current and load comes with motion."""
 JUMP_CHANNELS = ("actuator_position", "load_position")
+INNOVATION_CHANNELS = ("motor_current", "motor_speed", "actuator_position")
+"""Channels whose prediction by the state observer is tested."""
 
 
 JUMP_TRACE = 6
@@ -58,7 +60,8 @@ class ResidualRow:
     """One residual: its unit, the channels it needs, and when it may be tested.
 
     ``gate`` is "moving" where the excitation of motion is needed, else "always". ``windows``
-    are the numbers of samples over which it is averaged before a test.
+    are the numbers of samples over which it is averaged before a test. What does not isolate
+    detects, but makes no symbol.
     """
 
     name: str
@@ -66,6 +69,7 @@ class ResidualRow:
     needs: tuple[str, ...]
     gate: str
     windows: tuple[int, ...]
+    isolates: bool = True
 
 
 PARITY_WINDOWS = (50, 100, 400)
@@ -78,6 +82,12 @@ def _parity_row(row: Parity) -> ResidualRow:
     return ResidualRow(row.name, row.unit, row.needs, gate, PARITY_WINDOWS)
 
 
+def _innovation_rows(channel: str) -> tuple[ResidualRow, ResidualRow]:
+    needs = (channel, "motor_voltage", SPEED)
+    raw = ResidualRow(f"innovation_{channel}", "1", needs, "moving", PARITY_WINDOWS, False)
+    return raw, ResidualRow(f"{raw.name}_dn", "1", needs, "moving", PARITY_WINDOWS, False)
+
+
 RESIDUALS: tuple[ResidualRow, ...] = (
     *(_parity_row(row) for row in PARITIES),
     ResidualRow("motor_temperature", "K", ("motor_temperature",), "always", THERMAL_WINDOWS),
@@ -88,8 +98,11 @@ RESIDUALS: tuple[ResidualRow, ...] = (
         ResidualRow(f"{name}_noise", "1", (name,), gate, NOISE_WINDOWS)
         for name, gate in NOISE_CHANNELS.items()
     ),
+    *(row for channel in INNOVATION_CHANNELS for row in _innovation_rows(channel)),
 )
 RESIDUAL_INDEX = {row.name: index for index, row in enumerate(RESIDUALS)}
+INNOVATION_INDEX = {name: at for name, at in RESIDUAL_INDEX.items() if name.startswith("innov")}
+"""Filled by the state observer, not by the bank."""
 
 
 @dataclass(slots=True)

@@ -9,8 +9,9 @@ degrees of freedom as there are ten-second pieces of nominal recording, and neve
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,7 @@ from flea_diag.core.identification import Identified
 from flea_diag.core.plausibility import ENTER_SAMPLES, usable
 from flea_diag.core.residual_bank import (
     INDEX,
+    INNOVATION_INDEX,
     RESIDUAL_INDEX,
     RESIDUALS,
     ResidualBank,
@@ -39,6 +41,7 @@ GUARD = 1.25
 JUMP_GUARD = 1.5
 PIECE_S = 10.0
 REGIONS = len(SPEED_REGIONS_M_S) + 1
+NEED_VOLTAGE = np.array(["motor_voltage" in row.needs for row in RESIDUALS])
 
 
 @dataclass(frozen=True)
@@ -61,9 +64,7 @@ def trace(run: Run, identified: Identified, kernel_length: int, period_s: float)
     if not np.isfinite(run.rows[:, INDEX["commanded_voltage"]]).any():
         column = values[:, RESIDUAL_INDEX["parity_electrical"]]
         good = usable(column, identified.voltage_limit_v)
-        for index, row in enumerate(RESIDUALS):
-            if "motor_voltage" in row.needs:
-                values[~good, index] = np.nan
+        values[~good[:, None] & NEED_VOLTAGE] = np.nan
     return Trace(
         run.name,
         values,
@@ -71,6 +72,14 @@ def trace(run: Run, identified: Identified, kernel_length: int, period_s: float)
         np.array([sample.moving for sample in samples]),
         good,
     )
+
+
+def with_innovations(traced: Trace, innovations: Array) -> Trace:
+    """The same trace with the observer's residuals, shape (scans, innovations), filled in."""
+    values = traced.values.copy()
+    values[:, list(INNOVATION_INDEX.values())] = innovations
+    values[~traced.voltage_usable[:, None] & NEED_VOLTAGE] = np.nan
+    return replace(traced, values=values)
 
 
 def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
@@ -84,9 +93,15 @@ def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
 
 
 def limits(
-    traces: Sequence[Trace], false_alarms_per_hour: float, period_s: float
+    traces: Sequence[Trace],
+    false_alarms_per_hour: float,
+    period_s: float,
+    spread: Mapping[str, tuple[float, ...]] = MappingProxyType({}),
 ) -> tuple[ResidualLimit, ...]:
-    """Limits of every residual that the recordings can form."""
+    """Limits of every residual that the recordings can form.
+
+    ``spread`` holds d r / d theta of healthy units for residuals that do not tell it.
+    """
     found = []
     for index, row in enumerate(RESIDUALS):
         columns = [_gated(row, index, entry) for entry in traces]
@@ -95,7 +110,7 @@ def limits(
             continue
         limit = _limit(row, columns, false_alarms_per_hour / len(RESIDUALS), period_s)
         if limit is not None:
-            found.append(limit)
+            found.append(replace(limit, spread=spread.get(row.name, ())))
     return tuple(found)
 
 

@@ -196,6 +196,10 @@ class IsolatorStage:
     def _residual(self, record: Residual) -> Iterable[Record]:
         if self._standing.first_ns == NEVER_NS:
             self._standing.first_ns = record.stamp_ns
+        if not (record.health and record.health[-1]):
+            self._standing.lost_ns = NEVER_NS
+        elif self._standing.lost_ns == NEVER_NS:
+            self._standing.lost_ns = record.stamp_ns
         at = {name: index for index, name in enumerate(record.names)}
         regressors = np.array(record.regressors[: len(REGRESSORS)])
         moving = record.regressors[-1] > 0.5
@@ -234,6 +238,8 @@ class IsolatorStage:
         if due == episode.weighed_at:
             return ()
         episode.weighed_at = due
+        if not episode.symbols and not episode.settled:
+            return ()  # the observer's innovation detected; no relation has deviated yet
         alive = {h.name for h in episode.isolation.alive()}
         models = [model for model in self._models if model.fault in alive]
         if self._p.likelihood and models and episode.symbols and episode.scans:

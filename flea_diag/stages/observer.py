@@ -25,6 +25,7 @@ from flea_diag.core.residual import SPEED
 from flea_diag.core.residual_bank import (
     CHANNELS,
     INDEX,
+    INNOVATION_INDEX,
     RESIDUAL_INDEX,
     RESIDUALS,
     ResidualBank,
@@ -32,6 +33,7 @@ from flea_diag.core.residual_bank import (
 )
 from flea_diag.core.symbols import SymbolState
 from flea_diag.core.unit_offsets import OffsetLearning
+from flea_diag.stages.state_estimate import KINDS, NONE, StateEstimate, Told
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import (
     ChannelQuality,
@@ -50,6 +52,8 @@ Array = npt.NDArray[np.float64]
 
 KERNEL_LENGTH = 31
 VOLTAGE_COLUMNS = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
+INNOVATION_COLUMNS = list(INNOVATION_INDEX.values())
+ISOLATING = np.array([row.isolates for row in RESIDUALS])
 SPEED_COLUMNS = [j for j, row in enumerate(RESIDUALS) if SPEED in row.needs]
 JUMP_SCANS = 9
 """Scans that the jump predictor looks back over: the longest a jump stays in it."""
@@ -82,6 +86,17 @@ class ObserverParameters:
     gap_scans: int = parameter(
         10, "missing scans after which smoothing starts anew", minimum=2, maximum=1000
     )
+    state_observer: str = parameter(
+        "particle",
+        "what estimates the states for detection: particle or Kalman filter, or none (fastest)",
+        choices=(*KINDS, NONE),
+    )
+    observer_backend: str = parameter(
+        "auto", "what computes the particle filter", choices=("auto", "numpy", "numba")
+    )
+    observer_seed: int = parameter(
+        1, "seed of the particle filter's random numbers", minimum=0, maximum=2**31 - 1
+    )
 
 
 class ObserverStage:
@@ -113,6 +128,8 @@ class ObserverStage:
             c.limits, c.tolerances(), c.tolerance.noise_log, c.tolerance.thermal_rate_k_per_s
         )
         self._plausible = VoltagePlausibility(c.voltage_limit_v)
+        p = self._parameters
+        self._estimate = StateEstimate(c, p.state_observer, p.observer_seed, p.observer_backend)
         self._learning = {
             residual: (name, OffsetLearning(name, c.tolerance))
             for residual, name in LEARNED.items()
@@ -151,8 +168,12 @@ class ObserverStage:
         if not self._in_order(scan.stamp_ns):
             return ()
         row = self._usable_row(scan)
-        sample = self._bank.step(row, self._detected_ns >= 0)
-        self._distrust_voltage(sample)
+        frozen = self._detected_ns >= 0
+        sample = self._bank.step(row, frozen)
+        usable = self._voltage_usable(sample)
+        told = self._estimate.step(row, usable, frozen, sample.values)
+        if not usable:
+            sample.values[VOLTAGE_COLUMNS] = np.nan
         self._distrust_speed(sample)
         self._learn(sample, scan.stamp_ns)
         results = self._detector.step(sample)
@@ -161,7 +182,7 @@ class ObserverStage:
             # what alternates with the motion (direction-normalised) still is one.
             results.z[RESIDUAL_INDEX["parity_electrical"]] = math.nan
         out: list[Record] = [*self._quality(scan.stamp_ns)]
-        out.append(self._residual(scan.stamp_ns, row, sample, results))
+        out.append(self._residual(scan.stamp_ns, row, sample, results, told))
         out.extend(self._episode(scan.stamp_ns, results))
         return tuple(out)
 
@@ -185,6 +206,7 @@ class ObserverStage:
         self._stream["lost"] += max(missing, 0)
         if missing >= self._parameters.gap_scans:
             self._bank.interrupt()
+            self._estimate.interrupt()
         self._last_ns = stamp_ns
         return True
 
@@ -206,16 +228,15 @@ class ObserverStage:
                 monitor.step(scan.stamp_ns, math.nan, True, "")
         return row
 
-    def _distrust_voltage(self, sample: ResidualSample) -> None:
-        """Leave out what rests on a voltage that nothing corroborates and motion belies."""
+    def _voltage_usable(self, sample: ResidualSample) -> bool:
+        """Whether what rests on the voltage may be used, where motion alone can belie it."""
         if not math.isnan(sample.signals.commanded_voltage_v):
-            return
+            return True
         was_bad = self._plausible.bad
         usable = self._plausible.step(float(sample.values[RESIDUAL_INDEX["parity_electrical"]]))
-        if not usable:
-            sample.values[VOLTAGE_COLUMNS] = np.nan
         if self._plausible.bad and not was_bad:
             self._detector.forget(VOLTAGE_COLUMNS)
+        return usable
 
     def _distrust_speed(self, sample: ResidualSample) -> None:
         """A position that has just jumped reads as a speed for as long as the kernel sees it."""
@@ -258,7 +279,10 @@ class ObserverStage:
         offsets = {name: getattr(self._p, name) + change[name] for name in LEARNED.values()}
         self._p = replace(self._p, **offsets)
         self._bank.adopt(self._p)
+        self._estimate.adopt(self._p)
         self._detector.adopt(list(change.values()), list(tolerance.values()))
+        # How an innovation moves with a parameter is known in size alone.
+        self._detector.forget(INNOVATION_COLUMNS)
 
     # --- records ----------------------------------------------------------------------
 
@@ -287,7 +311,7 @@ class ObserverStage:
         return DataQuality(stamp_ns, (stream, *channels))
 
     def _residual(
-        self, stamp_ns: int, row: Array, sample: ResidualSample, results: TestResults
+        self, stamp_ns: int, row: Array, sample: ResidualSample, results: TestResults, told: Told
     ) -> Residual:
         return Residual(
             stamp_ns,
@@ -297,6 +321,10 @@ class ObserverStage:
             tuple(results.k[self._tested].tolist()),
             REGRESSOR_NAMES,
             (*regressors(self._p, sample.signals, _expected(row, sample)), float(sample.moving)),
+            told.channels,
+            told.estimates,
+            told.sigmas,
+            told.health,
         )
 
     # --- episode ----------------------------------------------------------------------
@@ -306,7 +334,7 @@ class ObserverStage:
         if self._detected_ns < 0:
             return self._open(stamp_ns, results, deviating) if deviating.any() else ()
         changed = False
-        for column in np.flatnonzero(deviating):
+        for column in np.flatnonzero(deviating & ISOLATING):
             if int(column) not in self._symbols:
                 j = int(column)
                 self._symbols[j] = symbols.crossed(float(results.z[j]), stamp_ns)
@@ -326,9 +354,11 @@ class ObserverStage:
         self._quiet_since_ns = -1
         self._symbols = {
             int(j): symbols.crossed(float(results.z[j]), stamp_ns)
-            for j in np.flatnonzero(deviating)
+            for j in np.flatnonzero(deviating & ISOLATING)
         }
-        first = max(self._symbols, key=lambda j: abs(results.z[j]) / results.k[j])
+        first = max(
+            map(int, np.flatnonzero(deviating)), key=lambda j: abs(results.z[j]) / results.k[j]
+        )
         detection = Detection(
             stamp_ns,
             self._episodes,
@@ -338,7 +368,9 @@ class ObserverStage:
             float(results.k[first]),
             f"mean of {results.window[first]} samples",
         )
-        return detection, self._symbol_record(stamp_ns)
+        self._detector.forget(INNOVATION_COLUMNS)
+        # An innovation detects and has no symbol: those of the relations follow.
+        return (detection, self._symbol_record(stamp_ns)) if self._symbols else (detection,)
 
     def _symbol_record(self, stamp_ns: int) -> Symbols:
         rows = (

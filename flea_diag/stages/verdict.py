@@ -26,6 +26,12 @@ from flea_diag.wire.records import (
 
 EARLY_NS = 8_000_000_000
 """A deviation within this time of the stream's start was there before it."""
+LOST_NS = 3_000_000_000
+"""A state observer that has been off its track for so long has a model that does not fit."""
+LOST = (
+    "the state observer has lost its track and no relation says why: the calibration does not "
+    "fit this actuator, calibrate on its own recordings"
+)
 SEEN_MOVING = 50
 """Scans in motion without which nothing can be said of motor and screw."""
 NEEDED = ("motor_current", "load_force", "actuator_position")
@@ -42,6 +48,8 @@ class Standing:
     first_ns: int = NEVER_NS
     moved: int = 0
     moved_ns: int = NEVER_NS
+    lost_ns: int = NEVER_NS
+    """Since when the state observer has lost its track; never while it follows."""
 
 
 class Verdict:
@@ -66,6 +74,8 @@ class Verdict:
         if standing.mismatch:
             return Outcome.MODEL_MISMATCH, standing.mismatch
         if episode is None:
+            if standing.lost_ns != NEVER_NS and stamp_ns - standing.lost_ns >= LOST_NS:
+                return Outcome.MODEL_MISMATCH, LOST
             return self._quiet(stamp_ns, standing)
         outcome, words = self._of_episode(standing, episode)
         early = episode.start_ns - standing.first_ns <= EARLY_NS
@@ -79,6 +89,11 @@ class Verdict:
     def _of_episode(self, standing: Standing, episode: Episode) -> tuple[Outcome, str]:
         alive = episode.isolation.alive()
         names = ", ".join(h.name for h in alive)
+        if not episode.symbols and not episode.settled:
+            return Outcome.DETECTED, (
+                "readings leave the state observer's prediction; no relation that would say which "
+                "fault has deviated yet"
+            )
         if not alive:
             return Outcome.UNEXPLAINED, "a deviation that no fault of the catalogue explains"
         if not episode.settled or episode.request is not None:

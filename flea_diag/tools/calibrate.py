@@ -14,6 +14,7 @@ from flea_diag.errors import CalibrationError, ConfigurationError, FleaError
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration import Calibration, Run
+    from flea_diag.core.thresholds import Trace
 
 NAME = "calibrate"
 SUMMARY = "learn parameters and thresholds from nominal bags"
@@ -164,8 +165,8 @@ def calibrate(
         Fewer than two recordings, recordings of different stands, no motion.
     """
     from flea_diag.configuration import load_yaml
-    from flea_diag.core import identification, thresholds
-    from flea_diag.core.calibration import Calibration
+    from flea_diag.core import identification, innovation_residual, thresholds
+    from flea_diag.core.calibration import Calibration, Run
     from flea_diag.core.parameters import UnitTolerance
     from flea_diag.stages.observer import KERNEL_LENGTH
 
@@ -179,6 +180,14 @@ def calibrate(
     runs = [recording.run for recording in recordings]
     found = identification.identify(runs, KERNEL_LENGTH, first.period_s)
     traces = [thresholds.trace(run, found, KERNEL_LENGTH, first.period_s) for run in runs]
+    watched = innovation_residual.learn(
+        [Run(run.name, _trusted(run, seen)) for run, seen in zip(runs, traces, strict=True)],
+        found.parameters,
+        UnitTolerance(),
+        first.period_s,
+        first.sampling or "mean",
+    )
+    traces = list(map(thresholds.with_innovations, traces, watched.residuals))
     return Calibration(
         actuator=str(load_yaml(actuator)["name"]),
         period_s=first.period_s,
@@ -188,7 +197,7 @@ def calibrate(
         sigmas=found.sigmas,
         not_identified=found.not_identified,
         tolerance=UnitTolerance(),
-        limits=thresholds.limits(traces, false_alarms_per_hour, first.period_s),
+        limits=thresholds.limits(traces, false_alarms_per_hour, first.period_s, watched.spread),
         false_alarms_per_hour=false_alarms_per_hour,
         voltage_limit_v=found.voltage_limit_v,
         nominal_s=sum(len(run.rows) for run in runs) * first.period_s,
@@ -196,7 +205,17 @@ def calibrate(
         bad_stretches=tuple(
             stretch for traced in traces for stretch in thresholds.stretches(traced, first.period_s)
         ),
+        observer_noise=watched.noise,
     )
+
+
+def _trusted(run: Run, seen: Trace) -> Any:
+    """Rows without the voltage where it is not to be trusted: not measured there."""
+    from flea_diag.core.residual_bank import INDEX
+
+    rows = run.rows.copy()
+    rows[~seen.voltage_usable, INDEX["motor_voltage"]] = float("nan")
+    return rows
 
 
 def _check_alike(first: _Recording, other: _Recording) -> None:

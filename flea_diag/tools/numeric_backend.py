@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from importlib.util import find_spec
 from pathlib import Path
 
 CPUINFO = Path("/proc/cpuinfo")
@@ -18,7 +19,9 @@ def numeric_backend() -> str:
 
     found = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
     instructions = " ".join([platform.machine(), *found[-1:]])
-    libraries = f"numpy {version('numpy')}, scipy {version('scipy')}"
+    # The particle filter sums in another order where numba compiles it.
+    compiler = f"numba {version('numba')}" if find_spec("numba") else "no numba"
+    libraries = f"numpy {version('numpy')}, scipy {version('scipy')}, {compiler}"
     return f"{libraries}, {instructions}, {_processor(CPUINFO)}"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from functools import lru_cache
+from itertools import chain
 from operator import attrgetter
 from typing import Any
 
@@ -13,6 +14,8 @@ from flea_diag.wire import records as r
 from flea_diag.wire.cdr import ENCAPSULATION, CdrReader, CdrWriter, stamp_bytes
 
 Z, THRESHOLD, REGRESSOR = "/z", "/threshold", "regressor/"
+ESTIMATE, ESTIMATE_SIGMA = "/estimate", "/estimate_sigma"
+HEALTH = ("observer/ess", "observer/nis", "observer/diverged")
 """How the names on ``residual`` say what a number is."""
 
 _STAMP_BYTES = 8
@@ -71,7 +74,9 @@ def _floats(reader: CdrReader) -> tuple[float, ...]:
 
 
 def _check_residual(record: r.Residual) -> None:
-    wrong = next((n for n in (*record.names, *record.regressor_names) if "/" in n), None)
+    wrong = next(
+        (n for n in (*record.names, *record.regressor_names, *record.estimated) if "/" in n), None
+    )
     if wrong is not None:
         raise WireError(f"Residual: name {wrong!r} holds a '/', which the wire needs for itself")
     lengths = {len(column) for column in (record.names, record.values, record.z, record.thresholds)}
@@ -80,37 +85,86 @@ def _check_residual(record: r.Residual) -> None:
             f"Residual: {len(record.names)} names but {len(record.values)} values, "
             f"{len(record.z)} z and {len(record.thresholds)} thresholds"
         )
+    if len(record.health) not in (0, len(HEALTH)):
+        raise WireError(f"Residual: health has {len(record.health)} numbers, not {len(HEALTH)}")
+    lengths = {
+        len(column) for column in (record.estimated, record.estimates, record.estimate_sigmas)
+    }
+    if len(lengths) > 1:
+        raise WireError(
+            f"Residual: {len(record.estimated)} estimated channels but {len(record.estimates)} "
+            f"estimates and {len(record.estimate_sigmas)} sigmas"
+        )
 
 
 def _residual_names(record: r.Residual) -> tuple[str, ...]:
-    return _triples(record.names, record.regressor_names)
+    health = HEALTH if record.health else ()
+    return _layout(record.names, record.regressor_names, record.estimated, health)
 
 
 @lru_cache(maxsize=64)
-def _triples(names: tuple[str, ...], regressor_names: tuple[str, ...]) -> tuple[str, ...]:
+def _layout(
+    names: tuple[str, ...],
+    regressor_names: tuple[str, ...],
+    estimated: tuple[str, ...],
+    health: tuple[str, ...],
+) -> tuple[str, ...]:
     residuals = (name + part for name in names for part in ("", Z, THRESHOLD))
-    return (*residuals, *(REGRESSOR + name for name in regressor_names))
+    regressors = (REGRESSOR + name for name in regressor_names)
+    estimates = (name + part for name in estimated for part in (ESTIMATE, ESTIMATE_SIGMA))
+    return (*residuals, *regressors, *estimates, *health)
 
 
 def _residual_values(record: r.Residual) -> tuple[float, ...]:
     columns = zip(record.values, record.z, record.thresholds, strict=True)
-    return (*(value for row in columns for value in row), *record.regressors)
+    estimates = zip(record.estimates, record.estimate_sigmas, strict=True)
+    return (
+        *chain.from_iterable(columns),
+        *record.regressors,
+        *chain.from_iterable(estimates),
+        *record.health,
+    )
+
+
+@lru_cache(maxsize=64)
+def _parts(names: tuple[str, ...]) -> tuple[int, int, int]:
+    """Where residuals, regressors and estimates end.
+
+    Raises
+    ------
+    WireError
+        The names are not those of a Residual.
+    """
+    health = len(names) - (len(HEALTH) if names[-len(HEALTH) :] == HEALTH else 0)
+    end = next((k for k, name in enumerate(names) if name.startswith(REGRESSOR)), None)
+    estimates = [k for k, name in enumerate(names[:health]) if name.endswith(ESTIMATE)]
+    first = estimates[0] if estimates else health
+    regressors = first if end is None else end
+    names_of = (
+        names[:regressors:3],
+        tuple(name[len(REGRESSOR) :] for name in names[regressors:first]),
+        tuple(name[: -len(ESTIMATE)] for name in names[first:health:2]),
+        names[health:],
+    )
+    if _layout(*names_of) != names:
+        raise WireError("the names are not those of residuals, each with /z and /threshold")
+    return regressors, first, health
 
 
 def _residual(stamp_ns: int, names: tuple[str, ...], values: tuple[float, ...]) -> r.Residual:
-    end = next((k for k, name in enumerate(names) if name.startswith(REGRESSOR)), len(names))
-    residual_names = names[:end:3]
-    regressor_names = tuple(name[len(REGRESSOR) :] for name in names[end:])
-    if _triples(residual_names, regressor_names) != names:
-        raise WireError("the names are not those of residuals, each with /z and /threshold")
+    end, first, health = _parts(names)
     record = r.Residual(
         stamp_ns,
-        residual_names,
+        names[:end:3],
         values[0:end:3],
         values[1:end:3],
         values[2:end:3],
-        regressor_names,
-        values[end:],
+        tuple(name[len(REGRESSOR) :] for name in names[end:first]),
+        values[end:first],
+        tuple(name[: -len(ESTIMATE)] for name in names[first:health:2]),
+        values[first:health:2],
+        values[first + 1 : health : 2],
+        values[health:],
     )
     _check_residual(record)
     return record

@@ -149,7 +149,11 @@ class Residual:
 
     NaN where a residual cannot be formed (a bad channel) or is gated (no excitation).
     ``regressors`` are the model signals that the quantitative confirmation needs
-    (speed_m_s, acceleration_m_s2, ...), by name.
+    (speed_m_s, acceleration_m_s2, ...), by name. Where a state observer runs, ``estimated``
+    names the channels that it predicts, with the prediction from earlier scans and the standard
+    deviation of a reading about it; ``health`` is then its effective sample size (inf without
+    particles), its normalised innovation squared per channel (1 is expected) and 1.0 for a
+    lost track.
     """
 
     stamp_ns: int
@@ -159,6 +163,10 @@ class Residual:
     thresholds: tuple[float, ...]
     regressor_names: tuple[str, ...] = ()
     regressors: tuple[float, ...] = ()
+    estimated: tuple[str, ...] = ()
+    estimates: tuple[float, ...] = ()
+    estimate_sigmas: tuple[float, ...] = ()
+    health: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
