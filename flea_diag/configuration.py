@@ -78,21 +78,41 @@ def load_yaml(name_or_path: str | Path) -> Any:
     ConfigurationError
         No such file, too large, or not YAML.
     """
+    path = found_file(name_or_path)
+    text = _text(path)
+    try:
+        return yaml.safe_load(text)
+    except _UNREADABLE as error:
+        words = " ".join(str(error).split())[:300]
+        raise ConfigurationError(f"{path}: not a YAML file: {words}") from error
+
+
+def found_file(name_or_path: str | Path) -> Path:
+    """Path of a file that is given by path, or by the name of a shipped one.
+
+    Raises
+    ------
+    ConfigurationError
+        No such file.
+    """
     path = Path(name_or_path)
-    if not path.is_file():
-        if path.parent != Path("."):
-            raise ConfigurationError(f"{path}: no such file")
-        path = config_path(path.name)
+    if path.is_file():
+        return path
+    if path.parent != Path("."):
+        raise ConfigurationError(f"{path}: no such file")
+    return config_path(path.name)
+
+
+def _text(path: Path) -> str:
     size = path.stat().st_size
     if size > LARGEST_YAML_BYTES:
         raise ConfigurationError(f"{path}: {size} bytes, at most {LARGEST_YAML_BYTES} are read")
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        return path.read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
-    except _UNREADABLE as error:
-        words = " ".join(str(error).split())[:300]
-        raise ConfigurationError(f"{path}: not a YAML file: {words}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{path}: not a text file: {error}") from error
 
 
 # Beside its own errors the parser lets through what Python makes of a date, number or tag.
@@ -157,6 +177,19 @@ class Files:
     actuator: str = parameter("actuator.yaml", "actuator description", read_only=True)
     faults: str = parameter("faults.yaml", "fault catalogue", read_only=True)
     features: str = parameter("feature_table.yaml", "fault-feature table", read_only=True)
+
+
+def file_texts(files: Files) -> dict[str, str]:
+    """Name of each file that the diagnosis rests on -> its text, to be kept with a recording.
+
+    Raises
+    ------
+    ConfigurationError
+        A file that is not there, cannot be read or is too large.
+    """
+    named = {"calibration": files.calibration or CALIBRATION}
+    named |= {name: getattr(files, name) for name in ("actuator", "faults", "features")}
+    return {f"{name}.yaml": _text(found_file(where)) for name, where in named.items()}
 
 
 P = TypeVar("P")

@@ -11,6 +11,7 @@ from launch.actions import DeclareLaunchArgument, ExecuteProcess
 from launch.conditions import IfCondition, UnlessCondition
 from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 # Only what a stand sends: recorded verdicts would contradict those that are found now.
 SOURCES = ("sensors/channels", "sensors/slow", "sensors/vibration", "truth")
@@ -18,6 +19,7 @@ SOURCES = ("sensors/channels", "sensors/slow", "sensors/vibration", "truth")
 ARGUMENTS = (
     ("bag", None, "bag to replay"),
     ("namespace", "", "of the topics in the bag"),
+    ("calibration", "", "calibration file, empty: the simulated stand's"),
     ("rate", "1.0", "speed: 1 is as it was recorded"),
     ("loop", "false", "start again at the end; the nodes then start afresh"),
     ("composed", "true", "the diagnosis in one process; false: one process a stage"),
@@ -25,12 +27,12 @@ ARGUMENTS = (
 )
 
 
-def node(executable, condition):
+def node(executable, condition, parameters=()):
     return Node(
         package="flea_diag",
         executable=executable,
         namespace=LaunchConfiguration("namespace"),
-        parameters=[{"use_sim_time": True}],
+        parameters=[{"use_sim_time": True}, *parameters],
         condition=condition,
         output="screen",
     )
@@ -55,15 +57,18 @@ def play(condition, *more):
 
 def generate_launch_description():
     composed, loop = LaunchConfiguration("composed"), LaunchConfiguration("loop")
+    calibration = {
+        "calibration": ParameterValue(LaunchConfiguration("calibration"), value_type=str)
+    }
     return LaunchDescription(
         [
             *(
                 DeclareLaunchArgument(name, default_value=default, description=text)
                 for name, default, text in ARGUMENTS
             ),
-            node("diagnoser", IfCondition(composed)),
+            node("diagnoser", IfCondition(composed), [calibration]),
             *(
-                node(stage, UnlessCondition(composed))
+                node(stage, UnlessCondition(composed), [calibration])
                 for stage in ("observer", "isolator", "extractor")
             ),
             node("console", IfCondition(LaunchConfiguration("console"))),

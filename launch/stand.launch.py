@@ -20,6 +20,7 @@ ARGUMENTS = (
     ("fault", "", "fault to put in besides the scenario's own"),
     ("fault_onset_s", "8.0", "onset of that fault [s]"),
     ("duration_s", "0.0", "length of the run, 0: the scenario's [s]"),
+    ("calibration", "", "calibration file, empty: the simulated stand's"),
     ("composed", "true", "the diagnosis in one process; false: one process a stage"),
     ("record", "true", "record a bag"),
     ("bag", "", "bag to make, empty: bags/runs/<UTC time>"),
@@ -44,6 +45,7 @@ def node(executable, condition, parameters=()):
 
 def generate_launch_description():
     composed = LaunchConfiguration("composed")
+    calibration = {"calibration": value("calibration", str)}
     daq = {
         "scenario": value("scenario", str),
         "fault": value("fault", str),
@@ -57,15 +59,15 @@ def generate_launch_description():
                 DeclareLaunchArgument(name, default_value=default, description=text)
                 for name, default, text in ARGUMENTS
             ),
-            node("diagnoser", IfCondition(composed)),
+            node("diagnoser", IfCondition(composed), [calibration]),
             *(
-                node(stage, UnlessCondition(composed))
+                node(stage, UnlessCondition(composed), [calibration])
                 for stage in ("observer", "isolator", "extractor")
             ),
             node(
                 "recorder",
                 IfCondition(LaunchConfiguration("record")),
-                [{"directory": value("bag", str)}],
+                [{"directory": value("bag", str), **calibration}],
             ),
             node("console", IfCondition(LaunchConfiguration("console"))),
             node("daq", IfCondition(LaunchConfiguration("stand")), [daq]),

@@ -73,10 +73,18 @@ def test_every_node_is_an_executable_of_ours(without_launch: None, name: str) ->
 
 
 def test_the_parameters_given_exist(without_launch: None) -> None:
+    from flea_diag import configuration
     from flea_diag.nodes.recorder import RecorderParameters
     from flea_sim_driver.daq_node import DaqParameters
 
+    stages = ("observer", "isolator", "extractor", "diagnoser")
     known = {
+        **{
+            name: {
+                entry.name for entry in descriptors(getattr(configuration, name.upper()).parameters)
+            }
+            for name in stages
+        },
         "daq": {entry.name for entry in descriptors(DaqParameters)},
         "recorder": {entry.name for entry in descriptors(RecorderParameters)},
     }

@@ -141,6 +141,37 @@ def test_an_existing_directory_is_refused(tmp_path: Path) -> None:
         checked_directory(str(tmp_path))
 
 
+def test_what_the_diagnosis_rests_on_is_kept_in_every_file(domain: int, tmp_path: Path) -> None:
+    from flea_diag.configuration import config_path
+    from flea_diag.wire.bag import BagReader
+
+    bag = tmp_path / "run"
+    command = recorder(bag, "-p", "split_s:=0.000001")
+    with Process(command, domain) as process, Peer(domain) as peer:
+        peer.listen(Health)
+        publish(peer, 3)
+        until_written(peer, 4)
+        assert process.signal(signal.SIGINT)[0] == 0
+    assert opened(bag)["/sensors/slow"] == 3
+    files = sorted(bag.glob("*.mcap"))
+    assert len(files) > 2
+    for file in files:
+        kept = BagReader(file).attachments
+        assert kept["faults.yaml"] == config_path("faults.yaml").read_text()
+        assert kept["actuator.yaml"] == config_path("actuator.yaml").read_text()
+        assert kept["calibration.yaml"] == (
+            config_path("calibration_simulated_stand.yaml").read_text()
+        )
+        assert "numpy 2" in kept["versions.txt"] or "numpy 1" in kept["versions.txt"]
+
+
+def test_a_configuration_that_is_not_there_stops_the_start(domain: int, tmp_path: Path) -> None:
+    with Process(recorder(tmp_path / "run", "-p", "calibration:=no/such.yaml"), domain) as process:
+        assert process.end() == 2
+    assert "no/such.yaml: no such file" in process.output
+    assert not (tmp_path / "run").exists()
+
+
 def test_topics_are_chosen_by_name() -> None:
     assert [topic.record for topic in chosen_topics(("sensors/slow", "/diagnostics"))] == [
         Scan,

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import platform
 import shutil
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
+from flea_diag.configuration import Files, file_texts
 from flea_diag.errors import ConfigurationError, RecordingError
 from flea_diag.nodes.health import HealthReport
-from flea_diag.wire.bag import BagWriter
+from flea_diag.wire.bag import BagWriter, Split
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.cdr import CdrReader
 from flea_diag.wire.parameters import parameter
@@ -22,11 +25,13 @@ from flea_diag.wire.topics import TOPIC_NAMED, TOPICS, Topic
 ALL = "all"
 MEGABYTE = 1_000_000
 WHOLE_EVERY_S = 1.0
+PACKAGES = ("flea-diag", "numpy", "scipy", "numba", "mcap", "rosbags", "ros-rclpy", "rclpy")
+"""Packages whose versions are kept in a bag."""
 
 
 @dataclass(frozen=True)
-class RecorderParameters:
-    """Parameters of the recorder."""
+class RecorderParameters(Files):
+    """Parameters of the recorder; the files of the diagnosis are kept in the bag."""
 
     directory: str = parameter(
         "",
@@ -37,6 +42,12 @@ class RecorderParameters:
         (ALL,),
         "Topics to record, as `ros2 topic list` shows them without namespace",
         read_only=True,
+    )
+    split_mb: int = parameter(
+        0, "Go on in another file when one has so many; 0: never", unit="MB", minimum=0
+    )
+    split_s: float = parameter(
+        3600.0, "Go on in another file after so long; 0: never", unit="s", minimum=0.0
     )
     warn_free_mb: int = parameter(
         2000, "Warn when the disk has less space left", unit="MB", minimum=0
@@ -57,7 +68,11 @@ class Recorder:
         free_mb = self._free_mb()
         if free_mb < parameters.stop_free_mb:
             raise ConfigurationError(self._full(free_mb))
-        self._writer = BagWriter(self._directory, whole_every_s=None)
+        kept = {**file_texts(parameters), "versions.txt": versions()}
+        split = Split(parameters.split_mb * MEGABYTE, parameters.split_s)
+        self._writer = BagWriter(self._directory, whole_every_s=None, split=split)
+        for name, text in kept.items():
+            self._writer.attach(name, text)
         self._health = HealthReport(bus)
         self._messages = 0
         bus.advertise(Health)
@@ -119,6 +134,16 @@ class Recorder:
             f"{free_mb:.0f} MB are left on the disk of {self._directory}, the limit is "
             f"stop_free_mb = {self._parameters.stop_free_mb}: free space or record elsewhere"
         )
+
+
+def versions() -> str:
+    """What a recording was made with, one thing a line."""
+    packages = sorted(
+        f"{each.name} {each.version}"
+        for each in distributions()
+        if (each.name or "").replace("_", "-").lower() in PACKAGES
+    )
+    return "\n".join([f"Python {platform.python_version()}", platform.platform(), *packages, ""])
 
 
 def checked_directory(directory: str) -> Path:

@@ -153,7 +153,7 @@ class _Copy:
         """Write summary, index and metadata.yaml."""
         self._writer.finish()
         self._stream.close()
-        content = layout.metadata(self._file, self._topics, self.span)
+        content = layout.metadata([(self._file, self.span)], self._topics)
         layout.replace_metadata(self.directory, content)
 
 

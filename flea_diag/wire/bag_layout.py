@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -128,23 +129,34 @@ class Span(NamedTuple):
         return Span(self.counts, start_ns, max(self.end_ns, log_ns))
 
 
-def metadata(bag_file: str, topics: dict[str, TopicEntry], span: Span) -> dict[str, Any]:
-    """Content of metadata.yaml for a bag of one file; ``topics`` by full name."""
+def metadata(files: Sequence[tuple[str, Span]], topics: dict[str, TopicEntry]) -> dict[str, Any]:
+    """Content of metadata.yaml for a bag of one or more files; ``topics`` by full name."""
+    spans = [span for _, span in files]
     return {
         "version": VERSION,
         "storage_identifier": "mcap",
-        "relative_file_paths": [bag_file],
-        **_times(span),
+        "relative_file_paths": [name for name, _ in files],
+        **_times(_whole(spans)),
         "topics_with_message_count": [
-            {"topic_metadata": _topic_metadata(name, entry), "message_count": span.counts[name]}
+            {
+                "topic_metadata": _topic_metadata(name, entry),
+                "message_count": sum(span.counts.get(name, 0) for span in spans),
+            }
             for name, entry in topics.items()
         ],
         "compression_format": "",
         "compression_mode": "",
-        "files": [{"path": bag_file, **_times(span)}],
+        "files": [{"path": name, **_times(span)} for name, span in files],
         "custom_data": None,
         "ros_distro": DISTRIBUTION,
     }
+
+
+def _whole(spans: Sequence[Span]) -> Span:
+    """All files as one; a file without messages has no times of its own."""
+    told = [span for span in spans if any(span.counts.values())] or list(spans[:1])
+    counts = {str(k): sum(span.counts.values()) for k, span in enumerate(told)}
+    return Span(counts, min(s.start_ns for s in told), max(s.end_ns for s in told))
 
 
 def _times(span: Span) -> dict[str, Any]:

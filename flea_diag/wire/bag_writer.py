@@ -9,22 +9,35 @@ most the last second.
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import yaml
 
-from flea_diag import __version__
 from flea_diag.errors import RecordingError
 from flea_diag.wire import bag_layout as layout
+from flea_diag.wire.bag_segment import BagSegment
 from flea_diag.wire.codec import encode
-from flea_diag.wire.mcap_file import McapFile
 from flea_diag.wire.records import Record
 from flea_diag.wire.topics import TOPIC_OF, Topic
 
-CHUNK_BYTES = 1 << 20
-"""More than a second of most stands, so that between two ``make_whole`` nothing is written."""
+
+@dataclass(frozen=True)
+class Split:
+    """When a bag goes on in another file; 0 is never."""
+
+    size_bytes: int = 0
+    duration_s: float = 0.0
+
+    def due(self, segment: BagSegment, log_ns: int) -> bool:
+        """Whether the next message, of this log time, opens another file."""
+        long_ns = log_ns - segment.span.start_ns
+        started = any(segment.span.counts.values())
+        return started and (
+            0 < self.size_bytes <= segment.size_bytes or 0 < self.duration_s * 1e9 <= long_ns
+        )
 
 
 class BagWriter:
@@ -41,6 +54,8 @@ class BagWriter:
     whole_every_s
         Wall time between two ``make_whole``; None leaves it to the owner and to ``close``,
         so that equal records give equal bytes.
+    split
+        When the bag goes on in another file; a file that is full is finished with its index.
 
     Raises
     ------
@@ -55,46 +70,43 @@ class BagWriter:
         namespace: str = "",
         stand: str = "stand",
         whole_every_s: float | None = 1.0,
+        split: Split = Split(),
     ) -> None:
         self.directory = Path(directory)
         self.stand = stand
         self._namespace = layout.checked_namespace(namespace)
         self._whole_every_s = whole_every_s
+        self._split = split
         self._topics: dict[str, layout.TopicEntry] = {}
-        self._channels: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
-        self._span = layout.Span({}, 0, 0)
+        self._full: list[tuple[str, layout.Span]] = []
+        self._attachments: dict[str, str] = {}
         self._open()
         self._whole_at = time.monotonic()
 
     @property
     def path(self) -> Path:
-        """The MCAP file."""
-        return self.directory / f"{self.directory.resolve().name}_0.mcap"
+        """The MCAP file that is written to."""
+        return self.directory / f"{self.directory.resolve().name}_{len(self._full)}.mcap"
 
     @property
     def counts(self) -> dict[str, int]:
         """Messages written so far, by full topic name."""
-        return dict(self._span.counts)
+        spans = [span for _, span in self._files()]
+        return {name: sum(span.counts.get(name, 0) for span in spans) for name in self._topics}
+
+    def _files(self) -> list[tuple[str, layout.Span]]:
+        return [*self._full, (self._segment.path.name, self._segment.span)]
 
     def _open(self) -> None:
-        try:
-            from mcap.writer import Writer
-        except ImportError as error:
-            raise RecordingError(f"bags need the package mcap: pip install mcap ({error})") from (
-                error
-            )
         try:
             self.directory.mkdir(parents=True, exist_ok=True)
             if any(self.directory.iterdir()):
                 raise RecordingError(
                     f"{self.directory} is not empty, a bag needs a folder to itself"
                 )
-            self._file = McapFile(self.path)
+            self._segment = BagSegment(self.path)
         except OSError as error:
             raise self._refusal(error) from error
-        self._writer: Any = Writer(self._file, chunk_size=CHUNK_BYTES)
-        self._writer.start(profile="ros2", library=f"flea_diag {__version__}")
 
     def _refusal(self, error: OSError) -> RecordingError:
         return RecordingError(f"cannot write bag {self.directory}: {error.strerror or error}")
@@ -123,36 +135,29 @@ class BagWriter:
         if log_ns < 0 or stamp_ns < 0:
             raise RecordingError(f"{name}: stamp {min(stamp_ns, log_ns)} ns is before 1970")
         try:
-            channel = self._channels.get(name) or self._register(name, topic)
-            sequence = self._span.counts[name] & 0xFFFFFFFF
-            self._writer.add_message(channel, log_ns, data, stamp_ns, sequence)
-            self._span = self._span.with_message(name, log_ns)
+            if self._split.due(self._segment, log_ns):
+                self._go_on_in_another_file()
+            self._segment.add(name, topic, data, stamp_ns, log_ns)
+            if name not in self._topics:
+                self._topics[name] = layout.entry_of(topic)
             if self._due():
                 self.make_whole()
         except OSError as error:
             raise self._refusal(error) from error
 
-    def _register(self, name: str, topic: Topic) -> int:
-        entry = layout.entry_of(topic)
-        if topic.message not in self._schemas:
-            self._schemas[topic.message] = self._writer.register_schema(
-                topic.message, "ros2msg", layout.message_type(topic.message).definition.encode()
-            )
-        qos = yaml.safe_dump(entry.qos, sort_keys=False)
-        self._channels[name] = self._writer.register_channel(
-            name,
-            "cdr",
-            self._schemas[topic.message],
-            {"offered_qos_profiles": qos, "topic_type_hash": entry.type_hash},
-        )
-        self._topics[name] = entry
-        self._span.counts[name] = 0
-        return self._channels[name]
+    def _go_on_in_another_file(self) -> None:
+        full = self._segment
+        full.finish(self._metadata_text())
+        full.close()
+        self._full.append((full.path.name, full.span))
+        self._segment = BagSegment(self.path)
+        for name, text in self._attachments.items():
+            self._segment.attach(name, text)
 
     def attach(self, name: str, text: str) -> None:
-        """Keep a text in the bag (a calibration, a configuration) as an MCAP attachment."""
-        now_ns = self._span.end_ns
-        self._writer.add_attachment(now_ns, now_ns, name, "text/plain", text.encode())
+        """Keep a text in each file of the bag (a calibration) as an MCAP attachment."""
+        self._attachments[name] = text
+        self._segment.attach(name, text)
 
     def _due(self) -> bool:
         if self._whole_every_s is None:
@@ -165,39 +170,32 @@ class BagWriter:
         if not self._topics:
             return  # ros2 bag play hangs on a metadata.yaml without topics
         try:
-            self._writer.flush()
-            self._file.end_for_now()
+            self._segment.make_whole()
             layout.replace_metadata(self.directory, self._metadata())
         except OSError as error:
             raise self._refusal(error) from error
 
     def _metadata(self) -> dict[str, Any]:
-        return layout.metadata(self.path.name, self._topics, self._span)
+        return layout.metadata(self._files(), self._topics)
+
+    def _metadata_text(self) -> str:
+        return yaml.safe_dump(self._metadata(), sort_keys=False)
 
     def close(self) -> None:
         """Finish the bag with its index; a bag without one message is taken away again."""
-        if self._file.closed:
+        if self._segment.closed:
             return
         try:
             if self._topics:
-                self._finish()
+                self._segment.finish(self._metadata_text())
+                layout.replace_metadata(self.directory, self._metadata())
             else:
-                self._discard()
+                self._segment.discard()
+                self.directory.rmdir()
         except OSError as error:
             raise self._refusal(error) from error
         finally:
-            self._file.close()
-
-    def _finish(self) -> None:
-        content = yaml.safe_dump(self._metadata(), sort_keys=False)
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": content})
-        self._writer.finish()
-        self._file.sync()
-        layout.replace_metadata(self.directory, self._metadata())
-
-    def _discard(self) -> None:
-        self.path.unlink()
-        self.directory.rmdir()
+            self._segment.close()
 
     def __enter__(self) -> BagWriter:
         return self
