@@ -45,6 +45,9 @@ EXTRAS = {
         "setuptools>=70.1",
         "colcon-common-extensions",
         "Jinja2>=3.1",
+        "matplotlib>=3.7",
+        # The structural oracle of the diagnosability tests; compiled, so where there is a wheel.
+        f"faultdiagnosistoolbox>=0.12.5; {WHEELS}",
     ],
 }
 
