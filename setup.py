@@ -35,6 +35,7 @@ REQUIRES = [
 ]
 EXTRAS = {
     "numba": ["numba>=0.60"],
+    "console": ["textual>=8.0"],
     "plot": ["matplotlib>=3.7"],
     "evaluate": ["Jinja2>=3.1"],
     "test": [

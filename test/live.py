@@ -70,6 +70,10 @@ class Process:
                     self.output += chunk.decode()
         return self.output
 
+    def read(self) -> None:
+        """Take what there is of its output, without waiting."""
+        self.output += (self._pipe.read() or b"").decode()
+
     def signal(self, *numbers: signal.Signals) -> tuple[int, float]:
         """Send signals; the exit status and the seconds that it took."""
         start = time.monotonic()

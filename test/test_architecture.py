@@ -71,7 +71,7 @@ ROOMS = (
             "flea_diag.configuration",
             "flea_diag.errors",
         ),
-        (*ROS, "numpy"),
+        (*ROS, "numpy", "textual", "rich"),
     ),
     Room(
         "flea_diag.tools",

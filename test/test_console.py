@@ -1,26 +1,231 @@
-"""The console as a process, in a pipe, beside a verdict that was there before it."""
+"""The console as people have it: with Textual's pilot, in a real terminal, and on a live bus."""
 
 from __future__ import annotations
 
-import signal
+import asyncio
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
-from live import Peer, Process, node, toy
+import pytest
+from live import ROOT, Peer, Process, environment, node
+from test_operator_state import FIRST, FLAG, LAST, NOMINAL
 
-from flea_diag.wire.records import AmbiguityGroup, Outcome, Scan
+from flea_diag.errors import ConfigurationError
+from flea_diag.nodes.alarm_journal import AlarmJournal
+from flea_diag.nodes.console import chosen_style
+from flea_diag.nodes.desk import Desk
+
+MODULE = "flea_diag.nodes.console"
+PROMPT_S = 1.5
+"""So soon a console that starts after the diagnosis shows the verdict."""
 
 
-def test_a_console_that_comes_late_shows_the_verdict_and_its_end(domain: int) -> None:
-    with Process(toy(), domain) as stage, Peer(domain) as peer:
-        peer.listen(AmbiguityGroup)
-        assert peer.bus.wait_for_subscribers(Scan)
-        peer.bus.publish(Scan(1_700_000_000 * 10**9, ("motor_current",), (9.0,)))
-        peer.find(lambda r: r.outcome == Outcome.ISOLATED)
-        with Process(node("flea_diag.nodes.console"), domain) as console:
-            console.wait_for("ISOLATED (1 possible: jam): isolated")
-            console.wait_for("STALE")
-            stage.signal(signal.SIGKILL)
-            console.wait_for("NO VERDICT")
-            assert console.signal(signal.SIGINT)[0] == 0
-    lines = [line for line in console.output.splitlines() if "ISOLATED" in line]
-    assert len(lines) == len(set(lines)), "a line that repeats is no change"
-    assert "\x1b" not in console.output
+def test_the_style_fits_what_there_is() -> None:
+    assert chosen_style("auto", terminal=True, textual=True) == "screen"
+    assert chosen_style("auto", terminal=True, textual=False) == "page"
+    assert chosen_style("auto", terminal=False, textual=True) == "lines"
+    assert chosen_style("page", terminal=False, textual=False) == "page"
+    with pytest.raises(ConfigurationError, match=r"pip install 'flea_diag\[console\]'"):
+        chosen_style("screen", terminal=True, textual=False)
+
+
+# -- without a terminal
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Desk:
+    made = Desk(AlarmJournal(tmp_path / "alarms.sqlite"), "Ada")
+    for record in (NOMINAL, FLAG, FIRST):
+        made.take(record)
+    return made
+
+
+def piloted(
+    desk: Desk, act: Callable[[Any], Awaitable[None]], inject: Callable[..., None] | None = None
+) -> None:
+    pytest.importorskip("textual", reason="the screen needs Textual: pip install textual")
+    from flea_diag.nodes.console_app import ConsoleApp
+
+    async def play() -> None:
+        app = ConsoleApp(desk, inject or (lambda fault, told: None))
+        async with app.run_test(size=(140, 50)) as pilot:
+            await pilot.pause()
+            await act(pilot)
+
+    asyncio.run(play())
+
+
+def words(pilot: Any) -> str:
+    """Everything on the screen, from its own screenshot without the markup."""
+    import html
+    import re
+
+    pilot.app.screen_stack[0].redraw()
+    svg = pilot.app.export_screenshot()
+    return html.unescape(re.sub(r"<[^>]+>", "\n", svg)).replace("\xa0", " ")
+
+
+def test_the_screen_has_the_verdict_the_group_and_the_alarm(desk: Desk) -> None:
+    async def act(pilot: Any) -> None:
+        await pilot.pause(0.3)
+        text = words(pilot)
+        assert "VERDICT  WARN  DETECTED  words" in text
+        assert "POSSIBLE (3)" in text
+        assert "NEW" in text
+        assert "z = 6.5, limit 5" in text
+
+    piloted(desk, act)
+
+
+def test_a_key_acknowledges_and_another_comments(desk: Desk) -> None:
+    async def act(pilot: Any) -> None:
+        await pilot.press("a")
+        await pilot.press("c", *"greased", "enter")
+        await pilot.pause()
+
+    piloted(desk, act)
+    (alarm,) = desk.state.alarms
+    assert not alarm.rings
+    assert [comment.text for comment in alarm.comments] == ["greased"]
+
+
+def test_escape_says_nothing_and_a_mark_is_kept(desk: Desk, tmp_path: Path) -> None:
+    async def act(pilot: Any) -> None:
+        await pilot.press("c", "x", "escape", "m", *"load", "enter")
+        await pilot.pause()
+
+    piloted(desk, act)
+    assert desk.state.alarms[0].comments == ()
+    assert [mark.text for mark in AlarmJournal(tmp_path / "alarms.sqlite").marks()] == ["load"]
+
+
+def test_inject_asks_and_says_what_came_of_it(desk: Desk) -> None:
+    asked: list[str] = []
+
+    def inject(fault: str, told: Callable[[str], None]) -> None:
+        asked.append(fault)
+        told("there is no node daq here" if fault else "")
+
+    async def act(pilot: Any) -> None:
+        await pilot.press("i", *"jam:0.5", "enter")
+        await pilot.pause(0.3)
+        assert "not injected: there is no node daq here" in words(pilot)
+        await pilot.press("i", *"clear", "enter")
+        await pilot.pause()
+
+    piloted(desk, act, inject)
+    assert asked == ["jam:0.5", ""]
+
+
+def test_the_chosen_fault_shows_its_why(desk: Desk) -> None:
+    async def act(pilot: Any) -> None:
+        assert "WHY jam" in words(pilot)
+        await pilot.press("down")
+        assert "WHY ball_nut_friction" in words(pilot)
+
+    piloted(desk, act)
+
+
+# -- live
+
+
+def publish(peer: Peer, *records: Any) -> None:
+    for record in records:
+        peer.bus.publish(record)
+
+
+def test_a_console_that_starts_late_shows_the_verdict_in_time(domain: int, tmp_path: Path) -> None:
+    command = node(MODULE, "-p", "style:=lines", "-p", f"journal:={tmp_path / 'a.sqlite'}")
+    with Peer(domain) as peer:
+        publish(peer, NOMINAL, FLAG, LAST)
+        with Process([sys.executable, "-c", "import rclpy"], domain) as warm:
+            assert warm.end() == 0  # the disk's cache, not the console, is not what is measured
+        began = time.monotonic()
+        with Process(command, domain) as console:
+            peer.until(lambda: peer.bus.subscribers(type(LAST)) > 0)
+            joined = time.monotonic()
+            while "ISOLATED" not in console.output and time.monotonic() < began + 15.0:
+                peer.bus.wait_until(lambda: False, 0.02)
+                console.read()
+            shown = time.monotonic()
+        assert "ERROR ISOLATED (1 possible: jam): words" in console.output
+        assert shown - joined < PROMPT_S
+
+
+def test_a_fault_is_injected_through_the_parameter_of_the_stand(domain: int) -> None:
+    from flea_diag.nodes.desk import inject
+
+    told: list[str] = []
+    daq = node("flea_sim_driver.daq_node", "-p", "duration_s:=60.0")
+    with Peer(domain) as peer:
+        inject(peer.bus, "jam", told.append)
+        peer.until(lambda: bool(told))
+        assert told == ["there is no node daq here"]
+        with Process(daq, domain):
+            from flea_diag.wire.records import Truth
+
+            peer.listen(Truth)
+            inject(peer.bus, "jam", told.append)
+            peer.find(lambda record: record.fault == "jam")
+            peer.until(lambda: len(told) == 2)
+    assert told[1] == ""
+
+
+# -- in a terminal
+
+
+class Terminal:
+    """A window of tmux with a server of its own."""
+
+    def __init__(self, socket: str) -> None:
+        self._tmux = ["tmux", "-f", "/dev/null", "-S", socket]
+
+    def run(self, *arguments: str, **more: Any) -> str:
+        done = subprocess.run(
+            [*self._tmux, *arguments], capture_output=True, text=True, check=True, **more
+        )
+        return done.stdout
+
+    def shows(self, text: str) -> bool:
+        return text in self.run("capture-pane", "-p", "-t", "0")
+
+
+@pytest.fixture
+def terminal(tmp_path: Path) -> Iterator[Terminal]:
+    if shutil.which("tmux") is None:
+        pytest.skip("tmux is not installed: apt-get install tmux")
+    pytest.importorskip("textual", reason="the screen needs Textual: pip install textual")
+    tmux = Terminal(str(tmp_path / "tmux"))
+    yield tmux
+    subprocess.run([*tmux._tmux, "kill-server"], check=False, capture_output=True)
+
+
+def test_in_a_terminal_it_shows_takes_keys_and_quits(
+    terminal: Terminal, domain: int, tmp_path: Path
+) -> None:
+    journal = tmp_path / "alarms.sqlite"
+    command = node(MODULE, "-p", f"journal:={journal}", "-p", "author:=Ada")
+    with Peer(domain) as peer:
+        publish(peer, NOMINAL, FLAG, LAST)
+        shell = f"{shlex.join(command)}; echo ended with $?; exec cat"
+        terminal.run(
+            "new-session", "-d", "-x", "120", "-y", "40", "sh", "-c", shell,
+            env=environment(domain), cwd=ROOT,
+        )  # fmt: skip
+        peer.until(lambda: terminal.shows("VERDICT  ERROR  ISOLATED  words"))
+        peer.until(lambda: terminal.shows("NEW"))
+        terminal.run("send-keys", "a")
+        peer.until(lambda: terminal.shows("acknowl."))
+        publish(peer, replace(LAST, seq=2, words="still words"))
+        peer.until(lambda: terminal.shows("still words"))
+        terminal.run("send-keys", "q")
+        peer.until(lambda: terminal.shows("ended with 0"))
+    (alarm,) = AlarmJournal(journal).alarms()
+    assert alarm.acknowledged_by == "Ada"

@@ -1,28 +1,27 @@
-"""``ros2 run flea_diag console``: the verdict in plain text, on a screen or in a pipe."""
+"""``ros2 run flea_diag console``: what the stand and its diagnosis say, on a terminal or a pipe."""
 
 from __future__ import annotations
 
+import getpass
 import sys
-import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, TextIO
 
-from flea_diag.nodes.console_view import SILENT_AFTER_S, ConsoleState, line, update, view
+from flea_diag.errors import ConfigurationError
+from flea_diag.nodes.desk import Desk, connect, inject, open_journal
+from flea_diag.operator.state import SHOWN
+from flea_diag.operator.verdict_view import line
+from flea_diag.operator.view import page, view
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.parameters import parameter
-from flea_diag.wire.records import (
-    AmbiguityGroup,
-    DataQuality,
-    FeatureValue,
-    Health,
-    Record,
-    Truth,
-)
+from flea_diag.wire.records import AmbiguityGroup, Record
 
-SHOWN: tuple[type, ...] = (AmbiguityGroup, DataQuality, FeatureValue, Health, Truth)
 REDRAW_S = 0.25
 CLEAR = "\x1b[H\x1b[2J"
+NO_TEXTUAL = "the screen needs Textual: pip install 'flea_diag[console]'"
 
 
 @dataclass(frozen=True)
@@ -31,43 +30,39 @@ class ConsoleParameters:
 
     style: str = parameter(
         "auto",
-        "screen redraws a page, lines prints one line a change, auto takes the page on a terminal",
-        choices=("auto", "screen", "lines"),
+        "screen is the console with keys (Textual), page redraws plain text, lines prints one line "
+        "a change; auto takes the screen on a terminal, the page where Textual is not installed",
+        choices=("auto", "screen", "page", "lines"),
         read_only=True,
     )
+    journal: str = parameter(
+        "",
+        "file of alarms, acknowledgements and comments; empty: flea_diag/alarms.sqlite in "
+        "$XDG_STATE_HOME or ~/.local/state",
+        read_only=True,
+    )
+    author: str = parameter("", "who acknowledges and comments; empty: the login", read_only=True)
 
 
-class Console:
-    """Keeps the latest records and shows them when they changed."""
+class Plain:
+    """Writes the state as text when it has changed."""
 
-    def __init__(self, bus: Bus[Any], out: TextIO, screen: bool) -> None:
-        self._out = out
-        self._show = self._redraw if screen else self._print_change
-        self._state = ConsoleState()
+    def __init__(self, desk: Desk, out: TextIO) -> None:
+        self._desk, self._out = desk, out
         self._shown = ""
-        self._last_verdict_s = time.monotonic()
-        for record_type in SHOWN:
-            bus.subscribe(record_type, self._take)
-        bus.every(REDRAW_S, self._watch)
 
-    def _take(self, record: Record) -> None:
-        self._state = update(self._state, record)
+    def verdict(self, record: Record) -> None:
+        """Its line at once, if this is one."""
         if isinstance(record, AmbiguityGroup):
-            self._last_verdict_s = time.monotonic()
-            if self._show == self._print_change:
-                self._print_change()
+            self.line()
 
-    def _watch(self) -> None:
-        silent_s = time.monotonic() - self._last_verdict_s
-        if silent_s > SILENT_AFTER_S and self._state.group is not None:
-            self._state = replace(self._state, silent_s=silent_s)
-        self._show()
+    def line(self) -> None:
+        """One line a change."""
+        self._write(line(self._desk.state, self._desk.now_ns()), end="\n")
 
-    def _print_change(self) -> None:
-        self._write(line(self._state), end="\n")
-
-    def _redraw(self) -> None:
-        self._write(view(self._state), before=CLEAR)
+    def page(self) -> None:
+        """The whole page anew."""
+        self._write(page(view(self._desk.state, self._desk.now_ns())), before=CLEAR)
 
     def _write(self, text: str, before: str = "", end: str = "") -> None:
         if text != self._shown:
@@ -76,30 +71,88 @@ class Console:
             self._out.flush()
 
 
-def start(bus: Bus[Any], parameters: ConsoleParameters) -> None:
-    """Show what comes on standard output."""
-    screen = parameters.style == "screen" or (parameters.style == "auto" and sys.stdout.isatty())
-    Console(bus, sys.stdout, screen)
+class Screen:
+    """The console with keys; has the main thread while the node is served in another."""
+
+    def __init__(self, desk: Desk, put_in: Callable[[str, Callable[[str], None]], None]) -> None:
+        from flea_diag.nodes.console_app import ConsoleApp
+
+        self._left = threading.Event()
+        self._app = ConsoleApp(desk, put_in, self._left.is_set)
+        self._desk = desk
+
+    def run(self) -> None:
+        """Show it until somebody quits or the node ends."""
+        self._app.run()
+
+    def leave(self) -> None:
+        """The node has ended; the app looks here with each redraw."""
+        self._left.set()
+
+    def close(self) -> None:
+        """Close the journal."""
+        self._desk.close()
+
+
+def start(bus: Bus[Any], parameters: ConsoleParameters) -> Callable[[], None] | Screen:
+    """Show what comes, on standard output or on the terminal."""
+    style = chosen_style(parameters.style, sys.stdout.isatty(), _has_textual())
+    author = parameters.author or getpass.getuser()
+    desk = Desk(open_journal(parameters.journal, bus.stand), author)
+    connect(bus, desk)
+    if style == "screen":
+        return Screen(desk, partial(inject, bus))
+    plain = Plain(desk, sys.stdout)
+    if style == "lines":
+        # A verdict is printed when it comes, not when somebody looks: two may come in between.
+        desk.on_record.append(plain.verdict)
+    bus.every(REDRAW_S, plain.line if style == "lines" else plain.page)
+    return desk.close
+
+
+def chosen_style(asked: str, terminal: bool, textual: bool) -> str:
+    """Style that is asked for, or that fits.
+
+    Raises
+    ------
+    ConfigurationError
+        The screen is asked for, and Textual is not installed.
+    """
+    if asked == "screen" and not textual:
+        raise ConfigurationError(f"style = 'screen': {NO_TEXTUAL}")
+    if asked != "auto":
+        return asked
+    if not terminal:
+        return "lines"
+    return "screen" if textual else "page"
+
+
+def _has_textual() -> bool:
+    from importlib.util import find_spec
+
+    return find_spec("textual") is not None
 
 
 def program() -> Program:
     """What this node is."""
     return Program(
         "console",
-        "Shows the verdict, the faults still possible and why, data quality and node health.",
+        "Shows the verdict, the faults still possible and why, the evidence and the stand's health;"
+        " keeps alarms until they are acknowledged.",
         ConsoleParameters,
         start,
         subscribes=SHOWN,
         examples=(
             "ros2 run flea_diag console",
             "ros2 run flea_diag console | tee verdicts.txt",
+            "ros2 run flea_diag console --ros-args -p style:=page",
             "ros2 run flea_diag console --ros-args -r __ns:=/stand_2",
         ),
     )
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; the exit status."""
+    """Run until it is quit, SIGINT or SIGTERM; the exit status."""
     return run(program, argv)
 
 

@@ -53,16 +53,19 @@ class Children:
         self._log = log
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
-    def start(self, name: str, parameters: dict[str, str], show: bool = False) -> None:
-        """Start a node; its output goes to the log, or to the terminal."""
+    def start(
+        self, name: str, parameters: dict[str, str], show: bool = False, keys: bool = False
+    ) -> None:
+        """Start a node; its output goes to the log, or to the terminal, whose keys it may have."""
         given = [text for pair in parameters.items() for text in ("-p", "{}:={}".format(*pair))]
         arguments = ["--ros-args", *given] if given else []
         self._running[name] = subprocess.Popen(
             [sys.executable, "-m", MODULES[name], *arguments],
-            stdin=subprocess.DEVNULL,
+            stdin=None if keys else subprocess.DEVNULL,
             stdout=None if show else self._log,
-            stderr=self._log,
-            start_new_session=True,  # Ctrl-C is for us; we end them in order
+            stderr=None if keys else self._log,
+            # Ctrl-C is for us, we end them in order; but only our own session has the keys.
+            start_new_session=not keys,
             preexec_fn=_end_with_parent,
         )
 
@@ -70,10 +73,10 @@ class Children:
         """Whether a node has ended."""
         return self._running[name].poll() is not None
 
-    def check(self, finished: str = "") -> None:
-        """Raise when a node has ended by itself, but for the one that may."""
+    def check(self, finished: tuple[str, ...] = ()) -> None:
+        """Raise when a node has ended by itself, but for those that may."""
         for name, child in self._running.items():
-            if child.poll() not in (None, 0) or (child.poll() == 0 and name != finished):
+            if child.poll() not in (None, 0) or (child.poll() == 0 and name not in finished):
                 raise ConfigurationError(
                     f"{name} ended with status {child.returncode}, see {self._log.name}"
                 )
@@ -117,7 +120,8 @@ class Run:
         say("starting observer, isolator, extractor, recorder and console")
         for name in LISTENERS:
             self._children.start(name, self._parameters(name))
-        self._children.start("console", self._parameters("console"), show=True)
+        keys = not self._plain()
+        self._children.start("console", self._parameters("console"), show=True, keys=keys)
         self._until(self._all_listen, READY_S, "the nodes to find each other")
         say(f"all are listening; the stand starts, {self._what()}")
         self._children.start("daq", self._daq_parameters())
@@ -137,7 +141,9 @@ class Run:
         self, predicate: Callable[[], bool], limit_s: float, what: str, needed: bool = True
     ) -> None:
         def settled() -> bool:
-            self._children.check(finished="daq")
+            self._children.check(finished=("daq", "console"))
+            # Who quits the console has seen enough.
+            self.interrupted |= not self._plain() and self._children.ended("console")
             return self.interrupted or predicate()
 
         if not self._bus.wait_until(settled, limit_s) and needed:
@@ -153,9 +159,13 @@ class Run:
         if name == "recorder":
             return {"directory": str(self._options.bag)}
         if name == "console":
-            lines = self._options.headless or not sys.stdout.isatty()
-            return {"style": "lines" if lines else "screen"}
+            journal = self._options.bag.with_name("alarms.sqlite")
+            return {"style": "lines" if self._plain() else "auto", "journal": str(journal)}
         return {}
+
+    def _plain(self) -> bool:
+        """Whether the console prints lines: no people are at this terminal."""
+        return self._options.headless or not (sys.stdin.isatty() and sys.stdout.isatty())
 
     def _daq_parameters(self) -> dict[str, str]:
         fault = self._options.fault

@@ -23,6 +23,7 @@ WARN_EVERY_S = 5.0
 """A warning that repeats is logged at most this often; the counters miss none."""
 
 POLL_S = 0.02
+ASK_AGAIN_S = 0.5
 
 READER_DEPTH = 100
 """Samples of a latched topic that may wait for their reader. The writer keeps one for those who
@@ -178,9 +179,13 @@ class Bus(Generic[P]):
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
         """Call at a steady period, also while simulated time stands still."""
+        self._timer(seconds, call)
+
+    def _timer(self, seconds: float, call: Callable[[], None]) -> Any:
         from rclpy.clock import Clock, ClockType
 
-        self._node.create_timer(seconds, call, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        return self._node.create_timer(seconds, call, clock=clock)
 
     def serve_trigger(self, name: str, answer: Callable[[], str]) -> None:
         """Offer a std_srvs/Trigger; ``answer`` does it and says in words what was done."""
@@ -191,6 +196,39 @@ class Bus(Generic[P]):
             return response
 
         self._node.create_service(Trigger, name, respond)
+
+    def set_parameter(
+        self, node: str, name: str, value: str, told: Callable[[str], None], wait_s: float = 2.0
+    ) -> None:
+        """Set a parameter of another node of this namespace; ``told`` hears why not, or ""."""
+        from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+        from rcl_interfaces.srv import SetParameters
+
+        client = self._node.create_client(SetParameters, f"{node}/set_parameters")
+        began = time.monotonic()
+        request = SetParameters.Request()
+        content = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+        request.parameters = [Parameter(name=name, value=content)]
+        asked: list[Any] = []
+
+        def watch() -> None:
+            waited_s = time.monotonic() - began
+            answers = [future.result() for future in asked if future.done()]
+            if answers:
+                result = answers[0].results[0]
+                settle("" if result.successful else result.reason or f"{node} refuses")
+            elif waited_s > wait_s:
+                settle(f"node {node} does not answer" if asked else f"there is no node {node} here")
+            elif waited_s >= ASK_AGAIN_S * len(asked) and client.service_is_ready():
+                # An answer to a client that its server has not found yet is lost.
+                asked.append(client.call_async(request))
+
+        def settle(reason: str) -> None:
+            timer.cancel()
+            self._node.destroy_client(client)
+            told(reason)
+
+        timer = self._timer(POLL_S, watch)
 
     def info(self, text: str) -> None:
         """Log a line."""

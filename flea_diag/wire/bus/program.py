@@ -9,9 +9,10 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from flea_diag.errors import ConfigurationError, FleaError
 from flea_diag.wire.bus.declared import Common, Declared
@@ -30,18 +31,35 @@ NO_RCLPY = (
 Closing = Callable[[], None]
 
 
+@runtime_checkable
+class Foreground(Protocol):
+    """Something that needs the main thread while the node is served in another: a screen."""
+
+    def run(self) -> None:
+        """Keep the main thread until people leave it, or ``leave`` is called."""
+        ...
+
+    def leave(self) -> None:
+        """Have ``run`` return: the node has ended. Called from the other thread."""
+        ...
+
+    def close(self) -> None:
+        """What is to be done at the very end."""
+        ...
+
+
 @dataclass(frozen=True)
 class Program:
     """What an executable is and how it starts.
 
     ``start`` subscribes, advertises and returns at once, with what is to be called at the end
-    (or None). The node is served from then on.
+    (or None), or with what is to keep the main thread. The node is served from then on.
     """
 
     name: str
     summary: str
     parameters: type
-    start: Callable[[Bus[Any], Any], Closing | None]
+    start: Callable[[Bus[Any], Any], Closing | Foreground | None]
     subscribes: tuple[type, ...] = ()
     publishes: tuple[type, ...] = ()
     examples: tuple[str, ...] = ()
@@ -145,8 +163,12 @@ def _run(program: Program, arguments: list[str]) -> int:
         executor = make_executor(declared.common.executor)
         executor.add_node(node)
         finished: Any = Future()
-        close = program.start(Bus(node, executor, declared, finished), declared.value)
-        spin(executor, finished)
+        started = program.start(Bus(node, executor, declared, finished), declared.value)
+        close = started.close if isinstance(started, Foreground) else started
+        if isinstance(started, Foreground):
+            _serve_behind(started, executor, finished)
+        else:
+            spin(executor, finished)
         if finished.done() and isinstance(finished.result(), FleaError):
             raise finished.result()
     except ExternalShutdownException:
@@ -165,6 +187,37 @@ def _run(program: Program, arguments: list[str]) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
     return 0
+
+
+def _serve_behind(screen: Foreground, executor: Any, finished: Any) -> None:
+    """Serve the node in a thread while the screen has this one; either ends the other."""
+    import rclpy
+
+    failures: list[BaseException] = []
+
+    def serve() -> None:
+        try:
+            spin(executor, finished)
+        except Exception as error:  # of another thread: raised again below
+            failures.append(error)
+        finally:
+            screen.leave()
+
+    thread = threading.Thread(target=serve, name="node")
+    thread.start()
+    try:
+        screen.run()
+    finally:
+        rclpy.try_shutdown()
+        thread.join()
+    if failures and not isinstance(failures[0], _ended_errors()):
+        raise failures[0]
+
+
+def _ended_errors() -> tuple[type[Exception], ...]:
+    from rclpy.executors import ExternalShutdownException
+
+    return (ExternalShutdownException, *_shutdown_errors())
 
 
 def _init(rclpy: Any, arguments: list[str]) -> None:

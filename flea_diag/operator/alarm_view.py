@@ -1,0 +1,97 @@
+"""Alarms in words: value, limit, evidence and time, and what people said to them."""
+
+from __future__ import annotations
+
+import math
+
+from flea_diag.operator.alarm import Alarm, Key, Member
+from flea_diag.operator.panel import Line, Panel, clock, number, share
+from flea_diag.operator.state import OperatorState
+from flea_diag.wire.records import NEVER_NS, OUTCOME_LEVEL, Level
+
+MOST_SHOWN = 12
+
+
+def key_text(key: Key) -> str:
+    """Key of an alarm as a word."""
+    return f"{key[0]}:{key[1]}"
+
+
+def alarm_text(alarm: Alarm) -> str:
+    """One alarm in one line: when, what passed which limit, and what it means by now."""
+    return f"{clock(alarm.detected_ns)} UTC  {cause(alarm)}  {meaning(alarm)}"
+
+
+def cause(alarm: Alarm) -> str:
+    """Value, limit and test that opened the episode."""
+    if not alarm.residual:
+        return "no test of a residual is known to have opened it"
+    return f"{alarm.residual}: z = {number(alarm.value)}, limit {number(alarm.limit)}, {alarm.test}"
+
+
+def meaning(alarm: Alarm) -> str:
+    """The last verdict in the words that it was given in."""
+    if not alarm.words:
+        return "no verdict yet"
+    return f"{alarm.outcome.value}: {alarm.words}"
+
+
+def member_text(member: Member) -> str:
+    """One fault of the group, with its size where one was estimated."""
+    known = not math.isnan(member.size)
+    size = f", size {number(member.size, member.size_unit, member.size_sigma)}" if known else ""
+    return f"{member.fault} {share(member.probability).strip()}{size}"
+
+
+def detail(alarm: Alarm) -> Panel:
+    """Everything that is kept of one alarm."""
+    lines = [Line(f"verdict  {meaning(alarm)}", _level(alarm))]
+    if alarm.verdict_ns != NEVER_NS:
+        lines.append(Line(f"given at {clock(alarm.verdict_ns)} UTC"))
+    lines += [Line(f"possible {member_text(member)}") for member in alarm.members]
+    lines += [
+        Line(
+            f"evidence {clock(row.since_ns)} {row.residual} magnitude {row.magnitude}, "
+            f"slope {row.slope}"
+        )
+        for row in alarm.deviations
+    ]
+    if alarm.closed_ns != NEVER_NS:
+        lines.append(Line(f"ended    {clock(alarm.closed_ns)} UTC"))
+    lines.append(Line(f"standing {_standing(alarm)}"))
+    lines += [Line(f"comment  {clock(c.stamp_ns)} {c.author}: {c.text}") for c in alarm.comments]
+    title = f"ALARM  {clock(alarm.detected_ns)} UTC  {cause(alarm)}"
+    return Panel("alarm", title, tuple(lines))
+
+
+def alarms(state: OperatorState) -> Panel | None:
+    """Episodes, the latest first; those that stand stay, however old."""
+    if not state.alarms:
+        return None
+    standing = [alarm for alarm in state.alarms if alarm.standing]
+    latest = state.alarms[-MOST_SHOWN:]
+    shown = [alarm for alarm in state.alarms if alarm.standing or alarm in latest]
+    title = f"EPISODES  {len(state.alarms)} kept, {len(standing)} not acknowledged"
+    lines: list[Line] = []
+    for alarm in reversed(shown):
+        text = f"{_flag(alarm)} {alarm_text(alarm)}"
+        lines.append(Line(text, _level(alarm), key_text(alarm.key)))
+        lines += [Line(f"    {clock(c.stamp_ns)} {c.author}: {c.text}") for c in alarm.comments]
+    return Panel("episodes", title, tuple(lines))
+
+
+def _flag(alarm: Alarm) -> str:
+    if alarm.standing:
+        return "replay  " if not alarm.rings else "NEW     "
+    return "acknowl."
+
+
+def _standing(alarm: Alarm) -> str:
+    if not alarm.standing:
+        by = f" by {alarm.acknowledged_by}" if alarm.acknowledged_by else ""
+        return f"acknowledged at {clock(alarm.acknowledged_ns)} UTC{by}"
+    return "not acknowledged" if alarm.rings else "of a replay: it does not ring"
+
+
+def _level(alarm: Alarm) -> Level | None:
+    return OUTCOME_LEVEL[alarm.outcome] if alarm.rings else None

@@ -1,0 +1,93 @@
+"""Then the evidence: residuals against their limits, symbols, features."""
+
+from __future__ import annotations
+
+import math
+
+from flea_diag.operator.panel import Line, Panel, bar, clock
+from flea_diag.operator.state import OperatorState
+from flea_diag.wire.records import FeatureValue, Level, Symbol
+
+
+def residuals(state: OperatorState) -> Panel | None:
+    """Each residual as a share of its limit, the largest first."""
+    record = state.residual
+    if record is None:
+        return None
+    rows = list(zip(record.names, record.values, record.z, record.thresholds, strict=True))
+    rows.sort(key=lambda row: -_share(row[2], row[3]))
+    formed = sum(not math.isnan(z) for _, _, z, _ in rows)
+    title = f"RESIDUALS  {formed} of {len(rows)} formed at {clock(record.stamp_ns)} UTC"
+    return Panel("residuals", title, tuple(_residual(name, z, limit) for name, _, z, limit in rows))
+
+
+def _share(z: float, limit: float) -> float:
+    """|z| in units of its limit; below 0 where either is not known."""
+    return -1.0 if math.isnan(z) or math.isnan(limit) or limit <= 0.0 else abs(z) / limit
+
+
+def _residual(name: str, z: float, limit: float) -> Line:
+    if math.isnan(z):
+        return Line(f"{name:26} {bar(math.nan)}  not formed")
+    if _share(z, limit) < 0.0:
+        return Line(f"{name:26} {bar(math.nan)}  z {z:+7.2f}, no limit")
+    beyond = abs(z) > limit
+    text = f"{name:26} {bar(abs(z) / limit)}| z {z:+7.2f}, limit {limit:.2f}"
+    return Line(text + (" BEYOND" if beyond else ""), Level.WARN if beyond else None)
+
+
+def symbols(state: OperatorState) -> Panel | None:
+    """Symbols of the open episode, the latest of each residual, with what they were before."""
+    flag = state.detection
+    if flag is None or not flag.detected:
+        return None
+    past: dict[str, list[Symbol]] = {}
+    for change in state.symbols:
+        if change.episode == flag.episode and change.stamp_ns >= flag.stamp_ns:
+            past.setdefault(change.symbol.residual, []).append(change.symbol)
+    lines = tuple(_symbol(residual, rows) for residual, rows in past.items())
+    first = (
+        f"SYMBOLS  first {flag.residual} at {clock(flag.stamp_ns)} UTC: z {flag.z:.2f}, "
+        f"limit {flag.threshold:.2f} ({flag.test})"
+    )
+    return Panel("symbols", first, lines)
+
+
+def _symbol(residual: str, rows: list[Symbol]) -> Line:
+    course = " → ".join(f"{row.magnitude}{row.slope}" for row in rows)
+    return Line(f"{residual:26} {course}  since {clock(rows[-1].since_ns)}")
+
+
+def features(state: OperatorState) -> Panel | None:
+    """Features of the open episode: computed, not computable, asked for, and not needed."""
+    group = state.group
+    if group is None or not group.features_available:
+        return None
+    ours = [feature for feature in state.features if feature.episode == group.episode]
+    lines = [
+        Line(f"{entry.name:28} asked for at {clock(entry.asked_ns)} UTC, not answered yet")
+        if entry.value is None
+        else _feature(entry.value)
+        for entry in ours
+    ]
+    seen = {entry.name for entry in ours}
+    lines += [
+        Line(f"{name:28} computed before this screen was there")
+        for name in group.features_computed
+        if name not in seen
+    ]
+    tried = seen | set(group.features_computed)
+    title = (
+        f"FEATURES  {len(group.features_computed)} of {group.features_available} computed, "
+        f"{max(group.features_available - len(tried), 0)} not asked for"
+    )
+    return Panel("features", title, tuple(lines))
+
+
+def _feature(value: FeatureValue) -> Line:
+    if math.isnan(value.value):
+        return Line(f"{value.feature:28} not computable: {value.reason}", Level.WARN)
+    return Line(
+        f"{value.feature:28} {value.value:.4g} {value.unit}  {value.symbol}"
+        f"  (nominal {value.nominal_low:.3g} to {value.nominal_high:.3g}, {value.cost_ms:.2f} ms)"
+    )

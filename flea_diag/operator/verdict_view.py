@@ -1,0 +1,157 @@
+"""The answer first: the verdict in one line, the faults that are left and why, what was dropped.
+
+Words and numbers are those of the records: nothing is said more surely than they say it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from flea_diag.operator.panel import Line, Panel, clock, number, share
+from flea_diag.operator.state import OPEN, GroupStep, OperatorState
+from flea_diag.wire.records import (
+    NEVER_NS,
+    OUTCOME_LEVEL,
+    AmbiguityGroup,
+    Candidate,
+    Level,
+)
+
+MOST_STEPS_SHOWN = 12
+MOST_NAMES = 3
+
+
+def line(state: OperatorState, now_ns: int) -> str:
+    """The verdict in one line, for a pipe or a log; equal as long as nothing changed."""
+    group = state.group
+    if group is None:
+        return "no verdict yet"
+    if state.silent(AmbiguityGroup, now_ns):
+        return "NO VERDICT: the isolator is silent"
+    level = level_of(group).name
+    return f"{clock(group.stamp_ns)} {level} {group.outcome.value}{_named(group)}: {group.words}"
+
+
+def level_of(group: AmbiguityGroup) -> Level:
+    """Level of a verdict: STALE while the stand sends nothing."""
+    return Level.STALE if group.stale else OUTCOME_LEVEL[group.outcome]
+
+
+def _named(group: AmbiguityGroup) -> str:
+    """How many are possible, and which, unless the words name them all."""
+    faults = [candidate.fault for candidate in group.members]
+    if not faults:
+        return ""
+    told = all(fault in group.words for fault in faults)
+    return (
+        f" ({len(faults)} possible)" if told else f" ({len(faults)} possible: {', '.join(faults)})"
+    )
+
+
+def verdict(state: OperatorState, now_ns: int) -> Panel:
+    """The verdict, how old it is and where it comes from."""
+    group = state.group
+    if group is None:
+        return Panel(
+            "verdict", "VERDICT  none yet: waiting for ambiguity_group", _stand_says(state)
+        )
+    level, lines = level_of(group), []
+    title = f"VERDICT  {level.name}  {group.outcome.value}  {group.words}"
+    if state.silent(AmbiguityGroup, now_ns):
+        silent_s = state.stream(AmbiguityGroup).silent_s(now_ns)
+        lines.append(Line(title, level))
+        title = f"NO VERDICT for {silent_s:.0f} s: the last one stands below"
+    elif group.stale:
+        lines.append(Line("STALE: the stand sends no data, this is the last verdict", Level.STALE))
+    if group.source != "live":
+        lines.append(Line(f"THIS IS A {group.source.upper()}, not the stand", Level.WARN))
+    told = (
+        f"episode {group.episode}, step {group.step}, number {group.seq}, "
+        f"evidence up to {clock(group.stamp_ns)} UTC, {group.source}"
+    )
+    lines.append(Line(told))
+    if group.detected_stamp_ns != NEVER_NS:
+        lines.append(Line(f"detected at {clock(group.detected_stamp_ns)} UTC"))
+    return Panel("verdict", title, (*lines, *_stand_says(state)))
+
+
+def _stand_says(state: OperatorState) -> tuple[Line, ...]:
+    """What a stand that knows says of itself; no stage reads it."""
+    truth = state.truth
+    if truth is None or not truth.fault:
+        return ()
+    at = "" if truth.onset_ns == NEVER_NS else f" from {clock(truth.onset_ns)} UTC on"
+    return (Line(f"the stand says: {truth.fault}{at}"),)
+
+
+def possible(state: OperatorState) -> Panel | None:
+    """Faults that are left, the most probable first, each with its why."""
+    group = state.group
+    if group is None or not group.members or group.outcome not in OPEN:
+        return None
+    lines, alone = [], len(group.members) == 1
+    for rank, entry in enumerate(group.members, 1):
+        lines.append(Line(f"{rank}. {_candidate(entry, alone)}", level_of(group), entry.fault))
+        lines.append(Line(f"     {'':24} {entry.reason}"))
+    return Panel("possible", f"POSSIBLE ({len(group.members)})", tuple(lines))
+
+
+def _candidate(entry: Candidate, alone: bool) -> str:
+    # What is left alone has probability 1 among those considered: no figure to show.
+    likely = " left" if alone else share(entry.probability)
+    known = not math.isnan(entry.size)
+    size = f"  size {number(entry.size, entry.size_unit, entry.size_sigma)}" if known else ""
+    return f"{entry.fault:26} {likely}  {entry.hypothesis}{size}"
+
+
+def why(candidate: Candidate) -> Panel:
+    """Everything that was held for or against one fault, in order of time."""
+    lines = []
+    for found in candidate.evidence:
+        told = found.observed in found.verdict
+        observed = "" if told or not found.observed else f" {found.observed}"
+        path = f"  [{found.path}]" if found.path else ""
+        lines.append(
+            Line(f"{clock(found.stamp_ns)} {found.source}{observed}: {found.verdict}{path}")
+        )
+    return Panel("why", f"WHY {candidate.fault}: {candidate.reason}", tuple(lines))
+
+
+def dropped(state: OperatorState) -> Panel | None:
+    """Faults that were ruled out, by the reason that did it."""
+    group = state.group
+    if group is None or not group.dropped:
+        return None
+    reasons: dict[str, list[str]] = {}
+    for entry in group.dropped:
+        reasons.setdefault(entry.reason, []).append(entry.fault)
+    lines = tuple(Line(f"{reason}: {', '.join(faults)}") for reason, faults in reasons.items())
+    return Panel("dropped", f"DROPPED ({len(group.dropped)})", lines)
+
+
+def unseen(state: OperatorState) -> Panel | None:
+    """Faults that this stand cannot show."""
+    group = state.group
+    if group is None or not group.not_observable:
+        return None
+    lines = tuple(Line(f"{fault:28} {reason}") for fault, reason in group.not_observable)
+    return Panel("unseen", "CANNOT BE SEEN HERE", lines)
+
+
+def steps(state: OperatorState) -> Panel | None:
+    """How the group of the open episode shrank."""
+    group = state.group
+    if group is None or group.detected_stamp_ns == NEVER_NS:
+        return None
+    ours = [step for step in state.steps if step.episode == group.episode]
+    lines = tuple(map(_step, ours[-MOST_STEPS_SHOWN:]))
+    sizes = " → ".join(str(len(step.faults)) for step in ours)
+    return Panel("steps", f"GROUP  {sizes}", lines) if lines else None
+
+
+def _step(step: GroupStep) -> Line:
+    names = [fault for fault, _ in step.dropped]
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    told = f", dropped {', '.join(names[:MOST_NAMES])}{more}" if names else ""
+    left = len(step.faults)
+    return Line(f"{clock(step.stamp_ns)} {step.outcome.value:17} {left:3} left{told}")

@@ -1,0 +1,34 @@
+"""The whole screen from the state alone: ``view(state, now_ns)``, top to bottom.
+
+The answer first, then what to do next, then the evidence, then the stand.
+"""
+
+from __future__ import annotations
+
+from flea_diag.operator import alarm_view, evidence_view, stand_view, verdict_view
+from flea_diag.operator.panel import Panel
+from flea_diag.operator.state import OperatorState
+
+
+def view(state: OperatorState, now_ns: int) -> tuple[Panel, ...]:
+    """Panels that have something to show; ``now_ns`` is the clock of the arrivals."""
+    panels = (
+        verdict_view.verdict(state, now_ns),
+        verdict_view.possible(state),
+        verdict_view.steps(state),
+        verdict_view.dropped(state),
+        verdict_view.unseen(state),
+        evidence_view.symbols(state),
+        evidence_view.features(state),
+        evidence_view.residuals(state),
+        stand_view.streams(state, now_ns),
+        stand_view.channels(state),
+        stand_view.nodes(state),
+        alarm_view.alarms(state),
+    )
+    return tuple(panel for panel in panels if panel is not None)
+
+
+def page(panels: tuple[Panel, ...]) -> str:
+    """The screen in plain text."""
+    return "\n\n".join(panel.text().replace("\n", "\n  ") for panel in panels) + "\n"

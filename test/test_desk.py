@@ -1,0 +1,72 @@
+"""State and journal together, as a screen has them; no ROS in it."""
+
+from __future__ import annotations
+
+import sqlite3
+from dataclasses import replace
+from pathlib import Path
+
+from test_operator_state import FIRST, FLAG, LAST, NOMINAL, START
+
+from flea_diag.nodes.alarm_journal import AlarmJournal
+from flea_diag.nodes.desk import Desk
+from flea_diag.wire.records import Outcome
+
+
+def desk(path: Path) -> Desk:
+    return Desk(AlarmJournal(path / "alarms.sqlite"), "Ada")
+
+
+def test_what_people_said_is_there_after_a_restart(tmp_path: Path) -> None:
+    one = desk(tmp_path)
+    for record in (NOMINAL, FLAG, FIRST):
+        one.take(record)
+    key = one.state.alarms[0].key
+    one.acknowledge(key)
+    one.comment(key, "nut greased")
+    one.close()
+    two = desk(tmp_path)
+    for record in (FLAG, LAST):
+        two.take(record)
+    (alarm,) = two.state.alarms
+    assert alarm.outcome is Outcome.ISOLATED
+    assert (alarm.acknowledged_by, alarm.comments[0].text) == ("Ada", "nut greased")
+    assert not alarm.rings
+
+
+def test_an_alarm_stays_over_a_restart_until_it_is_acknowledged(tmp_path: Path) -> None:
+    one = desk(tmp_path)
+    for record in (NOMINAL, FLAG, FIRST, replace(NOMINAL, stamp_ns=START + 10**9)):
+        one.take(record)
+    one.close()
+    two = desk(tmp_path)
+    assert [alarm.rings for alarm in two.state.alarms] == [True]
+    two.acknowledge(two.state.alarms[0].key)
+    assert [alarm.rings for alarm in two.state.alarms] == [False]
+
+
+def test_one_screen_acknowledges_and_the_other_falls_silent(tmp_path: Path) -> None:
+    one, two = desk(tmp_path), desk(tmp_path)
+    for screen in (one, two):
+        for record in (NOMINAL, FLAG, FIRST):
+            screen.take(record)
+    one.acknowledge(one.state.alarms[0].key)
+    two.tick()
+    assert not two.state.alarms[0].rings
+
+
+def test_a_journal_that_cannot_be_written_is_told_and_the_screen_stays(tmp_path: Path) -> None:
+    one = desk(tmp_path)
+    other = sqlite3.connect(tmp_path / "alarms.sqlite", isolation_level=None)
+    other.execute("DROP TABLE alarm")
+    for record in (NOMINAL, FLAG, FIRST):
+        one.take(record)
+    assert "alarms.sqlite" in one.trouble
+    assert one.state.alarms[0].outcome is Outcome.DETECTED
+
+
+def test_marks_are_kept(tmp_path: Path) -> None:
+    one = desk(tmp_path)
+    one.mark("load changed")
+    (mark,) = AlarmJournal(tmp_path / "alarms.sqlite").marks()
+    assert (mark.author, mark.text) == ("Ada", "load changed")

@@ -1,0 +1,253 @@
+"""Every text of the screens from records alone, and none surer than they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flea_diag.operator.alarm_view import alarm_text, detail
+from flea_diag.operator.panel import bar, share
+from flea_diag.operator.state import OperatorState, fold
+from flea_diag.operator.verdict_view import line as verdict_line
+from flea_diag.operator.verdict_view import why
+from flea_diag.operator.view import page
+from flea_diag.operator.view import view as panels
+from flea_diag.wire.records import (
+    NEVER_NS,
+    AmbiguityGroup,
+    Candidate,
+    ChannelQuality,
+    DataQuality,
+    Detection,
+    Evidence,
+    FeatureValue,
+    Health,
+    Level,
+    Outcome,
+    Quality,
+    Record,
+    Residual,
+    Symbol,
+    Symbols,
+    Truth,
+)
+
+# 2023-11-14 22:13:20 UTC, as `date -u -d @1700000000` has it.
+NOON_NS = 1_700_000_000 * 10**9
+
+GROUP = AmbiguityGroup(
+    stamp_ns=NOON_NS + 1_250_000_000,
+    outcome=Outcome.INDISTINGUISHABLE,
+    episode=2,
+    step=3,
+    seq=17,
+    members=(
+        Candidate(
+            "jam", "mechanical_friction+", 0.75, "current high while slow", (), 1.5, 0.1, "N"
+        ),
+        Candidate("ball_nut_friction", "nut_friction+", 0.25, "no accelerometer says otherwise"),
+    ),
+    dropped=(Candidate("winding_short", "winding_resistance-", 0.0, "current is too high"),),
+    detected_stamp_ns=NOON_NS + 500_000_000,
+    words="friction in the mechanism",
+    calibration_sha256="ab",
+    source="live",
+    not_observable=(("spall", "no accelerometer on this stand"),),
+    features_computed=("rms",),
+    features_available=14,
+)
+
+
+SECOND_NS = 10**9
+
+
+def shown(*records: Record) -> OperatorState:
+    state = OperatorState()
+    for record in records:
+        state = fold(state, record, 0)
+    return state
+
+
+def line(state: OperatorState, now_ns: int = 0) -> str:
+    return verdict_line(state, now_ns)
+
+
+def view(state: OperatorState, now_ns: int = 0) -> str:
+    return page(panels(state, now_ns))
+
+
+def test_before_the_first_verdict_it_says_so() -> None:
+    assert "waiting for ambiguity_group" in view(OperatorState())
+    assert line(OperatorState()) == "no verdict yet"
+
+
+def test_the_verdict_its_members_and_why() -> None:
+    text = view(shown(GROUP))
+    assert "VERDICT  ERROR  INDISTINGUISHABLE  friction in the mechanism" in text
+    assert "episode 2, step 3, number 17, evidence up to 22:13:21.250 UTC, live" in text
+    assert "detected at 22:13:20.500 UTC" in text
+    assert "POSSIBLE (2)" in text
+    assert "75%  mechanical_friction+  size 1.5 ± 0.1 N" in text
+    assert "current high while slow" in text
+    assert "DROPPED (1)" in text
+    assert "current is too high: winding_short" in text
+    assert "no accelerometer on this stand" in text
+    assert "FEATURES  1 of 14 computed, 13 not asked for" in text
+    assert "rms                          computed before this screen was there" in text
+
+
+def test_one_line_a_change() -> None:
+    first = line(shown(GROUP))
+    assert first == (
+        "22:13:21.250 ERROR INDISTINGUISHABLE (2 possible: jam, ball_nut_friction): "
+        "friction in the mechanism"
+    )
+    named = replace(GROUP, words="one of jam, ball_nut_friction")
+    assert line(shown(named)).endswith("INDISTINGUISHABLE (2 possible): " + named.words)
+    assert line(shown(GROUP, replace(GROUP, seq=18))) == first
+    assert line(shown(GROUP, replace(GROUP, step=4, members=GROUP.members[:1]))) != first
+
+
+def test_stale_is_stale_and_not_an_error() -> None:
+    state = shown(replace(GROUP, stale=True))
+    assert "VERDICT  STALE" in view(state)
+    assert "the stand sends no data" in view(state)
+    assert " STALE " in line(state)
+
+
+def test_a_silent_isolator_is_told() -> None:
+    state = shown(GROUP)
+    assert view(state, 4 * SECOND_NS).startswith("NO VERDICT for 4 s")
+    assert "NO VERDICT" in line(state, 4 * SECOND_NS)
+    assert "NO VERDICT" not in line(fold(state, GROUP, 4 * SECOND_NS), 4 * SECOND_NS)
+
+
+def test_a_replay_is_called_one() -> None:
+    assert "THIS IS A REPLAY, not the stand" in view(shown(replace(GROUP, source="replay")))
+    assert "REPLAY" not in view(shown(GROUP))
+
+
+@given(st.floats(0.0, 1.0, exclude_min=True, exclude_max=True))
+def test_no_rounding_makes_a_probability_certain(probability: float) -> None:
+    assert share(probability).strip() not in ("0%", "100%")
+    assert len(share(probability)) == 5
+
+
+def test_a_fault_that_is_left_alone_gets_no_figure() -> None:
+    alone = replace(GROUP, members=(replace(GROUP.members[0], probability=1.0),))
+    assert "%" not in view(shown(alone)).split("POSSIBLE")[1].split("DROPPED")[0]
+
+
+def test_why_names_time_source_and_path_of_each_finding() -> None:
+    found = Evidence(
+        NOON_NS, "parity_mechanical", "+?", "+0", "observed +?, predicted +0: fits", "f -> p"
+    )
+    panel = why(replace(GROUP.members[0], evidence=(found, replace(found, verdict="no words"))))
+    assert panel.lines[0].text == (
+        "22:13:20.000 parity_mechanical: observed +?, predicted +0: fits  [f -> p]"
+    )
+    assert panel.lines[1].text == "22:13:20.000 parity_mechanical +?: no words  [f -> p]"
+
+
+def test_residuals_against_their_limits_and_those_not_formed() -> None:
+    nan = float("nan")
+    record = Residual(NOON_NS, ("a", "b", "c"), (0.0, 1.0, nan), (1.0, -6.0, nan), (4.0, 5.0, 5.0))
+    (panel,) = [p for p in panels(shown(record), 0) if p.name == "residuals"]
+    assert panel.title == "RESIDUALS  2 of 3 formed at 22:13:20.000 UTC"
+    assert [text.text.split()[0] for text in panel.lines] == ["b", "a", "c"]
+    assert panel.lines[0].text.endswith("z   -6.00, limit 5.00 BEYOND")
+    assert "BEYOND" not in panel.lines[1].text
+    assert panel.lines[2].text.endswith("not formed")
+
+
+def test_a_bar_is_as_long_as_the_share_of_the_limit() -> None:
+    assert bar(0.0, 8).strip() == ""
+    assert bar(0.5, 8) == "████    "
+    assert bar(7.0, 8) == "████████"
+    assert bar(float("nan"), 8).strip() == ""
+
+
+def test_symbols_of_the_open_episode() -> None:
+    flag = Detection(NOON_NS, 1, True, "a", 6.0, 5.0, "mean of 50 samples")
+    first = Symbols(NOON_NS, 1, (Symbol("a", "+", "?", NOON_NS),))
+    later = Symbols(NOON_NS + SECOND_NS, 1, (Symbol("a", "+", "0", NOON_NS),))
+    text = view(shown(flag, first, later))
+    assert "SYMBOLS  first a at 22:13:20.000 UTC: z 6.00, limit 5.00 (mean of 50 samples)" in text
+    assert "+? → +0  since 22:13:20.000" in text
+    assert "SYMBOLS" not in view(shown(flag, first, replace(flag, detected=False)))
+
+
+def test_an_alarm_says_value_limit_evidence_and_time() -> None:
+    flag = Detection(NOON_NS, 2, True, "a", 6.25, 5.0, "mean of 50 samples")
+    group = replace(GROUP, detected_stamp_ns=NOON_NS)
+    later = Symbols(NOON_NS + SECOND_NS, 2, (Symbol("b", "+", "?", NOON_NS + SECOND_NS),))
+    quiet = replace(GROUP, detected_stamp_ns=NEVER_NS, members=())
+    (alarm,) = shown(quiet, flag, group, later).alarms
+    assert alarm_text(alarm) == (
+        "22:13:20.000 UTC  a: z = 6.25, limit 5, mean of 50 samples  "
+        "INDISTINGUISHABLE: friction in the mechanism"
+    )
+    text = detail(alarm).text()
+    assert "possible jam 75%, size 1.5 ± 0.1 N" in text
+    assert "possible ball_nut_friction 25%\n" in text
+    assert "evidence 22:13:21.000 b magnitude +, slope ?" in text
+    assert "not acknowledged" in text
+
+
+def test_an_alarm_without_a_known_test_invents_none() -> None:
+    (alarm,) = shown(GROUP).alarms
+    assert "no test of a residual is known to have opened it" in alarm_text(alarm)
+    assert "nan" not in detail(alarm).text()
+
+
+def test_streams_are_told_with_their_losses() -> None:
+    state = shown(replace(GROUP, seq=1))
+    text = view(state, 10 * SECOND_NS)
+    assert "ambiguity_group    STALE for 10 s" in text
+    assert "sensors/slow       waiting for the first record" in text
+
+
+def test_features_of_this_episode_only() -> None:
+    value = FeatureValue(NOON_NS, 2, 1, "rms", 0, 1, 3.25, "m/s^2", "+", 0.5, 1.5, "", 0.012)
+    failed = replace(value, feature="kurtosis", value=float("nan"), reason="window across a gap")
+    text = view(shown(GROUP, value, failed))
+    assert "3.25 m/s^2" in text
+    assert "nominal 0.5 to 1.5" in text
+    assert "not computable: window across a gap" in text
+    assert "3.25 m/s^2" not in view(shown(GROUP, value, replace(GROUP, episode=3)))
+
+
+def test_bad_channels_and_nodes() -> None:
+    quality = DataQuality(
+        NOON_NS,
+        (
+            ChannelQuality("motor_current", Quality.GOOD, NOON_NS, ""),
+            ChannelQuality("motor_voltage", Quality.BAD, NOON_NS, "stuck at -24 V"),
+        ),
+    )
+    health = Health(
+        NOON_NS,
+        "observer",
+        Level.WARN,
+        "2 messages passed over",
+        (
+            ("sensors/slow/received", "100"),
+            ("sensors/slow/late", "0"),
+            ("sensors/slow/malformed", "2"),
+            ("cpu_percent", "3.0"),
+        ),
+    )
+    text = view(shown(quality, health))
+    assert "CHANNELS  1 good, 1 not" in text
+    assert "motor_voltage                bad since 22:13:20.000: stuck at -24 V" in text
+    assert "observer             WARN  2 messages passed over" in text
+    assert "sensors/slow/malformed 2" in text
+    assert "late 0" not in text
+
+
+def test_what_the_stand_says_is_marked_as_such() -> None:
+    text = view(shown(GROUP, Truth(NOON_NS, "jam", NOON_NS)))
+    assert "the stand says: jam from 22:13:20.000 UTC on" in text
+    assert "the stand says: jam\n" in view(shown(GROUP, Truth(NOON_NS, "jam", NEVER_NS)))
