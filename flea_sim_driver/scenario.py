@@ -16,6 +16,7 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.wire.parameters import build, parameter
 from flea_sim_driver import faults
 from flea_sim_driver.flight import Flight, read_flight
+from flea_sim_driver.unit import Spread
 
 NEWTON_PER_POUND = 4.4482216152605
 LOAD_LIMIT_N = 70.0 * NEWTON_PER_POUND
@@ -140,12 +141,13 @@ class Scenario:
     load: Load = field(default_factory=Load)
     sensors: Sensors = field(default_factory=Sensors)
     switch: Switch = field(default_factory=Switch)
+    spread: Any = field(default_factory=Spread)
     faults: tuple[FaultSetting, ...] = ()
     flight: Flight | None = None
 
 
 SECTIONS: dict[str, type] = {
-    "motion": Motion, "load": Load, "sensors": Sensors, "switch": Switch,
+    "motion": Motion, "load": Load, "sensors": Sensors, "switch": Switch, "spread": Spread,
 }  # fmt: skip
 
 

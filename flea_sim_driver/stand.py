@@ -7,7 +7,7 @@ blocks in real time. The same scenario and start give the same bytes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -52,9 +52,10 @@ class Stand:
         self.start_ns = round(run.start_s * 1e9) if start_ns is None else start_ns
         draws = [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(7)]
         warm = run.ambient_degc + run.warm_degc
+        spread = {k: run.unit_spread * sigma for k, sigma in asdict(scenario.spread).items()}
         self.units: dict[str, Unit] = {
-            "Y": draw_unit(draws[0], run.unit_spread, warm),
-            "X": draw_unit(draws[1], run.unit_spread, warm),
+            "Y": draw_unit(draws[0], spread, warm),
+            "X": draw_unit(draws[1], spread, warm),
         }
         self.bench = Bench()
         self.unit_in_use = run.active_unit

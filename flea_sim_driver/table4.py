@@ -8,7 +8,8 @@ switched from the healthy unit to the faulty one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,10 @@ SPEED_LIMIT_M_S = 0.140
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the table: ``low`` to ``high`` is the range of the fault's size."""
+    """One row of the table: ``low`` to ``high`` is the range of the fault's size.
+
+    A ladder has ``sizes`` instead, which its scenarios take in turn, each with every motion.
+    """
 
     title: str
     fault: str
@@ -32,6 +36,17 @@ class Row:
     high: float = 0.0
     either_sign: bool = False
     switched: bool = False
+    sizes: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What all scenarios of a set have in common; ``values`` are more keys of a scenario."""
+
+    duration_s: float = DURATION_S
+    earliest_onset_s: float = EARLIEST_ONSET_S
+    latest_onset_s: float = LATEST_ONSET_S
+    values: Mapping[str, Any] = field(default_factory=dict)
 
 
 ROWS: tuple[Row, ...] = (
@@ -53,28 +68,43 @@ ROWS: tuple[Row, ...] = (
 
 def table4(seed: int) -> tuple[Scenario, ...]:
     """All scenarios, row after row; each has plant parameters of its own draw."""
-    names = [(row, number) for row in ROWS for number in range(row.scenarios)]
+    return tuple(scenario for _, scenario in draw(ROWS, seed))
+
+
+def draw(
+    rows: Sequence[Row], seed: int, shared: Shared | None = None
+) -> tuple[tuple[Row, Scenario], ...]:
+    """Scenarios of any such table, each with its row.
+
+    Raises
+    ------
+    ConfigurationError
+        A row that the stand cannot run, by name, value and limit.
+    """
+    common = shared or Shared()
+    names = [(row, number) for row in rows for number in range(row.scenarios)]
     streams = np.random.SeedSequence(seed).spawn(len(names))
     return tuple(
-        _scenario(row, number, np.random.default_rng(stream))
+        (row, _scenario(row, number, np.random.default_rng(stream), common))
         for (row, number), stream in zip(names, streams, strict=True)
     )
 
 
-def _scenario(row: Row, number: int, draw: np.random.Generator) -> Scenario:
+def _scenario(row: Row, number: int, draw: np.random.Generator, shared: Shared) -> Scenario:
     name = f"{row.fault or 'nominal'}_{number + 1:03d}"
     values: dict[str, Any] = {
         "name": name,
-        "duration_s": DURATION_S,
+        "duration_s": shared.duration_s,
         "seed": int(draw.integers(2**31)),
         "ambient_degc": round(float(draw.uniform(20.0, 27.0)), 1),
         "warm_degc": round(float(draw.uniform(0.0, 10.0)), 1),
         "motion": _motion(MOTIONS[number % len(MOTIONS)], draw),
         "load": {"constant_n": round(float(draw.uniform(-LOAD_LIMIT_N, LOAD_LIMIT_N)), 1)},
+        **shared.values,
     }
     if row.fault:
-        values |= _fault(row, draw)
-    return scenario_from_mapping(values, f"table 4, {name}")
+        values |= _fault(row, number, draw, shared)
+    return scenario_from_mapping(values, f"{row.title}, {name}")
 
 
 def _motion(kind: str, draw: np.random.Generator) -> dict[str, Any]:
@@ -91,13 +121,15 @@ def _motion(kind: str, draw: np.random.Generator) -> dict[str, Any]:
     return motion | {"amplitude_m": round(amplitude, 4)}
 
 
-def _fault(row: Row, draw: np.random.Generator) -> dict[str, Any]:
-    onset = round(float(draw.uniform(EARLIEST_ONSET_S, LATEST_ONSET_S)), 2)
+def _fault(row: Row, number: int, draw: np.random.Generator, shared: Shared) -> dict[str, Any]:
+    onset = round(float(draw.uniform(shared.earliest_onset_s, shared.latest_onset_s)), 2)
     size = round(float(draw.uniform(row.low, row.high)), 3)
+    if row.sizes:
+        size = row.sizes[number // len(MOTIONS) % len(row.sizes)]
     if row.either_sign and draw.random() < 0.5:
         size = -size
     fault: dict[str, Any] = {"fault": row.fault}
-    if row.high != 0.0:
+    if row.high != 0.0 or row.sizes:
         fault["size"] = size
     if row.switched:
         return {"switch": {"at_s": onset, "to": "X"}, "faults": [fault | {"unit": "X"}]}

@@ -7,9 +7,13 @@ Values marked (measured) were regressed from those recordings; the others are as
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, make_dataclass, replace
+from typing import Any
 
 import numpy as np
+
+from flea_diag.wire.parameters import parameter
 
 
 @dataclass(frozen=True)
@@ -75,15 +79,36 @@ UNIT_SPREAD: dict[str, float] = {
 
 SPREAD_LIMIT = 2.0
 """Draws are cut at so many standard deviations: a unit beyond would fail its acceptance."""
+SMALLEST_SHARE = 0.2
+"""No parameter of a unit is less than this share of the nominal one, however wide the spread."""
+
+Spread: Any = make_dataclass(
+    "Spread",
+    [
+        (
+            name,
+            float,
+            parameter(value, f"of {name} between units, relative", minimum=0.0, maximum=1.0),
+        )
+        for name, value in UNIT_SPREAD.items()
+    ],
+    frozen=True,
+)
+"""One standard deviation of each parameter, as a scenario states it."""
 
 
-def draw_unit(generator: np.random.Generator, spread: float, start_degc: float) -> Unit:
-    """A unit drawn around the nominal one; every parameter takes one draw, whatever the spread."""
+def draw_unit(
+    generator: np.random.Generator, spread: Mapping[str, float], start_degc: float
+) -> Unit:
+    """A unit drawn around the nominal one with these relative standard deviations.
+
+    Every parameter takes one draw, whatever its spread.
+    """
     names = [entry.name for entry in fields(Unit) if entry.name in UNIT_SPREAD]
     draws = np.clip(generator.standard_normal(len(names)), -SPREAD_LIMIT, SPREAD_LIMIT)
     nominal = Unit()
     values = {
-        name: getattr(nominal, name) * (1.0 + spread * UNIT_SPREAD[name] * draw)
+        name: getattr(nominal, name) * max(1.0 + spread[name] * draw, SMALLEST_SHARE)
         for name, draw in zip(names, draws, strict=True)
     }
     return replace(nominal, start_temperature_degc=start_degc, **values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ from flea_sim_driver.scenario import (
     scenario_from_mapping,
     scenario_to_mapping,
 )
-from flea_sim_driver.table4 import table4
+from flea_sim_driver.stand import Stand
+from flea_sim_driver.table4 import Row, Shared, draw, table4
 
 ROOT = Path(__file__).resolve().parent.parent
 REFUSED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
@@ -196,3 +198,23 @@ def test_a_flight_is_scaled_where_asked(tmp_path: Path) -> None:
     assert 0.0 <= position.min() < position.max() <= 0.1
     assert np.ptp(position) == pytest.approx(0.09, rel=0.01)
     assert np.abs(load).max() == pytest.approx(311.4, rel=1e-3)
+
+
+def test_a_ladder_takes_each_size_with_every_motion() -> None:
+    row = Row("Jam", "jam", 12, sizes=(0.1, 0.2, 0.4), switched=True)
+    made = draw((row,), 3, Shared(20.0, 9.0, 11.0, {"unit_spread": 0.5}))
+    pairs = {(scenario.motion.kind, scenario.faults[0].size) for _, scenario in made}
+    assert len(pairs) == 12
+    assert all(9.0 <= scenario.switch.at_s <= 11.0 for _, scenario in made)
+    assert {scenario.run.unit_spread for _, scenario in made} == {0.5}
+
+
+def test_the_spread_between_units_can_be_stated() -> None:
+    wide = scenario_from_mapping({"spread": {"viscous_friction_n_s_m": 0.6}}, "test")
+    stands = [Stand(replace(wide, run=replace(wide.run, seed=seed))) for seed in range(200)]
+    shares = np.array([s.units["Y"].viscous_friction_n_s_m for s in stands]) / 412.0
+    # Normal, cut at two standard deviations and at a fifth from below: 0.6 becomes some 0.5.
+    assert 0.40 < shares.std() < 0.60
+    assert shares.min() >= 0.2
+    with pytest.raises(ConfigurationError, match=r"spread: unknown parameter 'colour'"):
+        scenario_from_mapping({"spread": {"colour": 0.1}}, "test")

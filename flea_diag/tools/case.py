@@ -1,0 +1,272 @@
+"""A campaign as a list of runs: each a frozen recipe from which its records are made anew.
+
+Drawing the list is cheap and depends on the campaign alone, so that a campaign that was
+interrupted goes on with the same runs, in whatever process or on whatever machine.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.campaign import (
+    HALVES,
+    Campaign,
+    Drawn,
+    Injections,
+    Recordings,
+    Row,
+    Scenarios,
+    Switches,
+)
+from flea_diag.tools.recording_set import RecordingSet, Run
+
+PROFILE = re.compile(r"BatchProfile_([a-z]+\d\d)_")
+"""Motion and load in the name of a FLEA run."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How the records of a run are made; fields that a kind does not need stay empty.
+
+    ``recording`` is a bag. ``faulty`` is the bag that it becomes, in a switch. ``fault``,
+    ``size`` and ``seed`` are an injection's; its onset is drawn where the recording moves.
+    """
+
+    scenario: dict[str, Any] = field(default_factory=dict)
+    recording: str = ""
+    faulty: str = ""
+    fault: str = ""
+    size: float | None = None
+    seed: int = 0
+    margin_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One line to be: a run, a configuration, and the calibration that it may use."""
+
+    id: str
+    kind: str
+    row: str
+    recipe: Recipe
+    configuration: str = "default"
+    fold: str = ""
+    calibration: str = ""
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What tells it from the others; equal to the key of its result."""
+        return self.id, self.configuration, self.fold
+
+
+def plan(campaign: Campaign, recordings: RecordingSet) -> tuple[Case, ...]:
+    """Every run of a campaign, configuration after configuration.
+
+    Raises
+    ------
+    ConfigurationError
+        A row or scenario that cannot be run, no recording where a pattern looks for some.
+    """
+    once = [case for source in campaign.sources for case in _of(source, campaign, recordings)]
+    if not once:
+        raise ConfigurationError(f"{campaign.name}: the campaign has no run")
+    double = _first_double([case.key for case in once])
+    if double:
+        raise ConfigurationError(f"{campaign.name}: two runs are named {double[0]!r}")
+    return tuple(
+        Case(**{**_shallow(case), "configuration": name})
+        for name in campaign.configurations
+        for case in once
+    )
+
+
+def plan_sha256(campaign: Campaign, cases: Sequence[Case]) -> str:
+    """Digest of what is run and what is right: results of another plan are not mixed in."""
+    content = [{**asdict(case), "calibration": ""} for case in cases]
+    text = json.dumps([content, {k: list(v) for k, v in campaign.expect.items()}], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _shallow(case: Case) -> dict[str, Any]:
+    return {name: getattr(case, name) for name in case.__dataclass_fields__}
+
+
+def _first_double(keys: Sequence[tuple[str, str, str]]) -> tuple[str, str, str] | None:
+    seen: set[tuple[str, str, str]] = set()
+    return next((key for key in keys if key in seen or seen.add(key)), None)  # type: ignore[func-returns-value]
+
+
+def _of(source: Any, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
+    if isinstance(source, Drawn):
+        return _drawn(source, campaign)
+    if isinstance(source, Scenarios):
+        return _scenarios(source, campaign)
+    if isinstance(source, Recordings):
+        return _recorded(source, campaign, recordings)
+    if isinstance(source, Injections):
+        return _injected(source, campaign, recordings)
+    return _spliced(source, campaign, recordings)
+
+
+# --- simulated ----------------------------------------------------------------------------
+
+
+def _calibration(campaign: Campaign) -> str:
+    """The simulated stand has its own calibration unless the campaign names a file."""
+    if campaign.calibration in ("", HALVES):
+        return ""
+    path = campaign.folder / campaign.calibration
+    return str(path) if path.is_file() else campaign.calibration
+
+
+def _drawn(source: Drawn, campaign: Campaign) -> Iterator[Case]:
+    from flea_sim_driver import table4
+    from flea_sim_driver.scenario import scenario_to_mapping
+
+    shared = table4.Shared(
+        source.duration_s,
+        source.earliest_onset_s,
+        source.latest_onset_s,
+        {
+            "unit_spread": source.unit_spread,
+            "spread": dict(source.spread),
+            "sensors": {"vibration": source.vibration, "voltage": source.voltage},
+        },
+    )
+    rows = tuple(_table_row(row, source.times) for row in source.rows)
+    for row, scenario in table4.draw(rows, source.seed, shared):
+        name = f"{source.name}/{_slug(row.title)}/{scenario.run.name}"
+        recipe = Recipe(scenario=scenario_to_mapping(scenario))
+        yield Case(name, "simulated", row.title, recipe, calibration=_calibration(campaign))
+
+
+def _table_row(row: Row, times: int) -> Any:
+    from flea_sim_driver import table4
+
+    return table4.Row(
+        row.title,
+        row.fault,
+        row.cases * times,
+        row.low,
+        row.high,
+        row.either_sign,
+        row.switched,
+        row.sizes,
+    )
+
+
+def _scenarios(source: Scenarios, campaign: Campaign) -> Iterator[Case]:
+    from dataclasses import replace
+
+    from flea_sim_driver.library import find_scenario
+    from flea_sim_driver.scenario import scenario_to_mapping
+
+    for name in source.files:
+        local = campaign.folder / name
+        found = find_scenario(str(local) if local.is_file() else name)
+        vibration = found.sensors.vibration and source.vibration
+        for seed in range(source.seed, source.seed + source.times):
+            scenario = replace(
+                found,
+                run=replace(found.run, seed=seed),
+                sensors=replace(found.sensors, vibration=vibration),
+            )
+            yield Case(
+                f"{source.name}/{found.run.name}/{seed}",
+                "simulated",
+                found.run.name,
+                Recipe(scenario=scenario_to_mapping(scenario)),
+                calibration=_calibration(campaign),
+            )
+
+
+# --- recorded -----------------------------------------------------------------------------
+
+
+def _recorded(source: Recordings, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
+    for run in recordings.matching(source.files, campaign.folder):
+        for fold, calibration in recordings.calibrations(run):
+            yield Case(
+                f"{source.name}/{run.name}",
+                "simulated" if run.simulated else "real",
+                run.truth or "unknown",
+                Recipe(recording=str(run.bag)),
+                fold=fold,
+                calibration=calibration,
+            )
+
+
+def _injected(source: Injections, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
+    """Sizes evenly over their range in random order, recordings in turn."""
+    import numpy as np
+
+    runs = [r for r in recordings.matching(source.files, campaign.folder) if r.truth == "nominal"]
+    if not runs:
+        raise ConfigurationError(f"{source.name}: no nominal recording to inject faults into")
+    draw = np.random.default_rng(source.seed)
+    for row in source.rows:
+        order = draw.permutation(len(runs))
+        for number, size in enumerate(_sizes(row, draw)):
+            run = runs[order[number % len(runs)]]
+            recipe = Recipe(
+                recording=str(run.bag),
+                fault=row.fault,
+                size=size,
+                seed=int(draw.integers(2**31)),
+                margin_s=source.margin_s,
+            )
+            name = f"{source.name}/{_slug(row.title)}/{number + 1:03d}"
+            for fold, calibration in recordings.calibrations(run):
+                yield Case(name, "injected", row.title, recipe, fold=fold, calibration=calibration)
+
+
+def _sizes(row: Row, draw: Any) -> list[float | None]:
+    if row.sizes:
+        return [_signed(size, row, draw) for size in row.sizes for _ in range(row.cases)]
+    if row.high == 0.0:
+        return [None] * row.cases
+    return [_signed(float(draw.uniform(row.low, row.high)), row, draw) for _ in range(row.cases)]
+
+
+def _signed(size: float, row: Row, draw: Any) -> float:
+    return -size if row.either_sign and draw.random() < 0.5 else size
+
+
+def _spliced(source: Switches, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
+    """Every faulty run that has a nominal one of the same motion and load."""
+    nominal: dict[str, Run] = {}
+    for run in recordings.matching(source.nominal, campaign.folder):
+        if run.truth == "nominal":
+            nominal[_profile(run.name)] = run
+    for run in recordings.matching(source.faulty, campaign.folder):
+        before = nominal.get(_profile(run.name))
+        if before is None or not run.truth or run.truth == "nominal":
+            continue
+        recipe = Recipe(
+            recording=str(before.bag), faulty=str(run.bag), margin_s=source.margin_s
+        )
+        for fold, calibration in recordings.calibrations(before):
+            yield Case(
+                f"{source.name}/{run.name}",
+                "spliced",
+                run.truth,
+                recipe,
+                fold=fold,
+                calibration=calibration,
+            )
+
+
+def _profile(name: str) -> str:
+    match = PROFILE.match(name)
+    return match[1] if match else name
+
+
+def _slug(title: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", title.lower()).strip("_")
