@@ -12,7 +12,6 @@ from flea_diag.tools.campaign import (
     Drawn,
     Injections,
     Recordings,
-    Row,
     campaign_from_mapping,
     load_campaign,
 )
@@ -34,14 +33,14 @@ def test_a_file_is_read(tmp_path: Path) -> None:
         "- kind: injections\n"
         "  files: [flea/*_Nominal_Low.data]\n"
         "  rows:\n"
-        "  - {fault: motor_current_bias, sizes: [0.25, 0.5]}\n",
+        "  - motor_current bias\n",
         encoding="utf-8",
     )
     campaign = load_campaign(path)
     recordings, injections = campaign.sources
     assert recordings == Recordings(files=("flea/*.data",))
     assert isinstance(injections, Injections)
-    assert injections.rows == (Row("motor_current_bias", "motor_current_bias", sizes=(0.25, 0.5)),)
+    assert injections.rows == ("motor_current bias",)
     assert campaign.folder == tmp_path
     assert campaign.expected("jam") == ("jam", "ball_nut_friction")
     assert campaign.expected("spall") == ()

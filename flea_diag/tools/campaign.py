@@ -16,6 +16,8 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.wire.parameters import build, parameter
 
 SCHEMA_VERSION = 1
+HYBRID = "hybrid"
+"""The diagnoser as `flea replay` runs it; others are baselines."""
 HALVES = "halves"
 """Calibration by the recordings themselves: each half of the nominal runs scores the other."""
 
@@ -80,11 +82,11 @@ class Injections:
 
     name: str = parameter("injections", "first part of the names of the runs")
     seed: int = parameter(1, "of all draws", minimum=0, maximum=2**31)
-    margin_s: float = parameter(
-        8.0, "of the onset from either end of the run", unit="s", minimum=0.0, maximum=600.0
-    )
+    cases: int = parameter(60, "of each row or rung", minimum=1, maximum=LARGEST_LIST)
+    ladder: bool = parameter(False, "a ladder of severities in place of drawn sizes")
     files: tuple[str, ...] = ()
-    rows: tuple[Row, ...] = ()
+    rows: tuple[str, ...] = ()
+    """Channel and mode (``motor_current bias``); all that there are where none is named."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ class Campaign:
     limit_percent: float = parameter(
         0.0, "share of right runs below which a row is lost", minimum=0.0, maximum=100.0
     )
-    configurations: tuple[str, ...] = ("default",)
+    configurations: tuple[str, ...] = (HYBRID,)
     expect: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Truth -> faults that a right group may hold, where that is not the truth alone."""
     sources: tuple[Source, ...] = ()
@@ -173,9 +175,7 @@ def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Ca
         raise ConfigurationError(f"{where}: two sources are named {double[0]!r}, give each its own")
     return replace(
         campaign,
-        configurations=_texts(
-            content.get("configurations", ["default"]), f"{where}: configurations"
-        ),
+        configurations=_texts(content.get("configurations", [HYBRID]), f"{where}: configurations"),
         expect={
             truth: _texts(names, f"{where}: expect: {truth}", may_be_empty=True)
             for truth, names in expect.items()
@@ -199,7 +199,10 @@ def _source(content: Any, where: str) -> Source:
     structured: dict[str, Any] = {
         key: _texts(values.pop(key, None), f"{where}: {key}") for key in LISTS if key in known
     }
-    if "rows" in known:
+    if kind == "injections":
+        rows = values.pop("rows", [])
+        structured["rows"] = _texts(rows, f"{where}: rows", may_be_empty=True)
+    elif "rows" in known:
         rows = _list(values.pop("rows", None), f"{where}: rows")
         structured["rows"] = tuple(_row(row, f"{where}: rows[{k}]") for k, row in enumerate(rows))
     if "spread" in known:

@@ -10,13 +10,13 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.campaign import (
     HALVES,
+    HYBRID,
     Campaign,
     Drawn,
     Injections,
@@ -35,8 +35,9 @@ PROFILE = re.compile(r"BatchProfile_([a-z]+\d\d)_")
 class Recipe:
     """How the records of a run are made; fields that a kind does not need stay empty.
 
-    ``recording`` is a bag. ``faulty`` is the bag that it becomes, in a switch. ``fault``,
-    ``size`` and ``seed`` are an injection's; its onset is drawn where the recording moves.
+    ``recording`` is a bag. ``faulty`` is the bag that it becomes, in a switch. ``fault`` is
+    the channel and mode of an injection, case ``number`` of ``seed``; ``size`` is the rung of
+    a ladder, None where the size is drawn.
     """
 
     scenario: dict[str, Any] = field(default_factory=dict)
@@ -45,20 +46,25 @@ class Recipe:
     fault: str = ""
     size: float | None = None
     seed: int = 0
+    number: int = 0
     margin_s: float = 0.0
 
 
 @dataclass(frozen=True)
 class Case:
-    """One line to be: a run, a configuration, and the calibration that it may use."""
+    """One line to be: a run, the row that it counts in, a configuration, its calibration.
+
+    ``learned_from`` are the nominal bags behind the calibration, for baselines that learn.
+    """
 
     id: str
     kind: str
     row: str
     recipe: Recipe
-    configuration: str = "default"
+    configuration: str = HYBRID
     fold: str = ""
     calibration: str = ""
+    learned_from: tuple[str, ...] = ()
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -81,9 +87,7 @@ def plan(campaign: Campaign, recordings: RecordingSet) -> tuple[Case, ...]:
     if double:
         raise ConfigurationError(f"{campaign.name}: two runs are named {double[0]!r}")
     return tuple(
-        Case(**{**_shallow(case), "configuration": name})
-        for name in campaign.configurations
-        for case in once
+        replace(case, configuration=name) for name in campaign.configurations for case in once
     )
 
 
@@ -92,10 +96,6 @@ def plan_sha256(campaign: Campaign, cases: Sequence[Case]) -> str:
     content = [{**asdict(case), "calibration": ""} for case in cases]
     text = json.dumps([content, {k: list(v) for k, v in campaign.expect.items()}], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _shallow(case: Case) -> dict[str, Any]:
-    return {name: getattr(case, name) for name in case.__dataclass_fields__}
 
 
 def _first_double(keys: Sequence[tuple[str, str, str]]) -> tuple[str, str, str] | None:
@@ -163,8 +163,6 @@ def _table_row(row: Row, times: int) -> Any:
 
 
 def _scenarios(source: Scenarios, campaign: Campaign) -> Iterator[Case]:
-    from dataclasses import replace
-
     from flea_sim_driver.library import find_scenario
     from flea_sim_driver.scenario import scenario_to_mapping
 
@@ -192,51 +190,45 @@ def _scenarios(source: Scenarios, campaign: Campaign) -> Iterator[Case]:
 
 def _recorded(source: Recordings, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
     for run in recordings.matching(source.files, campaign.folder):
-        for fold, calibration in recordings.calibrations(run):
-            yield Case(
-                f"{source.name}/{run.name}",
-                "simulated" if run.simulated else "real",
-                run.truth or "unknown",
-                Recipe(recording=str(run.bag)),
-                fold=fold,
-                calibration=calibration,
-            )
+        kind = "simulated" if run.simulated else "real"
+        recipe = Recipe(recording=str(run.bag))
+        case = Case(f"{source.name}/{run.name}", kind, run.truth or "unknown", recipe)
+        yield from _folded(case, run, recordings)
 
 
 def _injected(source: Injections, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
-    """Sizes evenly over their range in random order, recordings in turn."""
-    import numpy as np
+    """So many cases of each row, or of each rung of its ladder; recordings in turn."""
+    from flea_diag.tools import injection
 
     runs = [r for r in recordings.matching(source.files, campaign.folder) if r.truth == "nominal"]
     if not runs:
         raise ConfigurationError(f"{source.name}: no nominal recording to inject faults into")
-    draw = np.random.default_rng(source.seed)
-    for row in source.rows:
-        order = draw.permutation(len(runs))
-        for number, size in enumerate(_sizes(row, draw)):
-            run = runs[order[number % len(runs)]]
-            recipe = Recipe(
-                recording=str(run.bag),
-                fault=row.fault,
-                size=size,
-                seed=int(draw.integers(2**31)),
-                margin_s=source.margin_s,
+    known = {f"{row.channel} {row.mode}": row for row in injection.ROWS}
+    for title in source.rows or known:
+        if title not in known:
+            raise ConfigurationError(
+                f"{source.name}: rows: {title!r} is unknown, choose among {', '.join(known)}"
             )
-            name = f"{source.name}/{_slug(row.title)}/{number + 1:03d}"
-            for fold, calibration in recordings.calibrations(run):
-                yield Case(name, "injected", row.title, recipe, fold=fold, calibration=calibration)
+        rungs = known[title].ladder if source.ladder else (None,)
+        cases = [rung for rung in rungs for _ in range(source.cases)]
+        for number, rung in enumerate(cases):
+            run = runs[number % len(runs)]
+            recipe = Recipe(
+                recording=str(run.bag), fault=title, size=rung, seed=source.seed, number=number
+            )
+            name = f"{source.name}/{_slug(title)}/{number + 1:03d}"
+            yield from _folded(Case(name, "injected", title, recipe), run, recordings)
 
 
-def _sizes(row: Row, draw: Any) -> list[float | None]:
-    if row.sizes:
-        return [_signed(size, row, draw) for size in row.sizes for _ in range(row.cases)]
-    if row.high == 0.0:
-        return [None] * row.cases
-    return [_signed(float(draw.uniform(row.low, row.high)), row, draw) for _ in range(row.cases)]
-
-
-def _signed(size: float, row: Row, draw: Any) -> float:
-    return -size if row.either_sign and draw.random() < 0.5 else size
+def _folded(case: Case, run: Run, recordings: RecordingSet) -> Iterator[Case]:
+    """The case with each calibration that may score the run."""
+    for fold, calibration in recordings.calibrations(run):
+        yield replace(
+            case,
+            fold=fold,
+            calibration=calibration,
+            learned_from=recordings.learned_from(fold),
+        )
 
 
 def _spliced(source: Switches, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
@@ -249,18 +241,9 @@ def _spliced(source: Switches, campaign: Campaign, recordings: RecordingSet) -> 
         before = nominal.get(_profile(run.name))
         if before is None or not run.truth or run.truth == "nominal":
             continue
-        recipe = Recipe(
-            recording=str(before.bag), faulty=str(run.bag), margin_s=source.margin_s
-        )
-        for fold, calibration in recordings.calibrations(before):
-            yield Case(
-                f"{source.name}/{run.name}",
-                "spliced",
-                run.truth,
-                recipe,
-                fold=fold,
-                calibration=calibration,
-            )
+        recipe = Recipe(recording=str(before.bag), faulty=str(run.bag), margin_s=source.margin_s)
+        case = Case(f"{source.name}/{run.name}", "spliced", run.truth, recipe)
+        yield from _folded(case, before, recordings)
 
 
 def _profile(name: str) -> str:

@@ -9,8 +9,10 @@ from flea_diag.stages.digest import digest
 from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
+    Candidate,
     ChannelQuality,
     DataQuality,
+    Detection,
     FeatureValue,
     Outcome,
     Quality,
@@ -32,7 +34,11 @@ def summarise(records: Iterable[Record]) -> dict[str, Any]:
     scans = [record.stamp_ns for record in known if isinstance(record, Scan)]
     start_ns = scans[0] if scans else 0
     groups = [record for record in known if isinstance(record, AmbiguityGroup)]
-    episodes = [_episode(part, start_ns) for part in _by_episode(groups)]
+    detections = {r.episode: r for r in known if isinstance(r, Detection) and r.detected}
+    episodes = [
+        {**_episode(part, start_ns), "detected_by": _detected_by(detections.get(part[0].episode))}
+        for part in _by_episode(groups)
+    ]
     last = groups[-1] if groups else None
     quiet: dict[str, Any] = {
         "outcome": last.outcome.value if last else None,
@@ -78,9 +84,43 @@ def _episode(groups: Sequence[AmbiguityGroup], start_ns: int) -> dict[str, Any]:
         "isolated_at_s": _seconds(settled_ns, start_ns) if isolated else None,
         "settled_at_s": _seconds(settled_ns, start_ns),
         "ambiguity_group": [candidate.fault for candidate in last.members],
+        "probabilities": [candidate.probability for candidate in last.members],
         "words": last.words,
         "dropped": {candidate.fault: candidate.reason for candidate in last.dropped},
+        "kept": {candidate.fault: _last_evidence(candidate) for candidate in last.members},
+        "steps": _steps(groups, start_ns),
     }
+
+
+def _detected_by(detection: Detection | None) -> str | None:
+    """The test that opened an episode, in words; a spall is found by its level, not by one."""
+    if detection is None:
+        return None
+    return (
+        f"{detection.residual} at z = {detection.z:.3g}, limit {detection.threshold:.3g}, "
+        f"{detection.test}"
+    )
+
+
+def _last_evidence(candidate: Candidate) -> str:
+    """What was last held against a fault that is still possible."""
+    if not candidate.evidence:
+        return candidate.reason
+    last = candidate.evidence[-1]
+    return f"{last.source}: saw {last.observed}, expected {last.predicted}: {last.verdict}"
+
+
+def _steps(groups: Sequence[AmbiguityGroup], start_ns: int) -> list[dict[str, Any]]:
+    """The group each time that its members or its outcome changed."""
+    steps: list[dict[str, Any]] = []
+    for group in groups:
+        step = {
+            "outcome": group.outcome.value,
+            "members": sorted(candidate.fault for candidate in group.members),
+        }
+        if not steps or any(steps[-1][key] != value for key, value in step.items()):
+            steps.append({"at_s": _seconds(group.stamp_ns, start_ns), **step})
+    return steps
 
 
 def _settled_ns(groups: Sequence[AmbiguityGroup]) -> int:

@@ -66,7 +66,7 @@ class RunResult:
     id: str
     kind: str
     row: str
-    configuration: str = "default"
+    configuration: str = "hybrid"
     fold: str = ""
     truth: str = NOMINAL
     onset_s: float | None = None

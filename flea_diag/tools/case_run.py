@@ -1,0 +1,186 @@
+"""One run of a campaign: its records through a fresh diagnoser, and what came of it as a line."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flea_diag.errors import FleaError, RecordingError
+from flea_diag.tools.case import Case
+from flea_diag.tools.peak_memory import forget_peak, peak_bytes
+from flea_diag.tools.run_result import NOMINAL, RunResult
+
+if TYPE_CHECKING:
+    from flea_diag.stages import Stage
+    from flea_diag.wire.records import Record, Truth
+
+DETAILS = "runs"
+"""Folder of the replay summaries, below the evaluation's."""
+
+Expect = Mapping[str, tuple[str, ...]]
+
+
+@dataclass
+class Diagnosis:
+    """What a stage said of a run, and the truth that it was not told."""
+
+    kept: list[Record] = field(default_factory=list)
+    truths: list[Truth] = field(default_factory=list)
+    cpu_s: float = 0.0
+
+
+def run_case(case: Case, expect: Expect, folder: Path) -> RunResult:
+    """Diagnose one run; what fails, whatever it is, becomes a failed line."""
+    try:
+        forget_peak()
+        done = diagnose(_records(case), _stage(case))
+        result, summary = _scored(case, expect, done)
+        _write_detail(folder / result.detail, case, result, summary)
+        return result
+    except FleaError as error:
+        reason = str(error)
+    except Exception as error:  # a defect of ours: the campaign goes on, the line names the place
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        reason = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
+    return RunResult(
+        case.id,
+        case.kind,
+        case.row,
+        case.configuration,
+        case.fold,
+        expected=(),
+        failure=reason or "failed without a word",
+    )
+
+
+def _records(case: Case) -> Iterable[Record]:
+    from flea_diag.tools.case_records import records_of
+
+    return records_of(case.recipe)
+
+
+def _stage(case: Case) -> Stage:
+    from flea_diag.tools.baselines import Setting, baseline
+
+    calibration = Path(case.calibration) if case.calibration else None
+    setting = Setting(calibration, tuple(Path(bag) for bag in case.learned_from))
+    return baseline(case.configuration).make(setting)
+
+
+def diagnose(records: Iterable[Record], stage: Stage) -> Diagnosis:
+    """Feed a stage what a stand sent; truth is kept aside and goes into no stage."""
+    from flea_diag.wire.records import Residual, Truth, VibrationBlock, VibrationLevel
+
+    bulk = (Residual, VibrationLevel, VibrationBlock)
+    done = Diagnosis()
+    clock = time.process_time
+
+    def keep(records: Iterable[Record]) -> None:
+        done.kept += [record for record in records if not isinstance(record, bulk)]
+
+    for record in records:
+        if isinstance(record, Truth):
+            done.truths.append(record)
+            continue
+        begin = clock()
+        caused = stage.handle(record)
+        done.cpu_s += clock() - begin
+        keep((record, *caused))
+    begin = clock()
+    held: tuple[Record, ...] = getattr(stage, "finish", tuple)()
+    done.cpu_s += clock() - begin
+    keep(held)
+    return done
+
+
+def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dict[str, Any]]:
+    from flea_diag.tools.numeric_backend import numeric_backend
+    from flea_diag.tools.replay_summary import summarise
+    from flea_diag.wire.records import AmbiguityGroup, Scan
+
+    summary = summarise(done.kept)
+    if not summary["scans"]:
+        raise RecordingError(f"{case.id}: no scan in it (topic sensors/slow), nothing to diagnose")
+    start_ns = next(r.stamp_ns for r in done.kept if isinstance(r, Scan))
+    last = next((r for r in reversed(done.kept) if isinstance(r, AmbiguityGroup)), None)
+    truth = _first_fault(done.truths)
+    name = truth.fault if truth else NOMINAL
+    onset_s = (truth.onset_ns - start_ns) / 1e9 if truth else None
+    details = dict(truth.details) if truth else {}
+    computed = tuple(summary["features_computed"])
+    result = RunResult(
+        case.id,
+        case.kind,
+        case.row,
+        case.configuration,
+        case.fold,
+        truth=name,
+        onset_s=onset_s,
+        size=_number(details.get("size")),
+        size_unit=details.get("size_unit", ""),
+        expected=expect.get(name, () if name == NOMINAL else (name,)),
+        words=last.words if last else "",
+        not_observable=tuple(entry["fault"] for entry in summary["not_observable"]),
+        features_computed=computed,
+        features_skipped=max((last.features_available if last else 0) - len(computed), 0),
+        cpu_s=round(done.cpu_s, 6),
+        peak_memory_bytes=peak_bytes(),
+        digest=summary["digest"],
+        backend=numeric_backend(),
+        detail=f"{DETAILS}/{case.configuration}/{case.id.replace('/', '.')}{case.fold}.json",
+        duration_s=summary["duration_s"],
+        **_verdict(summary, onset_s, start_ns),
+    )
+    return result, summary
+
+
+def _first_fault(truths: Iterable[Truth]) -> Truth | None:
+    wrong = [truth for truth in truths if truth.fault not in ("", NOMINAL)]
+    return min(wrong, key=lambda truth: truth.onset_ns, default=None)
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return None
+
+
+def _verdict(summary: dict[str, Any], onset_s: float | None, start_ns: int) -> dict[str, Any]:
+    """Fields that say when what was said; times against the onset where there is one."""
+    episodes = summary["episodes"]
+    alarms = tuple(episode["detected_at_s"] for episode in episodes)
+    quiet_s = summary["duration_s"] if onset_s is None else onset_s
+    found: dict[str, Any] = {
+        "outcome": summary["outcome"] or "",
+        "alarms_s": alarms,
+        "false_alarms": sum(1 for at_s in alarms if onset_s is None or at_s < onset_s),
+        "nominal_s": quiet_s,
+    }
+    if not episodes:
+        return found
+    final = episodes[-1]
+    detected_s, settled_s = final["detected_at_s"], final["settled_at_s"]
+    found |= {
+        "outcome": final["outcome"],
+        "group": tuple(final["ambiguity_group"]),
+        "probabilities": tuple(final["probabilities"]),
+        "detected_stamp_ns": start_ns + round(detected_s * 1e9),
+        "isolated_stamp_ns": start_ns + round(settled_s * 1e9),
+    }
+    if onset_s is not None and detected_s >= onset_s:
+        found["detection_time_s"] = round(detected_s - onset_s, 6)
+        found["isolation_time_s"] = round(settled_s - onset_s, 6)
+    return found
+
+
+def _write_detail(path: Path, case: Case, result: RunResult, summary: dict[str, Any]) -> None:
+    from flea_diag.tools.terminal import write_json
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    said = {**summary, "words": result.words}
+    write_json(str(path), {"case": asdict(case), "result": asdict(result), "summary": said})

@@ -1,0 +1,155 @@
+"""``flea evaluate``: a campaign of runs, replayed, scored and written down."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.terminal import IN_PART, warn
+
+if TYPE_CHECKING:
+    from flea_diag.tools.campaign import Campaign
+    from flea_diag.tools.case import Case
+    from flea_diag.tools.case_pool import Work
+    from flea_diag.tools.recording_set import RecordingSet
+    from flea_diag.tools.result_log import ResultLog
+    from flea_diag.tools.run_result import RunResult
+
+NAME = "evaluate"
+SUMMARY = "run a campaign of recordings and scenarios, and score what the diagnosis says"
+EXAMPLES = """\
+examples:
+  flea evaluate small.yaml -o results/small          a campaign that comes with flea
+  flea evaluate table4.yaml -o results/table4 -j 4   on four processes; Ctrl-C and go on later
+  flea evaluate bags/ -o results/bags                every bag of a folder
+  flea evaluate real.yaml -o results/real --dask tcp://10.0.0.5:8786
+
+A campaign goes on where it was stopped when the same command is given again. Real recordings
+are looked for from the campaign's folder and from the folder that FLEA_DATA_DIR names.
+Exit status: 0 done, 1 done and a row fell below the campaign's limit or a run failed,
+2 refused, 130 interrupted.
+"""
+SUMMARY_FILE = "summary.json"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument(
+        "campaign", type=Path, metavar="CAMPAIGN", help="YAML file, or a folder of bags"
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FOLDER", help="results (default: evaluations/NAME)"
+    )
+    parser.add_argument("-j", "--jobs", type=int, help="processes (default: one a core)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="run on the Dask cluster there")
+    parser.add_argument("--force", action="store_true", help="begin anew, forget earlier results")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run what is not done yet, score all that is; 0 when every row holds."""
+    from flea_diag.tools.campaign import load_campaign
+    from flea_diag.tools.case import plan, plan_sha256
+    from flea_diag.tools.recording_set import RecordingSet
+    from flea_diag.tools.result_log import ResultLog
+
+    jobs = _jobs(arguments.jobs)
+    campaign = load_campaign(arguments.campaign)
+    folder: Path = arguments.output or Path("evaluations") / campaign.name
+    folder = folder.resolve()
+    if arguments.force:
+        _begin_anew(folder)
+    recordings = RecordingSet(campaign, folder)
+    cases = plan(campaign, recordings)
+    with ResultLog(folder, plan_sha256(campaign, cases)) as log:
+        left = [case for case in cases if case.key not in log.done]
+        try:
+            _run(left, len(cases), campaign, recordings, log, folder, jobs, arguments)
+        except KeyboardInterrupt:
+            _score(campaign, log.done.values(), folder, quiet=True)
+            warn(f"{len(log.done)} of {len(cases)} runs are kept; the same command goes on")
+            raise
+        return _score(campaign, log.done.values(), folder, quiet=arguments.quiet)
+
+
+def _jobs(given: int | None) -> int:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    jobs = given if given is not None else cores or 1
+    if not 1 <= jobs <= 1024:
+        raise ConfigurationError(f"-j {jobs}: from 1 to 1024 processes")
+    return jobs
+
+
+def _begin_anew(folder: Path) -> None:
+    """Forget results and calibrations; imported bags stay. A folder of others is refused."""
+    from flea_diag.tools.case_run import DETAILS
+    from flea_diag.tools.result_log import PLAN, RESULTS
+
+    if folder.exists() and not (folder / PLAN).exists() and any(folder.iterdir()):
+        raise ConfigurationError(f"{folder} holds no evaluation, --force does not empty it")
+    for name in (DETAILS, "calibrations"):
+        shutil.rmtree(folder / name, ignore_errors=True)
+    for name in (RESULTS, PLAN, SUMMARY_FILE):
+        (folder / name).unlink(missing_ok=True)
+
+
+def _run(
+    left: Sequence[Case],
+    count: int,
+    campaign: Campaign,
+    recordings: RecordingSet,
+    log: ResultLog,
+    folder: Path,
+    jobs: int,
+    arguments: argparse.Namespace,
+) -> None:
+    from tqdm import tqdm
+
+    from flea_diag.tools.case_run import run_case
+
+    if not left:
+        return
+    recordings.prepare()
+    work = partial(run_case, expect=dict(campaign.expect), folder=folder)
+    bar = tqdm(
+        total=count,
+        initial=count - len(left),
+        unit="run",
+        smoothing=0.05,
+        disable=None if not arguments.quiet else True,
+    )
+    wrong = 0
+    with bar:
+        for result in _results(left, work, jobs, arguments.dask):
+            log.add(result)
+            wrong += not result.right
+            bar.set_postfix_str(f"{wrong} not right", refresh=False)
+            bar.update()
+            if result.failure:
+                tqdm.write(f"flea: {result.id}: {result.failure}", file=sys.stderr)
+
+
+def _results(left: Sequence[Case], work: Work, jobs: int, dask: str | None) -> Iterator[RunResult]:
+    from flea_diag.tools.case_pool import run_all, run_on_dask
+
+    return run_on_dask(left, work, dask) if dask else run_all(left, work, jobs)
+
+
+def _score(campaign: Campaign, results: Sequence[RunResult], folder: Path, *, quiet: bool) -> int:
+    from flea_diag.tools.score_summary import summarise, tables
+    from flea_diag.tools.terminal import write_json
+
+    known = tuple(results)
+    summary = summarise(campaign, known)
+    write_json(str(folder / SUMMARY_FILE), summary)
+    if not quiet:
+        print(tables(summary))
+        print(f"results in {folder}")
+    return IN_PART if summary["lost_rows"] or summary["failed"] else 0

@@ -1,0 +1,57 @@
+"""How sure a figure is: intervals of 95 % for a share, and for a rate of rare events."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+Z_95 = 1.959963984540054
+
+
+def wilson(right: int, count: int) -> tuple[float, float]:
+    """Wilson's score interval of a share, 95 %; 0 to 1 where nothing was counted.
+
+    Source: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209-212.
+    """
+    if count == 0:
+        return 0.0, 1.0
+    share, z2 = right / count, Z_95**2
+    middle = (share + z2 / (2 * count)) / (1 + z2 / count)
+    half = Z_95 / (1 + z2 / count) * math.sqrt(share * (1 - share) / count + z2 / (4 * count**2))
+    low = 0.0 if right == 0 else middle - half
+    high = 1.0 if right == count else middle + half
+    return low, high
+
+
+def rate_interval(events: int, exposure: float) -> tuple[float, float]:
+    """Exact (Garwood) interval, 95 %, of the rate of a Poisson process; inf without exposure."""
+    from scipy.special import gammaincinv
+
+    if exposure <= 0.0:
+        return 0.0, math.inf
+    low = float(gammaincinv(events, 0.025)) if events else 0.0
+    return low / exposure, float(gammaincinv(events + 1, 0.975)) / exposure
+
+
+def increasing(shares: Sequence[float], weights: Sequence[float]) -> list[float]:
+    """The nearest sequence that never falls: pooled adjacent violators, weighted means."""
+    pools: list[list[float]] = []  # mean, weight, length
+    for share, weight in zip(shares, weights, strict=True):
+        pools.append([share, weight, 1])
+        while len(pools) > 1 and pools[-2][0] > pools[-1][0]:
+            mean, weight, length = pools.pop()
+            total = pools[-1][1] + weight
+            pools[-1][0] = (pools[-1][0] * pools[-1][1] + mean * weight) / total
+            pools[-1][1] = total
+            pools[-1][2] += length
+    return [mean for mean, _, length in pools for _ in range(int(length))]
+
+
+def half_point(sizes: Sequence[float], shares: Sequence[float]) -> float | None:
+    """Size at which a share that never falls passes one half, by straight lines; None: nowhere."""
+    points = zip(sizes, shares, strict=True)
+    for (size, share), (larger, more) in pairwise(points):
+        if share < 0.5 <= more:
+            return size + (0.5 - share) / (more - share) * (larger - size)
+    return None

@@ -1,0 +1,114 @@
+"""Two recordings as one: a nominal run that becomes a faulty one, the diagnoser not told.
+
+The paper's central experiment: control is switched from the healthy actuator to the faulty
+one. The join is where both move in the same direction through the same position at nearly
+the same speed. All readings stay as they were, so that the other unit's temperatures and
+offsets come with it; stamps go on by one period, as if nothing had happened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.errors import RecordingError
+from flea_diag.wire.records import ChannelTable, Record, Scan, Truth
+
+Array = npt.NDArray[np.float64]
+
+POSITION = "actuator_position"
+SPEED_SPAN = 10
+"""Scans to either side over which a speed is taken."""
+SPEED_WEIGHT_S = 0.05
+"""A difference in speed counts as the way that it makes in this time."""
+LARGEST_STEP_M = 1e-3
+"""A join with a larger step of the position is none."""
+LATEST_SHARE = 0.5
+"""The faulty run is joined at its first half, so that enough of it is left."""
+
+
+@dataclass(frozen=True)
+class Join:
+    """Last scan that is kept of the nominal run, first that is taken of the faulty one."""
+
+    last: int
+    first: int
+
+
+def splice(
+    nominal: Sequence[Record], faulty: Sequence[Record], margin_s: float
+) -> tuple[Record, ...]:
+    """Records of the joined run: channel table, the faulty run's truth from the join on, scans.
+
+    Parameters
+    ----------
+    nominal, faulty
+        Records of two runs; only ChannelTable, Truth and Scan are used.
+    margin_s
+        Time of the nominal run before which no join is made.
+
+    Raises
+    ------
+    RecordingError
+        Runs without scans, or that nowhere meet.
+    """
+    before, after = _scans(nominal), _scans(faulty)
+    join = find_join(before, after, margin_s)
+    period_ns = int(np.median(np.diff([scan.stamp_ns for scan in before])))
+    onset_ns = before[join.last].stamp_ns + period_ns
+    shift_ns = onset_ns - after[join.first].stamp_ns
+    table = next(record for record in nominal if isinstance(record, ChannelTable))
+    truth = next((record for record in faulty if isinstance(record, Truth)), None)
+    moved = [replace(s, stamp_ns=s.stamp_ns + shift_ns) for s in after[join.first :]]
+    told = [] if truth is None else [replace(truth, stamp_ns=onset_ns, onset_ns=onset_ns)]
+    return (table, *before[: join.last + 1], *told, *moved)
+
+
+def _scans(records: Sequence[Record]) -> list[Scan]:
+    scans = [record for record in records if isinstance(record, Scan)]
+    if len(scans) <= 4 * SPEED_SPAN:
+        raise RecordingError(f"{len(scans)} scans, a run to be joined needs more")
+    return scans
+
+
+def find_join(before: Sequence[Scan], after: Sequence[Scan], margin_s: float) -> Join:
+    """Where the step of position, and of speed times a short time, is smallest.
+
+    Raises
+    ------
+    RecordingError
+        The runs nowhere pass the same position in the same direction.
+    """
+    x, v = _motion(before)
+    y, w = _motion(after)
+    start = int(np.searchsorted(_times(before), margin_s))
+    rows = np.arange(max(start, SPEED_SPAN), len(x) - SPEED_SPAN)
+    columns = np.arange(SPEED_SPAN, max(SPEED_SPAN + 1, int(LATEST_SHARE * len(y))))
+    step = np.abs(x[rows, None] - y[columns])
+    cost = step + SPEED_WEIGHT_S * np.abs(v[rows, None] - w[columns])
+    cost[(np.sign(v[rows, None]) != np.sign(w[columns])) | (step > LARGEST_STEP_M)] = np.inf
+    cost[~np.isfinite(cost)] = np.inf
+    if not cost.size or not np.isfinite(cost).any():
+        raise RecordingError(
+            f"the two runs nowhere pass within {1e3 * LARGEST_STEP_M:g} mm of each other in the "
+            "same direction, they cannot be joined"
+        )
+    row, column = np.unravel_index(int(np.argmin(cost)), cost.shape)
+    return Join(int(rows[row]), int(columns[column]))
+
+
+def _times(scans: Sequence[Scan]) -> Array:
+    return np.array([(scan.stamp_ns - scans[0].stamp_ns) / 1e9 for scan in scans])
+
+
+def _motion(scans: Sequence[Scan]) -> tuple[Array, Array]:
+    """Position (m) and its speed (m/s) over a short span, shape (n,) each."""
+    position = np.array([scan.value(POSITION) for scan in scans])
+    times = _times(scans)
+    speed = np.full(len(scans), np.nan)
+    n = SPEED_SPAN
+    speed[n:-n] = (position[2 * n :] - position[: -2 * n]) / (times[2 * n :] - times[: -2 * n])
+    return position, speed
