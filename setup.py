@@ -37,7 +37,8 @@ EXTRAS = {
     "numba": ["numba>=0.60"],
     "console": ["textual>=8.0"],
     "plot": ["matplotlib>=3.7"],
-    "evaluate": ["Jinja2>=3.1"],
+    "evaluate": ["Jinja2>=3.1", "tqdm>=4.65"],
+    "dask": ["distributed>=2024.1"],
     "test": [
         "pytest>=7.4",
         "hypothesis>=6.100",
@@ -49,6 +50,8 @@ EXTRAS = {
         "matplotlib>=3.7",
         # The structural oracle of the diagnosability tests; compiled, so where there is a wheel.
         f"faultdiagnosistoolbox>=0.12.5; {WHEELS}",
+        "tqdm>=4.65",
+        "distributed>=2024.1",
     ],
 }
 

@@ -28,6 +28,7 @@ class Room(NamedTuple):
 ROS = ("rclpy", "rcl_interfaces", "std_srvs", "rosgraph_msgs", "builtin_interfaces", "launch")
 BAGS = ("mcap", "rosbags", "zstandard", "lz4", "yaml")
 PAGES = ("jinja2", "markupsafe")
+BATCH = ("tqdm", "distributed")
 SCIENCE = ("numpy", "scipy", "numba", "pywt")
 
 # The first room whose name a module starts with is its room.
@@ -86,7 +87,7 @@ ROOMS = (
             "flea_diag.errors",
             "flea_sim_driver",
         ),
-        (*SCIENCE, *BAGS, "matplotlib", *PAGES),
+        (*SCIENCE, *BAGS, "matplotlib", *PAGES, *BATCH),
     ),
     Room(
         "flea_diag.configuration",

@@ -56,8 +56,8 @@ def _until_it_breaks(
             suspects += running.values()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
-            for process in tuple(pool._processes.values()):
-                process.terminate()
+            for worker in multiprocessing.active_children():
+                worker.terminate()
             raise
 
 
@@ -91,7 +91,9 @@ TRIES = 3
 """Workers that a run may lose before it is itself held to be the reason."""
 
 
-def run_on_dask(cases: Sequence[Case], work: Work, address: str) -> Iterator[RunResult]:
+def run_on_dask(
+    cases: Sequence[Case], work: Work, address: str, timeout_s: float = 10.0
+) -> Iterator[RunResult]:
     """Results of all cases from the workers of a cluster, which see the same files.
 
     Raises
@@ -101,7 +103,7 @@ def run_on_dask(cases: Sequence[Case], work: Work, address: str) -> Iterator[Run
     """
     distributed = _distributed()
     try:
-        client = distributed.Client(address, timeout="10s")
+        client = distributed.Client(address, timeout=timeout_s)
     except (OSError, ValueError, TimeoutError) as error:
         raise ConfigurationError(
             f"--dask {address}: no scheduler answers there ({error}); start one with "

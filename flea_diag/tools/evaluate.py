@@ -6,10 +6,10 @@ import argparse
 import os
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.terminal import IN_PART, warn
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from flea_diag.tools.campaign import Campaign
     from flea_diag.tools.case import Case
     from flea_diag.tools.case_pool import Work
-    from flea_diag.tools.recording_set import RecordingSet
     from flea_diag.tools.result_log import ResultLog
     from flea_diag.tools.run_result import RunResult
 
@@ -57,6 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run what is not done yet, score all that is; 0 when every row holds."""
     from flea_diag.tools.campaign import load_campaign
     from flea_diag.tools.case import plan, plan_sha256
+    from flea_diag.tools.case_run import run_case
     from flea_diag.tools.recording_set import RecordingSet
     from flea_diag.tools.result_log import ResultLog
 
@@ -68,10 +68,14 @@ def run(arguments: argparse.Namespace) -> int:
         _begin_anew(folder)
     recordings = RecordingSet(campaign, folder)
     cases = plan(campaign, recordings)
+    work = partial(run_case, expect=dict(campaign.expect), folder=folder)
     with ResultLog(folder, plan_sha256(campaign, cases)) as log:
         left = [case for case in cases if case.key not in log.done]
         try:
-            _run(left, len(cases), campaign, recordings, log, folder, jobs, arguments)
+            if left:
+                recordings.prepare()
+                results = _results(left, work, jobs, arguments.dask)
+                _keep(results, log, _bar(len(cases), len(left), arguments.quiet))
         except KeyboardInterrupt:
             _score(campaign, log.done.values(), folder, quiet=True)
             warn(f"{len(log.done)} of {len(cases)} runs are kept; the same command goes on")
@@ -100,49 +104,37 @@ def _begin_anew(folder: Path) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
-def _run(
-    left: Sequence[Case],
-    count: int,
-    campaign: Campaign,
-    recordings: RecordingSet,
-    log: ResultLog,
-    folder: Path,
-    jobs: int,
-    arguments: argparse.Namespace,
-) -> None:
-    from tqdm import tqdm
-
-    from flea_diag.tools.case_run import run_case
-
-    if not left:
-        return
-    recordings.prepare()
-    work = partial(run_case, expect=dict(campaign.expect), folder=folder)
-    bar = tqdm(
-        total=count,
-        initial=count - len(left),
-        unit="run",
-        smoothing=0.05,
-        disable=None if not arguments.quiet else True,
-    )
-    wrong = 0
-    with bar:
-        for result in _results(left, work, jobs, arguments.dask):
-            log.add(result)
-            wrong += not result.right
-            bar.set_postfix_str(f"{wrong} not right", refresh=False)
-            bar.update()
-            if result.failure:
-                tqdm.write(f"flea: {result.id}: {result.failure}", file=sys.stderr)
-
-
 def _results(left: Sequence[Case], work: Work, jobs: int, dask: str | None) -> Iterator[RunResult]:
     from flea_diag.tools.case_pool import run_all, run_on_dask
 
     return run_on_dask(left, work, dask) if dask else run_all(left, work, jobs)
 
 
-def _score(campaign: Campaign, results: Sequence[RunResult], folder: Path, *, quiet: bool) -> int:
+def _bar(count: int, left: int, quiet: bool) -> Any:
+    """Progress with rate and time left, where somebody can see it."""
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise ConfigurationError(
+            "evaluate needs tqdm, which is not installed: pip install 'flea_diag[evaluate]'"
+        ) from error
+    shown = None if not quiet else True
+    return tqdm(total=count, initial=count - left, unit="run", smoothing=0.05, disable=shown)
+
+
+def _keep(results: Iterator[RunResult], log: ResultLog, bar: Any) -> None:
+    wrong = 0
+    with bar:
+        for result in results:
+            log.add(result)
+            wrong += not result.right
+            bar.set_postfix_str(f"{wrong} not right", refresh=False)
+            bar.update()
+            if result.failure:
+                bar.write(f"flea: {result.id}: {result.failure}", file=sys.stderr)
+
+
+def _score(campaign: Campaign, results: Iterable[RunResult], folder: Path, *, quiet: bool) -> int:
     from flea_diag.tools.score_summary import summarise, tables
     from flea_diag.tools.terminal import write_json
 

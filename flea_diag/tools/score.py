@@ -116,7 +116,8 @@ def share(right: int, count: int) -> dict[str, Any]:
 
 def scores(results: Sequence[RunResult]) -> dict[str, Any]:
     """All metrics of runs of one kind; each run once, times as medians and means."""
-    runs = [result for result in once(results) if not result.failure]
+    every = once(results)
+    runs = [result for result in every if not result.failure]
     faulty = [result for result in runs if result.faulty]
     expected = [result for result in faulty if result.expected]
     false = sum(1 for result in runs if result.false_alarms)
@@ -128,8 +129,8 @@ def scores(results: Sequence[RunResult]) -> dict[str, Any]:
     f = len(set(components().values()))
     return {
         "runs": len(runs),
-        "failed": sum(1 for result in once(results) if result.failure),
-        "right": share(sum(result.right for result in runs), len(runs)),
+        "failed": len(every) - len(runs),
+        "right": share(sum(result.right for result in every), len(every)),
         "component_right": share(
             sum(component_right(result) for result in expected), len(expected)
         ),

@@ -61,7 +61,8 @@ def splice(
     onset_ns = before[join.last].stamp_ns + period_ns
     shift_ns = onset_ns - after[join.first].stamp_ns
     table = next(record for record in nominal if isinstance(record, ChannelTable))
-    truth = next((record for record in faulty if isinstance(record, Truth)), None)
+    truths = [record for record in faulty if isinstance(record, Truth)]
+    truth = next((record for record in truths if record.fault != "nominal"), None)
     moved = [replace(s, stamp_ns=s.stamp_ns + shift_ns) for s in after[join.first :]]
     told = [] if truth is None else [replace(truth, stamp_ns=onset_ns, onset_ns=onset_ns)]
     return (table, *before[: join.last + 1], *told, *moved)
