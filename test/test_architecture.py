@@ -40,6 +40,7 @@ ROOMS = (
             "flea_diag.stages",
             "flea_diag.core",
             "flea_diag.errors",
+            "flea_diag.wire.blocks",
             "flea_diag.wire.records",
             "flea_diag.wire.parameters",
             "flea_diag.wire.topics",

@@ -77,7 +77,9 @@ def test_a_hot_winding_drops_more_voltage():
 )
 def test_sensitivities_are_the_differences_of_the_relations(parity, amps, speed, rate, load):
     s = signals(current_a=amps, speed_m_s=speed, acceleration_m_s2=rate, load_n=load)
-    for name, found in zip(UNIT_PARAMETERS, parity.sensitivity(P, s), strict=True):
+    none = (0.0,) * len(UNIT_PARAMETERS)
+    claimed = none if parity.sensitivity is None else parity.sensitivity(P, s)
+    for name, found in zip(UNIT_PARAMETERS, claimed, strict=True):
         step = 1e-3
         up = replace(P, **{name: getattr(P, name) + step})
         down = replace(P, **{name: getattr(P, name) - step})

@@ -32,7 +32,7 @@ WHOLE = ema.run()
 
 def residuals(columns: ema.Columns, channels: tuple[str, ...] = CHANNELS) -> np.ndarray:
     bank = ResidualBank(TRUE)
-    return np.array([bank.step(row, False).values for row in ema.rows(columns, channels)])
+    return bank.step(ema.rows(columns, channels), False).values
 
 
 def cruising(columns: ema.Columns) -> np.ndarray:
@@ -156,10 +156,10 @@ def test_without_an_encoder_the_slope_of_the_position_is_the_speed():
     channels = tuple(c for c in CHANNELS if c != "motor_speed")
     bank = ResidualBank(ActuatorParameters(coulomb_friction_n=60.0))
     assert not bank.has_encoder
-    speeds = [bank.step(row, False).signals.speed_m_s for row in ema.rows(WHOLE, channels)]
+    speeds = bank.step(ema.rows(WHOLE, channels), False).signals.speed_m_s
     use = cruising(WHOLE)
     true = WHOLE["motor_speed"][use - DELAY] * 5e-4
-    np.testing.assert_allclose(np.array(speeds)[use], true, rtol=0.01)
+    np.testing.assert_allclose(speeds[use], true, rtol=0.01)
 
 
 def test_noise_level_is_blind_to_motion_and_right_for_white_noise():
@@ -201,14 +201,13 @@ def test_motion_is_no_jump():
 def test_a_gap_empties_the_windows_and_keeps_the_temperatures():
     bank = ResidualBank(TRUE)
     table = ema.rows(WHOLE)
-    for row in table[:500]:
-        before = bank.step(row, False)
+    before = bank.step(table[:500], False)
     bank.interrupt()
-    after = bank.step(table[500], False)
-    assert np.isfinite(before.values[RESIDUAL_INDEX["parity_mechanical"]])
+    after = bank.step(table[500:501], False)
+    assert np.isfinite(before.values[-1, RESIDUAL_INDEX["parity_mechanical"]])
     for name in ("parity_mechanical", "actuator_position", "motor_current_noise"):
-        assert np.isnan(after.values[RESIDUAL_INDEX[name]]), name
-    assert abs(after.values[RESIDUAL_INDEX["motor_temperature"]]) < 1.0
+        assert np.isnan(after.values[0, RESIDUAL_INDEX[name]]), name
+    assert abs(after.values[0, RESIDUAL_INDEX["motor_temperature"]]) < 1.0
 
 
 def test_what_is_missing_takes_only_its_own_residuals():
@@ -225,9 +224,9 @@ def test_adopted_parameters_count_from_then_on():
 
     bank, other = ResidualBank(TRUE), ResidualBank(TRUE)
     other.adopt(replace(TRUE, current_offset_a=0.35))
-    for row in ema.rows(WHOLE)[:200]:
-        plain, moved = bank.step(row, False), other.step(row, False)
+    rows = ema.rows(WHOLE)[:200]
+    plain, moved = bank.step(rows, False), other.step(rows, False)
     j = RESIDUAL_INDEX["parity_mechanical"]
-    assert plain.values[j] - moved.values[j] == pytest.approx(17.0)
-    assert plain.spread.shape == (len(RESIDUALS), 7)
+    assert plain.values[-1, j] - moved.values[-1, j] == pytest.approx(17.0)
+    assert plain.spread.shape == (200, 4, 7)
     assert INDEX["motor_current"] == 0

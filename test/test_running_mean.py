@@ -25,7 +25,7 @@ def test_means_are_those_of_the_last_rows(rows):
     means = WindowedMeans(2, WINDOWS)
     table = np.array(rows)
     for count, row in enumerate(table, 1):
-        means.push(row)
+        np.testing.assert_array_equal(means.push(row[None])[0], means.means())
         for found, window in zip(means.means(), WINDOWS, strict=True):
             np.testing.assert_allclose(found, expected(table[:count], window), atol=1e-9)
 
@@ -37,7 +37,7 @@ def test_no_drift_over_many_laps():
     stream[-400:] = random.standard_normal(400)
     means = WindowedMeans(1, (50, 100))
     for value in stream:
-        means.push(np.array([value]))
+        means.push(np.array([[value]]))
     np.testing.assert_allclose(
         means.means()[:, 0], [stream[-50:].mean(), stream[-100:].mean()], rtol=1e-12
     )
@@ -49,31 +49,42 @@ def test_combine_acts_as_if_the_rows_had_been_so_all_along(later, weight):
     rows = random.standard_normal((9 + later, 3))
     rows[4, 0] = np.nan
     plain, moved = WindowedMeans(3, WINDOWS), WindowedMeans(3, WINDOWS)
-    for row in rows[:9]:
-        moved.push(row)
+    moved.push(rows[:9])
     moved.combine(0, slice(1, 3), np.array([weight, -1.0]))
     change = np.zeros_like(rows)
     change[:9, 0] = weight * rows[:9, 1] - rows[:9, 2]
-    for row in rows + change:
-        plain.push(row)
+    plain.push(rows + change)
     for row in rows[9:]:
-        moved.push(row)
+        moved.push(row[None])
     np.testing.assert_allclose(moved.means(), plain.means(), atol=1e-12)
 
 
 def test_clear_forgets_some_columns_or_all():
     means = WindowedMeans(2, (2,))
     for _ in range(5):
-        means.push(np.array([1.0, 2.0]))
+        means.push(np.array([[1.0, 2.0]]))
     means.clear([0])
     assert np.isnan(means.means()[0, 0])
     assert means.means()[0, 1] == 2.0
-    means.push(np.array([5.0, 2.0]))
-    means.push(np.array([6.0, 2.0]))
+    means.push(np.array([[5.0, 2.0]]))
+    means.push(np.array([[6.0, 2.0]]))
     assert means.means()[0].tolist() == [5.5, 2.0]
     means.clear()
     assert np.isnan(means.means()).all()
     means.clear([])
-    means.push(np.array([1.0, 1.0]))
-    means.push(np.array([3.0, 1.0]))
+    means.push(np.array([[1.0, 1.0]]))
+    means.push(np.array([[3.0, 1.0]]))
     assert means.means()[0].tolist() == pytest.approx([2.0, 1.0])
+
+
+@settings(max_examples=60)
+@given(st.lists(st.integers(1, 30), min_size=1, max_size=12), st.integers(0, 1000))
+def test_blocks_give_the_bits_of_their_rows(lengths, seed):
+    random = np.random.default_rng(seed)
+    rows = random.standard_normal((sum(lengths), 3)) * 10.0 ** random.integers(-6, 9, 3)
+    rows[random.random(rows.shape) < 0.05] = np.nan
+    one, many = WindowedMeans(3, WINDOWS), WindowedMeans(3, WINDOWS)
+    single = np.concatenate([one.push(row[None]) for row in rows])
+    blocks = np.split(rows, np.cumsum(lengths)[:-1])
+    np.testing.assert_array_equal(np.concatenate([many.push(b) for b in blocks]), single)
+    np.testing.assert_array_equal(many.means(), one.means())

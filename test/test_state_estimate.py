@@ -96,36 +96,37 @@ def open_loop(scans) -> np.ndarray:
     return out
 
 
+USABLE = np.ones(1, dtype=bool)
 ESTIMATES: dict[int, StateEstimate] = {}
 
 
 def innovations(row: np.ndarray) -> list[float]:
     estimate = ESTIMATES.setdefault(0, StateEstimate(stands.calibration(), "particle", 1, "numpy"))
-    values = np.full(len(RESIDUALS), np.nan)
-    estimate.step(row, True, False, values)
-    return values[innovation_residual.COLUMNS].tolist()
+    values = np.full((1, len(RESIDUALS)), np.nan)
+    estimate.step(row[None], USABLE, False, values)
+    return values[0, innovation_residual.COLUMNS].tolist()
 
 
 def test_innovations_are_silent_once_frozen_and_begin_anew_afterwards():
     estimate = StateEstimate(stands.calibration(), "kalman", 1, "numpy")
-    values = np.full(len(RESIDUALS), np.nan)
+    values = np.full((1, len(RESIDUALS)), np.nan)
     table = open_loop(healthy(6.0))
     for k, row in enumerate(table):
-        told = estimate.step(row, True, 200 <= k < 300, values)
-        seen = np.isfinite(values[innovation_residual.COLUMNS])
+        told = estimate.step(row[None], USABLE, 200 <= k < 300, values)
+        seen = np.isfinite(values[0, innovation_residual.COLUMNS])
         assert seen[0] == (not 200 <= k < 300)
-        assert len(told.estimates) == len(told.channels)
-    assert told.health[2] == 0.0
+        assert told.estimates.shape == (1, len(told.channels))
+    assert told.health[0, 2] == 0.0
 
 
 def test_a_voltage_that_nothing_corroborates_tests_nothing():
     estimate = StateEstimate(stands.calibration(), "kalman", 1, "numpy")
-    values = np.full(len(RESIDUALS), np.nan)
+    values = np.full((1, len(RESIDUALS)), np.nan)
     table = open_loop(healthy(2.0))
     table[:, CHANNELS.index("commanded_voltage")] = np.nan
     for row in table:
-        estimate.step(row, True, False, values)
-        assert np.isnan(values[innovation_residual.COLUMNS]).all()
+        estimate.step(row[None], USABLE, False, values)
+        assert np.isnan(values[:, innovation_residual.COLUMNS]).all()
 
 
 def test_innovations_detect_but_make_no_symbol():

@@ -18,7 +18,7 @@ def learn(drag: float, seconds: float = 6.0, offset: float = 0.2, both_ways: boo
         v = 0.03 if not both_ways or (k // 50) % 2 else -0.03
         sensitivity = np.array([-np.sign(v), -v, 0.0, 0.0, 0.0, 0.0, -K])
         residual = K * offset + drag * np.sign(v) + 8.0 * random.standard_normal()
-        learning.add(residual, sensitivity, 8.0**2)
+        learning.add(np.array([residual]), sensitivity[None], 8.0**2)
     return learning.offset()
 
 
@@ -47,8 +47,7 @@ def test_it_agrees_with_least_squares_with_the_prior_as_rows():
     learning = OffsetLearning("voltage_offset_v", TOLERANCE)
     sensitivity = random.standard_normal((40, len(UNIT_PARAMETERS)))
     residual = random.standard_normal(40)
-    for row, value in zip(sensitivity, residual, strict=True):
-        learning.add(value, row, 0.25)
+    learning.add(residual, sensitivity, 0.25)
     wide = np.array([300.0, 5000.0, 100.0, 1.0, 30.0, TOLERANCE.voltage_offset_v, 0.15])
     A = np.vstack((sensitivity / 0.5, np.diag(1 / wide)))
     x = np.linalg.lstsq(A, np.concatenate((-residual / 0.5, np.zeros(7))), rcond=None)[0]
@@ -60,6 +59,6 @@ def test_it_agrees_with_least_squares_with_the_prior_as_rows():
 
 def test_what_is_not_a_number_is_no_evidence():
     learning = OffsetLearning("current_offset_a", TOLERANCE)
-    learning.add(np.nan, np.ones(7), 1.0)
-    learning.add(1.0, np.full(7, np.nan), 1.0)
+    learning.add(np.array([np.nan]), np.ones((1, 7)), 1.0)
+    learning.add(np.ones(1), np.full((1, 7), np.nan), 1.0)
     assert learning.offset() == OffsetLearning("current_offset_a", TOLERANCE).offset()

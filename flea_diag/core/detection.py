@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residual_bank import RESIDUALS, ResidualRow, ResidualSample
+from flea_diag.core.residual_bank import RESIDUALS, SPREAD_ROWS, ResidualRow, ResidualRows
 from flea_diag.core.running_mean import WindowedMeans
 from flea_diag.core.thermal import CORRECTION_S
 
@@ -75,7 +76,7 @@ class ResidualLimit:
 
 @dataclass(slots=True)
 class TestResults:
-    """The test nearest to its limit, for each residual (arrays in the order of RESIDUALS).
+    """The test nearest to its limit of each residual after each scan, shape (n, residuals).
 
     ``z`` and its limit ``k``; ``mean`` is the statistic in the residual's unit (logarithm of
     the ratio for noise levels); ``window`` the samples behind it, 0 where nothing was tested.
@@ -87,27 +88,41 @@ class TestResults:
     window: npt.NDArray[np.int64]
 
     @classmethod
-    def untested(cls) -> TestResults:
+    def untested(cls, scans: int = 1) -> TestResults:
         """No test has been made yet."""
-        count = len(RESIDUALS)
-        none = np.full(count, np.nan)
-        return cls(none, none.copy(), none.copy(), np.zeros(count, dtype=np.int64))
+        return cls.none(scans, len(RESIDUALS))
+
+    @classmethod
+    def none(cls, scans: int, residuals: int) -> TestResults:
+        """NaN for so many residuals."""
+        z, k, mean = np.full((3, scans, residuals), np.nan)
+        return cls(z, k, mean, np.zeros(z.shape, dtype=np.int64))
+
+    def then(self, later: TestResults) -> TestResults:
+        """These, and later ones after them."""
+        pairs = zip(self._columns(), later._columns(), strict=True)
+        return TestResults(*(np.concatenate(pair) for pair in pairs))
+
+    def at(self, scans: Any) -> TestResults:
+        """Results after these scans alone."""
+        return TestResults(*(column[scans] for column in self._columns()))
+
+    def _columns(self) -> tuple[Any, ...]:
+        return self.z, self.k, self.mean, self.window
 
     def deviating(self) -> npt.NDArray[np.bool_]:
         """Which residuals are beyond their limits; an untested one is not."""
-        with np.errstate(invalid="ignore"):
-            beyond: npt.NDArray[np.bool_] = np.abs(self.z) > self.k
+        beyond: npt.NDArray[np.bool_] = np.abs(self.z) > self.k
         return beyond
 
     def symbol(self, index: int) -> str:
-        """+, - or 0."""
-        if not abs(self.z[index]) > self.k[index]:
-            return "0"
-        return "+" if self.z[index] > 0 else "-"
+        """+, - or 0, after the last scan."""
+        z, k = self.z[-1, index], self.k[-1, index]
+        return "0" if not abs(z) > k else "+" if z > 0 else "-"
 
 
 class Detector:
-    """Runs every test of ``RESIDUALS`` on a stream of samples, constant memory."""
+    """Runs every test of ``RESIDUALS`` on a stream of residuals, constant memory."""
 
     def __init__(
         self,
@@ -126,19 +141,18 @@ class Detector:
             for j, row in enumerate(RESIDUALS)
             if row.gate == "jump" and row.name in named
         ]
-        self.results = TestResults.untested()
 
-    def step(self, sample: ResidualSample) -> TestResults:
-        """Results after one more sample (the same object, updated, at every call)."""
+    def step(self, rows: ResidualRows) -> TestResults:
+        """Results after each of these rows."""
+        results = TestResults.untested(len(rows))
         for group in self._groups:
-            if group.gate == "always" or sample.moving:
-                group.step(sample, self.results)
+            group.step(rows, results)
         for index, bound in self._jumps:
-            value = sample.values[index]
-            self.results.z[index] = (value - bound.centre[0]) / bound.sigma[0]
-            self.results.k[index], self.results.mean[index] = bound.k, value
-            self.results.window[index] = 1
-        return self.results
+            value = rows.values[:, index]
+            results.z[:, index] = (value - bound.centre[0]) / bound.sigma[0]
+            results.k[:, index], results.mean[:, index] = bound.k, value
+            results.window[:, index] = 1
+        return results
 
     def adopt(self, change: Sequence[float], tolerance: Sequence[float]) -> None:
         """Go on with unit parameters that changed by ``change`` and a narrower spread.
@@ -152,7 +166,6 @@ class Detector:
         """Drop the windows of some residuals, whose channel turned out to be bad."""
         for group in self._groups:
             group.forget(columns)
-        self.results.z[list(columns)] = np.nan
 
     def clear(self) -> None:
         """Drop every window (re-arming)."""
@@ -160,7 +173,10 @@ class Detector:
 
 
 class _Group:
-    """Residuals that are gated alike share one ring of rows: values, |speed|, spreads."""
+    """Residuals that are gated alike share one ring of rows: values, |speed|, spreads.
+
+    At rest a gated group takes nothing in and keeps the verdict of the last scan in motion.
+    """
 
     def __init__(
         self,
@@ -169,33 +185,30 @@ class _Group:
         tolerance: Array,
         extra: tuple[float, float],
     ) -> None:
-        self.gate = gate
+        self._gated = gate == "moving"
         self._columns = np.array([j for j, row in enumerate(RESIDUALS) if row.gate == gate])
         rows = [RESIDUALS[j] for j in self._columns]
         self._windows = sorted({window for row in rows for window in row.windows})
-        self._noise = np.array([is_noise(row) for row in rows])
-        # Only parity relations have a spread; the others carry none through the ring.
-        self._spread = np.array([j for j, row in enumerate(rows) if row.name.startswith("parity")])
-        self.tolerance = tolerance
-        noise_log, thermal_k = extra
-        thermal = np.array([row.name in THERMAL for row in rows])
-        self._variance = np.where(self._noise, noise_log**2, np.where(thermal, thermal_k**2, 0.0))
+        self._noisy = np.array([c for c, row in enumerate(rows) if is_noise(row)], dtype=int)
+        # Where healthy units differ: their columns here, and their places in a row's spread.
+        self._spread = [c for c, j in enumerate(self._columns) if j in SPREAD_ROWS]
+        self._places = [SPREAD_ROWS.index(self._columns[c]) for c in self._spread]
+        self._tolerance = tolerance
         self._fixed = np.zeros((len(rows), len(tolerance)))
+        self._extra = np.array([_extra(row, *extra) for row in rows])
         self._bounds(rows, limits)
-        self._spread_rows = self._columns[self._spread] if len(self._spread) else self._spread
-        self._noisy = np.flatnonzero(self._noise)
         self._based()
-        self._lengths, self._order = np.array(self._windows), np.arange(len(rows))
-        self._places = np.arange(len(self._windows))
+        self._lengths = np.array(self._windows)
+        self._window, self._order = np.arange(len(self._windows)), np.arange(len(rows))
         width = len(rows) + 1 + len(self._spread) * len(tolerance)
-        self._row = np.zeros(width)
         self._means = WindowedMeans(width, self._windows)
+        self._held = TestResults.none(1, len(rows))
 
     def _bounds(self, rows: list[ResidualRow], limits: dict[str, ResidualLimit]) -> None:
-        shape = (len(self._windows), len(rows), len(SPEED_REGIONS_M_S) + 1)
-        self._centre, self._sigma = np.zeros(shape), np.full(shape, np.nan)
-        self._k = np.full(shape[:2], np.nan)
-        self._nominal = np.ones(len(rows))
+        """Tables of centre, variance and limit, shape (regions, windows, residuals)."""
+        shape = (len(SPEED_REGIONS_M_S) + 1, len(self._windows), len(rows))
+        self._centre, self._own = np.zeros(shape), np.full(shape, np.nan)
+        self._k, self._nominal = np.full(shape[1:], np.nan), np.ones(len(rows))
         for column, row in enumerate(rows):
             limit = limits.get(row.name)
             if limit is None:
@@ -204,62 +217,89 @@ class _Group:
             if limit.spread:
                 self._fixed[column] = limit.spread
             for bound in limit.windows:
-                at = self._windows.index(bound.window), column
-                self._centre[at], self._sigma[at], self._k[at] = bound.centre, bound.sigma, bound.k
+                window = self._windows.index(bound.window)
+                self._centre[:, window, column] = bound.centre
+                self._own[:, window, column] = np.square(bound.sigma)
+                self._k[window, column] = bound.k
 
     def _based(self) -> None:
         """What every window's variance holds whatever its samples were."""
-        unit = np.square(self._fixed * self.tolerance).sum(axis=1)
-        self._base = self._sigma**2 + (self._variance + unit)[None, :, None]
+        unit = np.square(self._fixed * self._tolerance).sum(axis=1)
+        self._variance = self._own + (self._extra + unit)
 
-    def step(self, sample: ResidualSample, results: TestResults) -> None:
-        """Take one sample and judge every window."""
+    def step(self, rows: ResidualRows, results: TestResults) -> None:
+        """Take the rows in and judge every window after each of them."""
+        if not self._gated or rows.moving.all():
+            found = self._judge(self._table(rows))
+        elif rows.moving.any():
+            found = self._held.then(self._judge(self._table(rows)[rows.moving]))
+            found = found.at(np.cumsum(rows.moving))
+        else:
+            found = self._held.at(np.zeros(len(rows), dtype=int))
+        self._held = found.at(slice(-1, None))
+        results.z[:, self._columns] = found.z
+        results.k[:, self._columns] = found.k
+        results.mean[:, self._columns] = found.mean
+        results.window[:, self._columns] = found.window
+
+    def _table(self, rows: ResidualRows) -> Array:
+        """Rows of the ring: values, |speed|, spreads; shape (n, width)."""
+        count, units = len(self._columns), len(self._tolerance)
+        table = np.empty((len(rows), count + 1 + len(self._spread) * units))
+        table[:, :count] = rows.values.take(self._columns, axis=1)
+        loose = table[:, count:]
+        loose[:, 0] = np.abs(rows.signals.speed_m_s)
+        for number, place in enumerate(self._places):
+            loose[:, 1 + number * units : 1 + (number + 1) * units] = rows.spread[:, place]
         # A missing speed only matters to what needs it; the region then falls to slow.
-        speed = abs(sample.signals.speed_m_s)
-        count = len(self._columns)
-        row = self._row
-        row[:count] = sample.values[self._columns]
-        row[count] = speed if speed == speed else 0.0
-        if len(self._spread):
-            spread = sample.spread[self._spread_rows].ravel()
-            spread[np.isnan(spread)] = 0.0
-            row[count + 1 :] = spread
-        self._means.push(row)
-        means = self._means.means()
-        z, statistic = self._z(means[:, :count], means[:, count], means[:, count + 1 :])
-        ratio = np.abs(z) / self._k
-        ratio[np.isnan(ratio)] = -1.0
-        nearest = ratio.argmax(axis=0)
-        pick = nearest, self._order
-        results.z[self._columns] = z[pick]
-        results.k[self._columns] = self._k[pick]
-        results.mean[self._columns] = statistic[pick]
-        results.window[self._columns] = self._lengths[nearest]
+        loose[np.isnan(loose)] = 0.0
+        return table
 
-    def _z(self, means: Array, speeds: Array, spreads: Array) -> tuple[Array, Array]:
-        region = np.searchsorted(SPEED_REGIONS_M_S, np.where(np.isnan(speeds), 0.0, speeds))
-        window = self._places
-        statistic = means.copy()
+    def _judge(self, table: Array) -> TestResults:
+        """The test nearest to its limit of each residual, after each row of the ring."""
+        count = len(self._columns)
+        means = self._means.push(table)
+        statistic, centre, variance = self._moments(means, count)
+        z = (statistic - centre) / np.sqrt(variance)
+        # An untested window has no z: it is farthest from its limit.
+        nearest = np.fmax(np.abs(z) / self._k, -1.0).argmax(axis=1)
+        pick = np.arange(len(table))[:, None], nearest, self._order
+        return TestResults(
+            z[pick], self._k[nearest, self._order], statistic[pick], self._lengths[nearest]
+        )
+
+    def _moments(self, means: Array, count: int) -> tuple[Array, Array, Array]:
+        """Statistic, centre and variance of each test, shape (n, windows, residuals)."""
+        statistic, speeds = means[:, :, :count], means[:, :, count]
+        region = np.searchsorted(SPEED_REGIONS_M_S, np.fmax(speeds, 0.0))
         if len(self._noisy):
-            ratio = means[:, self._noisy] / self._nominal[self._noisy]
-            statistic[:, self._noisy] = np.log(np.maximum(ratio, LOG_FLOOR))
-        variance = self._base[window, :, region]
-        if len(self._spread):
-            spreads = spreads.reshape(len(window), len(self._spread), len(self.tolerance))
-            variance[:, self._spread] += np.square(spreads * self.tolerance).sum(axis=2)
-        z: Array = (statistic - self._centre[window, :, region]) / np.sqrt(variance)
-        return z, statistic
+            ratio = statistic[:, :, self._noisy] / self._nominal[self._noisy]
+            statistic[:, :, self._noisy] = np.log(np.maximum(ratio, LOG_FLOOR))
+        variance = self._variance[region, self._window]
+        if self._spread:
+            shape = (*speeds.shape, len(self._spread), len(self._tolerance))
+            spreads = means[:, :, count + 1 :].reshape(shape) * self._tolerance
+            variance[:, :, self._spread] += np.square(spreads).sum(axis=3)
+        return statistic, self._centre[region, self._window], variance
 
     def adopt(self, change: Array, tolerance: Array) -> None:
         """Move the parity residuals in the windows along with the unit's parameters."""
-        self.tolerance = tolerance
+        self._tolerance = tolerance
         self._based()
-        count = len(self._columns)
-        for place, column in enumerate(self._spread):
-            start = count + 1 + place * len(change)
-            self._means.combine(int(column), slice(start, start + len(change)), change)
+        start = len(self._columns) + 1
+        for column in self._spread:
+            self._means.combine(column, slice(start, start + len(change)), change)
+            start += len(change)
 
     def forget(self, columns: Sequence[int]) -> None:
         """Clear the windows of some residuals."""
         mine = [int(np.flatnonzero(self._columns == c)[0]) for c in columns if c in self._columns]
         self._means.clear(mine)
+        self._held.z[:, mine] = np.nan
+
+
+def _extra(row: ResidualRow, noise_log: float, thermal_k: float) -> float:
+    """Variance of what healthy units differ by in a noise level or a temperature."""
+    if is_noise(row):
+        return noise_log**2
+    return thermal_k**2 if row.name in THERMAL else 0.0

@@ -13,6 +13,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
 ENTER_SAMPLES = 20
 CLEAN_SAMPLES = 1000
 
@@ -41,8 +44,20 @@ class VoltagePlausibility:
             self.bad = False
         return not self.bad
 
+    def follow(self, residual_v: Array) -> tuple[Flags, Flags]:
+        """``step`` for many samples: which may be used, and whether each came to a bad channel."""
+        if not self.bad and not (np.abs(residual_v) > self._limit_v).any():
+            known = int(np.isfinite(residual_v).sum())
+            self._implausible = 0 if known else self._implausible
+            self._clean += known
+            return np.ones(len(residual_v), dtype=bool), np.zeros(len(residual_v), dtype=bool)
+        usable, bad = [], []
+        for value in residual_v.tolist():
+            bad.append(self.bad)
+            usable.append(self.step(value))
+        return np.array(usable), np.array(bad)
 
-def usable(residual_v: npt.NDArray[np.float64], limit_v: float) -> npt.NDArray[np.bool_]:
+
+def usable(residual_v: Array, limit_v: float) -> Flags:
     """Which samples of a whole recording may be used, shape as given."""
-    check = VoltagePlausibility(limit_v)
-    return np.array([check.step(float(value)) for value in residual_v], dtype=bool)
+    return VoltagePlausibility(limit_v).follow(residual_v)[0]

@@ -52,6 +52,26 @@ class ChannelMonitor:
             self.state = ChannelState(quality, stamp_ns, reason)
         return used
 
+    @property
+    def reads(self) -> bool:
+        """Whether one more value inside the range would change nothing but a counter."""
+        return self.state.quality == "good" and self._unusable == self._at_limit == 0
+
+    @property
+    def lacks(self) -> bool:
+        """Whether one more missing value would change nothing but counters."""
+        known = self.counters["samples"] > self.counters["missing"]
+        if self.state.quality == "absent":
+            return not known
+        return self.state.quality == "bad" and self._unusable >= ABSENT_SAMPLES
+
+    def pass_over(self, scans: int) -> None:
+        """Count so many more values of the kind that changes nothing else."""
+        self.counters["samples"] += scans
+        if self.state.quality != "good":
+            self.counters["missing"] += scans
+            self._unusable += scans
+
     def _range(self, value: float) -> float:
         if math.isnan(value):
             return value

@@ -1,4 +1,4 @@
-"""The signals that fault models are made of, from one scan: values of ``REGRESSORS``."""
+"""The signals that fault models are made of, from scans: values of ``REGRESSORS``."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Mapping
 
 from flea_diag.core.fault_models import REGRESSORS
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual import Signals, direction, friction_n
+from flea_diag.core.residual import Signals, Value, direction, friction_n
 
 TEMPERATURES = ("motor_temperature", "nut_temperature", "ambient_temperature")
 
 
 def regressors(
-    p: ActuatorParameters, s: Signals, expected: Mapping[str, float]
-) -> tuple[float, ...]:
+    p: ActuatorParameters, s: Signals, expected: Mapping[str, Value]
+) -> tuple[Value, ...]:
     """Values in the order of ``REGRESSORS``; ``elapsed_s`` is 0, whoever has an onset sets it.
 
     ``expected`` holds what each of ``TEMPERATURES`` should read (degC).
@@ -23,7 +23,7 @@ def regressors(
     inertia = p.reflected_mass_kg * s.acceleration_m_s2
     emf = p.back_emf_v_s_per_m * s.speed_m_s
     sign = direction(p, s.speed_m_s)
-    values = {
+    values: dict[str, Value] = {
         "one": 1.0,
         "elapsed_s": 0.0,
         "direction": sign,

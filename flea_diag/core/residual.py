@@ -1,4 +1,7 @@
-"""Residuals of one scan, formed on smoothed signals from calibrated parameters.
+"""Residuals of one scan or of many, formed on smoothed signals from calibrated parameters.
+
+Relations are written elementwise: signals are numbers for one scan and columns for many, and
+the same lines give the same bits for both.
 
 Linear coordinates throughout: forces and speeds at the nut. Of a motor and screw only the
 product K * 2 pi / lead can be identified from current, voltage, position and load, so the
@@ -18,10 +21,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from flea_diag.core.parameters import ActuatorParameters
+
+Value = Any
+"""A float, or an array of one for each of many scans: types cannot follow sums of the two."""
 
 COPPER_PER_K = 0.00393
 """Temperature coefficient of resistance of copper near 20 degC."""
@@ -29,58 +36,63 @@ COPPER_PER_K = 0.00393
 
 @dataclass(frozen=True, slots=True)
 class Signals:
-    """Smoothed signals at one instant, SI; NaN where a channel is absent or bad."""
+    """Smoothed signals, SI; NaN where a channel is absent or bad.
 
-    current_a: float
-    voltage_v: float
-    commanded_voltage_v: float
-    speed_m_s: float
-    acceleration_m_s2: float
-    load_n: float
-    position_m: float
-    load_position_m: float
-    encoder_speed_rad_s: float
-    position_rate_m_s: float
-    motor_temperature_degc: float
-    nut_temperature_degc: float
-    winding_rise_k: float
+    Numbers at one instant, or arrays of one shape (n,) over so many scans.
+    """
+
+    current_a: Value
+    voltage_v: Value
+    commanded_voltage_v: Value
+    speed_m_s: Value
+    acceleration_m_s2: Value
+    load_n: Value
+    position_m: Value
+    load_position_m: Value
+    encoder_speed_rad_s: Value
+    position_rate_m_s: Value
+    motor_temperature_degc: Value
+    nut_temperature_degc: Value
+    winding_rise_k: Value
 
 
-def direction(parameters: ActuatorParameters, speed_m_s: float) -> float:
+def direction(parameters: ActuatorParameters, speed_m_s: Value) -> Value:
     """Smooth sign of the speed."""
-    return float(np.tanh(speed_m_s / parameters.stribeck_speed_m_s))
+    # numpy's, also for one number: that of the mathematics library differs in the last bit.
+    sign: Value = np.tanh(speed_m_s / parameters.stribeck_speed_m_s)
+    return sign
 
 
-def friction_n(p: ActuatorParameters, s: Signals) -> float:
+def friction_n(p: ActuatorParameters, s: Signals) -> Value:
     """Nominal friction force at the nut."""
     coulomb = p.coulomb_friction_n + p.load_friction_ratio * abs(s.load_n)
     return coulomb * direction(p, s.speed_m_s) + p.viscous_friction_n_s_per_m * s.speed_m_s
 
 
-def mechanical_n(p: ActuatorParameters, s: Signals) -> float:
+def mechanical_n(p: ActuatorParameters, s: Signals) -> Value:
     """Newton at the nut: motor force less load, friction and inertia."""
     motor = p.force_constant_n_per_a * (s.current_a - p.current_offset_a)
     return motor - s.load_n - friction_n(p, s) - p.reflected_mass_kg * s.acceleration_m_s2
 
 
-def electrical_v(p: ActuatorParameters, s: Signals) -> float:
+def electrical_v(p: ActuatorParameters, s: Signals) -> Value:
     """Kirchhoff in the motor circuit, the resistance at the winding's temperature."""
     resistance = p.winding_resistance_ohm * (1.0 + COPPER_PER_K * s.winding_rise_k)
     drop = resistance * (s.current_a - p.current_offset_a)
     return s.voltage_v - p.voltage_offset_v - drop - p.back_emf_v_s_per_m * s.speed_m_s
 
 
-def drive_v(p: ActuatorParameters, s: Signals) -> float:
+def drive_v(p: ActuatorParameters, s: Signals) -> Value:
     """Measured against commanded voltage."""
     return s.voltage_v - p.drive_offset_v - p.drive_gain * s.commanded_voltage_v
 
 
-def kinematic_m(p: ActuatorParameters, s: Signals) -> float:
+def kinematic_m(p: ActuatorParameters, s: Signals) -> Value:
     """The actuator's own position sensor against the potentiometer on the load actuator."""
     return s.position_m - p.position_offset_m - s.load_position_m
 
 
-def speed_m_s(p: ActuatorParameters, s: Signals) -> float:
+def speed_m_s(p: ActuatorParameters, s: Signals) -> Value:
     """Encoder speed through the screw against the slope of the position."""
     return p.encoder_m_per_rad * s.encoder_speed_rad_s - s.position_rate_m_s
 
@@ -91,7 +103,7 @@ class Parity:
 
     ``sensitivity`` gives d r / d theta for each parameter that differs between healthy units
     (``UNIT_PARAMETERS``, same order): by so much a unit's own spread may move the residual.
-    ``needs`` names the channels without which there is no residual.
+    None where they do not differ. ``needs`` names the channels without which there is no residual.
     """
 
     name: str
@@ -99,8 +111,8 @@ class Parity:
     needs: tuple[str, ...]
     gated: bool
     normalised: bool
-    relation: Callable[[ActuatorParameters, Signals], float]
-    sensitivity: Callable[[ActuatorParameters, Signals], tuple[float, ...]]
+    relation: Callable[[ActuatorParameters, Signals], Value]
+    sensitivity: Callable[[ActuatorParameters, Signals], tuple[Value, ...]] | None
 
 
 UNIT_PARAMETERS = (
@@ -115,18 +127,14 @@ UNIT_PARAMETERS = (
 """Parameters in which healthy units of one design differ; see ``UnitTolerance``."""
 
 
-def _mechanical_spread(p: ActuatorParameters, s: Signals) -> tuple[float, ...]:
+def _mechanical_spread(p: ActuatorParameters, s: Signals) -> tuple[Value, ...]:
     K = p.force_constant_n_per_a
     return (-direction(p, s.speed_m_s), -s.speed_m_s, -s.acceleration_m_s2, 0.0, 0.0, 0.0, -K)
 
 
-def _electrical_spread(p: ActuatorParameters, s: Signals) -> tuple[float, ...]:
+def _electrical_spread(p: ActuatorParameters, s: Signals) -> tuple[Value, ...]:
     current, R = s.current_a - p.current_offset_a, p.winding_resistance_ohm
     return (0.0, 0.0, 0.0, -current, -s.speed_m_s, -1.0, R)
-
-
-def _no_spread(p: ActuatorParameters, s: Signals) -> tuple[float, ...]:
-    return (0.0,) * len(UNIT_PARAMETERS)
 
 
 SPEED = "speed"
@@ -146,7 +154,7 @@ PARITIES: tuple[Parity, ...] = (
         False,
         False,
         drive_v,
-        _no_spread,
+        None,
     ),
     Parity(
         "parity_kinematic",
@@ -155,7 +163,7 @@ PARITIES: tuple[Parity, ...] = (
         False,
         False,
         kinematic_m,
-        _no_spread,
+        None,
     ),
     Parity(
         "parity_speed",
@@ -164,7 +172,7 @@ PARITIES: tuple[Parity, ...] = (
         False,
         False,
         speed_m_s,
-        _no_spread,
+        None,
     ),
 )
 PARITY_NAMED = {row.name: row for row in PARITIES}

@@ -1,21 +1,22 @@
-"""From a scan to every residual: parity relations, thermal models, innovations, noise levels.
+"""From scans to every residual: parity relations, thermal models, innovations, noise levels.
 
 ``RESIDUALS`` is the whole set, one row each; a new residual is a row here and, for a parity
-relation, a row in ``residual.PARITIES``. The bank keeps what streaming needs (the smoothing
-window, thermal states, last samples) and nothing of detection.
+relation, a row in ``residual.PARITIES``. The bank keeps what streaming needs (the last rows,
+thermal states) and nothing of detection. It takes one row or many, to the same last bit.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual import PARITIES, SPEED, UNIT_PARAMETERS, Parity, Signals
+from flea_diag.core.position_jump import LENGTH, TRACE, position_jumps, traced
+from flea_diag.core.residual import PARITIES, SPEED, UNIT_PARAMETERS, Parity, Signals, Value
 from flea_diag.core.smoothing import Smoother
 from flea_diag.core.thermal import ThermalNode
 
@@ -47,12 +48,10 @@ NOISE_CHANNELS = {
 }
 """Channels whose noise is watched, and when: that of current and load comes with motion."""
 JUMP_CHANNELS = ("actuator_position", "load_position")
+JUMP_DELAY = 3
+"""Scans until a jump shows: by so many the noise of these channels is held back."""
 INNOVATION_CHANNELS = ("motor_current", "motor_speed", "actuator_position")
 """Channels whose prediction by the state observer is tested."""
-
-
-JUMP_TRACE = 6
-"""Scans from the one that shows a jump to the last whose noise it spoils."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,21 +102,27 @@ RESIDUALS: tuple[ResidualRow, ...] = (
 RESIDUAL_INDEX = {row.name: index for index, row in enumerate(RESIDUALS)}
 INNOVATION_INDEX = {name: at for name, at in RESIDUAL_INDEX.items() if name.startswith("innov")}
 """Filled by the state observer, not by the bank."""
+SPREAD_ROWS = tuple(RESIDUAL_INDEX[row.name] for row in PARITIES if row.sensitivity is not None)
+"""Residuals in which healthy units differ, in the order of ``ResidualRows.spread``."""
 
 
 @dataclass(slots=True)
-class ResidualSample:
-    """All residuals of one scan, order of ``RESIDUALS``; NaN where one cannot be formed.
+class ResidualRows:
+    """All residuals of n scans; NaN where one cannot be formed.
 
     Not frozen: cross-checks of channels take out what is not to be used.
 
-    ``spread`` has shape (residuals, unit parameters): d r / d theta of healthy units.
+    ``values`` has shape (n, residuals), order of ``RESIDUALS``, ``moving`` (n,), and
+    ``spread`` (n, ``SPREAD_ROWS``, unit parameters): d r / d theta of healthy units.
     """
 
     values: Array
     spread: Array
     signals: Signals
-    moving: bool
+    moving: npt.NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.values)
 
 
 class ResidualBank:
@@ -136,35 +141,27 @@ class ResidualBank:
         self._period_s = period_s
         self._moving_m_s = moving_m_s
         self._smoother = Smoother(len(CHANNELS), kernel_length, period_s)
-        self._last = np.full((4, len(CHANNELS)), np.nan)
-        self._jumps = {name: _JumpPredictor() for name in JUMP_CHANNELS}
-        self._traces = dict.fromkeys(JUMP_CHANNELS, 0)
-        self._held = {name: deque([math.nan] * 4, maxlen=4) for name in JUMP_CHANNELS}
         self._motor = ThermalNode(parameters.motor_cooling_s, start_samples)
         self._nut = ThermalNode(parameters.nut_cooling_s, start_samples)
         self._ambient = ThermalNode(math.inf, start_samples)
         self.has_encoder = parameters.encoder_m_per_rad != 0.0
 
-    def step(self, row: Array, frozen: bool) -> ResidualSample:
-        """Residuals after one row of ``CHANNELS``; ``frozen`` stops every correction."""
-        smooth = self._smoother.push(row)
-        signals = self._signals(smooth)
-        speeds = abs(signals.speed_m_s), abs(signals.position_rate_m_s)
-        moving = any(speed > self._moving_m_s for speed in speeds)
-        values = np.full(len(RESIDUALS), np.nan)
-        spread = np.zeros((len(RESIDUALS), len(UNIT_PARAMETERS)))
-        sign = math.copysign(1.0, signals.speed_m_s)
-        for parity in PARITIES:
-            index = RESIDUAL_INDEX[parity.name]
-            factor = sign if parity.normalised else 1.0
-            values[index] = factor * parity.relation(self._p, signals)
-            spread[index] = parity.sensitivity(self._p, signals)
-            spread[index] *= factor
-        self._thermal(row, signals, frozen, values)
-        self._noise(row, values)
-        for name, predictor in self._jumps.items():
-            self._jump(name, predictor.step(float(row[INDEX[name]])), values)
-        return ResidualSample(values, spread, signals, moving)
+    def step(self, rows: Array, frozen: bool) -> ResidualRows:
+        """Residuals of n >= 1 rows of ``CHANNELS``, one after the other; shape (n, channels).
+
+        ``frozen`` stops every correction.
+        """
+        recent, smooth = self._smoother.push(rows)
+        values = np.full((len(rows), len(RESIDUALS)), np.nan)
+        signals = self._signals(rows, smooth, frozen, values)
+        spread = np.zeros((len(rows), len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
+        self._parities(signals, values, spread)
+        _noise_and_jumps(recent, values)
+        moving = np.empty(len(rows), dtype=bool)
+        moving[:] = (abs(signals.speed_m_s) > self._moving_m_s) | (
+            abs(signals.position_rate_m_s) > self._moving_m_s
+        )
+        return ResidualRows(values, spread, signals, moving)
 
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Go on with other parameters (the offsets of this unit, once they are learned)."""
@@ -173,97 +170,102 @@ class ResidualBank:
     def interrupt(self) -> None:
         """A gap in the stream: smooth and predict anew, keep the temperatures."""
         self._smoother.clear()
-        self._last[:] = np.nan
-        self._jumps = {name: _JumpPredictor() for name in JUMP_CHANNELS}
 
-    def _signals(self, smooth: Array) -> Signals:
-        value, first, second = smooth
+    def _signals(self, rows: Array, smooth: Array, frozen: bool, values: Array) -> Signals:
+        """Smoothed signals; fills in the thermal residuals, whose estimates are among them."""
+        value, first, second = _columns(smooth)
         position, encoder = INDEX["actuator_position"], INDEX["motor_speed"]
         # The encoder where there is one: then a position fault does not touch the speed.
-        source, lead = (encoder, self._p.encoder_m_per_rad) if self.has_encoder else (position, 1.0)
-        speed = value[source] * lead if self.has_encoder else first[source]
-        acceleration = first[source] * lead if self.has_encoder else second[source]
+        lead = self._p.encoder_m_per_rad
+        speed = value[encoder] * lead if self.has_encoder else first[position]
+        current = value[INDEX["motor_current"]]
         return Signals(
-            current_a=float(value[INDEX["motor_current"]]),
-            voltage_v=float(value[INDEX["motor_voltage"]]),
-            commanded_voltage_v=float(value[INDEX["commanded_voltage"]]),
-            speed_m_s=float(speed),
-            acceleration_m_s2=float(acceleration),
-            load_n=float(value[INDEX["load_force"]]),
-            position_m=float(value[position]),
-            load_position_m=float(value[INDEX["load_position"]]),
-            encoder_speed_rad_s=float(value[encoder]),
-            position_rate_m_s=float(first[position]),
-            motor_temperature_degc=float(value[INDEX["motor_temperature"]]),
-            nut_temperature_degc=float(value[INDEX["nut_temperature"]]),
-            winding_rise_k=self._winding_rise(),
+            current_a=current,
+            voltage_v=value[INDEX["motor_voltage"]],
+            commanded_voltage_v=value[INDEX["commanded_voltage"]],
+            speed_m_s=speed,
+            acceleration_m_s2=first[encoder] * lead if self.has_encoder else second[position],
+            load_n=value[INDEX["load_force"]],
+            position_m=value[position],
+            load_position_m=value[INDEX["load_position"]],
+            encoder_speed_rad_s=value[encoder],
+            position_rate_m_s=first[position],
+            motor_temperature_degc=value[INDEX["motor_temperature"]],
+            nut_temperature_degc=value[INDEX["nut_temperature"]],
+            winding_rise_k=self._thermal(rows, current, speed, frozen, values),
         )
 
-    def _winding_rise(self) -> float:
-        estimate = self._motor.estimate_degc
-        return 0.0 if math.isnan(estimate) else estimate - self._p.reference_temperature_degc
-
-    def _thermal(self, row: Array, signals: Signals, frozen: bool, values: Array) -> None:
-        p, ambient = self._p, float(row[INDEX["ambient_temperature"]])
-        copper = p.motor_heating_k_per_a2s * (signals.current_a - p.current_offset_a) ** 2
-        rubbing = p.nut_heating_k_per_j * p.coulomb_friction_n * abs(signals.speed_m_s)
+    def _thermal(
+        self, rows: Array, current_a: Value, speed_m_s: Value, frozen: bool, values: Array
+    ) -> Value:
+        """Fill in the thermal residuals; returns the rise of the winding before each scan."""
+        p, ambient = self._p, rows[:, INDEX["ambient_temperature"]].tolist()
+        excess = current_a - p.current_offset_a
+        copper = p.motor_heating_k_per_a2s * (excess * excess)
+        rubbing = p.nut_heating_k_per_j * p.coulomb_friction_n * abs(speed_m_s)
+        motor_degc: list[float] = []
         for name, node, heat in (
-            ("motor_temperature", self._motor, copper),
+            ("ambient_temperature", self._ambient, np.zeros(len(rows))),
             ("nut_temperature", self._nut, rubbing),
-            ("ambient_temperature", self._ambient, 0.0),
+            ("motor_temperature", self._motor, copper),
         ):
-            measured = float(row[INDEX[name]])
-            values[RESIDUAL_INDEX[name]] = node.step(
-                measured, heat, ambient, self._period_s, frozen
+            measured = rows[:, INDEX[name]].tolist()
+            values[:, RESIDUAL_INDEX[name]], motor_degc = node.follow(
+                measured, np.atleast_1d(heat).tolist(), ambient, self._period_s, frozen
             )
+        rise = [0.0 if t != t else t - p.reference_temperature_degc for t in motor_degc]
+        return rise[0] if len(rise) == 1 else np.array(rise)
 
-    def _noise(self, row: Array, values: Array) -> None:
-        # Third difference over sqrt(20): blind to motion, unit gain for white noise.
-        third = row - 3.0 * self._last[2] + 3.0 * self._last[1] - self._last[0]
-        self._last[:3] = self._last[1:]
-        self._last[2] = row
-        for name in NOISE_CHANNELS:
-            values[RESIDUAL_INDEX[f"{name}_noise"]] = abs(third[INDEX[name]]) / math.sqrt(20.0)
-
-    def _jump(self, name: str, jump: float, values: Array) -> None:
-        """A jump of a position, and its noise as far as that is not the jump's own trace.
-
-        The noise of these channels is held back by as many samples as a jump takes to show.
-        """
-        values[RESIDUAL_INDEX[name]] = jump
-        noise = RESIDUAL_INDEX[f"{name}_noise"]
-        held = self._held[name]
-        held.append(float(values[noise]))
-        if jump != 0.0:
-            self._traces[name] = JUMP_TRACE
-        values[noise] = held[0] if self._traces[name] == 0 else math.nan
-        self._traces[name] = max(self._traces[name] - 1, 0)
+    def _parities(self, signals: Signals, values: Array, spread: Array) -> None:
+        """Fill in every parity relation and what healthy units differ by in it."""
+        sign = np.copysign(1.0, signals.speed_m_s)
+        formed = {relation: relation(self._p, signals) for relation in _RELATIONS}
+        spreads = {sensitivity: sensitivity(self._p, signals) for sensitivity in _SENSITIVITIES}
+        place = 0
+        for index, parity in enumerate(PARITIES):
+            factor = sign if parity.normalised else 1.0
+            values[:, index] = factor * formed[parity.relation]
+            if parity.sensitivity is not None:
+                for k, value in enumerate(spreads[parity.sensitivity]):
+                    spread[:, place, k] = factor * value
+                place += 1
 
 
-class _JumpPredictor:
-    """How far a position has jumped from the parabola through the samples before.
+_RELATIONS = tuple(dict.fromkeys(row.relation for row in PARITIES))
+_SENSITIVITIES = tuple(dict.fromkeys(r.sensitivity for r in PARITIES if r.sensitivity is not None))
+_JUMPS = np.array([RESIDUAL_INDEX[name] for name in JUMP_CHANNELS])
+_JUMP_COLUMNS = np.array([INDEX[name] for name in JUMP_CHANNELS])
+_NOISE = np.array([RESIDUAL_INDEX[f"{name}_noise"] for name in NOISE_CHANNELS])
+_NOISE_COLUMNS = np.array([INDEX[name] for name in NOISE_CHANNELS])
+_HELD = np.array([list(NOISE_CHANNELS).index(name) for name in JUMP_CHANNELS])
 
-    Three successive samples are held against the parabola through the six before them; the
-    smallest of the three counts, and only if all agree in sign. A single outlier is no jump,
-    nor is a mass that stops dead at an end stop: what it can fall short by is taken off.
+
+def _columns(smooth: Array) -> Any:
+    """Value, first and second derivative of each channel: numbers of one scan, else columns."""
+    if len(smooth) == 1:
+        return smooth[0].tolist()
+    return np.ascontiguousarray(smooth.transpose(1, 2, 0))
+
+
+def _noise_and_jumps(recent: Array, values: Array) -> None:
+    """Jumps of each position, and the noise of channels as far as it is not a jump's own trace.
+
+    The noise of positions is held back by as many samples as a jump takes to show.
     """
+    count = len(values)
+    positions = recent[-(count + LENGTH + TRACE - 2) :].take(_JUMP_COLUMNS, axis=1)
+    jumps = position_jumps(positions)
+    values[:, _JUMPS] = jumps[TRACE - 1 :]
+    noise = _noise(recent[-(count + JUMP_DELAY + 3) :].take(_NOISE_COLUMNS, axis=1))
+    held = np.where(traced(jumps), np.nan, noise[:count, _HELD])
+    noise = noise[JUMP_DELAY:]
+    noise[:, _HELD] = held
+    values[:, _NOISE] = noise
 
-    _HISTORY = 6
-    _AHEAD = 3
 
-    def __init__(self) -> None:
-        steps = np.arange(self._HISTORY + self._AHEAD, dtype=float)
-        powers = np.stack((np.ones_like(steps), steps, steps**2), axis=1)
-        # Rows: weights of the history in the prediction of each of the three samples ahead.
-        self._weights = powers[self._HISTORY :] @ np.linalg.pinv(powers[: self._HISTORY])
-        self._samples = np.full(self._HISTORY + self._AHEAD, np.nan)
-
-    def step(self, value: float) -> float:
-        self._samples[:-1] = self._samples[1:]
-        self._samples[-1] = value
-        apart = self._samples[self._HISTORY :] - self._weights @ self._samples[: self._HISTORY]
-        low, high = float(apart.min()), float(apart.max())
-        if math.isnan(low):
-            return math.nan
-        stop = self._AHEAD * float(np.abs(np.diff(self._samples[: self._HISTORY])).max())
-        return max(low - stop, 0.0) + min(high + stop, 0.0)
+def _noise(rows: Array) -> Array:
+    """Noise level of each channel at each row but the first three."""
+    # Third difference over sqrt(20): blind to motion, unit gain for white noise.
+    third = rows[3:] - 3.0 * rows[2:-1] + 3.0 * rows[1:-2] - rows[:-3]
+    level: Array = np.abs(third) / math.sqrt(20.0)
+    return level

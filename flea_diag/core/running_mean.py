@@ -9,57 +9,99 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
+LAPS = 4
+"""Room for so many longest windows, before the last of them is moved to the front."""
+
 
 class WindowedMeans:
     """Means of each column over its last 1..n valid rows.
 
-    A NaN is no sample: it neither enters a mean nor pushes an older value out of the count
-    of valid ones. Memory is constant; sums are formed anew once a lap, so that rounding
-    does not creep in over a day.
+    A window that holds a NaN has no mean. Rows come one by one or in blocks: sums run on from
+    row to row in the same order, so a block gives the same bits as its rows one by one. Memory
+    is constant; sums are formed anew once a lap (of the longest window), so that rounding does
+    not creep in over a day.
     """
 
     def __init__(self, columns: int, windows: Sequence[int]) -> None:
         self.windows = tuple(windows)
         self._size = max(self.windows)
         self._lengths = np.array(self.windows)
-        self._rows = np.zeros((self._size, columns))
-        self._valid = np.zeros((self._size, columns))
+        self._divisors = self._lengths[:, None].astype(float)
+        self._rows = np.zeros((LAPS * self._size, columns))
+        self._valid = np.zeros(self._rows.shape, dtype=bool)
         self._sums = np.zeros((len(self.windows), columns))
-        self._counts = np.zeros((len(self.windows), columns))
-        self._next = 0
+        self._run = np.zeros(columns, dtype=np.int64)
+        self._end = self._size
+        self._lap = 0
 
-    def push(self, row: Array) -> None:
-        """Take one row, shape (columns,)."""
-        valid = np.isfinite(row)
-        clean = np.where(valid, row, 0.0)
-        leaving = (self._next - self._lengths) % self._size
-        self._sums += clean - self._rows[leaving]
-        self._counts += valid - self._valid[leaving]
-        self._rows[self._next] = clean
-        self._valid[self._next] = valid
-        self._next = (self._next + 1) % self._size
-        if self._next == 0:
-            self._renew()
+    def push(self, rows: Array) -> Array:
+        """Take rows, shape (n, columns); the means after each, shape (n, windows, columns).
 
-    def _renew(self) -> None:
-        """Sums from the rows themselves, the newest of which is the one before ``_next``."""
-        rows = np.roll(self._rows, -self._next, axis=0)
-        for index, window in enumerate(self.windows):
-            self._sums[index] = rows[self._size - window :].sum(axis=0)
+        NaN until a window holds its full count of valid samples.
+        """
+        if self._lap + len(rows) <= self._size:
+            return self._push(rows)
+        cuts = range(self._size - self._lap, len(rows), self._size)
+        return np.concatenate([self._push(part) for part in np.split(rows, cuts)])
+
+    def _push(self, rows: Array) -> Array:
+        """Take rows of one lap."""
+        start, count = self._room(len(rows)), len(rows)
+        valid = np.isfinite(rows)
+        clean = np.where(valid, rows, 0.0)
+        self._rows[start : start + count] = clean
+        self._valid[start : start + count] = valid
+        self._end = start + count
+        leaving = self._rows[np.arange(start, self._end)[:, None] - self._lengths]
+        sums = clean[:, None, :] - leaving
+        sums[0] += self._sums
+        np.cumsum(sums, axis=0, out=sums)
+        full = self._runs(valid)[:, None, :] >= self._lengths[:, None]
+        self._lap = (self._lap + count) % self._size
+        if self._lap == 0:
+            sums[-1] = self._formed_anew()
+        self._sums = sums[-1].copy()
+        return np.where(full, sums / self._divisors, np.nan)
+
+    def _room(self, count: int) -> int:
+        """Where the next rows go; the last lap is moved to the front when there is no room."""
+        if self._end + count > len(self._rows):
+            for store in (self._rows, self._valid):
+                store[: self._size] = store[self._end - self._size : self._end]
+            self._end = self._size
+        return self._end
+
+    def _runs(self, valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+        """How many rows in a row were valid, after each row; shape (n, columns)."""
+        number = np.arange(1, len(valid) + 1)[:, None]
+        runs = self._run + number
+        if not valid.all():
+            last = np.maximum.accumulate(np.where(valid, 0, number), axis=0)
+            runs = np.where(last == 0, runs, number - last)
+        self._run = runs[-1]
+        return runs
+
+    def _formed_anew(self) -> Array:
+        """Sums from the rows themselves."""
+        return np.stack([self._rows[self._end - w : self._end].sum(axis=0) for w in self.windows])
 
     def combine(self, column: int, others: slice, weights: Array) -> None:
         """Add a weighted sum of other columns to one, in every row that it is valid in."""
-        self._rows[:, column] += (self._rows[:, others] @ weights) * self._valid[:, column]
-        self._renew()
+        last = slice(self._end - self._size, self._end)
+        change = np.zeros(self._size)
+        for values, weight in zip(self._rows[last, others].T, weights, strict=True):
+            change += values * weight
+        self._rows[last, column] += change * self._valid[last, column]
+        self._sums = self._formed_anew()
 
     def means(self) -> Array:
-        """Shape (windows, columns); NaN until a window holds its full count of valid samples."""
-        full = self._counts >= self._lengths[:, None]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.where(full, self._sums / self._counts, np.nan)
+        """Means as they are now, shape (windows, columns)."""
+        full = self._run >= self._lengths[:, None]
+        return np.where(full, self._sums / self._divisors, np.nan)
 
     def clear(self, columns: Sequence[int] | None = None) -> None:
         """Forget all columns, or only some (a channel that turned out to be bad)."""
         which = slice(None) if columns is None else list(columns)
-        for store in (self._rows, self._valid, self._sums, self._counts):
-            store[:, which] = 0.0
+        for store in (self._rows, self._valid, self._sums):
+            store[:, which] = 0
+        self._run[which] = 0

@@ -8,10 +8,15 @@ as raw PWM. The price is a delay of half the kernel.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+
+KERNEL_LENGTH = 31
+"""Scans that the kernel of the diagnosis spans."""
 
 
 def hann_kernels(length: int, period_s: float) -> Array:
@@ -36,7 +41,7 @@ def hann_kernels(length: int, period_s: float) -> Array:
 
 
 class Smoother:
-    """Last ``length`` rows of so many channels and their smoothed derivatives.
+    """Smoothed derivatives of so many channels, and the rows that they are made of.
 
     NaN in one channel makes only that channel NaN, for as long as it stays in the window.
     """
@@ -44,21 +49,32 @@ class Smoother:
     def __init__(self, channels: int, length: int, period_s: float) -> None:
         self._kernels = hann_kernels(length, period_s)
         self._length = length
-        # Written twice, half a buffer apart, so that the window is always contiguous.
-        self._rows = np.full((2 * length, channels), np.nan)
-        self._next = 0
+        self._before = np.full((length - 1, channels), np.nan)
         self.delay_s = (length - 1) / 2 * period_s
 
-    def push(self, row: Array) -> Array:
-        """Take one row, shape (channels,); returns shape (3, channels) at the delayed centre."""
-        self._rows[self._next] = row
-        self._rows[self._next + self._length] = row
-        self._next = (self._next + 1) % self._length
-        window = self._rows[self._next : self._next + self._length]
-        derivatives: Array = self._kernels @ window
-        return derivatives
+    def push(self, rows: Array) -> tuple[Array, Array]:
+        """Take rows, shape (n, channels), with n = 1 live and many in a replay.
+
+        Returns
+        -------
+        recent : shape (length - 1 + n, channels), these rows after those before them
+        derivatives : shape (n, 3, channels), each at its delayed centre
+        """
+        recent = np.concatenate((self._before, rows))
+        self._before = recent[len(rows) :]
+        # One product of the same shape for each row, whatever n is: the same last bits.
+        return recent, np.matmul(self._kernels, sliding(recent, self._length))
 
     def clear(self) -> None:
         """Forget everything; the next ``length - 1`` results are NaN."""
-        self._rows[:] = np.nan
-        self._next = 0
+        self._before = np.full_like(self._before, np.nan)
+
+
+def sliding(rows: npt.NDArray[Any], length: int) -> npt.NDArray[Any]:
+    """Every ``length`` rows in a row, shape (n, length, channels), without a copy.
+
+    As ``sliding_window_view``, at a tenth of its cost; ``rows`` must be C-contiguous.
+    """
+    step, item = rows.strides
+    shape = (len(rows) - length + 1, length, rows.shape[1])
+    return np.ndarray(shape, rows.dtype, rows, 0, (step, step, item))

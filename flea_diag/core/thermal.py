@@ -10,6 +10,7 @@ sensor fault does not smear into the estimate.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 CORRECTION_S = 15.0
 """Slow against a step or a drift of a sensor, fast against what heat alone can do."""
@@ -44,6 +45,23 @@ class ThermalNode:
         if not frozen and not math.isnan(residual):
             self.estimate_degc += residual * dt_s / CORRECTION_S
         return residual
+
+    def follow(
+        self,
+        measured_degc: Sequence[float],
+        heating_k_per_s: Sequence[float],
+        ambient_degc: Sequence[float],
+        dt_s: float,
+        frozen: bool,
+    ) -> tuple[list[float], list[float]]:
+        """``step`` for many scans: the residual of each, and the estimate before it."""
+        residuals, before = [], []
+        for measured, heating, ambient in zip(
+            measured_degc, heating_k_per_s, ambient_degc, strict=True
+        ):
+            before.append(self.estimate_degc)
+            residuals.append(self.step(measured, heating, ambient, dt_s, frozen))
+        return residuals, before
 
     def _start(self, measured_degc: float) -> float:
         if not math.isnan(measured_degc):

@@ -58,8 +58,8 @@ class Trace:
 def trace(run: Run, identified: Identified, kernel_length: int, period_s: float) -> Trace:
     """Run one recording through the residual bank, its bad voltage stretches taken out."""
     bank = ResidualBank(identified.parameters, period_s=period_s, kernel_length=kernel_length)
-    samples = [bank.step(row, frozen=False) for row in run.rows]
-    values = np.array([sample.values for sample in samples])
+    residuals = bank.step(run.rows, frozen=False)
+    values = residuals.values
     good = np.ones(len(values), dtype=bool)
     if not np.isfinite(run.rows[:, INDEX["commanded_voltage"]]).any():
         column = values[:, RESIDUAL_INDEX["parity_electrical"]]
@@ -68,8 +68,8 @@ def trace(run: Run, identified: Identified, kernel_length: int, period_s: float)
     return Trace(
         run.name,
         values,
-        np.array([abs(sample.signals.speed_m_s) for sample in samples]),
-        np.array([sample.moving for sample in samples]),
+        np.abs(residuals.signals.speed_m_s),
+        residuals.moving,
         good,
     )
 

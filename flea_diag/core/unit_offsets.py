@@ -38,12 +38,20 @@ class OffsetLearning:
         self._information = np.diag(1.0 / np.square(sigma))
         self._vector = np.zeros(len(UNIT_PARAMETERS))
 
-    def add(self, residual: float, sensitivity: Array, variance: float) -> None:
-        """One residual; ``variance`` includes how many samples make one independent sample."""
-        if np.isfinite(residual) and np.isfinite(sensitivity).all():
-            self._information += np.outer(sensitivity, sensitivity) / variance
-            # A residual r at the calibrated value wants the parameter moved by -r / (dr/dp).
-            self._vector -= sensitivity * residual / variance
+    def add(self, residuals: Array, sensitivities: Array, variance: float) -> None:
+        """Take n residuals, shape (n,), and sensitivities, shape (n, unit parameters).
+
+        ``variance`` includes how many samples make one independent sample.
+        """
+        known = np.isfinite(residuals) & np.isfinite(sensitivities).all(axis=1)
+        if not known.any():
+            return
+        s, r = sensitivities[known], residuals[known]
+        # Accumulated, not summed: one after the other, however many come at once.
+        outer = s[:, :, None] * s[:, None, :] / variance
+        self._information = np.add.accumulate((self._information, *outer))[-1]
+        # A residual r at the calibrated value wants the parameter moved by -r / (dr/dp).
+        self._vector = np.subtract.accumulate((self._vector, *(s * r[:, None] / variance)))[-1]
 
     def offset(self) -> tuple[float, float]:
         """What to add to the calibrated offset, and its standard deviation."""

@@ -8,7 +8,8 @@ sensor does not smear. Once the episode is closed it begins anew.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,7 @@ from flea_diag.core import innovation_residual
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.residual_bank import INDEX
+from flea_diag.core.state_filter import Innovation
 from flea_diag.core.state_observer import PREDICTED, StateObserver
 
 Array = npt.NDArray[np.float64]
@@ -24,22 +26,21 @@ Array = npt.NDArray[np.float64]
 KINDS = {"particle": "optimal", "kalman": "kalman"}
 NONE = "none"
 _VOLTAGE, _COMMAND = INDEX["motor_voltage"], INDEX["commanded_voltage"]
-_UNTOLD = [math.nan] * len(innovation_residual.COLUMNS)
 
 
-@dataclass(frozen=True, slots=True)
-class Told:
-    """What one scan's estimate adds to the residuals: tuples in the order of their names.
+class Told(NamedTuple):
+    """What the estimates of n scans add to their residuals, columns in the order of their names.
 
     ``estimates`` are predictions from earlier scans, ``sigmas`` what each reading is expected
-    to scatter by about them; ``health`` is effective sample size (inf without particles),
-    normalised innovation squared per channel (1 expected), and 1 for a lost track.
+    to scatter by about them, both of shape (n, channels); ``health``, shape (n, 3), is the
+    effective sample size (inf without particles), the normalised innovation squared per channel
+    (1 expected), and 1 for a lost track.
     """
 
-    channels: tuple[str, ...] = ()
-    estimates: tuple[float, ...] = ()
-    sigmas: tuple[float, ...] = ()
-    health: tuple[float, ...] = ()
+    channels: tuple[str, ...]
+    estimates: Array
+    sigmas: Array
+    health: Array
 
 
 class StateEstimate:
@@ -62,33 +63,45 @@ class StateEstimate:
                 kind=KINDS[kind],
             )
 
-    def step(self, row: Array, voltage_usable: bool, frozen: bool, values: Array) -> Told:
-        """Take one row of ``CHANNELS`` and fill the innovations among the residuals ``values``."""
-        observer = self._observer
+    def step(
+        self, rows: Array, voltage_usable: npt.NDArray[np.bool_], frozen: bool, values: Array
+    ) -> Told:
+        """Take rows of ``CHANNELS`` and fill the innovations among their residuals ``values``."""
+        observer, count = self._observer, len(rows)
         if observer is None:
-            return Told()
+            nothing = np.empty((count, 0))
+            return Told((), nothing, nothing, nothing)
         if self._frozen and not frozen:
             observer.interrupt()
         self._frozen = frozen
-        if not voltage_usable:
-            row = row.copy()
-            row[_VOLTAGE] = math.nan
-        told = observer.step(row, frozen)
-        # A mean voltage that no command corroborates is an input on trust: its own error would
-        # read as an innovation. Raw PWM is a measurement among others.
-        sound = self._pwm or not math.isnan(row[_COMMAND])
-        usable = sound and not frozen
-        values[innovation_residual.COLUMNS] = (
-            innovation_residual.normalised(told) if usable else _UNTOLD
-        )
-        sigma = told.sigma[self._at]
-        sigma[sigma == 0.0] = math.nan
+        if not voltage_usable.all():
+            rows = rows.copy()
+            rows[~voltage_usable, _VOLTAGE] = math.nan
+        found = [observer.step(row, frozen) for row in rows]
+        self._innovations(found, rows, frozen, values)
+        sigmas = np.array([told.sigma[self._at] for told in found])
+        sigmas[sigmas == 0.0] = math.nan
         return Told(
             self._channels,
-            tuple(told.prediction[self._at].tolist()),
-            tuple(sigma.tolist()),
-            (told.ess, told.nis / max(told.measured, 1), float(told.diverged)),
+            np.array([told.prediction[self._at] for told in found]),
+            sigmas,
+            np.array([(t.ess, t.nis / max(t.measured, 1), float(t.diverged)) for t in found]),
         )
+
+    def _innovations(
+        self, found: Sequence[Innovation], rows: Array, frozen: bool, values: Array
+    ) -> None:
+        """Fill in what may be tested.
+
+        A mean voltage that no command corroborates is an input on trust: its own error would
+        read as an innovation. Raw PWM is a measurement among others.
+        """
+        values[:, innovation_residual.COLUMNS] = math.nan
+        if frozen:
+            return
+        for number, (told, row) in enumerate(zip(found, rows, strict=True)):
+            if self._pwm or not math.isnan(row[_COMMAND]):
+                values[number, innovation_residual.COLUMNS] = innovation_residual.normalised(told)
 
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Go on with other parameters (the offsets of this unit, once they are learned)."""

@@ -168,7 +168,7 @@ def calibrate(
     from flea_diag.core import identification, innovation_residual, thresholds
     from flea_diag.core.calibration import Calibration, Run
     from flea_diag.core.parameters import UnitTolerance
-    from flea_diag.stages.observer import KERNEL_LENGTH
+    from flea_diag.core.smoothing import KERNEL_LENGTH
 
     if len(recordings) < 2:
         raise CalibrationError(

@@ -1,0 +1,133 @@
+"""The channels of a stand, each judged by itself: what can be used of a scan, and why not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.quality import BEYOND_BOUNDS, ChannelMonitor
+from flea_diag.core.residual_bank import CHANNELS, INDEX
+from flea_diag.wire.records import ChannelQuality, ChannelTable, Quality
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+VOLTAGE = INDEX["motor_voltage"]
+
+
+class Channels:
+    """Monitors of the channels that a calibration knows.
+
+    Channels that just go on as they are, reading well or not at all, are counted together;
+    their monitors hear of it when something changes.
+    """
+
+    def __init__(self, known: Iterable[str], distrust: str) -> None:
+        self._distrust = distrust
+        self._monitors = {INDEX[name]: ChannelMonitor(name) for name in CHANNELS if name in known}
+        self._layout: tuple[str, ...] = ()
+        self._from: list[int] = []
+        self._to: list[int] = []
+        self._said: tuple[str, ...] = ()
+        self._steady_scans = 0
+        self._look()
+
+    def take_ranges(self, table: ChannelTable) -> None:
+        """Use the ranges of a channel table; a channel that it does not name has none."""
+        ranges = {row.name: (row.minimum, row.maximum) for row in table.channels}
+        self._count()
+        for monitor in self._monitors.values():
+            monitor.minimum, monitor.maximum = ranges.get(monitor.channel, (-math.inf, math.inf))
+        self._look()
+
+    def rows(self, layout: tuple[str, ...], values: Array) -> Array:
+        """Rows of ``CHANNELS``, shape (n, channels), of scans that are laid out like this."""
+        if layout != self._layout:
+            places = {INDEX[name]: k for k, name in enumerate(layout) if name in INDEX}
+            self._to = [column for column in places if column in self._monitors]
+            self._from = [places[column] for column in self._to]
+            self._layout = layout
+        rows = np.full((len(values), len(CHANNELS)), np.nan)
+        rows[:, self._to] = values[:, self._from]
+        return rows
+
+    def usable(self, rows: Array) -> Array:
+        """The same rows, NaN where a value is out of its range."""
+        return np.where((rows >= self._least) & (rows <= self._most), rows, np.nan)
+
+    def judge(self, stamps_ns: npt.NDArray[np.int64], rows: Array, trusted: Flags) -> int:
+        """Follow the channels through n scans; the first that changes what is to be said, or n.
+
+        ``trusted`` is what a cross-check of several channels says of the voltage.
+        """
+        steady = (rows > self._low) & (rows < self._high)
+        steady |= np.isnan(rows) & self._lacking
+        believed = bool(trusted.all())
+        if believed and self._said and steady.all():
+            self._steady_scans += len(rows)
+            return len(rows)
+        self._count()
+        as_before: Flags = np.all(steady, axis=0)
+        as_before[VOLTAGE] &= believed
+        first = len(rows) if self._said else 0
+        for column, monitor in self._monitors.items():
+            if as_before[column]:
+                monitor.pass_over(len(rows))
+            else:
+                doubted = trusted if column == VOLTAGE else np.ones_like(trusted)
+                first = min(first, self._step(monitor, stamps_ns, rows[:, column], doubted))
+        self._look()
+        self._said = tuple(monitor.state.quality for monitor in self._monitors.values())
+        return first
+
+    def _step(
+        self,
+        monitor: ChannelMonitor,
+        stamps_ns: npt.NDArray[np.int64],
+        values: Array,
+        trusted: Flags,
+    ) -> int:
+        """Value by value; the first that changes the state, or their number."""
+        before, first = monitor.state.quality, len(values)
+        columns = zip(stamps_ns.tolist(), values.tolist(), trusted.tolist(), strict=True)
+        for number, (stamp_ns, value, believed) in enumerate(columns):
+            monitor.step(stamp_ns, value, believed, self._distrust)
+            if monitor.state.quality != before:
+                first = min(first, number)
+        return first
+
+    def _count(self) -> None:
+        """Tell the monitors what they have not been told one by one."""
+        if self._steady_scans:
+            for monitor in self._monitors.values():
+                monitor.pass_over(self._steady_scans)
+            self._steady_scans = 0
+
+    def _look(self) -> None:
+        """Bounds inside which each channel goes on as it is."""
+        self._least, self._most = np.full((2, len(CHANNELS)), np.nan)
+        self._low, self._high = np.full((2, len(CHANNELS)), np.nan)
+        self._lacking = np.array([column not in self._monitors for column in range(len(CHANNELS))])
+        for column, monitor in self._monitors.items():
+            self._least[column] = max(monitor.minimum, -BEYOND_BOUNDS)
+            self._most[column] = min(monitor.maximum, BEYOND_BOUNDS)
+            self._lacking[column] = monitor.lacks
+            if monitor.reads:
+                self._low[column], self._high[column] = self._least[column], self._most[column]
+
+    def states(self) -> tuple[ChannelQuality, ...]:
+        """State and counters of every channel, as they are now."""
+        self._count()
+        return tuple(
+            ChannelQuality(
+                m.channel,
+                Quality(m.state.quality),
+                m.state.since_ns,
+                m.state.reason,
+                tuple(m.counters.items()),
+            )
+            for m in self._monitors.values()
+        )

@@ -1,0 +1,121 @@
+"""The observer's episode: opened by the first test beyond its limit, closed when all is quiet."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core import symbols
+from flea_diag.core.detection import TestResults
+from flea_diag.core.residual_bank import RESIDUALS
+from flea_diag.core.symbols import SLOPE_S, UNKNOWN, SymbolState
+from flea_diag.wire.records import NEVER_NS, Detection, Record, Symbol, Symbols
+
+Flags = npt.NDArray[np.bool_]
+Stamps = npt.NDArray[np.int64]
+
+ISOLATING = np.array([row.isolates for row in RESIDUALS])
+QUIET = 0.7
+"""A test within this share of its limit is quiet."""
+
+
+class Deviation:
+    """Symbols of the open episode, if there is one, and for how long all has been quiet."""
+
+    def __init__(self, rearm_after_s: float) -> None:
+        self._wait_ns = rearm_after_s * 1e9
+        self._number = 0
+        self.is_open = False
+        self.forget()
+
+    def forget(self) -> None:
+        """No episode is open; the next has the next number."""
+        self.is_open = False
+        self._symbols: dict[int, SymbolState] = {}
+        self._quiet_since_ns = NEVER_NS
+
+    def follow(self, stamps_ns: Stamps, results: TestResults) -> int:
+        """Go through n scans; the first in which something happens, or n if nothing does."""
+        happens = results.deviating()
+        if not self.is_open:
+            return _first(np.any(happens, axis=1))
+        happens &= ISOLATING
+        happens[:, list(self._symbols)] = False
+        event = np.any(happens, axis=1)
+        for j, state in self._symbols.items():
+            if state.slope == UNKNOWN:
+                due = stamps_ns - state.since_ns >= SLOPE_S * 1e9
+                event |= due & ~np.isnan(results.z[:, j])
+        quiet_ns = self._quiet_ns(stamps_ns, results)
+        event |= (quiet_ns >= self._wait_ns) & (self._wait_ns > 0)
+        self._quiet_since_ns = int(stamps_ns[-1] - quiet_ns[-1]) if quiet_ns[-1] >= 0 else NEVER_NS
+        return _first(event)
+
+    def step(self, stamp_ns: int, results: TestResults) -> tuple[Record, ...]:
+        """Records of one scan."""
+        deviating = results.deviating()[0]
+        if not self.is_open:
+            return self._open(stamp_ns, results, deviating) if deviating.any() else ()
+        before = dict(self._symbols)
+        for j in np.flatnonzero(deviating & ISOLATING).tolist():
+            self._symbols.setdefault(j, symbols.crossed(float(results.z[0, j]), stamp_ns))
+        for j, state in self._symbols.items():
+            self._symbols[j] = symbols.later(state, float(results.z[0, j]), stamp_ns)
+        changed = self._symbols != before
+        out: tuple[Record, ...] = (self._symbol_record(stamp_ns),) if changed else ()
+        quiet_ns = int(self._quiet_ns(np.array([stamp_ns]), results)[0])
+        self._quiet_since_ns = stamp_ns - quiet_ns if quiet_ns >= 0 else NEVER_NS
+        if 0 < self._wait_ns <= quiet_ns:
+            return *out, self.close(stamp_ns, "quiet")
+        return out
+
+    def _quiet_ns(self, stamps_ns: Stamps, results: TestResults) -> Stamps:
+        """For how long all had been quiet at each scan; -1 where it is not."""
+        loud: Flags = np.any(np.abs(results.z) > QUIET * results.k, axis=1)
+        # Time counts from the first quiet scan after a loud one.
+        begins = np.append(self._quiet_since_ns < 0, loud[:-1])
+        begun = np.where(begins, stamps_ns, self._quiet_since_ns)
+        since = np.maximum.accumulate(begun)
+        quiet: Stamps = np.where(loud, -1, stamps_ns - since)
+        return quiet
+
+    def _open(self, stamp_ns: int, results: TestResults, deviating: Flags) -> tuple[Record, ...]:
+        self._number += 1
+        self.is_open = True
+        z, k = results.z[0], results.k[0]
+        self._symbols = {
+            j: symbols.crossed(float(z[j]), stamp_ns)
+            for j in np.flatnonzero(deviating & ISOLATING).tolist()
+        }
+        first = max(np.flatnonzero(deviating).tolist(), key=lambda j: float(abs(z[j]) / k[j]))
+        detection = Detection(
+            stamp_ns,
+            self._number,
+            True,
+            RESIDUALS[first].name,
+            float(z[first]),
+            float(k[first]),
+            f"mean of {results.window[0, first]} samples",
+        )
+        # An innovation detects and has no symbol: those of the relations follow.
+        return (detection, self._symbol_record(stamp_ns)) if self._symbols else (detection,)
+
+    def _symbol_record(self, stamp_ns: int) -> Symbols:
+        rows = (
+            Symbol(RESIDUALS[j].name, state.magnitude, state.slope, state.since_ns)
+            for j, state in sorted(self._symbols.items(), key=lambda item: item[1].since_ns)
+        )
+        return Symbols(stamp_ns, self._number, tuple(rows))
+
+    def close(self, stamp_ns: int, why: str) -> Detection:
+        """Close the open episode."""
+        closed = Detection(stamp_ns, self._number, False, "", math.nan, math.nan, why)
+        self.forget()
+        return closed
+
+
+def _first(event: Flags) -> int:
+    """Index of the first true one, their number if there is none."""
+    return int(event.argmax()) if event.any() else len(event)

@@ -1,0 +1,205 @@
+"""One stream of scans from its start: residuals, what is left out of them, and their tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.calibration import Calibration
+from flea_diag.core.detection import Detector, TestResults
+from flea_diag.core.fault_models import REGRESSORS
+from flea_diag.core.plausibility import VoltagePlausibility
+from flea_diag.core.position_jump import LENGTH
+from flea_diag.core.regressors import TEMPERATURES, regressors
+from flea_diag.core.residual import SPEED, UNIT_PARAMETERS
+from flea_diag.core.residual_bank import (
+    INDEX,
+    INNOVATION_INDEX,
+    RESIDUAL_INDEX,
+    RESIDUALS,
+    SPREAD_ROWS,
+    ResidualBank,
+    ResidualRows,
+)
+from flea_diag.core.smoothing import KERNEL_LENGTH
+from flea_diag.core.unit_offsets import OffsetLearning
+from flea_diag.stages.state_estimate import StateEstimate, Told
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+SPEED_SCANS = KERNEL_LENGTH + LENGTH
+"""Scans that a jump of the position is seen in as a speed."""
+ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
+POSITION = RESIDUAL_INDEX["actuator_position"]
+VOLTAGE_COLUMNS = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
+INNOVATION_COLUMNS = list(INNOVATION_INDEX.values())
+SPEED_COLUMNS = [j for j, row in enumerate(RESIDUALS) if SPEED in row.needs]
+LEARNED = {
+    "parity_mechanical": "current_offset_a",
+    "parity_electrical": "voltage_offset_v",
+}
+"""Which relation fixes which offset of this unit in the warm-up."""
+REGRESSOR_NAMES = (*REGRESSORS, "moving")
+
+
+@dataclass(slots=True)
+class Tested:
+    """What n scans gave.
+
+    ``trusted`` is whether the voltage was, before each scan, shape (n,). ``turned`` is the
+    first scan with which the voltage lost that trust, or n: the windows forget it from there
+    on, so later rows of the same block do not count.
+    """
+
+    residuals: ResidualRows
+    results: TestResults
+    regressors: Array
+    trusted: Flags
+    turned: int
+    told: Told
+
+
+class ResidualStream:
+    """Bank, cross-checks, this unit's offsets and tests; takes scans singly or in blocks."""
+
+    def __init__(
+        self, calibration: Calibration, estimate: StateEstimate, warm_up_s: float, start_ns: int
+    ) -> None:
+        c = self._calibration = calibration
+        self._p = c.parameters
+        self._bank = ResidualBank(c.parameters, period_s=c.period_s, kernel_length=KERNEL_LENGTH)
+        self._detector = Detector(
+            c.limits, c.tolerances(), c.tolerance.noise_log, c.tolerance.thermal_rate_k_per_s
+        )
+        self._estimate = estimate
+        self._plausible = VoltagePlausibility(c.voltage_limit_v)
+        self._learning = {
+            residual: OffsetLearning(name, c.tolerance) for residual, name in LEARNED.items()
+        }
+        self._learn_until_ns = start_ns + round(warm_up_s * 1e9)
+        self._speed_wait = 0
+        jump = c.limit("actuator_position")
+        self._jump_m = jump.windows[0].k * jump.windows[0].sigma[0] if jump else np.inf
+
+    def alike(self, stamps_ns: npt.NDArray[np.int64]) -> int:
+        """How many of these scans may come in one block: the warm-up ends with a single one."""
+        if not self._learning:
+            return len(stamps_ns)
+        return int(np.count_nonzero(stamps_ns < self._learn_until_ns))
+
+    def interrupt(self) -> None:
+        """There is a gap before the next scan."""
+        self._bank.interrupt()
+        self._estimate.interrupt()
+
+    def turn(self, opened: bool) -> None:
+        """An episode has opened: frozen innovations say nothing. Or closed: arm anew."""
+        self._detector.forget(INNOVATION_COLUMNS if opened else range(len(RESIDUALS)))
+
+    def step(self, stamps_ns: npt.NDArray[np.int64], rows: Array, frozen: bool) -> Tested:
+        """Take n scans, rows of usable values; ``frozen`` stops thermal corrections."""
+        residuals = self._bank.step(rows, frozen)
+        alone = np.empty(len(rows), dtype=bool)
+        alone[:] = np.isnan(residuals.signals.commanded_voltage_v)
+        usable, trusted, turned = self._judge_voltage(residuals, alone)
+        told = self._estimate.step(rows, usable, frozen, residuals.values)
+        if not usable.all():
+            _leave_out(residuals, ~usable, VOLTAGE_COLUMNS)
+        self._distrust_speed(residuals)
+        self._learn(residuals, int(stamps_ns[0]))
+        results = self._detector.step(residuals)
+        # The zero of a voltage that nothing corroborates is data quality, not a symptom;
+        # what alternates with the motion (direction-normalised) still is one.
+        results.z[alone, ELECTRICAL] = np.nan
+        found = self._regressors(rows, residuals)
+        return Tested(residuals, results, found, trusted, turned, told)
+
+    def _judge_voltage(self, residuals: ResidualRows, alone: Flags) -> tuple[Flags, Flags, int]:
+        """Whether what rests on the voltage may be used, where motion alone can belie it.
+
+        With that whether the voltage was trusted before each scan, and the first scan with
+        which it lost that trust, or n.
+        """
+        electrical = np.where(alone, residuals.values[:, ELECTRICAL], np.nan)
+        usable, was_bad = self._plausible.follow(electrical)
+        turned = len(alone)
+        if not usable.all():
+            usable |= ~alone
+            is_bad = np.append(was_bad[1:], self._plausible.bad)
+            turned = int((is_bad & ~was_bad).argmax()) if (is_bad & ~was_bad).any() else turned
+            if turned == 0:
+                self._detector.forget(VOLTAGE_COLUMNS)
+        return usable, ~was_bad, turned
+
+    def _distrust_speed(self, residuals: ResidualRows) -> None:
+        """A position that has just jumped reads as a speed for as long as the kernel sees it."""
+        if self._bank.has_encoder:
+            return
+        jumped = np.abs(residuals.values[:, POSITION]) > self._jump_m
+        if not self._speed_wait and not jumped.any():
+            return
+        wrong = np.array([self._reads_wrong(jump) for jump in jumped.tolist()])
+        _leave_out(residuals, wrong, SPEED_COLUMNS)
+        residuals.moving[wrong] = False
+
+    def _reads_wrong(self, jumped: bool) -> bool:
+        if jumped:
+            self._speed_wait = SPEED_SCANS
+        wrong = self._speed_wait > 0
+        self._speed_wait -= wrong
+        return wrong
+
+    def _learn(self, residuals: ResidualRows, stamp_ns: int) -> None:
+        """Offsets of this unit, in the warm-up only."""
+        if not self._learning:
+            return
+        if stamp_ns >= self._learn_until_ns:
+            self._adopt_offsets()
+            return
+        for name, learning in self._learning.items():
+            limit = self._calibration.limit(name)
+            if limit is not None:
+                j = RESIDUAL_INDEX[name]
+                values = residuals.values[residuals.moving, j]
+                spread = residuals.spread[residuals.moving, SPREAD_ROWS.index(j)]
+                learning.add(values, spread, limit.sigma[0] ** 2 * limit.correlation_samples)
+
+    def _adopt_offsets(self) -> None:
+        tolerance = {name: getattr(self._calibration.tolerance, name) for name in UNIT_PARAMETERS}
+        change = dict.fromkeys(UNIT_PARAMETERS, 0.0)
+        for residual, learning in self._learning.items():
+            name = LEARNED[residual]
+            # What a bad channel says of its own offset is not to be learned.
+            if name == "voltage_offset_v" and self._plausible.bad:
+                continue
+            change[name], tolerance[name] = learning.offset()
+        self._learning = {}
+        offsets = {name: getattr(self._p, name) + change[name] for name in LEARNED.values()}
+        self._p = replace(self._p, **offsets)
+        self._bank.adopt(self._p)
+        self._estimate.adopt(self._p)
+        self._detector.adopt(list(change.values()), list(tolerance.values()))
+        # How an innovation moves with a parameter is known in size alone.
+        self._detector.forget(INNOVATION_COLUMNS)
+
+    def _regressors(self, rows: Array, residuals: ResidualRows) -> Array:
+        """Columns of ``REGRESSOR_NAMES``, shape (n, regressors)."""
+        # What each temperature should read; the reading itself shares the residual's noise.
+        expected: dict[str, Array] = {
+            name: rows[:, INDEX[name]] - residuals.values[:, RESIDUAL_INDEX[name]]
+            for name in TEMPERATURES
+        }
+        table = np.empty((len(rows), len(REGRESSOR_NAMES)))
+        for column, value in enumerate(regressors(self._p, residuals.signals, expected)):
+            table[:, column] = value
+        table[:, -1] = residuals.moving
+        return table
+
+
+def _leave_out(residuals: ResidualRows, scans: Flags, columns: list[int]) -> None:
+    """These residuals are not to be used in these scans."""
+    for column in columns:
+        residuals.values[scans, column] = np.nan
