@@ -11,7 +11,9 @@ import stands
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.stages.digest import Digest
+from flea_diag.stages.isolator import IsolatorParameters, IsolatorStage
 from flea_diag.wire.records import (
     AmbiguityGroup,
     Detection,
@@ -280,6 +282,37 @@ def test_an_answer_drops_what_it_speaks_against():
     assert groups[0].features_computed == (request.feature,)
     dropped = {c.fault: c for c in groups[0].dropped}
     assert dropped["winding_short"].evidence[-1].source == request.feature
+
+
+def test_features_are_asked_for_anew_on_fresh_windows_and_all_answers_count():
+    """A table of one noisy feature, odds 4 to 1: three windows give 64 to 1, and then it ends."""
+    noisy = FaultFeatureTable.from_mapping(
+        {
+            "features": {"accelerometer_2_std": {"cost": 1}},
+            "faults": {
+                "jam": {"accelerometer_2_std": {"0": 0.2, "+": 0.8}},
+                "ball_nut_friction": {"accelerometer_2_std": {"0": 0.8, "+": 0.2}},
+            },
+        },
+        "test",
+    )
+    stage = IsolatorStage(replace(stands.knowledge(), features=noisy), IsolatorParameters())
+    waiting, out = [stands.table(extra=AXES), *observed()], []
+    while waiting:
+        said = list(stage.handle(waiting.pop(0)))
+        out += said
+        waiting[:0] = [answer(r, "+") for r in stands.of(FeatureRequest, said)]
+    requests = stands.of(FeatureRequest, out)
+    assert len(requests) == IsolatorParameters().feature_windows == 3
+    (detection,) = stands.of(Detection, observed())
+    assert requests[0].window_start_ns >= detection.stamp_ns
+    for earlier, later in pairwise(requests):
+        assert later.window_start_ns >= earlier.window_end_ns
+    group = stands.verdict([*out, *stage.finish()])
+    odds = {member.fault: member.probability for member in group.members}
+    # The slow channels cannot tell the two apart; 4 to 1, three times over.
+    assert odds["jam"] / odds.get("ball_nut_friction", 1 / 64) == pytest.approx(64.0, rel=0.05)
+    assert group.features_computed == ("accelerometer_2_std",)
 
 
 def test_a_lost_answer_is_given_up_and_the_diagnosis_goes_on():

@@ -35,6 +35,11 @@ def test_the_alarm_ends_with_the_noise():
     assert later[BLOCKS - RAISED :] == [None] * RAISED
 
 
+def test_a_sensor_that_dies_is_an_alarm_too_but_both_sides_are_not_added_up():
+    assert alarms(sentinel(), [-1.0] * RAISED)[-1] == AXIS
+    assert alarms(sentinel(), [-1.0, 3.0] * (RAISED - 1)) == [None] * (2 * RAISED - 2)
+
+
 def test_what_was_never_learned_is_silent():
     watch = sentinel()
     assert [watch.step(("other",), (99.0,)) for _ in range(BLOCKS)] == [None] * BLOCKS

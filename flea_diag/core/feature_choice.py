@@ -30,11 +30,14 @@ WORTH_ODDS = 4.0
 RAREST = 0.01
 """Answers less probable than this are not planned for."""
 
-ROUGH_BELOW = 0.05
-"""Groups reached with less probability than this are not worth an exact plan."""
+HORIZON = 0.01
+"""Groups reached with less probability than this are estimated, not planned."""
 
-MOST_STATES = 2000
-"""Groups that the search for the optimum looks at: under a tenth of a second."""
+NEARER = (0.5, 0.2, 0.1, 0.05, 0.02)
+"""Horizons of the first passes of a search, which may end before it comes to the last."""
+
+MOST_STATES = 1500
+"""Groups that the search for the optimum looks at: about a quarter of a second at most."""
 
 
 def partition_sizes(group: Group, table: FaultFeatureTable, feature: str) -> list[int]:
@@ -50,7 +53,7 @@ class Rules:
     drop_below: float = DROP_BELOW
     worth_odds: float = WORTH_ODDS
     rarest: float = RAREST
-    rough_below: float = ROUGH_BELOW
+    horizon: float = HORIZON
     most_states: int = MOST_STATES
 
 
@@ -144,20 +147,36 @@ class _TooManyStatesError(Exception):
 
 @dataclass
 class _Node:
-    """A group, the least and the most that splitting it may cost, and the best feature so far.
+    """A group, what splitting it costs at least, and the best plan found so far.
 
-    ``solved``: the probability of being reached for which ``most`` is known to be the optimum.
+    Beyond the horizon its cost is estimated: all of its entropy at the best gain per cost that
+    one feature has. ``solved``: the nearest horizon for which ``cost`` is known to be least.
     """
 
     question: _Question
-    least: float = 0.0
-    most: float = math.inf
+    cost: float = math.inf
     choice: str | None = None
-    solved: float = 0.0
+    solved: float = math.inf
 
-    def __post_init__(self) -> None:
-        """Start from what any way must cost: the cheapest feature that splits."""
-        self.least = min((price for _, price in self.question.splitting()), default=0.0)
+    @cached_property
+    def order(self) -> list[str]:
+        """Features that split, those of most gain per cost first: good plans are found early."""
+        return sorted(self._gains, key=self._gains.__getitem__, reverse=True)
+
+    @cached_property
+    def estimate(self) -> float:
+        """Cost of splitting the group, were all features as good as the best."""
+        return entropy(self.question.group) / self._gains[self.order[0]] if self.order else 0.0
+
+    @cached_property
+    def least(self) -> float:
+        """No plan costs less, nor does the estimate."""
+        prices = self.question.prices
+        return min(self.estimate, min((prices[name] for name in self.order), default=0.0))
+
+    @cached_property
+    def _gains(self) -> dict[str, float]:
+        return _gains(self.question)
 
 
 Key = tuple[tuple[tuple[str, float], ...], tuple[tuple[str, float], ...]]
@@ -173,10 +192,10 @@ class FeatureChooser:
 
     ``optimal`` minimises J(G) = min over features of c_f + sum over v of P(v | G) J(G_v), with
     J = 0 where no feature splits G, by branch and bound over the groups that ``refine`` makes,
-    memoised; exact for hard and for noisy tables when ``rules.rarest`` and
-    ``rules.rough_below`` are 0. By default answers rarer than ``rarest`` are not planned for, and
-    groups that are reached with less than ``rough_below`` are priced by gain per cost, which
-    also answers past ``most_states`` groups: so it never costs more than gain per cost.
+    memoised. It plans to a horizon: a group reached with less than that probability is taken
+    at an estimate of its cost. The horizon moves out pass by pass to ``rules.horizon``, as long as
+    ``rules.most_states`` groups suffice; the last whole pass decides. With a horizon and a
+    ``rarest`` of 0 the plan is the optimum, of hard and of noisy tables alike.
     """
 
     def __init__(
@@ -217,19 +236,24 @@ class FeatureChooser:
         return self._choices[key]
 
     def _best(self, question: _Question) -> str | None:
-        """First feature of the optimum, or of gain per cost where that would search too long.
+        """First feature of the optimum as far as it could be planned."""
+        return self.plan(question)[0]
+
+    def plan(self, question: _Question) -> tuple[str | None, float]:
+        """First feature, and the horizon to which it is optimal, infinite without a whole pass.
 
         Starts from nothing each time: what is chosen must not depend on what was asked before.
-        What a cut-off search has found is not used: only whole plans keep their promise of
-        costing no more than gain per cost.
         """
         self._memory.clear()
+        found, reached, last = _information(question), math.inf, self.rules.horizon
         try:
-            node = self._node(question.group, question.prices)
-            self._optimum(node, 1.0, math.inf)
-            return node.choice
+            root = self._node(question.group, question.prices)
+            for horizon in (*(near for near in NEARER if near > last), last):
+                self._optimum(root, horizon, math.inf)
+                found, reached = root.choice, horizon
         except _TooManyStatesError:
-            return _information(question)
+            pass
+        return found, reached
 
     def _prices(self, computed: Collection[str], at_hand: Collection[str]) -> dict[str, float]:
         """Features to choose from, cheapest first."""
@@ -249,50 +273,45 @@ class FeatureChooser:
             self._memory[key] = _Node(_Question(group, self.table, prices, self.rules))
         return self._memory[key]
 
-    def _greedy_cost(self, node: _Node) -> float:
-        """Expected cost of gain per cost all the way down: the optimum costs at most this."""
-        if math.isinf(node.most):
-            feature = _information(node.question)
-            node.most = 0.0 if feature is None else node.question.prices[feature]
-            for p, child in self._children(node, feature):
-                node.most += p * self._greedy_cost(child)
-            node.choice = feature
-        return node.most
-
-    def _children(self, node: _Node, feature: str | None) -> list[tuple[float, _Node]]:
+    def _children(self, node: _Node, feature: str) -> list[tuple[float, _Node]]:
         """Groups, with probabilities, that are still to be split after a feature."""
-        if feature is None:
-            return []
         left = {name: price for name, price in node.question.prices.items() if name != feature}
         rows = node.question.answers[feature].values()
         return [(p, self._node(smaller, left)) for p, smaller in rows if len(smaller) > 1]
 
-    def _optimum(self, node: _Node, reach: float, budget: float) -> float:
+    def _optimum(self, node: _Node, horizon: float, budget: float) -> float:
         """Least expected cost to the leaves; infinite where no way stays under the budget.
 
-        ``reach`` is the probability of coming to this group at all.
+        ``horizon`` is relative to the probability of coming to this group at all.
         """
-        if reach < self.rules.rough_below:
-            return self._greedy_cost(node)
-        if node.solved >= reach:
-            return node.most
+        if not node.order:
+            return 0.0
+        if horizon > 1.0:
+            return node.estimate
+        if node.solved <= horizon:
+            return node.cost
         if node.least >= budget:
             return math.inf
-        best = min(self._greedy_cost(node), budget)
-        for feature, price in node.question.splitting():
-            children = self._children(node, feature)
-            total = price + sum(p * child.least for p, child in children)
-            for p, child in children:
-                if total >= best:
-                    break
-                room = (best - total) / p + child.least
-                total += p * (self._optimum(child, reach * p, room) - child.least)
+        best = budget
+        for feature in node.order:
+            total = self._cost(node, feature, horizon, best)
             if total < best:
-                best, node.most, node.choice = total, total, feature
-        if node.most <= best:
-            node.solved = reach
-            return node.most
-        return math.inf
+                best, node.cost, node.choice, node.solved = total, total, feature, horizon
+        return best if best < budget else math.inf
+
+    def _cost(self, node: _Node, feature: str, horizon: float, budget: float) -> float:
+        """Expected cost to the leaves when this feature comes next, as far as it matters."""
+        price = node.question.prices[feature]
+        if price >= budget:
+            return math.inf
+        children = self._children(node, feature)
+        total = price + math.fsum(p * child.least for p, child in children)
+        for p, child in children:
+            if total >= budget:
+                break
+            room = (budget - total) / p + child.least
+            total += p * (self._optimum(child, horizon / p, room) - child.least)
+        return total
 
 
 def next_feature(

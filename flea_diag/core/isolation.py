@@ -52,12 +52,16 @@ class Finding:
 
 @dataclass
 class Hypothesis:
-    """A fault under consideration; ``why_dropped`` is empty while it is alive."""
+    """A fault under consideration; ``why_dropped`` is empty while it is alive.
+
+    ``log_features``: what the answers of features have added, up to a constant of the group.
+    """
 
     fault: Fault
     findings: list[Finding] = field(default_factory=list)
     why_dropped: str = ""
     log_likelihood: float = 0.0
+    log_features: float = 0.0
     fit: Fit | None = None
     probability: float = 0.0
 
@@ -219,15 +223,19 @@ class Isolation:
             kept = hypothesis.name in left
             words = "fits the feature's value" if kept else "the feature's value speaks against it"
             hypothesis.add(Finding(stamp_ns, feature, symbol, "", kept, words))
-            hypothesis.probability = left.get(hypothesis.name, 0.0)
+            after = left.get(hypothesis.name, 0.0)
+            if after > 0.0 and hypothesis.probability > 0.0:
+                hypothesis.log_features += math.log(after / hypothesis.probability)
+            hypothesis.probability = after
 
     def share_out(self) -> None:
-        """Probabilities of those alive from their likelihoods, equal priors."""
+        """Probabilities of those alive from likelihoods and features, equal priors."""
         alive = [h for h in self.hypotheses.values() if not h.why_dropped]
         if not alive:
             return
-        best = max(h.log_likelihood for h in alive)
-        weights = [math.exp(h.log_likelihood - best) for h in alive]
+        evidence = [h.log_likelihood + h.log_features for h in alive]
+        best = max(evidence)
+        weights = [math.exp(each - best) for each in evidence]
         for hypothesis, weight in zip(alive, weights, strict=True):
             hypothesis.probability = weight / sum(weights)
 

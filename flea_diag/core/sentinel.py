@@ -1,7 +1,8 @@
 """Always-on watch of the vibration level, for faults that no slow channel shows (spall).
 
 A level is held against its nominal range at the operating point of the block. ``RAISED`` of
-the last ``BLOCKS`` blocks above the range raise the alarm; one loud block does not.
+the last ``BLOCKS`` blocks on the same side of the range raise the alarm: above it something
+shakes, below it a sensor is dying. One loud block does not.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class Sentinel:
         self._levels = nominal.levels
         self._speed: deque[float] = deque(maxlen=SCANS)
         self._load: deque[float] = deque(maxlen=SCANS)
-        self._raised: dict[str, deque[bool]] = {}
+        self._sides: dict[str, deque[int]] = {}
 
     def motion(self, speed: float, load_n: float) -> None:
         """Speed and load of one scan."""
@@ -34,8 +35,8 @@ class Sentinel:
         self._load.append(load_n)
 
     def clear(self) -> None:
-        """Forget which blocks were raised."""
-        self._raised.clear()
+        """Forget which blocks were out of their range."""
+        self._sides.clear()
 
     def step(self, axes: Sequence[str], std: Sequence[float]) -> str | None:
         """The axis that raises the alarm with this block, or None."""
@@ -45,10 +46,10 @@ class Sentinel:
             nominal = self._levels.get(axis)
             if nominal is None:
                 continue
-            high = nominal.at(point)[1]
-            recent = self._raised.setdefault(axis, deque(maxlen=BLOCKS))
-            recent.append(bool(level > high))
-            if sum(recent) >= RAISED:
+            low, high = nominal.at(point)
+            recent = self._sides.setdefault(axis, deque(maxlen=BLOCKS))
+            recent.append(int(level > high) - int(level < low))
+            if max(recent.count(1), recent.count(-1)) >= RAISED:
                 alarm = alarm or axis
         return alarm
 

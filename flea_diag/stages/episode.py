@@ -10,7 +10,7 @@ import numpy.typing as npt
 from flea_diag.core.fault_models import REGRESSORS
 from flea_diag.core.isolation import Isolation
 from flea_diag.core.likelihood import Evidence
-from flea_diag.wire.records import FeatureRequest
+from flea_diag.stages.inquiry import Inquiry
 
 Array = npt.NDArray[np.float64]
 
@@ -35,11 +35,9 @@ class Episode:
     start_ns: int
     isolation: Isolation
     likelihood: Evidence
+    inquiry: Inquiry
     step: int = 0
     moving: int = 0
-    computed: tuple[str, ...] = ()
-    tried: tuple[str, ...] = ()
-    request: FeatureRequest | None = None
     symbols: tuple[tuple[str, str, str], ...] = ()
     weighed_at: int = 0
     settled: bool = False

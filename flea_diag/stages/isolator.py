@@ -22,6 +22,7 @@ from flea_diag.core.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.sensor_models import sensor_models
 from flea_diag.core.sentinel import Sentinel
 from flea_diag.stages.episode import SPEED, Episode
+from flea_diag.stages.inquiry import Inquiry, Pace
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.merge import Merge
 from flea_diag.stages.verdict import Standing, Verdict, mismatch
@@ -30,7 +31,6 @@ from flea_diag.wire.records import (
     ChannelTable,
     DataQuality,
     Detection,
-    FeatureRequest,
     FeatureValue,
     Quality,
     Record,
@@ -99,6 +99,8 @@ class IsolatorStage:
         self._episode: Episode | None = None
         self._levels: deque[VibrationLevel] = deque(maxlen=100)
         self._sentinel = Sentinel(knowledge.features.nominal)
+        self._window_ns = round(parameters.feature_window_s * 1e9)
+        self._pace = Pace(self._window_ns)
         self._visited: deque[tuple[Quadrant, ...]] = deque(maxlen=400)
         self._said: tuple[object, ...] = ()
 
@@ -171,7 +173,10 @@ class IsolatorStage:
     def _open(self, stamp_ns: int) -> Episode:
         self._episodes += 1
         isolation = Isolation(self._k.faults, self._k.signatures)
-        self._episode = Episode(self._episodes, stamp_ns, isolation, Evidence(self._weighed))
+        inquiry = Inquiry(stamp_ns, self._window_ns, self._p.feature_windows)
+        self._episode = Episode(
+            self._episodes, stamp_ns, isolation, Evidence(self._weighed), inquiry
+        )
         return self._episode
 
     def _symbols(self, record: Symbols) -> Iterable[Record]:
@@ -226,6 +231,7 @@ class IsolatorStage:
         speed = regressors[SPEED]
         lead = self._k.calibration.parameters.encoder_m_per_rad
         screw_rad_s = float(speed) / lead if lead else math.nan
+        self._pace.add(stamp_ns, screw_rad_s)
         self._sentinel.motion(screw_rad_s, float(regressors[REGRESSORS.index("load_n")]))
         if moving:
             self._standing.moved += 1
@@ -270,7 +276,9 @@ class IsolatorStage:
         episode = self._open(stamp_ns)
         for hypothesis in episode.isolation.alive():
             if not hypothesis.fault.vibration:
-                hypothesis.why_dropped = f"{axis} rose, and this fault does not show in vibration"
+                hypothesis.why_dropped = (
+                    f"{axis} left its range, and this fault does not show in vibration"
+                )
         episode.settled = True
         episode.isolation.share_out()
         return self._go_on(stamp_ns)
@@ -285,32 +293,24 @@ class IsolatorStage:
     def _ask(self, stamp_ns: int) -> Iterable[Record]:
         """Request the next best feature, if one can split the group that is left."""
         episode = self._episode
-        if episode is None or not episode.settled or episode.request or not self._standing.axes:
+        if episode is None or not episode.settled or not self._standing.axes:
+            return ()
+        inquiry = episode.inquiry
+        if inquiry.request is not None:
             return ()
         group = {h.name: h.probability for h in episode.isolation.alive()}
-        feature = self._chooser.next(group, episode.tried) if len(group) > 1 else None
-        if feature is None:
+        inquiry.plan(group, self._chooser)
+        if not inquiry.wanted or not inquiry.is_fresh(stamp_ns) or not self._pace.is_moving:
             return ()
         episode.step += 1
-        window_ns = round(self._p.feature_window_s * 1e9)
-        episode.request = FeatureRequest(
-            stamp_ns, episode.number, episode.step, feature, stamp_ns - window_ns, stamp_ns
-        )
         self._merge.hold(stamp_ns + round(self._p.answer_budget_s * 1e9))
-        return (episode.request,)
+        return (inquiry.ask(stamp_ns, episode.number, episode.step),)
 
     def _feature(self, record: FeatureValue) -> Iterable[Record]:
         episode = self._episode
-        asked = episode.request if episode is not None else None
-        if episode is None or asked is None:
+        if episode is None or not episode.inquiry.take(record):
             return ()
-        if (asked.episode, asked.step) != (record.episode, record.step):
-            return ()
-        episode.request = None
         self._merge.hold(None)
-        episode.tried += (record.feature,)
-        if not math.isnan(record.value):
-            episode.computed += (record.feature,)
         if record.symbol != "?":
             group = {h.name: h.probability for h in episode.isolation.alive()}
             left = refine(group, self._k.features, record.feature, record.symbol)
@@ -319,12 +319,11 @@ class IsolatorStage:
 
     def _give_up(self, stamp_ns: int) -> None:
         """A feature whose answer never came is taken as not computable."""
-        episode = self._episode
-        if episode is None or episode.request is None:
+        inquiry = self._episode.inquiry if self._episode is not None else None
+        if inquiry is None or inquiry.request is None:
             return
-        if stamp_ns - episode.request.stamp_ns > self._p.answer_limit_s * 1e9:
-            episode.tried += (episode.request.feature,)
-            episode.request = None
+        if stamp_ns - inquiry.request.stamp_ns > self._p.answer_limit_s * 1e9:
+            inquiry.give_up()
             self._merge.hold(None)
 
     def _say(self, stamp_ns: int) -> tuple[Record, ...]:

@@ -33,6 +33,12 @@ class IsolatorParameters:
     feature_window_s: float = parameter(
         1.0, "length of vibration that a feature is computed on", unit="s", minimum=0.1, maximum=5
     )
+    feature_windows: int = parameter(
+        3, "windows, one after the other, that features are asked for on", minimum=1, maximum=100
+    )
+    feature_patience_s: float = parameter(
+        5.0, "wait so long for a window in motion before the group is final", unit="s", minimum=0.0
+    )
     onset_s: float = parameter(
         0.2,
         "scans this soon after the detection are no evidence: smoothing still shows the onset",

@@ -77,7 +77,7 @@ class Verdict:
             if standing.lost_ns != NEVER_NS and stamp_ns - standing.lost_ns >= LOST_NS:
                 return Outcome.MODEL_MISMATCH, LOST
             return self._quiet(stamp_ns, standing)
-        outcome, words = self._of_episode(standing, episode)
+        outcome, words = self._of_episode(stamp_ns, standing, episode)
         early = episode.start_ns - standing.first_ns <= EARLY_NS
         if outcome is Outcome.UNEXPLAINED and early:
             return (
@@ -86,7 +86,9 @@ class Verdict:
             )
         return outcome, words
 
-    def _of_episode(self, standing: Standing, episode: Episode) -> tuple[Outcome, str]:
+    def _of_episode(
+        self, stamp_ns: int, standing: Standing, episode: Episode
+    ) -> tuple[Outcome, str]:
         alive = episode.isolation.alive()
         names = ", ".join(h.name for h in alive)
         if not episode.symbols and not episode.settled:
@@ -96,7 +98,8 @@ class Verdict:
             )
         if not alive:
             return Outcome.UNEXPLAINED, "a deviation that no fault of the catalogue explains"
-        if not episode.settled or episode.request is not None:
+        patience_ns = round(self._p.feature_patience_s * 1e9)
+        if not episode.settled or episode.inquiry.is_open(stamp_ns, patience_ns):
             return Outcome.DETECTED, f"a fault, one of: {names}"
         if self._unexplained(episode, alive):
             return Outcome.UNEXPLAINED, f"a deviation that none of {names} explains well"
@@ -152,7 +155,7 @@ class Verdict:
             calibration_sha256=self._k.calibration_sha256,
             source=self._p.source,
             not_observable=self._not_observable(standing),
-            features_computed=episode.computed if episode is not None else (),
+            features_computed=episode.inquiry.computed if episode is not None else (),
             features_available=len(self._k.features.features) if standing.axes else 0,
         )
 
