@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 import signal
 import sys
+import time
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 from live import Process
 
+from flea_diag.errors import ConfigurationError
+from flea_diag.nodes.children import Children
 from flea_diag.nodes.domain import reserved_domain
 from flea_diag.nodes.live_run import parsed
 from flea_diag.wire.bag import read_bag
@@ -40,6 +46,53 @@ def test_an_interrupted_run_ends_its_children_and_sums_up(domain: int, tmp_path:
         assert word in process.output
     kinds = {type(record) for _, record in read_bag(bag)}
     assert {Scan, ChannelTable, Truth, AmbiguityGroup} <= kinds
+
+
+def process_of(parent: int, module: str) -> int:
+    """Process id of the one child that runs a module."""
+    (found,) = (
+        pid
+        for pid in children(parent)
+        if module in Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
+    )
+    return found
+
+
+def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_path: Path) -> None:
+    with Process(command(tmp_path / "run", "--for", "22", "--at", "7"), domain) as process:
+        process.wait_for("ISOLATED", limit_s=60.0)
+        for name in ("isolator", "recorder"):
+            os.kill(process_of(process.child.pid, f"flea_diag.nodes.{name}"), signal.SIGKILL)
+        for name in ("isolator", "recorder"):
+            process.wait_for(f"{name} was ended by SIGKILL: restarted (1 of at most 3)", 10.0)
+        assert process.child.wait(60.0) == 0
+        process.end()
+    bags = sorted(each.name for each in tmp_path.iterdir() if each.is_dir())
+    assert bags == ["run", "run_2"]
+    stamps = [[record.stamp_ns for _, record in read_bag(tmp_path / bag, (Scan,))] for bag in bags]
+    # Whole up to a second before the fall, and again from the recorder's return to the end.
+    assert stamps[0][-1] < stamps[1][0]
+    assert all(b - a == 10_000_000 for part in stamps for a, b in itertools.pairwise(part))
+
+
+def test_a_node_that_keeps_falling_is_given_up(tmp_path: Path) -> None:
+    told: list[str] = []
+    module = tmp_path / "falling.py"
+    module.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n")
+    with (tmp_path / "log").open("wb") as log:
+        falling = Children(log, told.append)
+        with patch.dict(os.environ, {"PYTHONPATH": str(tmp_path)}):
+            falling.start("falling", "falling", {})
+            with pytest.raises(ConfigurationError, match=r"falling.*SIGKILL.*3 times.*given up"):
+                give_up(falling)
+        falling.end()
+    assert [line.partition("(")[2] for line in told] == [f"{k} of at most 3)" for k in (1, 2, 3)]
+
+
+def give_up(falling: Children) -> None:
+    deadline_s = time.monotonic() + 30.0
+    while time.monotonic() < deadline_s:
+        falling.supervise((), lambda _: {})
 
 
 def test_a_node_that_cannot_start_ends_the_run(domain: int, tmp_path: Path) -> None:

@@ -96,10 +96,23 @@ def test_what_comes_after_its_turn_is_late_and_counted():
     for stamp_ms in (0, 100, 500):
         buffer.push(residual(stamp_ms))
     assert drain(buffer) == [residual(0), residual(100)]
-    buffer.push(detection(99))
-    buffer.push(detection(100))
+    buffer.push(answer(99))
+    buffer.push(answer(100))
     assert buffer.late == 1
-    assert drain(buffer) == [detection(100)]
+    assert drain(buffer) == [answer(100)]
+
+
+def test_how_things_stand_is_never_late_and_keeps_its_order():
+    """What a node that comes back is told: latched records, older than all that it has seen."""
+    buffer = merge()
+    for stamp_ms in (0, 100, 500):
+        buffer.push(residual(stamp_ms))
+    drain(buffer)
+    told = [DataQuality(MS, ()), detection(3), Symbols(4 * MS, 1, ())]
+    for record in reversed(told):
+        buffer.push(record)
+    assert drain(buffer) == told
+    assert buffer.late == 0
 
 
 def test_a_hold_waits_for_the_answer_that_belongs_there():

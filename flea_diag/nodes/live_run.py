@@ -7,18 +7,18 @@ starts to move once everybody listens, and the nodes are ended once the last ver
 from __future__ import annotations
 
 import argparse
-import ctypes
+import itertools
 import os
 import signal
-import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError
+from flea_diag.nodes.children import Children
 from flea_diag.nodes.domain import reserved_domain
 from flea_diag.nodes.run_summary import NOMINAL_FAULT, summarise, told
 from flea_diag.wire.bag import read_bag
@@ -41,61 +41,7 @@ MODULES = {
 }
 READY_S = 30.0
 LAST_VERDICT_S = 5.0
-END_S = 5.0
 LATEST_S = 60.0
-PR_SET_PDEATHSIG = 1
-
-
-class Children:
-    """The processes of one run; only these are ever ended, by their own handles."""
-
-    def __init__(self, log: IO[bytes]) -> None:
-        self._log = log
-        self._running: dict[str, subprocess.Popen[bytes]] = {}
-
-    def start(
-        self, name: str, parameters: dict[str, str], show: bool = False, keys: bool = False
-    ) -> None:
-        """Start a node; its output goes to the log, or to the terminal, whose keys it may have."""
-        given = [text for pair in parameters.items() for text in ("-p", "{}:={}".format(*pair))]
-        arguments = ["--ros-args", *given] if given else []
-        self._running[name] = subprocess.Popen(
-            [sys.executable, "-m", MODULES[name], *arguments],
-            stdin=None if keys else subprocess.DEVNULL,
-            stdout=None if show else self._log,
-            stderr=None if keys else self._log,
-            # Ctrl-C is for us, we end them in order; but only our own session has the keys.
-            start_new_session=not keys,
-            preexec_fn=_end_with_parent,
-        )
-
-    def ended(self, name: str) -> bool:
-        """Whether a node has ended."""
-        return self._running[name].poll() is not None
-
-    def check(self, finished: tuple[str, ...] = ()) -> None:
-        """Raise when a node has ended by itself, but for those that may."""
-        for name, child in self._running.items():
-            if child.poll() not in (None, 0) or (child.poll() == 0 and name not in finished):
-                raise ConfigurationError(
-                    f"{name} ended with status {child.returncode}, see {self._log.name}"
-                )
-
-    def end(self) -> None:
-        """End all that still run, the last started first."""
-        for name in reversed(self._running):
-            self._end(name)
-
-    def _end(self, name: str) -> None:
-        child = self._running[name]
-        if child.poll() is None:
-            child.send_signal(signal.SIGINT)
-        try:
-            child.wait(END_S)
-        except subprocess.TimeoutExpired:
-            say(f"{name} does not end within {END_S:.0f} s: killed")
-            child.kill()
-            child.wait()
 
 
 class Run:
@@ -106,6 +52,7 @@ class Run:
         self._healthy: set[str] = set()
         self._latest: AmbiguityGroup | None = None
         self.interrupted = False
+        self.bags = [options.bag]
         bus.subscribe(Health, self._note_health)
         bus.subscribe(AmbiguityGroup, self._note_group)
 
@@ -119,12 +66,13 @@ class Run:
         """Start the listeners, then the stand; return when the stand has ended."""
         say("starting observer, isolator, extractor, recorder and console")
         for name in LISTENERS:
-            self._children.start(name, self._parameters(name))
+            self._children.start(name, MODULES[name], self._parameters(name))
         keys = not self._plain()
-        self._children.start("console", self._parameters("console"), show=True, keys=keys)
+        given = self._parameters("console")
+        self._children.start("console", MODULES["console"], given, show=True, keys=keys)
         self._until(self._all_listen, READY_S, "the nodes to find each other")
         say(f"all are listening; the stand starts, {self._what()}")
-        self._children.start("daq", self._daq_parameters())
+        self._children.start("daq", MODULES["daq"], self._daq_parameters())
         limit_s = self._options.duration + LATEST_S
         self._until(lambda: self._children.ended("daq"), limit_s, "the stand to end")
         if not self.interrupted:
@@ -141,7 +89,7 @@ class Run:
         self, predicate: Callable[[], bool], limit_s: float, what: str, needed: bool = True
     ) -> None:
         def settled() -> bool:
-            self._children.check(finished=("daq", "console"))
+            self._children.supervise(("daq", "console"), self._anew)
             # Who quits the console has seen enough.
             self.interrupted |= not self._plain() and self._children.ended("console")
             return self.interrupted or predicate()
@@ -167,6 +115,15 @@ class Run:
         """Whether the console prints lines: no people are at this terminal."""
         return self._options.headless or not (sys.stdin.isatty() and sys.stdout.isatty())
 
+    def _anew(self, name: str) -> dict[str, str]:
+        """What a restart needs: a recorder that comes back records into a bag of its own."""
+        if name != "recorder":
+            return {}
+        first = self._options.bag
+        named = (first.with_name(f"{first.name}_{number}") for number in itertools.count(2))
+        self.bags.append(next(bag for bag in named if not bag.exists()))
+        return {"directory": str(self.bags[-1])}
+
     def _daq_parameters(self) -> dict[str, str]:
         fault = self._options.fault
         return {
@@ -185,11 +142,6 @@ class Run:
 def say(text: str) -> None:
     """Tell what is being done."""
     print(f"run: {text}", file=sys.stderr, flush=True)
-
-
-def _end_with_parent() -> None:
-    """Have the kernel end this child when its parent is killed."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -241,9 +193,9 @@ def _signals_to(interrupt: Callable[[], None]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _executed(options: argparse.Namespace, domain: int, log: IO[bytes]) -> bool:
-    """Run it; whether it was interrupted."""
-    children = Children(log)
+def _executed(options: argparse.Namespace, domain: int, log: IO[bytes]) -> Run:
+    """Run it from its first process to its last."""
+    children = Children(log, say)
     with guest("live_run", domain) as bus:
         run = Run(options, bus, children)
         with _signals_to(lambda: setattr(run, "interrupted", True)):
@@ -251,12 +203,14 @@ def _executed(options: argparse.Namespace, domain: int, log: IO[bytes]) -> bool:
                 run.execute()
             finally:
                 children.end()
-    return run.interrupted
+    return run
 
 
-def _recorded(bag: Path) -> Iterator[Record]:
-    for _, record in read_bag(bag, (Scan, Truth, Detection, AmbiguityGroup)):
-        yield record
+def _recorded(bags: Iterable[Path]) -> Iterator[Record]:
+    for bag in bags:
+        if bag.exists():
+            for _, record in read_bag(bag, (Scan, Truth, Detection, AmbiguityGroup)):
+                yield record
 
 
 def live(options: argparse.Namespace) -> int:
@@ -268,14 +222,14 @@ def live(options: argparse.Namespace) -> int:
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         os.environ["PYTHONUNBUFFERED"] = "1"
         say(f"ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, log: {log_path}")
-        interrupted = _executed(options, domain, log)
+        run = _executed(options, domain, log)
     if not options.bag.exists():
         raise RecordingError(f"no bag was written, see {log_path}")
-    summary = summarise(_recorded(options.bag))
-    print(told(summary, str(options.bag)))
-    if interrupted:
+    summary = summarise(_recorded(run.bags))
+    print(told(summary, ", ".join(map(str, run.bags))))
+    if run.interrupted:
         say("interrupted: the summary is of what there was")
-    return 1 if summary.failures or interrupted else 0
+    return 1 if summary.failures or run.interrupted else 0
 
 
 @contextmanager

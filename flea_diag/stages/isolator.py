@@ -96,6 +96,7 @@ class IsolatorStage:
         self._verdict = Verdict(knowledge, parameters, self._models, self._weighed)
         self._standing = Standing()
         self._episodes = 0
+        self._told = 0
         self._episode: Episode | None = None
         self._levels: deque[VibrationLevel] = deque(maxlen=100)
         self._sentinel = Sentinel(knowledge.features.nominal)
@@ -160,6 +161,7 @@ class IsolatorStage:
         return self._say(record.stamp_ns)
 
     def _detection(self, record: Detection) -> Iterable[Record]:
+        self._told = record.episode
         if record.detected and self._episode is None:
             # The symbols of the same scan come next, and make the first group.
             self._open(record.stamp_ns)
@@ -181,8 +183,8 @@ class IsolatorStage:
 
     def _symbols(self, record: Symbols) -> Iterable[Record]:
         episode = self._episode
-        if episode is None:
-            return ()
+        if episode is None or record.episode < self._told:
+            return ()  # an isolator that starts late is told of earlier episodes, too
         visited = {quadrant for scan in self._visited for quadrant in scan}
         if not self._p.gating:
             visited = set(QUADRANTS)

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import heapq
 
-from flea_diag.wire.records import ChannelTable, DataQuality, Record
+from flea_diag.wire.records import ChannelTable, DataQuality, Detection, Record, Symbols
 from flea_diag.wire.topics import TOPIC_OF
 
-STANDING = (ChannelTable, DataQuality)
+STANDING = (ChannelTable, DataQuality, Detection, Symbols)
 """Latched records: a node that starts later gets them late, and needs them all the same."""
 RESTART_NS = 1_000_000_000
 """A clock that jumps back by more than this has started a new run."""

@@ -36,7 +36,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(r.DataQuality, "data_quality", DIAGNOSTIC_ARRAY, 1, True, 4),
     Topic(r.Residual, "residual", JOINT_STATE, 100, False, 5),
     Topic(r.Detection, "fault_detected", DIAGNOSTIC_ARRAY, 1, True, 6),
-    Topic(r.Symbols, "symbol", DIAGNOSTIC_ARRAY, 50, False, 7),
+    Topic(r.Symbols, "symbol", DIAGNOSTIC_ARRAY, 50, True, 7),
     Topic(r.VibrationLevel, "vibration_level", JOINT_STATE, 50, False, 8),
     Topic(r.FeatureRequest, "feature_request", DIAGNOSTIC_ARRAY, 50, False, 9),
     Topic(r.FeatureValue, "feature", DIAGNOSTIC_ARRAY, 50, False, 10),

@@ -1,0 +1,149 @@
+"""The processes of one live run: started, restarted when they fall, and ended in order."""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from typing import IO
+
+from flea_diag.errors import ConfigurationError
+
+END_S = 5.0
+MOST_RESTARTS = 3
+WITHIN_S = 60.0
+"""A node that falls more often than so many times in so long has a fault that stays."""
+STAND = "daq"
+"""The one that is not restarted: what moved is gone, and another run would begin."""
+PR_SET_PDEATHSIG = 1
+
+Parameters = Mapping[str, str]
+Tell = Callable[[str], None]
+
+
+@dataclass
+class _Child:
+    """One node: how it was started, its process, and when it was restarted (s, monotonic)."""
+
+    module: str
+    parameters: dict[str, str]
+    show: bool
+    keys: bool
+    process: subprocess.Popen[bytes]
+    restarted: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_RESTARTS))
+
+
+class Children:
+    """The processes of one run; only these are ever ended, by their own handles.
+
+    Parameters
+    ----------
+    log
+        Where their output goes.
+    tell
+        Says what was done in one line.
+    """
+
+    def __init__(self, log: IO[bytes], tell: Tell) -> None:
+        self._log = log
+        self._tell = tell
+        self._running: dict[str, _Child] = {}
+
+    def start(
+        self,
+        name: str,
+        module: str,
+        parameters: Parameters,
+        show: bool = False,
+        keys: bool = False,
+    ) -> None:
+        """Start a node; its output goes to the log, or to the terminal, whose keys it may have."""
+        process = self._process(module, parameters, show, keys)
+        self._running[name] = _Child(module, dict(parameters), show, keys, process)
+
+    def _process(
+        self, module: str, parameters: Parameters, show: bool, keys: bool
+    ) -> subprocess.Popen[bytes]:
+        given = [text for pair in parameters.items() for text in ("-p", "{}:={}".format(*pair))]
+        arguments = ["--ros-args", *given] if given else []
+        return subprocess.Popen(
+            [sys.executable, "-m", module, *arguments],
+            stdin=None if keys else subprocess.DEVNULL,
+            stdout=None if show else self._log,
+            stderr=None if keys else self._log,
+            # Ctrl-C is for us, we end them in order; but only our own session has the keys.
+            start_new_session=not keys,
+            preexec_fn=_end_with_parent,
+        )
+
+    def ended(self, name: str) -> bool:
+        """Whether a node has ended."""
+        return self._running[name].process.poll() is not None
+
+    def supervise(self, finished: Collection[str], anew: Callable[[str], Parameters]) -> None:
+        """Start again what was killed; raise for what ended by itself.
+
+        A node that ends with a status has said why, and would end so again. One that a signal
+        ended may come back, a few times.
+
+        Parameters
+        ----------
+        finished
+            The nodes that may end with status 0.
+        anew
+            Name -> parameters that a restart needs in place of the first ones (another bag).
+
+        Raises
+        ------
+        ConfigurationError
+            Naming the node and where its words are.
+        """
+        for name, child in self._running.items():
+            status = child.process.poll()
+            if status is None or (status == 0 and name in finished):
+                continue
+            if status >= 0 or name == STAND:
+                raise ConfigurationError(f"{name} ended with status {status}, see {self._log.name}")
+            self._restart(name, child, -status, anew)
+
+    def _restart(
+        self, name: str, child: _Child, number: int, anew: Callable[[str], Parameters]
+    ) -> None:
+        now = time.monotonic()
+        why = signal.Signals(number).name
+        if len(child.restarted) == MOST_RESTARTS and now - child.restarted[0] < WITHIN_S:
+            raise ConfigurationError(
+                f"{name} was ended by {why} and has been restarted {MOST_RESTARTS} times within "
+                f"{WITHIN_S:.0f} s: given up, see {self._log.name}"
+            )
+        child.restarted.append(now)
+        child.parameters.update(anew(name))
+        child.process = self._process(child.module, child.parameters, child.show, child.keys)
+        count = len(child.restarted)
+        self._tell(f"{name} was ended by {why}: restarted ({count} of at most {MOST_RESTARTS})")
+
+    def end(self) -> None:
+        """End all that still run, the last started first."""
+        for name in reversed(self._running):
+            self._end(name)
+
+    def _end(self, name: str) -> None:
+        child = self._running[name].process
+        if child.poll() is None:
+            child.send_signal(signal.SIGINT)
+        try:
+            child.wait(END_S)
+        except subprocess.TimeoutExpired:
+            self._tell(f"{name} does not end within {END_S:.0f} s: killed")
+            child.kill()
+            child.wait()
+
+
+def _end_with_parent() -> None:
+    """Have the kernel end this child when its parent is killed."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
