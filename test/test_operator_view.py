@@ -25,6 +25,7 @@ from flea_diag.wire.records import (
     FeatureValue,
     Health,
     Level,
+    NextTest,
     Outcome,
     Quality,
     Record,
@@ -200,6 +201,24 @@ def test_an_alarm_without_a_known_test_invents_none() -> None:
     (alarm,) = shown(GROUP).alarms
     assert "no test of a residual is known to have opened it" in alarm_text(alarm)
     assert "nan" not in detail(alarm).text()
+
+
+def test_advice_says_how_far_and_what_it_splits() -> None:
+    test = NextTest("motion", "slow to and fro, no load", 8.0, 1.25, ("ball_nut_friction / jam",))
+    text = view(shown(replace(GROUP, next_tests=(test,))))
+    assert "NEXT TEST  advice; 2 faults are left now" in text
+    assert (
+        "motion slow to and fro, no load: 1.2 expected to be left after 8 s "
+        "(ball_nut_friction / jam)" in text
+    )
+
+
+def test_what_cannot_be_split_by_design_names_the_sensor() -> None:
+    sensor = NextTest("sensor", "accelerometer_2", float("nan"), 1.0, ("ball_nut_friction / jam",))
+    text = view(shown(replace(GROUP, next_tests=(sensor,))))
+    assert "by design none splits these faults with the sensors of this stand" in text
+    assert "fit accelerometer_2: 1.0 expected to be left then" in text
+    assert "none is known" in view(shown(GROUP))
 
 
 def test_streams_are_told_with_their_losses() -> None:

@@ -71,6 +71,24 @@ class Evidence:
             self._square[index] += values[index] ** 2
             self.samples[index] += 1
 
+    def foreseen(self, phi: Array, model: FaultModel, sizes: Sequence[float]) -> Evidence:
+        """What a planned window would make of this evidence if ``model`` were there.
+
+        Without noise: ``phi`` are the window's regressors, shape (samples, regressors); residuals
+        that gave no sample so far give none then.
+        """
+        sum_of = Evidence(self.residuals)
+        known = np.nan_to_num(phi)
+        gram = known.T @ known
+        for index, name in enumerate(self.residuals):
+            here = float(self.samples[index] > 0)
+            effect = _effect(model, name, sizes)
+            sum_of._gram[index] = self._gram[index] + here * gram
+            sum_of._cross[index] = self._cross[index] + here * (gram @ effect)
+            sum_of._square[index] = self._square[index] + here * float(effect @ gram @ effect)
+            sum_of.samples[index] = self.samples[index] + here * len(phi)
+        return sum_of
+
     def fit(
         self,
         models: Sequence[FaultModel],
@@ -130,10 +148,7 @@ class Evidence:
         """
         rough, loss = weight.copy(), 0.0
         for index, name in enumerate(self.residuals):
-            effect = np.zeros(len(REGRESSORS))
-            for term in model.terms:
-                if term.residual == name:
-                    effect[COLUMN[term.regressor]] += term.gain * sizes[term.index]
+            effect = _effect(model, name, sizes)
             if self.samples[index] and effect.any():
                 square = float(effect @ self._gram[index] @ effect) / self.samples[index]
                 # weight = 1 / (c sigma^2): growth is 1 + roughness^2 square / sigma^2.
@@ -180,6 +195,15 @@ class Evidence:
         prior = np.concatenate((np.zeros(count), 1.0 / np.square(tolerance)))
         A[np.diag_indices(width)] += prior
         return A, b, float(weight @ self._square)
+
+
+def _effect(model: FaultModel, residual: str, sizes: Sequence[float]) -> Array:
+    """What a fault of these sizes adds to one residual, as a factor on each regressor."""
+    effect = np.zeros(len(REGRESSORS))
+    for term in model.terms:
+        if term.residual == residual:
+            effect[COLUMN[term.regressor]] += term.gain * sizes[term.index]
+    return effect
 
 
 def _design(model: FaultModel | None, residual: str, count: int) -> Array:

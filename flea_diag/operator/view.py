@@ -5,7 +5,7 @@ The answer first, then what to do next, then the evidence, then the stand.
 
 from __future__ import annotations
 
-from flea_diag.operator import alarm_view, evidence_view, stand_view, verdict_view
+from flea_diag.operator import advice_view, alarm_view, evidence_view, stand_view, verdict_view
 from flea_diag.operator.panel import Panel
 from flea_diag.operator.state import OperatorState
 
@@ -15,6 +15,7 @@ def view(state: OperatorState, now_ns: int) -> tuple[Panel, ...]:
     panels = (
         verdict_view.verdict(state, now_ns),
         verdict_view.possible(state),
+        advice_view.next_tests(state),
         verdict_view.steps(state),
         verdict_view.dropped(state),
         verdict_view.unseen(state),

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.fault_models import FaultModel
 from flea_diag.core.isolation import Hypothesis
+from flea_diag.stages.advice import Advice
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.wire.records import (
@@ -21,6 +22,7 @@ from flea_diag.wire.records import (
     Candidate,
     ChannelTable,
     Evidence,
+    NextTest,
     Outcome,
 )
 
@@ -66,6 +68,7 @@ class Verdict:
         self._p = parameters
         self._models = tuple(models)
         self._weighed = weighed
+        self._advice = Advice(knowledge, parameters, self._models)
 
     def outcome(
         self, stamp_ns: int, standing: Standing, episode: Episode | None
@@ -157,7 +160,16 @@ class Verdict:
             not_observable=self._not_observable(standing),
             features_computed=episode.inquiry.computed if episode is not None else (),
             features_available=len(self._k.features.features) if standing.axes else 0,
+            next_tests=self._next_tests(stamp_ns, outcome, standing, episode),
         )
+
+    def _next_tests(
+        self, stamp_ns: int, outcome: Outcome, standing: Standing, episode: Episode | None
+    ) -> tuple[NextTest, ...]:
+        """Advice for a group that nothing splits any further by itself."""
+        if outcome is not Outcome.INDISTINGUISHABLE or episode is None:
+            return ()
+        return self._advice.tests(stamp_ns, episode, standing.axes)
 
     def _not_observable(self, standing: Standing) -> tuple[tuple[str, str], ...]:
         """Faults that this stand cannot show, with the reason."""

@@ -109,7 +109,11 @@ _PAIRS: dict[Any, Any] = {
 }
 """Fields that become one key per pair -> the type of the second of a pair."""
 
-_EVIDENCE = tuple[r.Evidence, ...]
+_NESTED: dict[Any, Any] = {
+    tuple[r.Evidence, ...]: r.Evidence,
+    tuple[r.NextTest, ...]: r.NextTest,
+}
+"""Fields that become one key with a JSON object per part -> the class of a part."""
 
 
 class _Field(NamedTuple):
@@ -144,6 +148,7 @@ _KINDS = (
     r.Symbol,
     r.Candidate,
     r.Evidence,
+    r.NextTest,
 )
 _LAYOUT: dict[type, tuple[_Field, ...]] = {kind: _fields(kind) for kind in _KINDS}
 
@@ -247,9 +252,10 @@ def _read(kind: type, values: Pairs) -> dict[str, Any]:
                 raise WireError(f"{where}: the message has no key {name!r}")
         elif hint in _PAIRS:
             content[name] = _read_pairs(f"{name}/", _PAIRS[hint], values, where)
-        elif hint == _EVIDENCE:
+        elif hint in _NESTED:
+            part = _NESTED[hint]
             content[name] = tuple(
-                r.Evidence(**_read(r.Evidence, _json_object(text, where)))
+                part(**_read(part, _json_object(text, where)))
                 for key, text in values
                 if key.startswith(f"{name}/")
             )

@@ -256,6 +256,22 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
+class NextTest:
+    """Advice: a test that would split the group, and how far; never a command to the stand.
+
+    ``kind`` is ``feature``, ``motion``, or ``sensor`` where these sensors split the group by
+    no test at all: then ``what`` is the sensor to be fitted and ``seconds`` is NaN.
+    ``splits`` are pairs of faults that the test tells apart.
+    """
+
+    kind: str
+    what: str
+    seconds: float
+    expected_size: float
+    splits: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class AmbiguityGroup:
     """The verdict: the faults still possible, ranked, and those dropped, each with its why."""
 
@@ -274,6 +290,7 @@ class AmbiguityGroup:
     features_computed: tuple[str, ...] = ()
     features_available: int = 0
     stale: bool = False
+    next_tests: tuple[NextTest, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
