@@ -50,7 +50,9 @@ class Advice:
         suspects = [Suspect(h.name, h.probability, h.fit) for h in episode.isolation.alive()]
         if len(suspects) < 2:
             return ()
-        features, sensors = feature_tests(suspects, self._k.features, axes, episode.tried)
+        features, sensors = feature_tests(
+            suspects, self._k.features, axes, episode.inquiry.computed
+        )
         motions: tuple[StandTest, ...] = ()
         if len(suspects) <= MOST_SUSPECTS and episode.scans:
             motions = motion_tests(
