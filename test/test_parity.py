@@ -148,6 +148,18 @@ def test_normalised_relation_takes_the_direction_of_motion(flea: Actuator) -> No
         assert value(normal, readings) == pytest.approx(np.sign(speed) * value(plain, readings))
 
 
+def test_an_electrical_relation_takes_the_direction_of_the_shaft_not_of_the_current(
+    flea: Actuator,
+) -> None:
+    """As the observer forms it: while the load drives the motor the two differ."""
+    model = flea.with_sensors(FLEA)
+    plain, normal = (relation(model, f"parity_electrical{end}") for end in ("", "_dn"))
+    for speed in (0.02, -0.02):
+        for current in (1.0, -1.0):
+            readings = {**motion(P), "d_actuator_position": speed, "motor_current": current}
+            assert value(normal, readings) == pytest.approx(np.sign(speed) * value(plain, readings))
+
+
 def test_relation_works_on_arrays(flea: Actuator) -> None:
     made = relation(flea.with_sensors(ENCODER), "parity_electrical")
     one = motion(P)

@@ -61,6 +61,7 @@ _RESIDUAL: schema.Keys = {
     "reference": (str, ""),
     "divided_by": (str, ""),
     "normalised": (bool, False),
+    "motion": (str, ""),
 }
 _TOP: schema.Keys = {
     "schema_version": (int, REQUIRED),
@@ -263,6 +264,8 @@ def _check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:
         junction = made.graph.elements.get(spec.junction)
         if junction is None or junction.kind not in ("0", "1"):
             raise ConfigurationError(f"{place}: {spec.junction!r} is no junction")
+        if spec.motion and spec.motion not in made.graph.elements:
+            raise ConfigurationError(f"{place}: motion {spec.motion!r} is no junction of the graph")
         if spec.divided_by and spec.divided_by not in made.graph.parameters:
             raise ConfigurationError(f"{place}: divided_by {spec.divided_by!r} is no parameter")
         return

@@ -43,7 +43,11 @@ class ModelView:
 
 @dataclass(frozen=True)
 class ResidualSpec:
-    """One named residual; which fields count depends on its kind."""
+    """One named residual; which fields count depends on its kind.
+
+    A normalised one is multiplied by the sign of the flow of ``motion``, a junction; of its own
+    junction where that is empty.
+    """
 
     name: str
     kind: str
@@ -54,6 +58,7 @@ class ResidualSpec:
     reference: str = ""
     divided_by: str = ""
     normalised: bool = False
+    motion: str = ""
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,7 @@ def parity_relation(actuator: Actuator, spec: ResidualSpec) -> ParityRelation:
     balance = measured.balance(junction, None)
     if spec.divided_by:
         balance = balance / Symbol(spec.divided_by)
-    motion = measured.common(junction) or ZERO
+    motion = measured.common(actuator.graph.elements[spec.motion or spec.junction]) or ZERO
     made = ParityRelation(spec.name, spec.unit, balance, nominal, motion)
     return made.normalised(spec.name) if spec.normalised else made
 

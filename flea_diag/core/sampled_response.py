@@ -110,7 +110,10 @@ class SampledColumns:
         changed, reach = self._changed(fault, group), max(1.0, LARGEST / fault.size)
         found = self._deviation(senses, spec.model or "stand", changed, reach)
         result = found.signature(", ".join(map(str, group)))
-        return _grown(result) if fault.incipient else result
+        if fault.incipient:
+            return _grown(result)
+        # Two readings of one thing come apart by what moves them: with the motion, or a command.
+        return _varying(result) if spec.kind == "difference" else result
 
     def _sensor_cell(
         self, senses: Mapping[str, int], view: str, cause: FaultHypothesis
@@ -177,6 +180,13 @@ def _grown(found: FaultSignature) -> FaultSignature:
         return found
     first = found.magnitude if found.magnitude != "0" else found.slope
     return replace(signature("0" + first, found.path), strength=found.strength)
+
+
+def _varying(found: FaultSignature) -> FaultSignature:
+    """The same effect of a fault that acts through a signal: it comes and goes as that does."""
+    if not found.affected or found.magnitude == "0":
+        return found
+    return replace(signature(found.magnitude + "*", found.path), strength=found.strength)
 
 
 def _open(found: FaultSignature) -> FaultSignature:

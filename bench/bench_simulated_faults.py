@@ -1,0 +1,61 @@
+"""Simulated faults against the groups stated beforehand: how many are right, by row.
+
+scripts/bench simulated_faults            8 seeds a row
+python bench/bench_simulated_faults.py 60 winding_short load_force_noise
+"""
+
+from __future__ import annotations
+
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from itertools import product
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+
+from simulated_faults import Judged, judged, table
+
+FIRST_SEED = 500
+WORKERS = 2
+
+
+def wilson(hits: int, n: int, z: float = 1.96) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share."""
+    p, q = hits / n, z * z / n
+    middle, half = p + q / 2.0, z * (p * (1.0 - p) / n + q / (4.0 * n)) ** 0.5
+    return (middle - half) / (1.0 + q), (middle + half) / (1.0 + q)
+
+
+def main() -> int:
+    """Run and print; seeds from ``FIRST_SEED`` on."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 8
+    rows = sys.argv[2:] or list(table()["faults"])
+    pairs = list(product(rows, range(FIRST_SEED, FIRST_SEED + count)))
+    with ProcessPoolExecutor(WORKERS) as pool:
+        found = list(pool.map(judged, *zip(*pairs, strict=True), chunksize=4))
+    for row in rows:
+        report([each for each in found if each.row == row])
+    report(found, "all")
+    return 0
+
+
+def report(runs: list[Judged], name: str = "") -> None:
+    """One line of counts, and one for each miss."""
+    right = [run for run in runs if run.right]
+    low, high = wilson(len(right), len(runs))
+    delays = sorted(run.delay_s for run in right)
+    middle = f"{delays[len(delays) // 2]:5.2f} s" if delays else "      -"
+    print(
+        f"{name or runs[0].row:24s} {len(right):3d} of {len(runs):3d} right  "
+        f"[{100 * low:.1f}, {100 * high:.1f}] %  median delay {middle}"
+    )
+    if name:
+        return
+    for run in runs:
+        if not run.right:
+            words = "early " if run.early else ""
+            print(f"    seed {run.seed}: {words}{run.outcome} {', '.join(run.group[:6])}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
