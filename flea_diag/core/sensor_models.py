@@ -52,9 +52,15 @@ class Reading:
     reading_rate: str = ""
 
 
-def readings(p: ActuatorParameters) -> tuple[Reading, ...]:
-    """Every sensor that enters a parity relation, for one calibrated actuator."""
+def readings(p: ActuatorParameters, commanded: bool = True) -> tuple[Reading, ...]:
+    """Every sensor that enters a parity relation, for one calibrated actuator.
+
+    A dead voltage has lost the one true voltage in both of its relations: that which was
+    ``commanded``, where that is known. Left to each relation's own idea of it, it would explain
+    a motor that draws nothing at full voltage.
+    """
     K, R, Ke = p.force_constant_n_per_a, p.winding_resistance_ohm, p.back_emf_v_s_per_m
+    applied = "commanded_voltage_v" if commanded else "emf_and_drop_v"
     return (
         Reading(
             "motor_current",
@@ -81,7 +87,7 @@ def readings(p: ActuatorParameters) -> tuple[Reading, ...]:
             3.0,
             "motor_voltage_v",
             ((ELECTRICAL, 1.0), (DRIVE, 1.0)),
-            ((ELECTRICAL, "emf_and_drop_v", -1.0), (DRIVE, "commanded_voltage_v", -1.0)),
+            ((ELECTRICAL, applied, -1.0), (DRIVE, applied, -1.0)),
         ),
         *(_encoder_and_position(p, Ke) if p.encoder_m_per_rad else _position_alone(p, Ke)),
         Reading(
@@ -164,11 +170,11 @@ def _temperatures(p: ActuatorParameters) -> tuple[Reading, ...]:
     )
 
 
-def sensor_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
+def sensor_models(p: ActuatorParameters, commanded: bool = True) -> tuple[FaultModel, ...]:
     """Bias, scaling, drift and dead of every sensor; a drift has one model for each age."""
     return tuple(
         model
-        for row in readings(p)
+        for row in readings(p, commanded)
         for model in (_bias(row), _scaling(row), *_drifts(row), _dead(row))
     )
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.fault_models import REGRESSORS, plant_models
+from flea_diag.core.fault_models import DRIVE, REGRESSORS, plant_models
 from flea_diag.core.feature_choice import FeatureChooser, refine
 from flea_diag.core.isolation import Isolation
 from flea_diag.core.likelihood import Evidence
@@ -90,7 +90,7 @@ class IsolatorStage:
         # A fault that moves none of this stand's relations cannot be weighed on it.
         self._models = tuple(
             model
-            for model in plant_models(fitted) + sensor_models(fitted)
+            for model in plant_models(fitted) + sensor_models(fitted, DRIVE in self._weighed)
             if any(term.residual in self._weighed for term in model.terms)
         )
         self._verdict = Verdict(knowledge, parameters, self._models, self._weighed)
