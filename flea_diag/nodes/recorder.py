@@ -14,6 +14,7 @@ from typing import Any
 
 from flea_diag.configuration import Files, file_texts
 from flea_diag.errors import ConfigurationError, RecordingError
+from flea_diag.nodes.clips import Clips
 from flea_diag.nodes.health import HealthReport
 from flea_diag.wire.bag import BagWriter, Split
 from flea_diag.wire.bus import Bus, Program, run
@@ -49,6 +50,25 @@ class RecorderParameters(Files):
     split_s: float = parameter(
         3600.0, "Go on in another file after so long; 0: never", unit="s", minimum=0.0
     )
+    clip_before_s: float = parameter(
+        10.0,
+        "A clip of each episode begins so long before its detection",
+        unit="s",
+        minimum=0.0,
+        maximum=120.0,
+        read_only=True,
+    )
+    clip_after_s: float = parameter(
+        5.0,
+        "A clip ends so long after the verdict",
+        unit="s",
+        minimum=0.0,
+        maximum=120.0,
+        read_only=True,
+    )
+    clips: bool = parameter(
+        True, "Cut a clip of each episode, into DIRECTORY-clips", read_only=True
+    )
     warn_free_mb: int = parameter(
         2000, "Warn when the disk has less space left", unit="MB", minimum=0
     )
@@ -75,6 +95,11 @@ class Recorder:
             self._writer.attach(name, text)
         self._health = HealthReport(bus)
         self._messages = 0
+        self._clips = Clips(
+            self._directory.with_name(self._directory.name + "-clips"),
+            parameters.clip_before_s,
+            parameters.clip_after_s,
+        )
         bus.advertise(Health)
         for topic in topics:
             self._record(topic)
@@ -84,6 +109,7 @@ class Recorder:
 
     def close(self) -> None:
         """Finish the bag and say where it is."""
+        self._clips.close()
         self._writer.close()
         text = f"{self._messages} messages in {self._directory}" if self._messages else "no message"
         print(f"recorder: {text}", file=sys.stderr, flush=True)
@@ -102,6 +128,8 @@ class Recorder:
                 self._writer.write_raw(name, data, stamp_ns, received_ns)
             except RecordingError as error:
                 self._bus.end(error)
+            if self._parameters.clips:
+                self._clips.take(topic, name, data, stamp_ns, received_ns)
             self._messages += 1
 
         self._bus.subscribe_raw(topic.record, write)
@@ -116,7 +144,14 @@ class Recorder:
     def _watch_disk(self) -> None:
         free_mb = self._free_mb()
         self._bus.publish(
-            self._health.record((("messages", str(self._messages)), ("free_mb", f"{free_mb:.0f}")))
+            self._health.record(
+                (
+                    ("messages", str(self._messages)),
+                    ("free_mb", f"{free_mb:.0f}"),
+                    ("clips", str(self._clips.count)),
+                    ("last_clip", self._clips.last),
+                )
+            )
         )
         if free_mb < self._parameters.stop_free_mb:
             self._bus.end(RecordingError(f"recording ended: {self._full(free_mb)}"))
