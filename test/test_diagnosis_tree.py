@@ -252,3 +252,11 @@ def test_search_for_the_optimum_is_bounded() -> None:
     begin = time.process_time()
     assert chooser.next(dict.fromkeys(rows, 1.0)) in costs
     assert time.process_time() - begin < 5.0
+
+
+def test_a_fault_that_is_all_but_certain_is_no_trouble_to_plan_for() -> None:
+    """Probabilities of 1 and next to 0: entropy and gain vanish together."""
+    shipped = load_features("feature_table.yaml")
+    for rest in (0.0, 5e-324, 1e-300, 1e-17):
+        group = {"jam": 1.0, "ball_nut_friction": rest, "spall": rest}
+        assert build(group, FeatureChooser(shipped)).expected_cost >= 0.0

@@ -165,8 +165,12 @@ class _Node:
 
     @cached_property
     def estimate(self) -> float:
-        """Cost of splitting the group, were all features as good as the best."""
-        return entropy(self.question.group) / self._gains[self.order[0]] if self.order else 0.0
+        """Cost of splitting the group, were all features as good as the best.
+
+        Next to nothing where a fault is all but certain: no feature gains anything there.
+        """
+        gain = self._gains[self.order[0]] if self.order else 0.0
+        return entropy(self.question.group) / gain if gain > 0.0 else 0.0
 
     @cached_property
     def least(self) -> float:
