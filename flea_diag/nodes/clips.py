@@ -1,7 +1,8 @@
 """A clip for each episode: a bag from before the detection to after the verdict.
 
-Cut while the recorder runs. The last seconds are kept as the bytes that came. An episode opens a clip with them and all
-that follows goes in too, so that episodes may follow closely, and share what lies between.
+Cut while the recorder runs. The last seconds are kept as the bytes that came. An episode opens a
+clip with them and all that follows goes in too, so that episodes may follow closely, and share
+what lies between.
 Where no clip could be cut, or not the whole of it, the reason is kept in its place.
 """
 

@@ -1,0 +1,106 @@
+"""What is shipped to keep a stand to itself: the loopback profile at work, the policies whole."""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from live import ROOT, Peer, Process, node
+
+from flea_diag.configuration import config_path
+from flea_diag.wire.records import AmbiguityGroup, Outcome
+from flea_diag.wire.topics import TOPICS
+
+PROFILE = config_path("security/loopback.xml")
+POLICY = config_path("security/policy.xml")
+LOOPBACK = "127.0.0.1"
+NODES = sorted(path.name for path in (ROOT / "launcher").iterdir() if not path.suffix)
+
+
+def udp_addresses(pid: int) -> set[str]:
+    """Addresses that the UDP sockets of a process are bound to, as the kernel has them."""
+    links = (path.readlink() for path in Path(f"/proc/{pid}/fd").iterdir() if path.is_symlink())
+    inodes = {link.name[8:-1] for link in links if link.name.startswith("socket:[")}
+    rows = [line.split() for line in Path(f"/proc/{pid}/net/udp").read_text().splitlines()[1:]]
+    raw = (bytes.fromhex(row[1].partition(":")[0])[::-1] for row in rows if row[9] in inodes)
+    return {".".join(map(str, address)) for address in raw}
+
+
+def test_with_the_profile_every_socket_is_on_loopback_and_the_verdict_arrives(domain: int) -> None:
+    pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
+    profile = {
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(PROFILE),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+    }
+    console = node("flea_diag.nodes.console", "-p", "style:=lines")
+    daq = node(
+        "flea_sim_driver.daq_node", "-p", "duration_s:=30.0", "-p", "wait_for_subscribers:=1"
+    )
+    with (
+        Process(console, domain, **profile) as screen,
+        Process(node("flea_diag.nodes.diagnoser"), domain, **profile) as diagnoser,
+        Process(daq, domain, **profile) as stand,
+        Peer(domain) as outside,
+    ):
+        screen.wait_for("NOMINAL", limit_s=40.0)
+        for process in (screen, diagnoser, stand):
+            assert udp_addresses(process.child.pid) == {LOOPBACK}
+        # Who has no such profile is still told, on this machine.
+        outside.listen(AmbiguityGroup)
+        outside.find(lambda record: record.outcome is Outcome.NOMINAL)
+
+
+def test_scripts_run_takes_the_profile_unless_told_otherwise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from flea_diag.nodes.live_run import on_this_machine
+
+    for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    on_this_machine()
+    assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(PROFILE)
+    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
+    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", "own.xml")
+    on_this_machine()
+    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] == "own.xml"
+
+
+def profiles() -> dict[str, ET.Element]:
+    """Profile of each node in the policies; a file of ours, hence parsed as it is."""
+    root = ET.parse(POLICY).getroot()
+    return {each.attrib["node"]: each for each in root.iter("profile")}
+
+
+def named(profile: ET.Element, kind: str) -> set[str]:
+    """Topics that a profile may publish or subscribe."""
+    return {t.text or "" for rule in profile.findall(f"topics[@{kind}]") for t in rule}
+
+
+def test_every_node_has_a_policy_and_every_topic_in_it_is_ours() -> None:
+    known = {topic.name for topic in TOPICS}
+    standard = {"/parameter_events", "/rosout", "/clock"}
+    assert sorted(profiles()) == NODES
+    for name, profile in profiles().items():
+        assert named(profile, "publish") | named(profile, "subscribe") <= known | standard, name
+
+
+def test_the_policies_allow_what_each_node_declares_and_no_more() -> None:
+    from importlib import import_module
+
+    for name, profile in profiles().items():
+        module = "flea_sim_driver.daq_node" if name == "daq" else f"flea_diag.nodes.{name}"
+        declared = import_module(module).program()
+        topics = {topic.record: topic.name for topic in TOPICS}
+        standard = {"/parameter_events", "/rosout", "/clock"}
+        assert named(profile, "publish") - standard == {topics[t] for t in declared.publishes}
+        assert named(profile, "subscribe") - standard == {topics[t] for t in declared.subscribes}
+
+
+def test_only_the_stand_says_what_the_sensors_read() -> None:
+    for name, profile in profiles().items():
+        writes = {topic for topic in named(profile, "publish") if topic.startswith("sensors/")}
+        assert bool(writes) == (name == "daq")
