@@ -10,9 +10,9 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, make_dataclass
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
@@ -22,7 +22,10 @@ import yaml
 from flea_diag.core import calibration as calibrations
 from flea_diag.core.actuator import actuator as read_actuator
 from flea_diag.core.calibration import Calibration
+from flea_diag.core.causal_map import CausalMap, causal_map
+from flea_diag.core.diagnosis_tree import Node, asked_tree
 from flea_diag.core.fault import Fault, catalogue
+from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.core.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.signature import SignatureTable, signature_table
@@ -36,6 +39,8 @@ from flea_diag.wire.parameters import parameter
 
 LARGEST_YAML_BYTES = 1 << 20
 CALIBRATION = "calibration_simulated_stand.yaml"
+Planner = Callable[..., Node]
+"""``asked_tree`` with its chooser: (group, asked, rarest) -> Node."""
 PACKAGE = Path(__file__).resolve().parent
 
 
@@ -278,3 +283,18 @@ def make_pipeline(calibration: Path | None, source: str = "replay", **given: Any
     pipeline = DIAGNOSER.build(values)
     assert isinstance(pipeline, Pipeline)
     return pipeline
+
+
+# --- what screens draw --------------------------------------------------------------------
+
+
+@lru_cache(maxsize=8)
+def load_causal_map(actuator: str = "actuator.yaml") -> CausalMap:
+    """Causal graph of an actuator, laid out, for a screen to draw."""
+    return causal_map(read_actuator(load_yaml(actuator), actuator))
+
+
+def tree_planner(features: str = "feature_table.yaml", strategy: str = "optimal") -> Planner:
+    """What draws up the diagnosis tree of a group, given the features asked so far."""
+    chooser = FeatureChooser(load_features(features), strategy)
+    return partial(asked_tree, chooser=chooser)

@@ -7,7 +7,7 @@ Built whole, offline, it has the same leaves as `FeatureChooser` reaches one ste
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from flea_diag.core.fault_group import Group, normalised, outcomes, refine
@@ -66,6 +66,43 @@ def build(
     )
     below = math.fsum(branch.probability * branch.node.expected_cost for branch in branches)
     return Node(members, feature, branches, chooser.table.costs[feature] + below)
+
+
+def asked_tree(
+    group: Group, chooser: FeatureChooser, asked: Sequence[tuple[str, str]], rarest: float = 0.0
+) -> Node:
+    """Tree along features that were asked for already, planned on from where they ended.
+
+    ``asked`` are features with the symbol that each had. The branches not taken end with the
+    group that they would have left; ``?`` (not computable) is a branch that leaves all.
+    """
+    if not asked:
+        return build(group, chooser, rarest=rarest)
+    computed: frozenset[str] = frozenset()
+    return _asked(normalised(group), chooser, tuple(asked), computed, rarest)
+
+
+def _asked(
+    group: dict[str, float],
+    chooser: FeatureChooser,
+    asked: tuple[tuple[str, str], ...],
+    computed: frozenset[str],
+    rarest: float,
+) -> Node:
+    if not asked:
+        return build(group, chooser, computed, rarest)
+    (feature, taken), rest = asked[0], asked[1:]
+    rules = chooser.rules
+    found = outcomes(group, chooser.table, feature, rules.drop_below, rules.rarest)
+    if taken not in found:
+        found = {**found, taken: (0.0, refine(group, chooser.table, feature, taken, 0.0))}
+    branches = tuple(
+        Branch(symbol, p, _asked(left, chooser, rest, computed | {feature}, rarest))
+        if symbol == taken
+        else Branch(symbol, p, Node(tuple(left.items()), None, (), 0.0))
+        for symbol, (p, left) in found.items()
+    )
+    return Node(tuple(group.items()), feature, branches, chooser.table.costs[feature])
 
 
 def follow(
