@@ -39,6 +39,7 @@ EXTRAS = {
     "plot": ["matplotlib>=3.7"],
     "evaluate": ["Jinja2>=3.1", "tqdm>=4.65"],
     "dask": ["distributed>=2024.1"],
+    "web": ["nicegui>=3.0"],
     "test": [
         "pytest>=7.4",
         "hypothesis>=6.100",
@@ -48,6 +49,7 @@ EXTRAS = {
         "colcon-common-extensions",
         "Jinja2>=3.1",
         "matplotlib>=3.7",
+        "selenium>=4.20",
         # The structural oracle of the diagnosability tests; compiled, so where there is a wheel.
         f"faultdiagnosistoolbox>=0.12.5; {WHEELS}",
         "tqdm>=4.65",
@@ -97,7 +99,10 @@ setup(
         "Programming Language :: Python :: 3",
         "Topic :: Scientific/Engineering",
     ],
-    package_data={"flea_diag.tools": ["templates/*.html"]},
+    package_data={
+        "flea_diag.tools": ["templates/*.html"],
+        "flea_diag.web": ["static/*.js", "static/*.css"],
+    },
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "flea_sim_driver*"]),
     install_requires=REQUIRES,
     extras_require=EXTRAS,

@@ -64,10 +64,22 @@ ROOMS = (
     Room("flea_diag.wire", ("flea_diag.wire", "flea_diag.errors", "flea_diag"), ("numpy", *BAGS)),
     Room("flea_diag.errors", (), ()),
     Room(
+        "flea_diag.web",
+        (
+            "flea_diag.web",
+            "flea_diag.operator",
+            "flea_diag.errors",
+            "flea_diag.wire.records",
+            "flea_diag.wire.wording",
+        ),
+        ("numpy", "markupsafe", "nicegui", "fastapi", "uvicorn"),
+    ),
+    Room(
         "flea_diag.nodes",
         (
             "flea_diag.nodes",
             "flea_diag.operator",
+            "flea_diag.web",
             "flea_diag.wire",
             "flea_diag.stages",
             "flea_diag.configuration",

@@ -17,7 +17,7 @@ import pytest
 from live import ROOT, Process, environment
 
 EXECUTABLES = (
-    "console", "daq", "diagnoser", "extractor", "isolator", "observer", "recorder",
+    "console", "daq", "diagnoser", "extractor", "isolator", "observer", "recorder", "web",
 )  # fmt: skip
 SOURCES = (
     "flea_diag", "flea_sim_driver", "config", "launch", "launcher", "resource", "package.xml",

@@ -22,6 +22,7 @@ from flea_diag.errors import ConfigurationError, FleaError, RecordingError
 from flea_diag.nodes.children import Children
 from flea_diag.nodes.domain import reserved_domain
 from flea_diag.nodes.run_summary import NOMINAL_FAULT, summarise, told
+from flea_diag.nodes.web import PORT
 from flea_diag.wire.bag import read_bag
 from flea_diag.wire.bus import Bus, guest
 from flea_diag.wire.records import (
@@ -37,7 +38,7 @@ LISTENERS = ("observer", "isolator", "extractor", "recorder")
 """They report their health, so it is known when they are ready."""
 
 MODULES = {
-    **{name: f"flea_diag.nodes.{name}" for name in (*LISTENERS, "console")},
+    **{name: f"flea_diag.nodes.{name}" for name in (*LISTENERS, "console", "web")},
     "daq": "flea_sim_driver.daq_node",
 }
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -73,6 +74,9 @@ class Run:
         keys = not self._plain()
         given = self._parameters("console")
         self._children.start("console", MODULES["console"], given, show=True, keys=keys)
+        if self._options.web:
+            self._children.start("web", MODULES["web"], self._parameters("web"))
+            say(f"the page is at http://127.0.0.1:{PORT}/")
         self._until(self._all_listen, READY_S, "the nodes to find each other")
         say(f"all are listening; the stand starts, {self._what()}")
         self._children.start("daq", MODULES["daq"], self._daq_parameters())
@@ -82,8 +86,9 @@ class Run:
             self._until(self._verdict_is_last, LAST_VERDICT_S, "the last verdict", needed=False)
 
     def _all_listen(self) -> bool:
-        # Console and recorder listen to the verdict, besides ourselves.
-        return self._healthy >= set(LISTENERS) and self._bus.subscribers(AmbiguityGroup) >= 3
+        # Console, recorder and page listen to the verdict, besides ourselves.
+        needed = 3 + self._options.web
+        return self._healthy >= set(LISTENERS) and self._bus.subscribers(AmbiguityGroup) >= needed
 
     def _verdict_is_last(self) -> bool:
         return self._latest is not None and self._latest.stale
@@ -109,9 +114,11 @@ class Run:
     def _parameters(self, name: str) -> dict[str, str]:
         if name == "recorder":
             return {"directory": str(self._options.bag)}
+        journal = str(self._options.bag.with_name("alarms.sqlite"))
         if name == "console":
-            journal = self._options.bag.with_name("alarms.sqlite")
-            return {"style": "lines" if self._plain() else "auto", "journal": str(journal)}
+            return {"style": "lines" if self._plain() else "auto", "journal": journal}
+        if name == "web":
+            return {"journal": journal}
         return {}
 
     def _plain(self) -> bool:
@@ -167,6 +174,7 @@ def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
         help="length of the run (default: 30)",
     )
     parser.add_argument("--headless", action="store_true", help="one line a change, no page")
+    parser.add_argument("--web", action="store_true", help="also the page in a browser")
     parser.add_argument("--scenario", default="nominal", help="name or file (default: nominal)")
     parser.add_argument("--seed", type=int, help="of the simulated unit and its noise")
     parser.add_argument("--bag", type=Path, help="bag to make (default: bags/runs/<UTC time>)")

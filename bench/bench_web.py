@@ -1,0 +1,115 @@
+"""The web console over ten minutes at 100 Hz and 20 kHz: server CPU, memory, frames, latency.
+
+A simulated stand with a jam at 8 s, the diagnoser, the console, and one Chromium without a
+graphics card. ``FLEA_BENCH_MINUTES`` says how long (10). CPU is process time over wall time,
+so that what else the machine does counts little; frames suffer from it.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))
+
+from browser import Browser, chromium, missing
+from live import Peer, Process, node
+
+from flea_diag.nodes.domain import reserved_domain
+from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome
+
+MINUTES = float(os.environ.get("FLEA_BENCH_MINUTES", "10"))
+SAMPLE_S = 15.0
+SETTLE_S = 60.0
+"""From here on the buffers are full: memory is held against this moment."""
+PORT = "8639"
+TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
+
+
+def cpu_s(pid: int) -> float:
+    """Seconds of CPU that a process has had."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) * TICK_S
+
+
+def resident_mb(pid: int) -> float:
+    """Memory of a process."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def sample(pid: int, browser: Browser) -> tuple[float, float, float, float]:
+    """CPU share, resident MB, heap MB and frames a second over one stretch."""
+    start, before, frames = time.monotonic(), cpu_s(pid), browser.frames()
+    while time.monotonic() - start < SAMPLE_S:
+        time.sleep(1.0)
+    passed = time.monotonic() - start
+    share, rate = (cpu_s(pid) - before) / passed, (browser.frames() - frames) / passed
+    return share, resident_mb(pid), browser.heap_bytes() / 1e6, rate
+
+
+def measure(domain: int, folder: Path) -> None:
+    """Run the stand and print the figures."""
+    journal = f"journal:={folder / 'alarms.sqlite'}"
+    web = node("flea_diag.nodes.web", "-p", f"port:={PORT}", "-p", journal)
+    daq = node(
+        "flea_sim_driver.daq_node", "-p", "fault:=jam", "-p", "fault_onset_s:=8.0",
+        "-p", f"duration_s:={60.0 * MINUTES + 60.0}", "-p", "wait_for_subscribers:=3",
+    )  # fmt: skip
+    with (
+        Peer(domain) as peer,
+        Process(node("flea_diag.nodes.diagnoser"), domain),
+        Process(web, domain) as server,
+        chromium() as browser,
+    ):
+        server.wait_for("the page is at")
+        peer.listen(Detection, AmbiguityGroup)
+        browser.open(f"http://127.0.0.1:{PORT}/")
+        with Process(daq, domain):
+            report(peer, browser, server.child.pid)
+
+
+def report(peer: Peer, browser: Browser, pid: int) -> None:
+    """Latency of the detection, then samples until the time is over."""
+    flag = peer.find(lambda r: isinstance(r, Detection) and r.detected, 60.0)
+    peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.outcome is Outcome.ISOLATED, 60.0)
+    browser.until("'ISOLATED' in seen")
+    seen = browser.run("seen")
+    latency_ms = seen["DETECTED"] - flag.stamp_ns / 1e6
+    print(f"detection on the page {latency_ms:.0f} ms after the scan that caused it")
+    browser.run("document.getElementById('panel-residual').scrollIntoView()")
+    start, rows = time.monotonic(), []
+    while time.monotonic() - start < 60.0 * MINUTES:
+        rows.append((time.monotonic() - start, *sample(pid, browser)))
+        at, share, resident, heap, rate = rows[-1]
+        print(
+            f"{at:5.0f} s  server {share:5.1%} of a core, {resident:6.1f} MB; page heap "
+            f"{heap:5.1f} MB, {rate:4.1f} frames/s",
+            flush=True,
+        )
+    settled = [row for row in rows if row[0] >= SETTLE_S] or rows
+    _, shares, residents, heaps, rates = zip(*settled, strict=True)
+    print(
+        f"over {rows[-1][0] / 60:.1f} min: server {statistics.mean(shares):.1%} of a core (worst "
+        f"{max(shares):.1%}), memory {residents[0]:.1f} -> {residents[-1]:.1f} MB; page heap "
+        f"{heaps[0]:.1f} -> {heaps[-1]:.1f} MB; {statistics.median(rates):.1f} frames/s "
+        f"(worst {min(rates):.1f})"
+    )
+
+
+def main() -> int:
+    """Measure; the exit status."""
+    if missing():
+        print(missing(), file=sys.stderr)
+        return 2
+    with reserved_domain() as domain, tempfile.TemporaryDirectory() as folder:
+        measure(domain, Path(folder))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,138 @@
+"""The ambiguity group as a stream that shrinks: what each piece of evidence took away."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+from flea_diag.web.history import Drop, drops
+from flea_diag.web.markup import Markup, joined, path, tag, text
+from flea_diag.wire.records import AmbiguityGroup
+
+WIDTH, TOP, BAR = 1000.0, 22.0, 10.0
+STREAM = 190.0
+"""Height of the whole catalogue."""
+THINNEST = 2.5
+"""Height of one fault at least, so that the last one can still be seen."""
+MOST_STEPS = 8
+NAMED = 8
+"""So many faults are named at the end of the stream; more are only counted."""
+ROOM_FOR_NAMES = 210.0
+FALL = 34.0
+"""How far below the stream a branch that is dropped ends."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """The stream between two bars: ``before`` faults go in, ``gone`` of them leave."""
+
+    before: int
+    gone: int
+    label: str
+    when: str
+    detail: str
+
+
+def steps(group: AmbiguityGroup) -> tuple[Step, ...]:
+    """Steps of an episode; neighbours are joined where there are more than can be drawn."""
+    found = list(drops(group))
+    while len(found) > MOST_STEPS:
+        sizes = [len(a.candidates) + len(b.candidates) for a, b in itertools.pairwise(found)]
+        at = sizes.index(min(sizes))
+        found[at : at + 2] = [_merged(found[at], found[at + 1])]
+    left = len(group.members) + len(group.dropped)
+    rows = []
+    for drop in found:
+        rows.append(_step(group, drop, left))
+        left -= len(drop.candidates)
+    return tuple(rows)
+
+
+def _merged(one: Drop, other: Drop) -> Drop:
+    source = one.source if one.source == other.source else f"{one.source}, {other.source}"
+    return Drop(other.stamp_ns, source, one.candidates + other.candidates)
+
+
+def _step(group: AmbiguityGroup, drop: Drop, left: int) -> Step:
+    after_s = (drop.stamp_ns - group.detected_stamp_ns) / 1e9
+    detail = "\n".join(f"{c.fault}: {c.reason}" for c in drop.candidates)
+    return Step(left, len(drop.candidates), drop.source, f"+{after_s:.2f} s", detail)
+
+
+def group_flow(group: AmbiguityGroup) -> Markup:
+    """SVG of the episode in this verdict."""
+    rows = steps(group)
+    total = len(group.members) + len(group.dropped)
+    unit = max(STREAM / max(total, 1), THINNEST)
+    gap = (WIDTH - ROOM_FOR_NAMES) / max(len(rows), 1)
+    parts = [_bar(k * gap, step.before, unit) for k, step in enumerate(rows)]
+    parts += [_stream(k * gap, gap, step, unit) for k, step in enumerate(rows)]
+    parts.append(_bar(len(rows) * gap, len(group.members), unit))
+    parts.append(_names(len(rows) * gap + BAR + 8, group))
+    height = TOP + unit * total + FALL + 44
+    return tag(
+        "svg",
+        tag("title", _words(total, group)),
+        *parts,
+        viewBox=f"-14 0 {WIDTH + 28:.0f} {height:.0f}",
+        role="img",
+        class_="flow",
+    )
+
+
+def _words(total: int, group: AmbiguityGroup) -> str:
+    return f"From {total} faults of the catalogue to {len(group.members)} still possible"
+
+
+def _bar(x: float, count: int, unit: float) -> Markup:
+    height = max(count * unit, 1.0)
+    return joined(
+        tag("rect", x=f"{x:.1f}", y=TOP, width=BAR, height=f"{height:.1f}", class_="bar"),
+        text(x + BAR / 2, TOP - 7, count, "count", "middle"),
+    )
+
+
+def _stream(x: float, gap: float, step: Step, unit: float) -> Markup:
+    left, right = x + BAR, x + gap
+    kept = (step.before - step.gone) * unit
+    bottom = TOP + step.before * unit
+    end = left + (right - left) * 0.55
+    fallen = bottom + FALL
+    stay = (
+        f"M{left:.1f},{TOP} H{right:.1f} V{TOP + kept:.1f} H{left:.1f} Z"
+        if kept
+        else f"M{left:.1f},{TOP} Z"
+    )
+    middle = (left + end) / 2
+    fall = (
+        f"M{left:.1f},{TOP + kept:.1f} C{middle:.1f},{TOP + kept:.1f} {end:.1f},{bottom:.1f} "
+        f"{end:.1f},{fallen:.1f} H{end - 5:.1f} C{end - 5:.1f},{fallen - 8:.1f} "
+        f"{middle - 5:.1f},{bottom:.1f} {left:.1f},{bottom:.1f} Z"
+    )
+    label = tag(
+        "g",
+        text(end - 2, fallen + 13, f"−{step.gone}", "gone", "middle"),
+        text(end - 2, fallen + 25, _fitting(step.label, gap), "why", "middle"),
+        text(end - 2, fallen + 37, step.when, "when", "middle"),
+        tag("title", step.detail),
+    )
+    return joined(path(stay, "stays"), path(fall, "falls", tag("title", step.detail)), label)
+
+
+def _fitting(label: str, room: float) -> str:
+    letters = int(room / 5.6)
+    return label if len(label) <= letters else label[: letters - 1] + "…"
+
+
+def _names(x: float, group: AmbiguityGroup) -> Markup:
+    shown = group.members[:NAMED]
+    rows = [
+        text(x, TOP + 12 + 16 * k, f"{c.fault}  {c.probability:.0%}", "left")
+        for k, c in enumerate(shown)
+    ]
+    more = len(group.members) - len(shown)
+    if more:
+        rows.append(text(x, TOP + 12 + 16 * len(shown), f"and {more} more", "why"))
+    if not shown:
+        rows.append(text(x, TOP + 12, "no fault of the catalogue", "left"))
+    return joined(*rows)

@@ -1,0 +1,168 @@
+"""Who may open the page: this machine, or who knows the token. Before HTTP and WebSocket alike.
+
+A browser also sends what foreign pages tell it to, and names under which an attacker's domain
+resolves to this machine: so the Host and the Origin of every request are looked at, too.
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+from collections.abc import Awaitable, Callable, MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, quote, urlsplit
+
+from flea_diag.errors import ConfigurationError
+
+Scope = MutableMapping[str, Any]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+App = Callable[[Scope, Any, Send], Awaitable[None]]
+
+COOKIE = "flea_token"
+SHORTEST_TOKEN = 16
+LOCAL_NAMES = ("localhost",)
+POLICY_VIOLATION = 1008
+
+CONTENT_POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data:; font-src 'self' data:; "
+    "connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; "
+    "frame-ancestors 'none'"
+)
+"""Nothing from anywhere else. Vue compiles templates in the browser, hence 'unsafe-eval'."""
+
+HEADERS = (
+    (b"content-security-policy", CONTENT_POLICY.encode()),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+)
+
+ASK = """<!doctype html><meta charset="utf-8"><title>flea_diag: token</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<body style="font: 17px system-ui; max-width: 28em; margin: 12vh auto; padding: 0 1em">
+<h1 style="font-size: 24px">This page needs its token</h1>
+<p>It stands in the file that the node's parameter <code>token_file</code> names.</p>
+<form><label>Token <input name="token" type="password" autocomplete="off" autofocus></label>
+<button>Open</button></form>"""
+
+
+def is_loopback(address: str) -> bool:
+    """Whether only this machine can reach an address."""
+    if address in LOCAL_NAMES:
+        return True
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return False
+
+
+def token_of(address: str, token_file: str) -> str:
+    """The token that is asked for; empty where none is needed.
+
+    Raises
+    ------
+    ConfigurationError
+        When the address is open to the network without a token, or the file holds none.
+    """
+    if not token_file:
+        if is_loopback(address):
+            return ""
+        raise ConfigurationError(
+            f"address = {address!r} opens the page to the network: name a file that holds a token "
+            f"of at least {SHORTEST_TOKEN} letters (-p token_file:=FILE), or use 127.0.0.1"
+        )
+    try:
+        token = Path(token_file).read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"token_file = {token_file!r} cannot be read: {error}") from None
+    if len(token) < SHORTEST_TOKEN:
+        raise ConfigurationError(
+            f"token_file = {token_file!r} holds {len(token)} letters, a token has at least "
+            f"{SHORTEST_TOKEN}: openssl rand -hex 16 >FILE"
+        )
+    return token
+
+
+class Guard:
+    """ASGI application around another one: lets in, asks for the token, or refuses.
+
+    Parameters
+    ----------
+    app
+        What is guarded.
+    token
+        What must be known; empty for nothing.
+    local_only
+        Whether the server listens on the loopback alone: then only its names are right.
+    """
+
+    def __init__(self, app: App, token: str = "", local_only: bool = True) -> None:
+        self._app, self._token, self._local_only = app, token.encode(), local_only
+
+    async def __call__(self, scope: Scope, receive: Any, send: Send) -> None:
+        """Handle one connection."""
+        if scope["type"] not in ("http", "websocket"):
+            return await self._app(scope, receive, send)
+        headers = {
+            key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]
+        }
+        if not self._right_host(headers) or not _same_origin(headers):
+            return await _refuse(scope, send, 403, b"this host or origin is not served\n")
+        if not self._token or self._knows(headers.get("cookie", "")):
+            return await self._app(scope, receive, _with_headers(send))
+        given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[-1]
+        if scope["type"] == "http" and self._is_token(given):
+            return await _welcome(scope, send, given)
+        return await _refuse(scope, send, 401, ASK.encode(), b"text/html; charset=utf-8")
+
+    def _right_host(self, headers: dict[str, str]) -> bool:
+        name = urlsplit(f"//{headers.get('host', '')}").hostname or ""
+        return is_loopback(name) or not self._local_only
+
+    def _knows(self, cookies: str) -> bool:
+        try:
+            jar = SimpleCookie(cookies)
+        except CookieError:
+            return False
+        return COOKIE in jar and self._is_token(jar[COOKIE].value)
+
+    def _is_token(self, given: str) -> bool:
+        return hmac.compare_digest(given.encode(), self._token)
+
+
+def _same_origin(headers: dict[str, str]) -> bool:
+    origin = headers.get("origin")
+    return origin is None or urlsplit(origin).netloc == headers.get("host")
+
+
+def _with_headers(send: Send) -> Send:
+    async def sent(message: MutableMapping[str, Any]) -> None:
+        if message["type"] == "http.response.start":
+            message["headers"] = [*message.get("headers", ()), *HEADERS]
+        await send(message)
+
+    return sent
+
+
+async def _refuse(
+    scope: Scope, send: Send, status: int, body: bytes, kind: bytes = b"text/plain"
+) -> None:
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.close", "code": POLICY_VIOLATION})
+        return
+    await _answer(send, status, [(b"content-type", kind), (b"cache-control", b"no-store")], body)
+
+
+async def _welcome(scope: Scope, send: Send, token: str) -> None:
+    """Keep the token in a cookie that scripts cannot read, and take it out of the address."""
+    cookie = f"{COOKIE}={quote(token)}; Path=/; HttpOnly; SameSite=Strict"
+    headers = [(b"location", scope["path"].encode()), (b"set-cookie", cookie.encode())]
+    await _answer(send, 303, headers, b"")
+
+
+async def _answer(send: Send, status: int, headers: list[tuple[bytes, bytes]], body: bytes) -> None:
+    start = {"type": "http.response.start", "status": status, "headers": [*headers, *HEADERS]}
+    await send(start)
+    await send({"type": "http.response.body", "body": body})

@@ -1,0 +1,86 @@
+"""What happened in an episode, read back from one verdict.
+
+Every candidate carries the evidence that kept or dropped it, with stamps. So a single
+``AmbiguityGroup`` holds the whole course of its episode, and a page that was opened late, or
+lost messages, shows the same as one that was there from the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from flea_diag.wire.records import AmbiguityGroup, Candidate, Evidence
+
+
+@dataclass(frozen=True)
+class Drop:
+    """Faults that one piece of evidence dropped."""
+
+    stamp_ns: int
+    source: str
+    candidates: tuple[Candidate, ...]
+
+
+@dataclass(frozen=True)
+class Sign:
+    """A residual's symbol, or a feature's, as it was observed at a time."""
+
+    stamp_ns: int
+    source: str
+    observed: str
+
+
+def drops(group: AmbiguityGroup) -> tuple[Drop, ...]:
+    """The dropped faults by time and evidence, the earliest first."""
+    found: dict[tuple[int, str], list[Candidate]] = {}
+    for candidate in group.dropped:
+        last = candidate.evidence[-1] if candidate.evidence else None
+        stamp_ns = last.stamp_ns if last else group.detected_stamp_ns
+        source = last.source if last else candidate.reason.partition(":")[0]
+        found.setdefault((stamp_ns, source), []).append(candidate)
+    return tuple(
+        Drop(stamp_ns, source, tuple(candidates))
+        for (stamp_ns, source), candidates in sorted(found.items(), key=lambda row: row[0])
+    )
+
+
+def signs(group: AmbiguityGroup) -> tuple[Sign, ...]:
+    """Symbols of residuals in the order in which they were seen."""
+    seen = {
+        Sign(e.stamp_ns, e.source, e.observed)
+        for e in _evidence(group)
+        if is_symbol(e) and e.source not in group.features_computed
+    }
+    return tuple(sorted(seen, key=lambda sign: (sign.stamp_ns, sign.source, sign.observed)))
+
+
+def answers(group: AmbiguityGroup) -> tuple[Sign, ...]:
+    """Features computed, in order, each with the symbol that it had."""
+    seen = {e.source: Sign(e.stamp_ns, e.source, e.observed) for e in _evidence(group)}
+    return tuple(seen[name] for name in group.features_computed if name in seen)
+
+
+def before_features(group: AmbiguityGroup) -> dict[str, float]:
+    """The faults that were possible when the first feature was asked for, with equal weights.
+
+    The weights of that time are not in the record.
+    """
+    asked = set(group.features_computed)
+    names = [candidate.fault for candidate in group.members]
+    for drop in drops(group):
+        if drop.source in asked:
+            names += [candidate.fault for candidate in drop.candidates]
+    if not asked:
+        return {candidate.fault: candidate.probability for candidate in group.members}
+    return dict.fromkeys(names, 1.0 / max(len(names), 1))
+
+
+def is_symbol(evidence: Evidence) -> bool:
+    """Whether what was observed is a magnitude and a slope, and no number or feature."""
+    return len(evidence.observed) == 2 and not set(evidence.observed) - set("+-0?*")
+
+
+def _evidence(group: AmbiguityGroup) -> Iterator[Evidence]:
+    for candidate in (*group.members, *group.dropped):
+        yield from candidate.evidence

@@ -1,0 +1,58 @@
+"""HTML and SVG as text in which everything that comes from a record is escaped."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime, timezone
+
+from markupsafe import Markup
+
+from flea_diag.wire.records import NEVER_NS
+
+__all__ = ["Markup", "clock", "joined", "number", "path", "tag", "text"]
+
+
+def tag(name: str, *children: object, **attributes: object) -> Markup:
+    """One element; children and attribute values are escaped unless they are markup.
+
+    ``class_`` and ``for_`` lose their underscore, others get a hyphen for it; an attribute
+    whose value is None is left out.
+    """
+    given = Markup().join(
+        Markup(' {}="{}"').format(key.rstrip("_").replace("_", "-"), value)
+        for key, value in attributes.items()
+        if value is not None
+    )
+    return Markup("<{0}{1}>{2}</{0}>").format(Markup(name), given, joined(*children))
+
+
+def joined(*children: object) -> Markup:
+    """Children one after another, escaped unless they are markup."""
+    return Markup().join(child for child in children if child is not None)  # type: ignore[arg-type]
+
+
+def text(x: float, y: float, words: object, class_: str = "", anchor: str = "start") -> Markup:
+    """SVG text at a point."""
+    given = class_ or None
+    return tag("text", words, x=f"{x:.1f}", y=f"{y:.1f}", class_=given, text_anchor=anchor)
+
+
+def path(commands: str, class_: str, *children: object) -> Markup:
+    """SVG path."""
+    return tag("path", *children, d=commands, class_=class_)
+
+
+def number(value: float, unit: str = "") -> str:
+    """Three significant digits and the unit; a dash where there is no value."""
+    if math.isnan(value):
+        return "–"
+    return f"{value:.3g} {unit if unit != '1' else ''}".rstrip()
+
+
+def clock(stamp_ns: int, digits: int = 1) -> str:
+    """Time of day in UTC, as the records count it."""
+    if stamp_ns == NEVER_NS:
+        return "--:--:--"
+    moment = datetime.fromtimestamp(stamp_ns // 1_000_000_000, tz=timezone.utc)
+    fraction = f"{stamp_ns % 1_000_000_000:09d}"[:digits]
+    return f"{moment:%H:%M:%S}" + (f".{fraction}" if digits else "")

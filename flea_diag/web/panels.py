@@ -1,0 +1,202 @@
+"""The ledgers beside the pictures: channels and streams, features, faults dropped, episodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from flea_diag.operator.alarm import Alarm
+from flea_diag.operator.alarm_view import cause
+from flea_diag.operator.state import OperatorState
+from flea_diag.operator.stream import Stream
+from flea_diag.web.markup import Markup, clock, joined, number, tag
+from flea_diag.wire.records import (
+    NEVER_NS,
+    OUTCOME_LEVEL,
+    AmbiguityGroup,
+    Candidate,
+    Health,
+    Level,
+    Quality,
+)
+from flea_diag.wire.wording import QUALITY_LEVEL
+
+SHAPE = {Level.OK: "✓", Level.WARN: "▲", Level.ERROR: "✖", Level.STALE: "⏸"}
+"""A shape for each level, so that its colour is not needed."""
+CLASS = {Level.OK: "ok", Level.WARN: "warn", Level.ERROR: "error", Level.STALE: "stale"}
+TOTAL = "samples"
+"""This counter is of the moment when the record was sent: a channel that is good sends none."""
+NODE_NUMBERS = ("cpu_percent", "memory_mb", "worst_lag_ms")
+
+
+def state_word(level: Level, word: str) -> Markup:
+    """A word with the shape and the colour of its level."""
+    return tag("span", f"{SHAPE[level]} {word}", class_=f"state {CLASS[level]}")
+
+
+def ledger(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> Markup:
+    """A table; cells are markup or text."""
+    return tag(
+        "table",
+        tag("tr", *(tag("th", head, scope="col") for head in heads)),
+        *(tag("tr", *(tag("td", cell) for cell in row)) for row in rows),
+        class_="ledger",
+    )
+
+
+# --- the stand --------------------------------------------------------------------------
+
+
+def data_quality(state: OperatorState) -> Markup:
+    """Every channel with its state, since when, why, and what was counted on it."""
+    if state.quality is None:
+        return tag("p", "data_quality has not come yet", class_="soft")
+    order = sorted(state.quality.channels, key=lambda row: row.quality is Quality.GOOD)
+    rows = [
+        (
+            row.channel,
+            state_word(QUALITY_LEVEL[row.quality], row.quality.value),
+            clock(row.since_ns),
+            row.reason,
+            ", ".join(f"{n} {name}" for name, n in row.counters if n and name != TOTAL)
+            or "nothing",
+        )
+        for row in order
+    ]
+    return ledger(("channel", "state", "since, UTC", "why", "counted"), rows)
+
+
+def streams(state: OperatorState, now_ns: int) -> Markup:
+    """Rate of each stream, what was lost, and the health of our own nodes."""
+    rows = [_stream(stream, now_ns) for stream in state.streams.values()]
+    nodes = [_node(health) for _, health in sorted(state.health.items())]
+    table = ledger(("topic", "state", "rate", "missing", "late", "lost"), rows)
+    if not nodes:
+        return table
+    heads = ("node", "state", "CPU %", "memory MB", "lag ms")
+    return joined(table, Markup("<br>"), ledger(heads, nodes))
+
+
+def _stream(stream: Stream, now_ns: int) -> tuple[object, ...]:
+    standing = stream.standing(now_ns)
+    level = Level.OK if standing == "running" else Level.STALE
+    words = f"stale for {stream.silent_s(now_ns):.0f} s" if standing == "stale" else standing
+    rate = "" if math.isnan(stream.rate_hz) else f"{stream.rate_hz:.1f} Hz"
+    counts = (stream.missing, stream.late, stream.lost)
+    return (stream.name, state_word(level, words), rate, *counts)
+
+
+def _node(health: Health) -> tuple[object, ...]:
+    values = dict(health.values)
+    word = state_word(health.level, health.message)
+    return (health.node, word, *(values.get(name, "") for name in NODE_NUMBERS))
+
+
+# --- the episode ------------------------------------------------------------------------
+
+
+def dropped(group: AmbiguityGroup) -> Markup:
+    """Every fault that was considered, with what kept or dropped it, step by step."""
+    rows = [
+        _considered(candidate, kept)
+        for candidates, kept in ((group.members, True), (group.dropped, False))
+        for candidate in candidates
+    ]
+    return tag(
+        "details",
+        tag("summary", f"Why each of the {len(rows)} faults was kept or dropped"),
+        ledger(("fault", "", "reason", "evidence"), rows),
+        data_name="why",
+    )
+
+
+def _considered(candidate: Candidate, kept: bool) -> tuple[object, ...]:
+    evidence = joined(
+        *(
+            tag("span", f"{clock(e.stamp_ns)} {e.source}: {e.verdict}", class_="comment")
+            for e in candidate.evidence
+        )
+    )
+    return (candidate.fault, "possible" if kept else "dropped", candidate.reason, evidence)
+
+
+def features(state: OperatorState) -> Markup:
+    """Features of the open episode: value against nominal range, cost, or why not computable."""
+    group = state.group
+    if group is None or not group.features_available:
+        return tag("p", "This stand has no accelerometers: no features.", class_="soft")
+    ours = [entry for entry in state.features if entry.episode == group.episode and group.episode]
+    seen = {entry.name for entry in ours}
+    rows = [_feature(entry) for entry in ours]
+    rows += [
+        (name, "computed before this page was open", "", "")
+        for name in group.features_computed
+        if name not in seen
+    ]
+    done = len(group.features_computed)
+    words = f"{done} of {group.features_available} features computed, the others were not needed"
+    line = tag("p", f"{words} so far." if rows else f"{words}.", class_="soft")
+    return joined(ledger(("feature", "value", "nominal", "cost"), rows) if rows else None, line)
+
+
+def _feature(entry: object) -> tuple[object, ...]:
+    value = entry.value  # type: ignore[attr-defined]
+    name = entry.name  # type: ignore[attr-defined]
+    if value is None:
+        return (name, "asked for, not answered yet", "", "")
+    if math.isnan(value.value):
+        return (name, f"not computable: {value.reason}", "", "")
+    nominal = f"{number(value.nominal_low)} to {number(value.nominal_high)}"
+    return (
+        name,
+        f"{number(value.value, value.unit)}  ({value.symbol})",
+        nominal,
+        f"{value.cost_ms:.2f} ms",
+    )
+
+
+# --- history ----------------------------------------------------------------------------
+
+
+def episodes(state: OperatorState) -> Markup:
+    """All episodes that are kept, the latest first; those not acknowledged stay on top."""
+    if not state.alarms:
+        return tag("p", "No episode so far.", class_="soft")
+    order = sorted(state.alarms, key=lambda alarm: (not alarm.standing, -alarm.detected_ns))
+    rows = [_episode(alarm) for alarm in order]
+    return ledger(("detected, UTC", "by", "verdict", "said to it", ""), rows)
+
+
+def _episode(alarm: Alarm) -> tuple[object, ...]:
+    level = OUTCOME_LEVEL[alarm.outcome]
+    verdict = joined(
+        state_word(level, alarm.outcome.value),
+        tag("span", alarm.words or "no verdict yet", class_="comment"),
+    )
+    said = [
+        tag("span", f"{clock(c.stamp_ns, 0)} {c.author}: {c.text}", class_="comment")
+        for c in alarm.comments
+    ]
+    return (
+        joined(clock(alarm.detected_ns), tag("span", _standing(alarm), class_="comment")),
+        cause(alarm),
+        verdict,
+        joined(*said),
+        _buttons(alarm),
+    )
+
+
+def _standing(alarm: Alarm) -> str:
+    if alarm.acknowledged_ns != NEVER_NS:
+        by = f" by {alarm.acknowledged_by}" if alarm.acknowledged_by else ""
+        return f"acknowledged {clock(alarm.acknowledged_ns, 0)}{by}"
+    return "not acknowledged" if alarm.rings else "replay, does not ring"
+
+
+def _buttons(alarm: Alarm) -> Markup:
+    name = f"{alarm.source}:{alarm.detected_ns}"
+    said = tag("button", "Comment", type="button", data_act="comment", data_alarm=name)
+    if not alarm.standing:
+        return tag("div", said, class_="actions")
+    acknowledge = tag("button", "Acknowledge", type="button", data_act="ack", data_alarm=name)
+    return tag("div", acknowledge, said, class_="actions")

@@ -1,0 +1,80 @@
+"""Serves the page from a thread of its own: the node's thread belongs to ROS."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI
+from nicegui import ui
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.web.guard import Guard, is_loopback
+
+END_S = 3.0
+KEPT_MESSAGES = 200
+"""Messages that a browser may miss and still be sent; one that missed more loads the page anew."""
+
+
+class Server:
+    """A web server that runs until it is closed.
+
+    Raises
+    ------
+    ConfigurationError
+        When the address or port cannot be had.
+    """
+
+    def __init__(self, title: str, address: str, port: int, token: str) -> None:
+        inner = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+        ui.run_with(
+            inner,
+            title=title,
+            dark=None,
+            tailwind=False,
+            binding_refresh_interval=None,
+            message_history_length=KEPT_MESSAGES,
+            show_welcome_message=False,
+        )
+        guarded: Any = Guard(inner, token, local_only=is_loopback(address))
+        self._socket = _bound(address, port)
+        self.port = int(self._socket.getsockname()[1])
+        self._server = uvicorn.Server(
+            uvicorn.Config(
+                guarded,
+                log_level="error",
+                access_log=False,
+                lifespan="on",
+                ws_per_message_deflate=False,  # costs more than these few kB a second are worth
+                timeout_graceful_shutdown=1,
+            )
+        )
+        self._thread = threading.Thread(
+            target=self._server.run, args=([self._socket],), name="web", daemon=True
+        )
+
+    def start(self) -> None:
+        """Serve from now on."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End, also with browsers connected."""
+        self._server.should_exit = True
+        self._thread.join(END_S)
+        self._socket.close()
+
+
+def _bound(address: str, port: int) -> socket.socket:
+    try:
+        family = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0][0]
+        server = socket.socket(family, socket.SOCK_STREAM)
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        server.bind((address, port))
+    except OSError as error:
+        raise ConfigurationError(
+            f"address = {address!r}, port = {port}: cannot be served ({error.strerror}): "
+            "choose another port, or end the program that has it"
+        ) from None
+    return server

@@ -1,0 +1,59 @@
+"""All pages of one stand, and the task that keeps them up to date.
+
+One task draws for all browsers, ten times a second and at once when something is detected. Each
+browser is sent what changed, and the rows of numbers that it does not have yet.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+
+from nicegui import Client, app, ui
+
+from flea_diag.web.page import Desk, Page
+from flea_diag.web.strips import StripCharts
+from flea_diag.web.view import View
+
+PERIOD_S = 0.1
+
+
+class Site:
+    """All pages of one stand, and the task that keeps them up to date."""
+
+    def __init__(self, desk: Desk, view: View, strips: StripCharts, title: str) -> None:
+        self.desk, self.title = desk, title
+        self._view, self._strips = view, strips
+        self._pages: dict[str, Page] = {}
+        self._woken = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        ui.page("/", title=title)(self._open)
+        app.on_startup(self._run)
+        app.on_delete(lambda client: self._pages.pop(client.id, None))
+
+    def wake(self) -> None:
+        """Draw now; from any thread."""
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._woken.set)
+
+    def _open(self, client: Client) -> None:
+        page = self._pages[client.id] = Page(self.desk, self.title, self.wake, client)
+        page.fill(self._view)
+
+    async def _run(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._update()
+        while True:
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._woken.wait(), PERIOD_S)
+            self._woken.clear()
+            self._update()
+
+    def _update(self) -> None:
+        state = self.desk.state
+        self._view.update(state, self.desk.now_ns())
+        marks = tuple(alarm.detected_ns for alarm in state.alarms[-8:])
+        for page in tuple(self._pages.values()):
+            if page.client.has_socket_connection:
+                with page.client:
+                    page.show(self._view, self._strips, marks)

@@ -1,0 +1,159 @@
+"""The recent past of numbers for strip charts: least and largest value of each short stretch.
+
+A chart has fewer pixels than a stream has samples. What falls on one pixel is kept as its range,
+so that no peak is lost, and a browser gets a tenth of the numbers.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.wire.records import ChannelTable, Record, Residual, Scan, VibrationLevel
+
+Array = npt.NDArray[np.float64]
+Row = tuple[int, list[float | None]]
+"""Number of the stretch since the epoch, and its values."""
+
+STRETCH_NS = {"residual": 50_000_000, "channel": 50_000_000, "vibration": 200_000_000}
+"""Kinds of strip charts and the length of their stretches: a few samples fall into each."""
+KEPT_NS = 60_000_000_000
+JUMP_NS = 1_000_000_000
+"""A stamp older than this starts a new run, as in the rest of the graph."""
+
+
+class Strip:
+    """Columns of one stream.
+
+    Parameters
+    ----------
+    names
+        Of the values; each gives a column ``lo`` and one ``hi``.
+    stretch_ns
+        Length of a stretch.
+    """
+
+    def __init__(self, names: Sequence[str], stretch_ns: int) -> None:
+        self.names, self._stretch_ns = tuple(names), stretch_ns
+        self._rows: deque[Row] = deque(maxlen=KEPT_NS // stretch_ns)
+        self._lock = threading.Lock()
+        self._open = -1
+        self._low = np.full(len(self.names), np.nan)
+        self._high = self._low.copy()
+        self._latest: Sequence[float] = ()
+
+    def add(self, stamp_ns: int, values: Sequence[float], latest: Sequence[float] = ()) -> bool:
+        """Take one sample; False when it is of another run and nothing was taken.
+
+        ``latest`` are further values, kept as they were last: estimates, limits.
+        """
+        stretch = stamp_ns // self._stretch_ns
+        if stretch < self._open:
+            return stretch > self._open - JUMP_NS // self._stretch_ns
+        sample = np.asarray(values, dtype=np.float64)
+        if stretch > self._open:
+            self._close(stretch)
+            self._low, self._high = sample, sample
+        else:
+            self._low = np.fmin(self._low, sample)
+            self._high = np.fmax(self._high, sample)
+        self._latest = latest
+        return True
+
+    def _close(self, following: int) -> None:
+        if self._open >= 0:
+            row = [_sent(v) for pair in zip(self._low, self._high, strict=True) for v in pair]
+            row += [_sent(v) for v in self._latest]
+            with self._lock:
+                self._rows.append((self._open, row))
+        self._open = following
+
+    def after(self, stretch: int) -> list[Row]:
+        """Closed stretches after this one, oldest first."""
+        new: list[Row] = []
+        with self._lock:
+            for row in reversed(self._rows):
+                if row[0] <= stretch:
+                    break
+                new.append(row)
+        return new[::-1]
+
+
+def _sent(value: float) -> float | None:
+    """Value with five digits, None where there is none: what JSON can say."""
+    return float(f"{value:.5g}") if value - value == 0.0 else None
+
+
+class StripCharts:
+    """All that is drawn as strips: channels with estimates, residuals with limits, vibration.
+
+    ``generation`` grows when the columns change or a new run begins: charts start anew then.
+    """
+
+    def __init__(self) -> None:
+        self.generation = 0
+        self._units: dict[str, str] = {}
+        self._strips: dict[str, Strip] = {}
+        self._estimated: dict[str, tuple[float, float]] = {}
+
+    def take(self, record: Record) -> None:
+        """Note a record of a stream; others are passed over."""
+        if isinstance(record, Scan):
+            estimates = [
+                value
+                for name in record.channels
+                for value in self._estimated.get(name, (np.nan, np.nan))
+            ]
+            self._add("channel", record.stamp_ns, record.channels, record.values, estimates)
+        elif isinstance(record, Residual):
+            rows = zip(record.estimated, record.estimates, record.estimate_sigmas, strict=True)
+            self._estimated = {name: (value, sigma) for name, value, sigma in rows}
+            self._add("residual", record.stamp_ns, record.names, record.z, record.thresholds)
+        elif isinstance(record, VibrationLevel):
+            self._add("vibration", record.stamp_ns, record.axes, record.std, ())
+        elif isinstance(record, ChannelTable):
+            units = {row.name: row.unit for row in record.channels}
+            self.generation += units != self._units
+            self._units = units
+
+    def _add(
+        self,
+        kind: str,
+        stamp_ns: int,
+        names: tuple[str, ...],
+        values: Sequence[float],
+        latest: Sequence[float],
+    ) -> None:
+        strip = self._strips.get(kind)
+        if strip is None or strip.names != names or not strip.add(stamp_ns, values, latest):
+            self._strips[kind] = strip = Strip(names, STRETCH_NS[kind])
+            strip.add(stamp_ns, values, latest)
+            self.generation += 1
+
+    def description(self, kind: str) -> list[dict[str, Any]]:
+        """One entry a chart: name, unit, and the columns of its numbers in a row."""
+        strip = self._strips.get(kind)
+        names = strip.names if strip is not None else ()
+        first = 2 * len(names)
+        charts = []
+        for k, name in enumerate(names):
+            chart = {"name": name, "unit": self._unit(kind, name), "low": 2 * k, "high": 2 * k + 1}
+            if kind == "channel":
+                chart |= {"estimate": first + 2 * k, "sigma": first + 2 * k + 1}
+            elif kind == "residual":
+                chart |= {"limit": first + k}
+            charts.append(chart)
+        return charts
+
+    def _unit(self, kind: str, name: str) -> str:
+        return "σ" if kind == "residual" else self._units.get(name, "")
+
+    def after(self, kind: str, stretch: int) -> list[Row]:
+        """Rows of one kind that are newer than ``stretch``."""
+        strip = self._strips.get(kind)
+        return strip.after(stretch) if strip is not None else []

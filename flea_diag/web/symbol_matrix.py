@@ -1,0 +1,60 @@
+"""Symbols over time: a row for each residual that deviates, a column for each change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flea_diag.web.history import signs
+from flea_diag.web.markup import Markup, joined, tag
+from flea_diag.wire.records import AmbiguityGroup
+
+WORDS = {"+": "above", "-": "below", "0": "normal", "?": "not yet known", "*": "any"}
+GLYPH = {"+": "▲", "-": "▼", "0": "●", "?": "…", "*": "∗"}
+CLASS = {"+": "plus", "-": "minus", "0": "zero", "?": "open", "*": "open"}
+MOST_COLUMNS = 8
+
+
+def symbol_matrix(group: AmbiguityGroup, residuals: Sequence[str]) -> Markup:
+    """Table of the episode in this verdict; ``residuals`` are all that there are.
+
+    A cell shows magnitude and slope. Residuals of which no symbol was seen are named below the
+    table.
+    """
+    seen = signs(group)
+    stamps = sorted({sign.stamp_ns for sign in seen})[-MOST_COLUMNS:]
+    names = list(dict.fromkeys(sign.source for sign in seen))
+    head = tag(
+        "tr",
+        tag("th", "residual", scope="col"),
+        *(
+            tag("th", f"+{(stamp - group.detected_stamp_ns) / 1e9:.2f} s", scope="col")
+            for stamp in stamps
+        ),
+    )
+    rows = []
+    for name in names:
+        changes = {sign.stamp_ns: sign.observed for sign in seen if sign.source == name}
+        cells, held = [], ""
+        for stamp in sorted(set(stamps) | set(changes)):
+            new = changes.get(stamp, "")
+            held = new or held
+            if stamp in stamps:
+                cells.append(_cell(held, fresh=bool(new)))
+        rows.append(tag("tr", tag("th", name, scope="row"), *cells))
+    quiet = [name for name in residuals if name not in names]
+    below = tag("p", f"No symbol: {', '.join(quiet)}", class_="quiet") if quiet and names else None
+    return joined(tag("table", head, *rows, class_="symbols"), below if quiet else None)
+
+
+def _cell(observed: str, fresh: bool) -> Markup:
+    if len(observed) != 2:
+        return tag("td", "")
+    magnitude, slope = observed
+    words = f"magnitude {WORDS[magnitude]}, slope {WORDS[slope]}"
+    return tag(
+        "td",
+        tag("b", GLYPH[magnitude], class_=CLASS[magnitude]),
+        tag("span", f"{magnitude}{slope}"),
+        title=words,
+        class_="fresh" if fresh else None,
+    )

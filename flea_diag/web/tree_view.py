@@ -1,0 +1,79 @@
+"""The diagnosis tree: which feature was asked, which branch its value took, what comes next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from flea_diag.web.history import answers, before_features
+from flea_diag.web.markup import Markup, joined, tag
+from flea_diag.wire.records import AmbiguityGroup
+
+RAREST = 0.05
+"""Branches that are reached less often are not drawn."""
+MOST_NAMES = 5
+DEEPEST = 3
+"""Levels that are drawn below the last answer."""
+
+
+def diagnosis_tree(planner: Callable[..., Any], group: AmbiguityGroup) -> Markup:
+    """Nested list of the tree of an episode; empty where the stand has no features."""
+    if not group.features_available or not group.members:
+        return Markup()
+    asked = [(sign.source, sign.observed) for sign in answers(group)]
+    root = planner(before_features(group), asked=asked, rarest=RAREST)
+    final = tuple(candidate.fault for candidate in group.members)
+    return tag("ul", tag("li", _node(root, asked, final, 0)), class_="tree")
+
+
+def _node(node: Any, asked: list[tuple[str, str]], final: tuple[str, ...], depth: int) -> Markup:
+    """``asked`` are the answers that are still to be followed from here."""
+    if node.feature is None:
+        return _leaf(final if not asked and depth >= 0 else node.faults, taken=depth >= 0)
+    done = bool(asked)
+    words = "computed" if done else "next" if depth == 0 else "then"
+    head = joined(
+        tag("span", words, class_="role"), " ", tag("b", node.feature), _cost(node.expected_cost)
+    )
+    if depth > DEEPEST:
+        return joined(head, tag("span", " …"))
+    return joined(head, tag("ul", *(_branch(b, asked, final, depth) for b in node.branches)))
+
+
+def _cost(cost: float) -> Markup:
+    return tag("span", f" {cost:.3g}", class_="cost", title="expected cost to the leaves, in ms")
+
+
+def _branch(
+    branch: Any, asked: list[tuple[str, str]], final: tuple[str, ...], depth: int
+) -> Markup:
+    taken = bool(asked) and branch.symbol == asked[0][1]
+    edge = tag(
+        "span",
+        f"{'✓ ' if taken else ''}{_symbol(branch.symbol)}",
+        class_="edge",
+        title="the value that was found" if taken else f"expected in {branch.probability:.0%}",
+    )
+    if taken:
+        inner = _node(branch.node, asked[1:], final, 0)
+    elif asked:
+        inner = _leaf(branch.node.faults, taken=False)
+    else:
+        inner = _planned(branch.node, depth + 1)
+    return tag("li", edge, " ", inner, class_="taken" if taken else None)
+
+
+def _planned(node: Any, depth: int) -> Markup:
+    if node.feature is None:
+        return _leaf(node.faults, taken=False)
+    return _node(node, [], (), depth)
+
+
+def _symbol(symbol: str) -> str:
+    return "not computable" if symbol == "?" else symbol.replace("-", "−")
+
+
+def _leaf(faults: tuple[str, ...], taken: bool) -> Markup:
+    names = ", ".join(faults[:MOST_NAMES]) or "no fault of the group"
+    more = f" and {len(faults) - MOST_NAMES} more" if len(faults) > MOST_NAMES else ""
+    return tag("span", names + more, class_="leaf here" if taken else "leaf")

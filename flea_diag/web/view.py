@@ -1,0 +1,180 @@
+"""All panels of the page as text, drawn anew only where what they show has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from flea_diag.operator.state import OperatorState
+from flea_diag.web.answer import answer, chips
+from flea_diag.web.causal_paths import causal_paths
+from flea_diag.web.group_flow import group_flow
+from flea_diag.web.history import before_features
+from flea_diag.web.markup import Markup, joined, tag
+from flea_diag.web.panels import data_quality, dropped, episodes, features, streams
+from flea_diag.web.symbol_matrix import symbol_matrix
+from flea_diag.web.tree_view import diagnosis_tree
+from flea_diag.wire.records import NEVER_NS, AmbiguityGroup
+
+MOST_IN_TREE = 8
+"""A tree of more faults than that is neither legible nor drawn up in no time."""
+NO_EPISODE = "No episode is open."
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What is drawn: the state, the clock of arrivals, and the verdict of the open episode.
+
+    ``episode`` is None without one; it stays the same object while the verdict only repeats.
+    """
+
+    state: OperatorState
+    now_ns: int
+    episode: AmbiguityGroup | None
+
+
+@dataclass(frozen=True)
+class Tools:
+    """What pictures need beside the records: the causal map and the planner of trees."""
+
+    causal_map: Any
+    planner: Callable[..., Any]
+
+
+Draw = Callable[[Shown, Tools], Markup]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One panel: ``rests_on`` is what must change before it is drawn again."""
+
+    name: str
+    title: str
+    css: str
+    draw: Draw
+    rests_on: Callable[[Shown], object]
+
+
+def _answer(shown: Shown, _: Tools) -> Markup:
+    return answer(shown.state)
+
+
+def _answered(shown: Shown) -> object:
+    state = shown.state
+    group = state.group
+    said = (_said(group), group.stale) if group is not None else ()
+    return said, state.detection, state.truth, state.features
+
+
+def _flow(shown: Shown, _: Tools) -> Markup:
+    if shown.episode is None:
+        return _nothing(NO_EPISODE)
+    return joined(group_flow(shown.episode), dropped(shown.episode))
+
+
+def _symbols(shown: Shown, _: Tools) -> Markup:
+    if shown.episode is None:
+        return _nothing(NO_EPISODE)
+    residual = shown.state.residual
+    return symbol_matrix(shown.episode, residual.names if residual is not None else ())
+
+
+def _paths(shown: Shown, tools: Tools) -> Markup:
+    note = (
+        "Lit: from each cause still possible (◆) the shortest way in the model to the residual "
+        "that it explains. Solid: at once, dashed: over time, dotted: read by a residual."
+    )
+    return joined(causal_paths(tools.causal_map, shown.episode), tag("p", note, class_="note"))
+
+
+def _tree(shown: Shown, tools: Tools) -> Markup:
+    group = shown.episode
+    listed = features(shown.state)
+    if group is None:
+        return joined(_nothing(NO_EPISODE), listed)
+    if not group.features_available:
+        return listed
+    count = len(before_features(group))
+    if count > MOST_IN_TREE:
+        words = f"{count} faults are possible: the tree is drawn once there are {MOST_IN_TREE}."
+        return joined(_nothing(words), listed)
+    return joined(diagnosis_tree(tools.planner, group), listed)
+
+
+def _nothing(words: str) -> Markup:
+    return tag("p", words, class_="soft")
+
+
+def _episodes(shown: Shown, _: Tools) -> Markup:
+    return episodes(shown.state)
+
+
+def _quality(shown: Shown, _: Tools) -> Markup:
+    return data_quality(shown.state)
+
+
+def _streams(shown: Shown, _: Tools) -> Markup:
+    return streams(shown.state, shown.now_ns)
+
+
+def _second(shown: Shown) -> object:
+    return shown.now_ns // 1_000_000_000
+
+
+def _episode(shown: Shown) -> object:
+    return _said(shown.episode) if shown.episode is not None else ()
+
+
+def _episode_and_names(shown: Shown) -> object:
+    residual = shown.state.residual
+    return _episode(shown), residual.names if residual is not None else ()
+
+
+def _episode_and_features(shown: Shown) -> object:
+    return _episode(shown), shown.state.features
+
+
+PANELS = (
+    Panel("answer", "", "", _answer, _answered),
+    Panel("group", "Ambiguity group, step by step", "two-thirds scroll", _flow, _episode),
+    Panel("symbols", "Symbols over time", "third scroll", _symbols, _episode_and_names),
+    Panel("causes", "Temporal causal graph", "scroll", _paths, _episode),
+    Panel("tree", "Diagnosis tree and features", "half", _tree, _episode_and_features),
+    Panel("episodes", "Episodes", "half scroll", _episodes, lambda s: s.state.alarms),
+    Panel("quality", "Data quality", "half scroll", _quality, lambda s: s.state.quality),
+    Panel("streams", "Streams and nodes", "half scroll", _streams, _second),
+)
+
+
+class View:
+    """The panels' text, panel by panel; ``drawn`` holds the latest of each."""
+
+    def __init__(self, tools: Tools) -> None:
+        self._tools = tools
+        self._rested_on: dict[str, object] = {}
+        self._episode: AmbiguityGroup | None = None
+        self.drawn: dict[str, str] = {}
+
+    def update(self, state: OperatorState, now_ns: int) -> None:
+        """Draw what has changed."""
+        shown = Shown(state, now_ns, self._open_episode(state.group))
+        self.drawn["chips"] = str(chips(state, now_ns))
+        for panel in PANELS:
+            rests_on = panel.rests_on(shown)
+            if panel.name not in self.drawn or self._rested_on[panel.name] != rests_on:
+                self.drawn[panel.name] = str(panel.draw(shown, self._tools))
+            self._rested_on[panel.name] = rests_on
+
+    def _open_episode(self, group: AmbiguityGroup | None) -> AmbiguityGroup | None:
+        """The verdict of the open episode, the same object as long as it only repeats."""
+        if group is None or group.detected_stamp_ns == NEVER_NS:
+            self._episode = None
+        elif self._episode is None or _said(group) != _said(self._episode):
+            self._episode = group
+        return self._episode
+
+
+def _said(group: AmbiguityGroup) -> tuple[object, ...]:
+    """What differs between two verdicts that say different things; NaN forbids comparing all."""
+    return group.source, group.detected_stamp_ns, group.stamp_ns, group.step, group.outcome

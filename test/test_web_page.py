@@ -1,0 +1,155 @@
+"""The page in a real Chromium, beside a live stand whose screw jams at 8 s."""
+
+from __future__ import annotations
+
+import os
+import signal
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import browser as browsers
+import pytest
+from browser import Browser, chromium
+from live import Peer, Process, node
+
+pytest.importorskip("nicegui", reason="the page needs NiceGUI: pip install nicegui")
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.nodes.web import WebParameters, start
+from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome
+
+MODULE = "flea_diag.nodes.web"
+SAYS_WHERE = "the page is at http://127.0.0.1:"
+ON_THE_PAGE_MS = 300.0
+"""So soon after the scan that caused it a detection stands on the page, where the machine has a
+core for each that wants one."""
+PROMPT_S = 1.5
+"""So soon a page that is opened after the diagnosis shows the verdict."""
+
+
+@pytest.fixture
+def browser() -> Iterator[Browser]:
+    if browsers.missing():
+        pytest.skip(browsers.missing())
+    with chromium() as opened:
+        yield opened
+
+
+@pytest.fixture
+def serve(domain: int, tmp_path: Path) -> Callable[..., Process]:
+    """Starts the page's node; all share one journal."""
+    journal = f"journal:={tmp_path / 'alarms.sqlite'}"
+
+    def served(port: int = 0) -> Process:
+        given = (f"port:={port}", journal, "author:=Ada")
+        return Process(node(MODULE, *(text for pair in given for text in ("-p", pair))), domain)
+
+    return served
+
+
+def port_of(web: Process) -> int:
+    """Where the page is served."""
+    told = web.wait_for(SAYS_WHERE).partition(SAYS_WHERE)[2]
+    return int(told.partition("/")[0])
+
+
+def test_a_jam_from_the_first_scan_to_the_last_comment(
+    domain: int, serve: Callable[..., Process], browser: Browser
+) -> None:
+    daq = node(
+        "flea_sim_driver.daq_node", "-p", "fault:=jam", "-p", "fault_onset_s:=8.0",
+        "-p", "duration_s:=16.0", "-p", "wait_for_subscribers:=2",
+    )  # fmt: skip
+    with Peer(domain) as peer, Process(node("flea_diag.nodes.diagnoser"), domain), serve() as web:
+        port = port_of(web)
+        browser.open(f"http://127.0.0.1:{port}/")
+        browser.until_text("#panel-answer", "NO VERDICT YET")
+        peer.listen(Detection, AmbiguityGroup)
+        with Process(daq, domain):
+            browser.until_text("#panel-answer", "NOMINAL")
+            browser.until_text(".chips", "LIVE")
+            assert "No episode" in browser.text("#panel-group")
+            the_detection_is_on_the_page_at_once(peer, browser)
+            the_pictures_show_it(peer, browser)
+            assert browser.foreign(f"127.0.0.1:{port}") == []
+            people_say_something(browser)
+            the_page_survives_its_server(serve, web, port, browser)
+        browser.until_text(".chips", "STALE")
+        browser.until_text("#panel-answer", "this is the last verdict")
+
+
+def the_detection_is_on_the_page_at_once(peer: Peer, browser: Browser) -> None:
+    flag = peer.find(lambda r: isinstance(r, Detection) and r.detected)
+    browser.until("'DETECTED' in seen")
+    crowd = max(os.getloadavg()[0] / len(os.sched_getaffinity(0)), 1.0)
+    late_ms = browser.run("seen.DETECTED") - flag.stamp_ns / 1e6
+    assert 0.0 < late_ms < ON_THE_PAGE_MS * crowd
+
+
+def the_pictures_show_it(peer: Peer, browser: Browser) -> None:
+    last = peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.outcome is Outcome.ISOLATED)
+    browser.until_text("#panel-answer", last.words)
+    browser.until_text("#panel-group", "jam 100%")
+    browser.until_text("#panel-symbols", "parity_mechanical")
+    browser.until_text("#panel-tree", last.features_computed[0])
+    assert browser.run("document.querySelectorAll('#panel-causes .node.lit').length") >= 3
+    charts = browser.run("[...document.querySelectorAll('.strip b')].map(e => e.textContent)")
+    assert {"motor_current", "parity_mechanical", "accelerometer_2_z"} <= set(charts)
+    browser.until(f"{INKED} > 200")
+    before = browser.frames()
+    browser.run("document.getElementById('panel-channel').scrollIntoView()")
+    browser.until(f"Math.max(...{FRAMES}) > {before + 10}")
+
+
+FRAMES = "[...document.querySelectorAll('.strips')].map(e => e.frames || 0)"
+INKED = """(() => {
+  const c = document.querySelector('#panel-residual canvas');
+  const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+  let n = 0; for (let k = 3; k < d.length; k += 4) n += d[k] > 0; return n; })()"""
+"""Pixels of the first residual's chart that are drawn on."""
+
+
+def people_say_something(browser: Browser) -> None:
+    """With the keyboard alone; what they write is text, whatever it looks like."""
+    browser.press("c")
+    browser.until("document.activeElement.tagName === 'TEXTAREA'")
+    browser.press("<b>nut is hot</b>", "\ue007")
+    browser.until_text("#panel-episodes", "Ada: <b>nut is hot</b>")
+    browser.until("!document.querySelector('.q-dialog__backdrop')")
+    browser.press("a")
+    browser.until_text("#panel-episodes", "acknowledged")
+    browser.until("!document.querySelector('.chips').innerText.includes('not acknowledged')")
+
+
+def the_page_survives_its_server(
+    serve: Callable[..., Process], web: Process, port: int, browser: Browser
+) -> None:
+    web.signal(signal.SIGKILL)
+    browser.until_text("#lost", "DISCONNECTED since")
+    with serve(port) as again:
+        again.wait_for(SAYS_WHERE)
+        browser.until("!document.body.classList.contains('lost') && 'ISOLATED' in seen")
+        browser.until_text("#panel-episodes", "nut is hot")
+        browser.open(f"http://127.0.0.1:{port}/")
+        browser.until_text("#panel-answer", "ISOLATED", PROMPT_S)
+        assert again.signal(signal.SIGINT)[0] == 0
+
+
+# --- what it refuses ------------------------------------------------------------------------
+
+
+def test_the_node_says_why_it_does_not_start(domain: int, serve: Callable[..., Process]) -> None:
+    with serve() as first:
+        port = port_of(first)
+        answer = urllib.request.urlopen(f"http://127.0.0.1:{port}/")
+        assert "default-src 'self'" in answer.headers["content-security-policy"]
+        with serve(port) as second:
+            assert second.end() == 2
+    assert f"port = {port}: cannot be served" in second.output
+    assert "Traceback" not in second.output
+
+
+def test_the_network_needs_a_token_file() -> None:
+    with pytest.raises(ConfigurationError, match="opens the page to the network"):
+        start(None, WebParameters(address="0.0.0.0"))  # type: ignore[arg-type]

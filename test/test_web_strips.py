@@ -1,0 +1,86 @@
+"""Strip charts lose no peak, stay as small as they are, and begin anew with a new run."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flea_diag.web.strips import KEPT_NS, STRETCH_NS, StripCharts
+from flea_diag.wire.records import ChannelInfo, ChannelTable, Residual, Scan
+
+PERIOD_NS = 10_000_000
+EACH = STRETCH_NS["channel"] // PERIOD_NS
+START_NS = 1_700_000_000 * 10**9
+
+
+def scan(k: int, *values: float, names: tuple[str, ...] = ("a", "b")) -> Scan:
+    return Scan(START_NS + k * PERIOD_NS, names, values)
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=3 * EACH, max_size=8 * EACH))
+def test_each_stretch_has_the_least_and_the_largest_of_its_samples(values: list[float]) -> None:
+    charts = StripCharts()
+    for k, value in enumerate(values):
+        charts.take(scan(k, value, -value))
+    rows = charts.after("channel", -1)
+    whole = len(values) // EACH
+    assert len(rows) >= whole - 1
+    for k, (stretch, row) in enumerate(rows):
+        part = np.array(values[k * EACH : (k + 1) * EACH])
+        assert stretch == START_NS // STRETCH_NS["channel"] + k
+        expected = [part.min(), part.max(), (-part).min(), (-part).max()]
+        np.testing.assert_allclose(row[:4], expected, rtol=1e-4, atol=1e-300)
+
+
+def test_only_new_rows_are_given_and_only_a_minute_is_kept() -> None:
+    charts = StripCharts()
+    for k in range(2 * KEPT_NS // PERIOD_NS):
+        charts.take(scan(k, 1.0, 2.0))
+    rows = charts.after("channel", -1)
+    assert len(rows) == KEPT_NS // STRETCH_NS["channel"]
+    assert [row[0] for row in charts.after("channel", rows[-3][0])] == [rows[-2][0], rows[-1][0]]
+
+
+def test_a_value_that_is_missing_is_said_so_and_hides_no_other() -> None:
+    charts = StripCharts()
+    for k in range(2 * EACH + 1):
+        charts.take(scan(k, math.nan, math.nan if k % 2 else 5.0))
+    assert charts.after("channel", -1)[0][1][:4] == [None, None, 5.0, 5.0]
+
+
+def test_estimates_and_limits_go_with_their_charts() -> None:
+    charts = StripCharts()
+    charts.take(ChannelTable(0, "stand", (ChannelInfo("b", "A", -1.0, 1.0, 100.0),)))
+    for k in range(3 * EACH):
+        stamp_ns = START_NS + k * PERIOD_NS
+        charts.take(
+            Residual(
+                stamp_ns, ("r",), (0.1,), (2.0,), (5.5,), estimated=("b",), estimates=(7.0,),
+                estimate_sigmas=(0.5,),
+            )
+        )  # fmt: skip
+        charts.take(scan(k, 1.0, 2.0))
+    a, b = charts.description("channel")
+    row = charts.after("channel", -1)[-1][1]
+    assert (row[b["estimate"]], row[b["sigma"]], row[a["estimate"]]) == (7.0, 0.5, None)
+    assert (a["unit"], b["unit"]) == ("", "A")
+    (r,) = charts.description("residual")
+    row = charts.after("residual", -1)[-1][1]
+    assert (row[r["low"]], row[r["high"]], row[r["limit"]]) == (2.0, 2.0, 5.5)
+
+
+def test_a_new_run_and_other_channels_begin_anew() -> None:
+    charts = StripCharts()
+    for k in range(500, 500 + 3 * EACH):
+        charts.take(scan(k, 1.0, 2.0))
+    before = charts.generation
+    charts.take(scan(500, 1.0, 2.0))  # a little late: passed over
+    assert charts.generation == before
+    charts.take(scan(0, 1.0, 2.0))
+    assert charts.generation == before + 1
+    assert charts.after("channel", -1) == []
+    charts.take(scan(1, 1.0, names=("a",)))
+    assert charts.generation == before + 2
