@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from flea_diag.configuration import load_features
-from flea_diag.core.diagnosis_tree import Node, build, follow, leaves, render
+from flea_diag.core.diagnosis_tree import Node, asked_tree, build, follow, leaves, render
 from flea_diag.core.fault_group import entropy, normalised, refine
 from flea_diag.core.feature_choice import STRATEGIES, FeatureChooser, Rules, next_feature
 from flea_diag.core.feature_table import FaultFeatureTable
@@ -260,3 +260,30 @@ def test_a_fault_that_is_all_but_certain_is_no_trouble_to_plan_for() -> None:
     for rest in (0.0, 5e-324, 1e-300, 1e-17):
         group = {"jam": 1.0, "ball_nut_friction": rest, "spall": rest}
         assert build(group, FeatureChooser(shipped)).expected_cost >= 0.0
+
+
+@pytest.mark.parametrize("truth", DRAG)
+def test_a_tree_along_answers_ends_where_the_answers_led(truth: str) -> None:
+    chooser = FeatureChooser(WORKED, "optimal", EXACT)
+    group = dict.fromkeys(tuple(ROWS), 1.0)
+    symbol_of = dict(zip(COLUMNS, ROWS[truth], strict=True))
+    left, features = follow(group, chooser, symbol_of.__getitem__)
+    asked = [(feature, symbol_of[feature]) for feature in features]
+    node = asked_tree(group, chooser, asked)
+    for feature, symbol in asked:
+        assert node.feature == feature
+        node = next(branch.node for branch in node.branches if branch.symbol == symbol)
+    assert (set(node.faults), node.feature) == (set(left), None)
+
+
+def test_a_tree_goes_on_as_planned_after_an_answer_that_never_came() -> None:
+    chooser = FeatureChooser(WORKED, "optimal", EXACT)
+    group = dict.fromkeys(DRAG, 1.0)
+    first = chooser.next(normalised(group))
+    assert first is not None
+    (unanswered,) = [
+        b for b in asked_tree(group, chooser, [(first, "?")]).branches if b.symbol == "?"
+    ]
+    assert set(unanswered.node.faults) == set(DRAG)
+    assert unanswered.node.feature == chooser.next(normalised(group), (first,))
+    assert asked_tree(group, chooser, ()) == build(group, chooser)
