@@ -114,24 +114,6 @@ def test_the_window_nearest_to_its_limit_speaks():
     assert results.symbol(THERMAL) == "0"
 
 
-def test_noise_is_a_ratio_on_a_logarithmic_scale():
-    j = RESIDUAL_INDEX["motor_temperature_noise"]
-    test = detector(limit("motor_temperature_noise", {50: 0.1}, nominal=0.4), noise_log=0.3)
-    for level, z in ((0.4, 0.0), (1.2, math.log(3.0)), (0.0, math.log(1e-3))):
-        for _ in range(50):
-            results = test.step(sample({"motor_temperature_noise": level}, speed=0.0))
-        assert results.z[0, j] == pytest.approx(z / math.hypot(0.1, 0.3)), level
-
-
-def test_one_sample_decides_on_a_jump():
-    j = RESIDUAL_INDEX["actuator_position"]
-    test = detector(limit("actuator_position", {1: 1e-4}, k=8.0, centre=(1e-5,) * 3))
-    assert not test.step(sample({"actuator_position": 5e-4})).deviating()[0, j]
-    results = test.step(sample({"actuator_position": -2e-3}))
-    assert results.z[0, j] == pytest.approx(-20.1)
-    assert results.symbol(j) == "-"
-
-
 def test_adopting_a_parameter_is_as_if_it_had_been_known():
     spread = (0.0,) * 6 + (-170.0,)
     tolerance = (1e-9,) * 6 + (0.15,)

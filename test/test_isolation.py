@@ -67,8 +67,22 @@ ROWS = [
         "motor_current_noise",
         "+",
         OUT,
-        {"motor_current_noise", "motor_current_dropout", "motor_current_scaling"},
+        {"motor_current_noise", "motor_current_dropout"},
         {"jam", "motor_current_dead", "motor_current_bias", "load_force_noise"},
+    ),
+    (
+        "motor_temperature_stuck",
+        "+",
+        OUT,
+        {"motor_temperature_dead"},
+        {"motor_temperature_dropout", "motor_temperature_bias", "motor_current_dead", "jam"},
+    ),
+    (
+        "motor_current_dropout",
+        "+",
+        OUT,
+        {"motor_current_dropout"},
+        {"motor_current_noise", "motor_current_dead", "load_force_dropout"},
     ),
     ("motor_current_noise", "-", OUT, {"motor_current_dead"}, {"motor_current_noise", "jam"}),
 ]  # fmt: skip
@@ -194,11 +208,13 @@ def test_faults_defined_by_a_symptom_go_when_it_stays_out():
 
 def test_faults_defined_by_a_symptom_stay_when_it_shows():
     isolation = fresh()
-    isolation.require(9, {"motor_current_noise": "+", "motor_temperature_noise": "-"}, ())
-    assert {"motor_current_noise", "motor_current_dropout", "motor_temperature_dead"} <= alive(
-        isolation
-    )
-    assert not {"motor_current_dead", "load_force_noise"} & alive(isolation)
+    seen = ("motor_current_noise", "load_force_dropout", "nut_temperature_stuck")
+    symbols = dict.fromkeys(seen, "+") | {"motor_temperature_noise": "-"}
+    isolation.require(9, symbols, ())
+    kept = {"motor_current_noise", "load_force_dropout", "motor_temperature_dead"}
+    assert {*kept, "nut_temperature_dead"} <= alive(isolation)
+    gone = {"motor_current_dead", "motor_current_dropout", "load_force_noise"}
+    assert not gone & alive(isolation)
 
 
 def test_a_feature_leaves_what_it_names():

@@ -95,9 +95,9 @@ def test_no_limit_where_nothing_can_be_learned(columns):
 def test_a_stand_gets_limits_for_what_it_can_form_and_for_nothing_else():
     have = {limit.name for limit in stands.calibration().limits}
     assert {"parity_mechanical", "parity_electrical_dn", "motor_temperature"} <= have
-    assert not have & {"parity_kinematic", "parity_drive", "parity_speed", "motor_speed_noise"}
+    assert not have & {"parity_kinematic", "parity_drive", "parity_speed"}
     whole = {limit.name for limit in stands.calibration(ema.CHANNELS).limits}
-    assert {"parity_kinematic", "parity_drive", "parity_speed", "load_position"} <= whole
+    assert {"parity_kinematic", "parity_drive", "parity_speed"} <= whole
 
 
 def test_bad_stretches_are_found_left_out_and_named():

@@ -21,6 +21,7 @@ from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residual import UNIT_PARAMETERS
 from flea_diag.core.residual_bank import RESIDUALS
+from flea_diag.core.sensor_limits import SensorLimit
 from flea_diag.errors import CalibrationError
 
 Array = npt.NDArray[np.float64]
@@ -69,6 +70,7 @@ class Calibration:
     sources: tuple[str, ...]
     bad_stretches: tuple[BadStretch, ...] = ()
     observer_noise: ObserverNoise = field(default_factory=ObserverNoise)
+    sensors: tuple[SensorLimit, ...] = ()
 
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
@@ -271,7 +273,8 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "nominal_s": _positive,
     "sources": _texts,
     "bad_stretches": _stretches,
+    "sensors": lambda value: tuple(SensorLimit.from_mapping(entry) for entry in _list(value)),
     "observer_noise": _numbers_of(ObserverNoise, [f.name for f in fields(ObserverNoise)]),
 }
-LATER = ("observer_noise",)
+LATER = ("observer_noise", "sensors")
 """Entries that files of this schema may lack."""

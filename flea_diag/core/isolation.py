@@ -29,10 +29,18 @@ JUMP_RESIDUALS = ("actuator_position", "load_position")
 """Innovations over three samples. The position of a mass cannot jump: no fault of the plant
 has an effect of order 0 on it, so only the sensor's own faults move these."""
 JUMP_MODES = ("bias", "scaling", "dead", "dropout", "noise")
-NOISE_SYMBOLS = {"noise": "+", "dropout": "*", "dead": "-", "scaling": "*"}
-"""How the modes of a sensor fault move that sensor's own noise level."""
-DEFINED_BY_NOISE = {"noise": "+-", "dropout": "+-", "dead": "-"}
-"""Modes that are a change of noise, and its possible signs: without it they are ruled out."""
+OWN_TESTS: Mapping[str, Mapping[str, str]] = {
+    "noise": {"noise": "+", "dropout": "*", "dead": "-"},
+    "stuck": {"dead": "+"},
+    "dropout": {"dropout": "+"},
+}
+"""How the modes of a sensor fault move the tests of that sensor alone (``sensor_tests``)."""
+DEFINED_BY = {
+    "noise": (("noise", "+"),),
+    "dropout": (("dropout", "+"),),
+    "dead": (("stuck", "+"), ("noise", "-")),
+}
+"""Modes that such a test defines: without one of these symbols they are ruled out in time."""
 MOTION_TELLS = ("actuator_position", "load_position", "motor_speed")
 """Channels whose death motion itself tells: a reading that goes on moving is not dead."""
 
@@ -158,9 +166,9 @@ class Isolation:
     def _predictions(
         self, fault: Fault, residual: str, visited: tuple[Quadrant, ...]
     ) -> Iterable[FaultSignature]:
-        if residual.endswith("_noise"):
-            symbol = NOISE_SYMBOLS.get(fault.mode, "0")
-            yield _own(fault, (residual.removesuffix("_noise"),), symbol, "noise")
+        channel, _, test = residual.rpartition("_")
+        if test in OWN_TESTS:
+            yield _own(fault, (channel,), OWN_TESTS[test].get(fault.mode, "0"), test)
             return
         if residual in JUMP_RESIDUALS:
             yield _own(fault, (residual,), "*" if fault.mode in JUMP_MODES else "0", "jump")
@@ -181,16 +189,20 @@ class Isolation:
         the magnitudes seen so far; ``moved`` the channels that moved since the detection.
         """
         for hypothesis in self.alive():
-            fault, noise = hypothesis.fault, f"{hypothesis.fault.channel}_noise"
+            fault = hypothesis.fault
+            defining = DEFINED_BY.get(fault.mode, ())
+            tests = [f"{fault.channel}_{test}" for test, _ in defining]
+            source, seen = (tests or [""])[0], [symbols.get(test, "0") for test in tests]
             if fault.mode == "dead" and fault.channel in MOTION_TELLS:
-                ruled_out, words = fault.channel in moved, f"{fault.channel} goes on moving"
+                source, words = fault.channel, f"{fault.channel} goes on moving"
+                ruled_out = fault.channel in moved
             else:
-                signs = DEFINED_BY_NOISE.get(fault.mode)
-                ruled_out = signs is not None and symbols.get(noise, "0") not in signs
-                words = f"the noise of {fault.channel} is not that of a sensor with {fault.mode}"
+                words = f"{fault.channel} does not read as one with {fault.mode} would"
+                wanted = [symbol for _, symbol in defining]
+                ruled_out = bool(defining) and not any(map(str.__eq__, seen, wanted))
             if ruled_out:
-                observed = symbols.get(noise, "0")
-                hypothesis.add(Finding(stamp_ns, noise, observed, "", False, words))
+                found = Finding(stamp_ns, source, "".join(seen[:1]), "", False, words)
+                hypothesis.add(found)
         self.share_out()
 
     def weigh(self, stamp_ns: int, fits: Sequence[Fit], drop_nats: float) -> None:

@@ -1,8 +1,9 @@
-"""From scans to every residual: parity relations, thermal models, innovations, noise levels.
+"""From scans to every residual: parity relations and thermal models.
 
 ``RESIDUALS`` is the whole set, one row each; a new residual is a row here and, for a parity
 relation, a row in ``residual.PARITIES``. The bank keeps what streaming needs (the last rows,
-thermal states) and nothing of detection. It takes one row or many, to the same last bit.
+thermal states) and nothing of detection. It takes one row or many, to the same last bit. What
+a sensor shows by itself is in ``sensor_tests``; its rows are here, and filled in there.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.position_jump import LENGTH, TRACE, position_jumps, traced
 from flea_diag.core.residual import PARITIES, SPEED, UNIT_PARAMETERS, Parity, Signals, Value
+from flea_diag.core.sensor_tests import NAMES as SENSOR_TESTS
+from flea_diag.core.sensor_tests import channel_of
 from flea_diag.core.smoothing import Smoother
 from flea_diag.core.thermal import ThermalNode
 
@@ -37,19 +39,6 @@ CHANNELS = (
 """Channels that the diagnosis reads, in the order of every row in this module."""
 INDEX = {name: index for index, name in enumerate(CHANNELS)}
 
-NOISE_CHANNELS = {
-    "motor_current": "moving",
-    "motor_speed": "moving",
-    "actuator_position": "moving",
-    "load_position": "moving",
-    "load_force": "moving",
-    "motor_temperature": "always",
-    "nut_temperature": "always",
-}
-"""Channels whose noise is watched, and when: that of current and load comes with motion."""
-JUMP_CHANNELS = ("actuator_position", "load_position")
-JUMP_DELAY = 3
-"""Scans until a jump shows: by so many the noise of these channels is held back."""
 INNOVATION_CHANNELS = ("motor_current", "motor_speed", "actuator_position")
 """Channels whose prediction by the state observer is tested."""
 
@@ -58,9 +47,9 @@ INNOVATION_CHANNELS = ("motor_current", "motor_speed", "actuator_position")
 class ResidualRow:
     """One residual: its unit, the channels it needs, and when it may be tested.
 
-    ``gate`` is "moving" where the excitation of motion is needed, else "always". ``windows``
-    are the numbers of samples over which it is averaged before a test. What does not isolate
-    detects, but makes no symbol.
+    ``gate`` is "moving" where the excitation of motion is needed, "always" where not, and
+    "sensor" where ``sensor_tests`` judge it. ``windows`` are the numbers of samples over which
+    it is averaged before a test. What does not isolate detects, but makes no symbol.
     """
 
     name: str
@@ -73,7 +62,6 @@ class ResidualRow:
 
 PARITY_WINDOWS = (50, 100, 400)
 THERMAL_WINDOWS = (50, 100, 400)
-NOISE_WINDOWS = (50, 100, 400)
 
 
 def _parity_row(row: Parity) -> ResidualRow:
@@ -92,14 +80,12 @@ RESIDUALS: tuple[ResidualRow, ...] = (
     ResidualRow("motor_temperature", "K", ("motor_temperature",), "always", THERMAL_WINDOWS),
     ResidualRow("nut_temperature", "K", ("nut_temperature",), "always", THERMAL_WINDOWS),
     ResidualRow("ambient_temperature", "K", ("ambient_temperature",), "always", THERMAL_WINDOWS),
-    *(ResidualRow(name, "m", (name,), "jump", (1,)) for name in JUMP_CHANNELS),
-    *(
-        ResidualRow(f"{name}_noise", "1", (name,), gate, NOISE_WINDOWS)
-        for name, gate in NOISE_CHANNELS.items()
-    ),
+    *(ResidualRow(name, "1", (channel_of(name),), "sensor", (1,)) for name in SENSOR_TESTS),
     *(row for channel in INNOVATION_CHANNELS for row in _innovation_rows(channel)),
 )
 RESIDUAL_INDEX = {row.name: index for index, row in enumerate(RESIDUALS)}
+SENSOR_COLUMNS = [j for j, row in enumerate(RESIDUALS) if row.gate == "sensor"]
+"""Filled by ``sensor_tests``, in its own order."""
 INNOVATION_INDEX = {name: at for name, at in RESIDUAL_INDEX.items() if name.startswith("innov")}
 """Filled by the state observer, not by the bank."""
 SPREAD_ROWS = tuple(RESIDUAL_INDEX[row.name] for row in PARITIES if row.sensitivity is not None)
@@ -151,12 +137,11 @@ class ResidualBank:
 
         ``frozen`` stops every correction.
         """
-        recent, smooth = self._smoother.push(rows)
+        _, smooth = self._smoother.push(rows)
         values = np.full((len(rows), len(RESIDUALS)), np.nan)
         signals = self._signals(rows, smooth, frozen, values)
         spread = np.zeros((len(rows), len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
         self._parities(signals, values, spread)
-        _noise_and_jumps(recent, values)
         moving = np.empty(len(rows), dtype=bool)
         moving[:] = (abs(signals.speed_m_s) > self._moving_m_s) | (
             abs(signals.position_rate_m_s) > self._moving_m_s
@@ -233,11 +218,6 @@ class ResidualBank:
 
 _RELATIONS = tuple(dict.fromkeys(row.relation for row in PARITIES))
 _SENSITIVITIES = tuple(dict.fromkeys(r.sensitivity for r in PARITIES if r.sensitivity is not None))
-_JUMPS = np.array([RESIDUAL_INDEX[name] for name in JUMP_CHANNELS])
-_JUMP_COLUMNS = np.array([INDEX[name] for name in JUMP_CHANNELS])
-_NOISE = np.array([RESIDUAL_INDEX[f"{name}_noise"] for name in NOISE_CHANNELS])
-_NOISE_COLUMNS = np.array([INDEX[name] for name in NOISE_CHANNELS])
-_HELD = np.array([list(NOISE_CHANNELS).index(name) for name in JUMP_CHANNELS])
 
 
 def _columns(smooth: Array) -> Any:
@@ -245,27 +225,3 @@ def _columns(smooth: Array) -> Any:
     if len(smooth) == 1:
         return smooth[0].tolist()
     return np.ascontiguousarray(smooth.transpose(1, 2, 0))
-
-
-def _noise_and_jumps(recent: Array, values: Array) -> None:
-    """Jumps of each position, and the noise of channels as far as it is not a jump's own trace.
-
-    The noise of positions is held back by as many samples as a jump takes to show.
-    """
-    count = len(values)
-    positions = recent[-(count + LENGTH + TRACE - 2) :].take(_JUMP_COLUMNS, axis=1)
-    jumps = position_jumps(positions)
-    values[:, _JUMPS] = jumps[TRACE - 1 :]
-    noise = _noise(recent[-(count + JUMP_DELAY + 3) :].take(_NOISE_COLUMNS, axis=1))
-    held = np.where(traced(jumps), np.nan, noise[:count, _HELD])
-    noise = noise[JUMP_DELAY:]
-    noise[:, _HELD] = held
-    values[:, _NOISE] = noise
-
-
-def _noise(rows: Array) -> Array:
-    """Noise level of each channel at each row but the first three."""
-    # Third difference over sqrt(20): blind to motion, unit gain for white noise.
-    third = rows[3:] - 3.0 * rows[2:-1] + 3.0 * rows[1:-2] - rows[:-3]
-    level: Array = np.abs(third) / math.sqrt(20.0)
-    return level

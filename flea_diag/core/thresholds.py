@@ -104,6 +104,8 @@ def limits(
     """
     found = []
     for index, row in enumerate(RESIDUALS):
+        if row.gate == "sensor":
+            continue
         columns = [_gated(row, index, entry) for entry in traces]
         columns = [(values, speed) for values, speed in columns if len(values) >= row.windows[0]]
         if len(columns) < 2:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flea_diag.core.calibration import Calibration
-from flea_diag.core.residual_bank import RESIDUALS
+from flea_diag.core.residual_bank import RESIDUALS, ResidualRow
 from flea_diag.stages.channels import Channels
 from flea_diag.stages.deviation import Deviation
 from flea_diag.stages.residual_stream import REGRESSOR_NAMES, ResidualStream, Tested
@@ -71,7 +71,7 @@ class ObserverStage:
         self._calibration = calibration
         self._parameters = parameters
         self._tested = np.array(
-            [j for j, row in enumerate(RESIDUALS) if calibration.limit(row.name) is not None]
+            [j for j, row in enumerate(RESIDUALS) if _is_tested(row, calibration)]
         )
         self._names = tuple(RESIDUALS[j].name for j in self._tested)
         self._table: ChannelTable | None = None
@@ -91,6 +91,8 @@ class ObserverStage:
         p = self._parameters
         estimate = StateEstimate(c, p.state_observer, p.observer_seed, p.observer_backend)
         self._stream = ResidualStream(c, estimate, p.warm_up_s, stamp_ns)
+        if self._table is not None:
+            self._stream.take_ranges(self._table)
         self._deviation.forget()
 
     def handle(self, record: Record) -> tuple[Record, ...]:
@@ -100,6 +102,7 @@ class ObserverStage:
         if isinstance(record, ChannelTable):
             self._table = record
             self._channels.take_ranges(record)
+            self._stream.take_ranges(record)
         return ()
 
     def handle_block(self, block: ScanBlock) -> tuple[int, tuple[ResidualBlock, ...]]:
@@ -185,3 +188,10 @@ class ObserverStage:
             return ()
         self._stream.turn(opened=False)
         return (self._deviation.close(self._order.last_ns, "reset"),)
+
+
+def _is_tested(row: ResidualRow, calibration: Calibration) -> bool:
+    """Whether this stand has limits for a residual."""
+    if row.gate == "sensor":
+        return any(limit.has(row.name) for limit in calibration.sensors)
+    return calibration.limit(row.name) is not None

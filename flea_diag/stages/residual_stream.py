@@ -11,27 +11,31 @@ from flea_diag.core.calibration import Calibration
 from flea_diag.core.detection import Detector, TestResults
 from flea_diag.core.fault_models import REGRESSORS
 from flea_diag.core.plausibility import VoltagePlausibility
-from flea_diag.core.position_jump import LENGTH
+from flea_diag.core.position_step import SPAN
 from flea_diag.core.regressors import TEMPERATURES, regressors
 from flea_diag.core.residual import SPEED, UNIT_PARAMETERS
 from flea_diag.core.residual_bank import (
+    CHANNELS,
     INDEX,
     INNOVATION_INDEX,
     RESIDUAL_INDEX,
     RESIDUALS,
+    SENSOR_COLUMNS,
     SPREAD_ROWS,
     ResidualBank,
     ResidualRows,
 )
+from flea_diag.core.sensor_tests import SensorTests
 from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.core.unit_offsets import OffsetLearning
 from flea_diag.stages.state_estimate import StateEstimate, Told
+from flea_diag.wire.records import ChannelTable
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-SPEED_SCANS = KERNEL_LENGTH + LENGTH
-"""Scans that a jump of the position is seen in as a speed."""
+SPEED_SCANS = KERNEL_LENGTH + SPAN
+"""Scans that a step of the position is seen in as a speed."""
 ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
 POSITION = RESIDUAL_INDEX["actuator_position"]
 VOLTAGE_COLUMNS = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
@@ -81,8 +85,14 @@ class ResidualStream:
         }
         self._learn_until_ns = start_ns + round(warm_up_s * 1e9)
         self._speed_wait = 0
-        jump = c.limit("actuator_position")
-        self._jump_m = jump.windows[0].k * jump.windows[0].sigma[0] if jump else np.inf
+        self._sensors = SensorTests(c.sensors, CHANNELS)
+        self._period_ns = round(c.period_s * 1e9)
+        self._last_ns = start_ns
+
+    def take_ranges(self, table: ChannelTable) -> None:
+        """A reading that stands at the end of its range is clipped, not held."""
+        for row in table.channels:
+            self._sensors.bound(row.name, row.minimum, row.maximum)
 
     def alike(self, stamps_ns: npt.NDArray[np.int64]) -> int:
         """How many of these scans may come in one block: the warm-up ends with a single one."""
@@ -93,6 +103,7 @@ class ResidualStream:
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
         self._bank.interrupt()
+        self._sensors.interrupt()
         self._estimate.interrupt()
 
     def turn(self, opened: bool) -> None:
@@ -101,7 +112,9 @@ class ResidualStream:
 
     def step(self, stamps_ns: npt.NDArray[np.int64], rows: Array, frozen: bool) -> Tested:
         """Take n scans, rows of usable values; ``frozen`` stops thermal corrections."""
+        rows, sensors = self._test_sensors(stamps_ns, rows)
         residuals = self._bank.step(rows, frozen)
+        residuals.values[:, SENSOR_COLUMNS] = sensors
         alone = np.empty(len(rows), dtype=bool)
         alone[:] = np.isnan(residuals.signals.commanded_voltage_v)
         usable, trusted, turned = self._judge_voltage(residuals, alone)
@@ -111,11 +124,28 @@ class ResidualStream:
         self._distrust_speed(residuals)
         self._learn(residuals, int(stamps_ns[0]))
         results = self._detector.step(residuals)
+        results.z[:, SENSOR_COLUMNS], results.k[:, SENSOR_COLUMNS] = sensors, self._sensors.k
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;
         # what alternates with the motion (direction-normalised) still is one.
         results.z[alone, ELECTRICAL] = np.nan
         found = self._regressors(rows, residuals)
         return Tested(residuals, results, found, trusted, turned, told)
+
+    def _test_sensors(self, stamps_ns: npt.NDArray[np.int64], rows: Array) -> tuple[Array, Array]:
+        """Readings that may be used, and the tests of each sensor by itself.
+
+        A lost scan is a row of nothing to them: a step across it is none.
+        """
+        apart = np.diff(stamps_ns, prepend=self._last_ns) / self._period_ns
+        self._last_ns = int(stamps_ns[-1])
+        places = np.cumsum(np.clip(np.rint(apart), 1, 2 * SPAN).astype(np.int64)) - 1
+        if places[-1] + 1 == len(rows):
+            tested = self._sensors.step(rows)
+            return tested.usable, tested.z
+        whole = np.full((int(places[-1]) + 1, rows.shape[1]), np.nan)
+        whole[places] = rows
+        tested = self._sensors.step(whole)
+        return tested.usable[places], tested.z[places]
 
     def _judge_voltage(self, residuals: ResidualRows, alone: Flags) -> tuple[Flags, Flags, int]:
         """Whether what rests on the voltage may be used, where motion alone can belie it.
@@ -138,7 +168,7 @@ class ResidualStream:
         """A position that has just jumped reads as a speed for as long as the kernel sees it."""
         if self._bank.has_encoder:
             return
-        jumped = np.abs(residuals.values[:, POSITION]) > self._jump_m
+        jumped = np.abs(residuals.values[:, POSITION]) > 1.0
         if not self._speed_wait and not jumped.any():
             return
         wrong = np.array([self._reads_wrong(jump) for jump in jumped.tolist()])

@@ -168,6 +168,8 @@ def calibrate(
     from flea_diag.core import identification, innovation_residual, thresholds
     from flea_diag.core.calibration import Calibration, Run
     from flea_diag.core.parameters import UnitTolerance
+    from flea_diag.core.residual_bank import INDEX
+    from flea_diag.core.sensor_limits import RESOLUTIONS, sensor_limits
     from flea_diag.core.smoothing import KERNEL_LENGTH
 
     if len(recordings) < 2:
@@ -206,6 +208,11 @@ def calibrate(
             stretch for traced in traces for stretch in thresholds.stretches(traced, first.period_s)
         ),
         observer_noise=watched.noise,
+        sensors=sensor_limits(
+            [{name: run.rows[:, INDEX[name]] for name in RESOLUTIONS} for run in runs],
+            false_alarms_per_hour,
+            first.period_s,
+        ),
     )
 
 

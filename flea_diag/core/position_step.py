@@ -1,0 +1,54 @@
+"""A sudden step of a position: no mass makes one, so a sensor does.
+
+Two estimates of the step between two scans are held against each other, and the smaller one
+counts, if both agree in sign: the difference of straight lines through ``SPAN`` scans before
+and after, and that of medians of three, which one outlier does not move. Taking a line on
+both sides leaves a constant acceleration out. A mass that stops dead changes its speed
+within a scan: what that can look like is taken off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+SPAN = 6
+"""Scans on either side of a step; so many scans after it, it is known."""
+_OUT = np.arange(SPAN) + 0.5
+_LINE = np.linalg.pinv(np.stack((np.ones(SPAN), _OUT), axis=1))
+LEVEL, SLOPE = _LINE[0].tolist(), _LINE[1].tolist()
+"""Weights of a line's value at its nearer end, and of its slope, from the inside outwards."""
+
+
+def position_steps(values: Array) -> Array:
+    """Step in the middle of each 2 SPAN scans, shape (n,) gives (n - 2 SPAN + 1,).
+
+    NaN where a reading is missing, 0 where no step is seen.
+    """
+    count = len(values) - 2 * SPAN + 1
+    if count == 1:
+        return np.array([_step(values.tolist(), min, max)])
+    columns = [values[k : k + count] for k in range(2 * SPAN)]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(_step(columns, np.minimum, np.maximum))
+
+
+def _step(x: Sequence[Any], least: Any, most: Any) -> Any:
+    """The step of 2 SPAN readings, numbers or columns alike and to the same last bit."""
+    step, bend = 0.0, 0.0
+    for k in range(SPAN):
+        before, after = x[SPAN - 1 - k], x[SPAN + k]
+        step = step + LEVEL[k] * (after - before)
+        bend = bend + SLOPE[k] * (after + before)
+    early, near, late, far = (
+        most(least(x[k], x[k + 1]), least(most(x[k], x[k + 1]), x[k + 2])) for k in (0, 3, 6, 9)
+    )
+    middle = (1.5 * late - 0.5 * far) - (1.5 * near - 0.5 * early)
+    low, high = least(step, middle), most(step, middle)
+    # A missing reading makes the lines NaN, and through them the sum.
+    return most(low - abs(bend), 0.0) + least(high + abs(bend), 0.0) + 0.0 * step

@@ -1,0 +1,139 @@
+"""Each sensor against its own nominal behaviour: noise, held readings, drop-outs, sudden steps.
+
+Tests of single sensors, which no plant fault can move; the limits are those of
+``sensor_limits``. Rows come one by one or in blocks, with the same outcome to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.noise_test import NoiseTest
+from flea_diag.core.position_step import SPAN, position_steps
+from flea_diag.core.reading_guard import ReadingGuard, stuck_scans
+from flea_diag.core.sensor_limits import POSITIONS, RESOLUTIONS, SensorLimit
+
+Array = npt.NDArray[np.float64]
+
+TWICE = 1.5
+"""Limit of the count of drop-outs: the second one is beyond it."""
+TESTS = ("noise", "stuck", "dropout")
+NAMES = (
+    *POSITIONS,
+    *(f"{channel}_{test}" for test in TESTS for channel in RESOLUTIONS),
+)
+"""Residuals that these tests fill, in the order of ``Tested.z``."""
+
+
+def channel_of(name: str) -> str:
+    """Channel that one of ``NAMES`` is about."""
+    return next(channel for channel in RESOLUTIONS if name.startswith(channel))
+
+
+@dataclass(slots=True)
+class Tested:
+    """Outcome for a block of n rows.
+
+    ``usable``: the readings without those withheld, shape (n, channels). ``z``, shape
+    (n, len(NAMES)), is NaN where there is no such test; beyond ``k`` it deviates.
+    """
+
+    usable: Array
+    z: Array
+    k: Array
+
+
+class SensorTests:
+    """Runs the tests on a stream of rows, constant memory.
+
+    Parameters
+    ----------
+    limits : nominal behaviour; a channel without one is let through untested
+    channels : names of the columns of a row
+    """
+
+    def __init__(self, limits: Sequence[SensorLimit], channels: Sequence[str]) -> None:
+        self._limits = tuple(limit for limit in limits if limit.channel in channels)
+        self._names = [limit.channel for limit in self._limits]
+        self._columns = np.array([channels.index(name) for name in self._names], dtype=int)
+        self._reach = np.array([limit.reach for limit in self._limits])
+        self._low = np.full(len(self._limits), -math.inf)
+        self._high = np.full(len(self._limits), math.inf)
+        self._guards = [ReadingGuard(limit) for limit in self._limits]
+        self._noise = NoiseTest(self._limits)
+        self._recent = np.full((2 * SPAN - 1, len(self._limits)), np.nan)
+        self._scan = 0
+        self._places = {
+            test: np.array([NAMES.index(f"{name}_{test}") for name in self._names], dtype=int)
+            for test in TESTS
+        }
+        self._steps = [
+            (NAMES.index(limit.channel), index)
+            for index, limit in enumerate(self._limits)
+            if limit.step > 0.0
+        ]
+        self.k = self._all_limits()
+        self._calm = np.where(np.isnan(self.k), np.nan, 0.0)
+
+    def _all_limits(self) -> Array:
+        k = np.full(len(NAMES), np.nan)
+        for limit, noise, stuck, dropout in zip(
+            self._limits, *(self._places[test] for test in TESTS), strict=True
+        ):
+            k[noise] = limit.k
+            if limit.repeats:
+                k[stuck], k[dropout] = stuck_scans(limit), TWICE
+        for place, _ in self._steps:
+            k[place] = 1.0
+        return k
+
+    def bound(self, channel: str, low: float, high: float) -> None:
+        """Range of a channel: a reading that stands at its end is clipped, not held."""
+        if channel in self._names:
+            index = self._names.index(channel)
+            self._low[index], self._high[index] = low, high
+
+    def interrupt(self) -> None:
+        """A gap in the stream: nothing is compared across it."""
+        self._recent[:] = np.nan
+        for guard in self._guards:
+            guard.interrupt()
+
+    def step(self, rows: Array) -> Tested:
+        """Test n >= 1 rows, shape (n, channels), one after the other."""
+        count = len(rows)
+        recent = np.concatenate((self._recent, rows[:, self._columns]))
+        self._recent = recent[count:]
+        usable, z = rows.copy(), np.tile(self._calm, (count, 1))
+        z[:, self._places["noise"]] = self._noise.step(recent[-count - 3 :])
+        for place, index in self._steps:
+            z[:, place] = position_steps(recent[:, index]) / self._limits[index].step
+        before, now = recent[-count - 1 : -1], recent[-count:]
+        with np.errstate(invalid="ignore"):
+            odd = ((np.abs(now - before) > self._reach) | (now == before)).any(axis=0)
+        for index, guard in enumerate(self._guards):
+            if odd[index] or guard.busy:
+                self._watch(index, recent[-count - 2 :, index].tolist(), usable, z)
+        self._scan += count
+        return Tested(usable, z, self.k)
+
+    def _watch(self, index: int, readings: list[float], usable: Array, z: Array) -> None:
+        """Scan by scan, while a channel leaps or stands still; two readings come before."""
+        guard, limit, column = self._guards[index], self._limits[index], self._columns[index]
+        stuck, dropout = (self._places[test][index] for test in TESTS[1:])
+        step = next((place for place, at in self._steps if at == index), None)
+        guard.wake(readings[0], readings[1])
+        for n, value in enumerate(readings[2:]):
+            at_end = not self._low[index] < value < self._high[index]
+            withheld, leapt = guard.take(self._scan + n, value, at_end)
+            if withheld:
+                usable[n, column] = np.nan
+            if step is not None and guard.disturbed:
+                z[n, step] = leapt / limit.step
+            if limit.repeats:
+                z[n, stuck], z[n, dropout] = guard.run, len(guard.events)
