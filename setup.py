@@ -37,6 +37,7 @@ EXTRAS = {
     "numba": ["numba>=0.60"],
     "console": ["textual>=8.0"],
     "plot": ["matplotlib>=3.7"],
+    "classifier": ["scikit-learn>=1.3"],
     "evaluate": ["Jinja2>=3.1", "tqdm>=4.65"],
     "dask": ["distributed>=2024.1"],
     "web": ["nicegui>=3.0"],
@@ -50,6 +51,7 @@ EXTRAS = {
         "Jinja2>=3.1",
         "matplotlib>=3.7",
         "selenium>=4.20",
+        "scikit-learn>=1.3",
         # The structural oracle of the diagnosability tests; compiled, so where there is a wheel.
         f"faultdiagnosistoolbox>=0.12.5; {WHEELS}",
         "tqdm>=4.65",

@@ -162,8 +162,19 @@ def test_learn_judge_and_tree_on_a_small_draw(
     row = capsys.readouterr().out.splitlines()[-1].split()
     assert (row[0], row[1]) == ("all", "9")
     assert float(row[2]) >= 7 / 9 - 1e-3
-    assert command("tree", str(path), "jam", "accelerometer_1_fault") == 0
-    assert "{accelerometer_1_fault}" in capsys.readouterr().out
+    picture, classifier = tmp_path / "tree.svg", tmp_path / "classifier.json"
+    pair = ["jam", "accelerometer_1_fault"]
+    assert command("tree", str(path), *pair, "--draw", str(picture)) == 0
+    said = capsys.readouterr().out
+    assert "{accelerometer_1_fault}" in said
+    for word in ("accelerometer_1_fault", said.split("?")[0]):
+        assert word in picture.read_text()
+    assert command("train", "--stand", "0:2", *draw, "-o", str(classifier)) == 0
+    judged = ["--stand", "50:51", *draw, "--group", ",".join(pair), "--pairs"]
+    assert command("judge", str(path), *judged, "--classifier", str(classifier)) == 0
+    said = capsys.readouterr().out
+    assert "jam | accelerometer_1_fault" in said
+    assert "right" in said
 
 
 def test_lists_and_measures_every_feature(capsys: pytest.CaptureFixture[str]) -> None:
@@ -176,6 +187,15 @@ def test_bad_arguments_are_refused_by_name(tmp_path: Path) -> None:
         command("learn", "-o", str(tmp_path / "t.yaml"))
     with pytest.raises(ConfigurationError, match="--stand = '3'"):
         command("learn", "--stand", "3", "-o", str(tmp_path / "t.yaml"))
+    for loads in ("3", "200:100", "0:400", "a:b", "nan:nan"):
+        with pytest.raises(ConfigurationError, match="--loads"):
+            command("judge", "feature_table.yaml", "--stand", "0:1", "--loads", loads)
+    with pytest.raises(ConfigurationError, match="must end in one of"):
+        command("tree", "feature_table_paper.yaml", "--draw", str(tmp_path / "tree.doc"))
+    with pytest.raises(ConfigurationError, match="--rarest"):
+        command("tree", "feature_table_paper.yaml", "--rarest", "1")
+    with pytest.raises(ConfigurationError, match="fault 'rust' is unknown"):
+        command("study", "--stand", "0:1", "--faults", "rust")
     with pytest.raises(ConfigurationError, match="no such"):
         command("tree", str(tmp_path / "absent.yaml"))
 

@@ -130,19 +130,20 @@ def leaves(node: Node) -> Iterator[Node]:
 
 def render(node: Node) -> str:
     """Tree as text: the feature at each node, an edge for each answer, groups at the leaves."""
-    head = f"{_words(node)}   expected cost {node.expected_cost:.4g}"
+    head = f"{words(node)}   expected cost {node.expected_cost:.4g}"
     return "\n".join([head, *_lines(node, "")])
+
+
+def words(node: Node) -> str:
+    """What stands at a node: the feature to compute, or the group that is left."""
+    if not node.group:
+        return "no fault of the group fits"
+    return f"{node.feature}?" if node.feature else "{" + ", ".join(node.faults) + "}"
 
 
 def _lines(node: Node, indent: str) -> Iterator[str]:
     for branch in node.branches:
         last = branch is node.branches[-1]
         knot, rail = ("└─ ", "   ") if last else ("├─ ", "│  ")
-        yield f"{indent}{knot}{branch.symbol} ({branch.probability:.0%})  {_words(branch.node)}"
+        yield f"{indent}{knot}{branch.symbol} ({branch.probability:.0%})  {words(branch.node)}"
         yield from _lines(branch.node, indent + rail)
-
-
-def _words(node: Node) -> str:
-    if not node.group:
-        return "no fault of the group fits"
-    return f"{node.feature}?" if node.feature else "{" + ", ".join(node.faults) + "}"

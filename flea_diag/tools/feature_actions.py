@@ -19,10 +19,11 @@ from flea_diag.core.nominal_range import NominalRange, learn_nominal
 from flea_diag.errors import CalibrationError, ConfigurationError, FleaError
 from flea_diag.tools import feature_bearing as bearing
 from flea_diag.tools import feature_bench as bench
-from flea_diag.tools.feature_judge import judge, report
+from flea_diag.tools.feature_judge import judge, pair_report, report
 from flea_diag.tools.feature_samples import Grid, Run, run_of_bag
-from flea_diag.tools.feature_stand import SEVERITIES, stand_runs
+from flea_diag.tools.feature_stand import LARGEST_LOAD_N, SEVERITIES, stand_runs
 from flea_diag.tools.feature_table_file import Making, table_mapping, write_table
+from flea_diag.tools.tree_picture import draw_tree
 
 KEPT = ("accelerometer_1_std", "accelerometer_2_std", "accelerometer_2_nut_line")
 """In every table: the founding paper's two, and the line that the kinematics of a spall give."""
@@ -57,8 +58,13 @@ def _tree(arguments: argparse.Namespace) -> int:
     unknown = sorted(set(faults) - set(table.faults))
     if unknown:
         raise ConfigurationError(f"{arguments.table}: no row for fault {unknown[0]!r}")
+    if not 0.0 <= arguments.rarest < 1.0:
+        raise ConfigurationError(f"--rarest {arguments.rarest:g} must lie between 0 and 1")
     chooser = FeatureChooser(table, arguments.strategy)
-    print(render(build(dict.fromkeys(faults, 1.0), chooser, rarest=0.005)))
+    root = build(dict.fromkeys(faults, 1.0), chooser, rarest=arguments.rarest)
+    print(render(root))
+    if arguments.draw:
+        draw_tree(root, arguments.draw)
     for group in table.inseparable(faults):
         if len(group) > 1:
             print(f"never split by this table: {', '.join(group)}")
@@ -91,13 +97,57 @@ def _learn(arguments: argparse.Namespace) -> int:
     return failed
 
 
+def _train(arguments: argparse.Namespace) -> int:
+    from flea_diag.tools.feature_classifier import train, write_classifier
+
+    runs, source, failed = _runs(arguments)
+    samples = [sample for run in runs for sample in run.samples]
+    network = train(samples, _candidates(samples), source)
+    write_classifier(arguments.output, network)
+    print(f"{arguments.output}: {len(network.features)} features, {len(network.faults)} classes")
+    return failed
+
+
 def _judge(arguments: argparse.Namespace) -> int:
     table = load_features(str(arguments.table))
     group = [name for name in arguments.group.split(",") if name] or list(table.faults)
     runs, source, failed = _runs(arguments, [f for f in group if f in SEVERITIES], nominal=False)
     print(f"{arguments.table} on {source}, group {{{', '.join(group)}}}")
     print(report(judge(runs, table, group, arguments.strategy, arguments.windows)))
+    if arguments.pairs:
+        print(pair_report(runs, table, group, arguments.strategy, arguments.windows))
+    if arguments.classifier:
+        _compare(arguments, runs, group)
     return failed
+
+
+def _compare(arguments: argparse.Namespace, runs: Sequence[Run], group: Sequence[str]) -> None:
+    """The classifier on the same windows, and the price of its features next to those above."""
+    from flea_diag.tools.feature_classifier import call, call_report, read_classifier
+
+    network = read_classifier(arguments.classifier)
+    called = call(runs, network, group, arguments.windows)
+    cost = math.fsum(FeatureId.parse(feature).feature.cost for feature in network.features)
+    print(f"classifier {arguments.classifier}, {len(network.features)} features, cost {cost:.0f}")
+    print(call_report(called))
+
+
+def _study(arguments: argparse.Namespace) -> int:
+    from flea_diag.tools import feature_study as study
+
+    faults = [name for name in arguments.faults.split(",") if name]
+    unknown = sorted(set(faults) - set(SEVERITIES))
+    if unknown:
+        raise ConfigurationError(
+            f"study: fault {unknown[0]!r} is unknown, known are {', '.join(SEVERITIES)}"
+        )
+    runs = study.study(faults, _seeds(arguments.stand), arguments.table, arguments.jobs)
+    print(study.study_report(runs))
+    if arguments.json:
+        study.write_study(arguments.json, runs)
+    if arguments.draw:
+        study.draw_study(arguments.draw, runs)
+    return 0
 
 
 def _bearing(arguments: argparse.Namespace) -> int:
@@ -118,7 +168,9 @@ ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {
     "list": _list,
     "bench": _bench,
     "learn": _learn,
+    "train": _train,
     "judge": _judge,
+    "study": _study,
     "tree": _tree,
     "bearing": _bearing,
 }
@@ -130,13 +182,13 @@ def _runs(
     """Runs of bags or of the stand, where they come from, and 1 when some could not be read."""
     grid = Grid(arguments.window, arguments.hop, bench.FLEA_SCREW.orders())
     if arguments.stand:
-        seeds = _seeds(arguments.stand)
+        seeds, loads = _seeds(arguments.stand), _loads(arguments.loads)
         # As many nominal runs as four faults have: ranges need more windows than entries do.
-        runs = stand_runs(seeds, faults, arguments.duration, grid, arguments.jobs)
+        runs = stand_runs(seeds, faults, arguments.duration, grid, arguments.jobs, loads)
         if nominal:
             more = range(seeds.start * 10, seeds.start * 10 + 4 * len(seeds))
-            runs += stand_runs(more, ["nominal"], arguments.duration, grid, arguments.jobs)
-        return runs, f"simulated stand, seeds {arguments.stand}", 0
+            runs += stand_runs(more, ["nominal"], arguments.duration, grid, arguments.jobs, loads)
+        return runs, f"simulated stand, seeds {arguments.stand}, loads {arguments.loads} N", 0
     if not arguments.bags:
         raise ConfigurationError("features: give bags, or --stand FIRST:LAST")
     runs, failed = [], 0
@@ -154,6 +206,19 @@ def _seeds(text: str) -> range:
     if not (first.isdigit() and last.isdigit() and int(first) < int(last)):
         raise ConfigurationError(f"features: --stand = {text!r} must be FIRST:LAST, as 0:20")
     return range(int(first), int(last))
+
+
+def _loads(text: str) -> tuple[float, float]:
+    first, _, last = text.partition(":")
+    try:
+        low, high = float(first), float(last)
+    except ValueError:
+        low, high = math.nan, math.nan
+    if not 0.0 <= low < high <= LARGEST_LOAD_N:
+        raise ConfigurationError(
+            f"features: --loads = {text!r} must be LOW:HIGH within 0 and {LARGEST_LOAD_N:g} N"
+        )
+    return low, high
 
 
 def _candidates(samples: Sequence[Sample]) -> list[str]:

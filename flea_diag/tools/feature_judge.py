@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import combinations
 
 from flea_diag.core.diagnosis_tree import follow
 from flea_diag.core.feature_choice import FeatureChooser
@@ -66,6 +67,26 @@ def walk(samples: Sequence[Sample], chooser: FeatureChooser, group: Sequence[str
 def _symbol(table: FaultFeatureTable, sample: Sample, feature: str) -> str:
     value = sample.values.get(feature, math.nan)
     return table.nominal.symbol(feature, value, sample.point)
+
+
+def pair_report(
+    runs: Sequence[Run],
+    table: FaultFeatureTable,
+    group: Sequence[str],
+    strategy: str = "optimal",
+    windows: int = 1,
+) -> str:
+    """Every pair of the group: runs of either fault that were resolved from just these two."""
+    lines = [f"{'pair':48s}{'n':>5s}{'resolved':>10s}{'95 %':>17s}{'kept':>7s}"]
+    for pair in combinations(group, 2):
+        walks = judge(runs, table, pair, strategy, windows)
+        n, hits = len(walks), sum(row.resolved for row in walks)
+        if walks:
+            low, high = wilson(hits, n)
+            kept = sum(row.kept for row in walks) / n
+            interval = f"{low:.3f} to {high:.3f}"
+            lines.append(f"{' | '.join(pair):48s}{n:5d}{hits / n:10.3f}{interval:>17s}{kept:7.3f}")
+    return "\n".join(lines)
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:

@@ -42,26 +42,40 @@ FASTEST_M_S = 0.13
 SMALLEST_LOAD_N, LARGEST_LOAD_N = 40.0, 300.0
 
 
-def drawn_scenario(seed: int, fault: str, duration_s: float) -> dict[str, Any]:
-    """Scenario of one run, as the stand reads it; the fault is there from the start."""
+def drawn_scenario(
+    seed: int,
+    fault: str,
+    duration_s: float,
+    onset_s: float = 0.0,
+    loads_n: tuple[float, float] = (0.0, LARGEST_LOAD_N),
+) -> dict[str, Any]:
+    """Scenario of one run, as the stand reads it; a fault is there from the start, or an onset.
+
+    ``loads_n``: smallest and largest size of the load, which may act either way.
+    """
     draw = np.random.default_rng([seed, *fault.encode()])
     resting = fault == NOMINAL and draw.random() < REST_SHARE
     # A constant preload never crosses the gap: backlash shows, and is learned, under little load.
-    limit = SMALLEST_LOAD_N if fault == "backlash" else LARGEST_LOAD_N
+    least, limit = (0.0, SMALLEST_LOAD_N) if fault == "backlash" else loads_n
     scenario: dict[str, Any] = {
         "name": f"{fault}_{seed}",
         "seed": seed,
         "duration_s": duration_s,
         "motion": {"kind": "hold"} if resting else _motion(draw),
-        "load": {"constant_n": float(draw.uniform(-limit, limit))},
+        "load": {"constant_n": _load(draw, least, limit)},
     }
     if fault != NOMINAL:
         low, high = SEVERITIES[fault]
         size = math.exp(draw.uniform(math.log(low), math.log(high)))
         if fault.startswith("accelerometer") and draw.random() < DEAD_SHARE:
             size = 0.0
-        scenario["faults"] = [{"fault": fault, "onset_s": 0.0, "size": size}]
+        scenario["faults"] = [{"fault": fault, "onset_s": onset_s, "size": size}]
     return scenario
+
+
+def _load(draw: np.random.Generator, least: float, limit: float) -> float:
+    drawn = float(draw.uniform(-limit, limit))
+    return math.copysign(least + abs(drawn) * (1.0 - least / limit), drawn)
 
 
 def _motion(draw: np.random.Generator) -> dict[str, Any]:
@@ -80,21 +94,29 @@ def _motion(draw: np.random.Generator) -> dict[str, Any]:
     return motion | {"amplitude_m": float(min(amplitude, fastest))}
 
 
-def stand_run(job: tuple[int, str, float], grid: Grid) -> Run:
+def stand_run(
+    job: tuple[int, str, float], grid: Grid, loads_n: tuple[float, float] = (0.0, LARGEST_LOAD_N)
+) -> Run:
     """Simulate one run and cut it into samples."""
     seed, fault, duration_s = job
-    scenario = scenario_from_mapping(drawn_scenario(seed, fault, duration_s), f"seed {seed}")
+    mapping = drawn_scenario(seed, fault, duration_s, loads_n=loads_n)
+    scenario = scenario_from_mapping(mapping, f"seed {seed}")
     records = list(Stand(scenario))
     truths = [record for record in records if isinstance(record, Truth)]
     return run_of(f"{fault} {seed}", records, truths, grid)
 
 
 def stand_runs(
-    seeds: Iterable[int], faults: Sequence[str], duration_s: float, grid: Grid, jobs: int = 1
+    seeds: Iterable[int],
+    faults: Sequence[str],
+    duration_s: float,
+    grid: Grid,
+    jobs: int = 1,
+    loads_n: tuple[float, float] = (0.0, LARGEST_LOAD_N),
 ) -> list[Run]:
     """Runs of each fault with each seed, in order; ``jobs`` processes share the work."""
     todo = [(seed, fault, duration_s) for fault in faults for seed in seeds]
-    work = partial(stand_run, grid=grid)
+    work = partial(stand_run, grid=grid, loads_n=loads_n)
     if jobs == 1:
         return [work(job) for job in todo]
     with ProcessPoolExecutor(jobs) as pool:

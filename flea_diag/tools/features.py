@@ -13,6 +13,8 @@ examples:
   flea features learn bags/* -o feature_table.yaml      a table from labelled bags
   flea features judge feature_table.yaml --stand 0:20   its score on simulated runs
   flea features tree feature_table.yaml jam spall       the tree for a group
+  flea features train bags/* -o classifier.json         the feature-only alternative
+  flea features study --stand 0:20 --draw sizes.svg     the whole diagnosis against fault size
 """
 
 STRATEGIES = "paper, balanced, information or optimal"
@@ -31,6 +33,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     tree.add_argument(
         "--strategy", default="optimal", help="paper, balanced, information or optimal"
     )
+    tree.add_argument("--rarest", type=float, default=0.005, help="leave rarer branches out")
+    tree.add_argument("--draw", type=Path, metavar="OUT", help="picture too: .svg, .png or .pdf")
+    train = commands.add_parser("train", help="train the feature-only classifier on labelled bags")
+    _run_arguments(train)
+    train.add_argument("-o", "--output", type=Path, required=True, help="JSON file to write")
+    _study_arguments(commands.add_parser("study", help="the whole diagnosis on simulated runs"))
     found = commands.add_parser("bearing", help="thresholds and detections on bearing recordings")
     found.add_argument("normal", type=Path, help="MATLAB file of a healthy bearing")
     found.add_argument("faulty", type=Path, nargs="+", help="MATLAB files of faults")
@@ -48,10 +56,27 @@ def _learn_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--title", default="learned fault feature table")
 
 
+def _study_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--stand", metavar="FIRST:LAST", required=True, help="seeds of the runs")
+    parser.add_argument(
+        "--faults",
+        default="spall,jam,ball_nut_friction,accelerometer_2_fault",
+        help="faults to try, by comma (%(default)s)",
+    )
+    parser.add_argument("--table", default="feature_table.yaml", help="to choose and cost by")
+    parser.add_argument("--jobs", type=int, default=1, help="processes that simulate")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="one row a run")
+    parser.add_argument("--draw", type=Path, metavar="OUT", help="accuracy against fault size")
+
+
 def _judge_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("table", type=Path, help="YAML file")
     _run_arguments(parser)
     parser.add_argument("--windows", type=int, default=1, help="windows that a walk may use")
+    parser.add_argument("--pairs", action="store_true", help="every pair of the group as well")
+    parser.add_argument(
+        "--classifier", type=Path, metavar="FILE", help="score this classifier on the same windows"
+    )
     parser.add_argument("--group", default="", help="faults, by comma, to start from (all rows)")
     parser.add_argument(
         "--strategy", default="optimal", help="paper, balanced, information or optimal"
@@ -62,6 +87,9 @@ def _run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bags", nargs="*", type=Path, help="bags with their truth")
     parser.add_argument(
         "--stand", metavar="FIRST:LAST", help="simulate runs with these seeds instead of bags"
+    )
+    parser.add_argument(
+        "--loads", metavar="LOW:HIGH", default="0:300", help="load of such runs, N (%(default)s)"
     )
     parser.add_argument("--duration", type=float, default=6.5, metavar="S", help="of such a run")
     parser.add_argument("--jobs", type=int, default=1, help="processes that simulate")
