@@ -72,8 +72,8 @@ def effect(model: FaultModel, sizes, columns) -> np.ndarray:
 def evidence(y: np.ndarray, columns) -> Evidence:
     found = Evidence(RESIDUALS)
     table = np.stack([columns[name] for name in REGRESSORS], axis=1)
-    for values, regressors in zip(y.T, table, strict=True):
-        found.add(values, regressors)
+    for start in range(0, len(table), 37):
+        found.add(y.T[start : start + 37], table[start : start + 37])
     return found
 
 

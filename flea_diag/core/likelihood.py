@@ -28,6 +28,8 @@ from flea_diag.core.residual import UNIT_PARAMETERS
 
 Array = npt.NDArray[np.float64]
 
+FOLD = 50
+"""Samples that are summed at once: always the same ones, so that sums have the same last bits."""
 COLUMN = {name: index for index, name in enumerate(REGRESSORS)}
 # How a unit's own parameters enter, beside the fault: residual -> (parameter, regressor, gain).
 UNIT_TERMS: tuple[tuple[str, str, str, float], ...] = (
@@ -60,16 +62,35 @@ class Evidence:
         self._square = np.zeros(count)
         self.samples = np.zeros(count)
         self._spacing = np.ones(count)
+        self._values, self._phi = np.empty((FOLD, count)), np.empty((FOLD, width))
+        self._waiting = 0
 
     def add(self, values: Array, regressors: Array) -> None:
-        """One sample: residuals (same order as given, NaN = none) and ``REGRESSORS``."""
-        phi = np.nan_to_num(regressors)
-        outer = np.outer(phi, phi)
-        for index in np.flatnonzero(np.isfinite(values)):
-            self._gram[index] += outer
-            self._cross[index] += values[index] * phi
-            self._square[index] += values[index] ** 2
-            self.samples[index] += 1
+        """N samples: residuals, shape (n, residuals), NaN = none, and ``REGRESSORS``."""
+        for start in range(0, len(values), FOLD):
+            part = slice(start, start + FOLD)
+            self._wait(values[part], regressors[part])
+
+    def _wait(self, values: Array, regressors: Array) -> None:
+        """Samples wait until ``FOLD`` of them are there, in whatever blocks they come."""
+        room = FOLD - self._waiting
+        for some, more in ((values[:room], regressors[:room]), (values[room:], regressors[room:])):
+            rows = slice(self._waiting, self._waiting + len(some))
+            self._values[rows], self._phi[rows] = some, more
+            self._waiting += len(some)
+            if self._waiting == FOLD:
+                self._fold()
+
+    def _fold(self) -> None:
+        """Take the samples that wait into the sums."""
+        values, phi = self._values[: self._waiting], np.nan_to_num(self._phi[: self._waiting])
+        for index, known in enumerate(np.isfinite(values).T):
+            y, signals = values[known, index], phi[known]
+            self._gram[index] += signals.T @ signals
+            self._cross[index] += y @ signals
+            self._square[index] += y @ y
+            self.samples[index] += len(y)
+        self._waiting = 0
 
     def foreseen(self, phi: Array, model: FaultModel, sizes: Sequence[float]) -> Evidence:
         """What a planned window would make of this evidence if ``model`` were there.
@@ -77,6 +98,7 @@ class Evidence:
         Without noise: ``phi`` are the window's regressors, shape (samples, regressors); residuals
         that gave no sample so far give none then.
         """
+        self._fold()
         sum_of = Evidence(self.residuals)
         known = np.nan_to_num(phi)
         gram = known.T @ known
@@ -101,6 +123,7 @@ class Evidence:
         ``sigma`` is the nominal scatter of each residual and ``correlation`` the samples to
         one independent sample; ``tolerance`` is in the order of ``UNIT_PARAMETERS``.
         """
+        self._fold()
         self._spacing = np.array([correlation[name] for name in self.residuals])
         weight = 1.0 / (self._spacing * np.square([sigma[name] for name in self.residuals]))
         weight = weight / self._dispersion(models, weight, tolerance)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
+from flea_diag.wire.blocks import Block
 from flea_diag.wire.records import Record
 
 
@@ -18,4 +19,25 @@ class Stage(Protocol):
 
     def handle(self, record: Record) -> tuple[Record, ...]:
         """Records caused by ``record``, in the order in which they are to be published."""
+        ...
+
+
+class BlockStage(Stage, Protocol):
+    """A stage that also takes many records of one kind at once, in a replay.
+
+    The answer is the same as that of ``handle`` for the records one by one, in which stretches
+    of records of one kind may again be blocks. A stage need not have this.
+    """
+
+    @property
+    def takes_blocks(self) -> bool:
+        """Whether a block may come now: nothing that waits could have a say within it."""
+        ...
+
+    def handle_block(self, block: Any) -> tuple[int, tuple[Record | Block, ...]]:
+        """Take leading records of a block: how many, and what they cause.
+
+        The stage that makes residuals takes those that cause nothing else, perhaps none;
+        what follows goes through ``handle``. All others take every one.
+        """
         ...

@@ -11,6 +11,7 @@ from flea_diag.core.fault_models import REGRESSORS
 from flea_diag.core.isolation import Isolation
 from flea_diag.core.likelihood import Evidence
 from flea_diag.stages.inquiry import Inquiry
+from flea_diag.wire.blocks import ResidualBlock
 
 Array = npt.NDArray[np.float64]
 
@@ -18,6 +19,7 @@ ELAPSED, SPEED = REGRESSORS.index("elapsed_s"), REGRESSORS.index("speed_m_s")
 MOTION_CHANNELS = ("actuator_position", "motor_speed")
 MOTION = [REGRESSORS.index(name) for name in ("position_rate_m_s", "encoder_m_s")]
 """Channels that say that the actuator moves, and the speeds that they say."""
+MOTION_ONLY = ("parity_mechanical",)
 MOVING_M_S = 0.010
 MOVED_SAMPLES = 50
 """So many scans in motion since the detection say that a channel still reads."""
@@ -46,15 +48,30 @@ class Episode:
     back: int = 0
     moved: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, dtype=np.int64))
 
-    def learn(self, stamp_ns: int, values: Array, regressors: Array) -> None:
-        """One more scan of evidence; counts the scans in each direction of motion."""
-        regressors[ELAPSED] = (stamp_ns - self.start_ns) / 1e9
+    def learn(self, block: ResidualBlock, onset_ns: int) -> None:
+        """Evidence of more scans, but for those that still show the onset."""
+        late = block.stamps_ns - self.start_ns >= onset_ns
+        if not late.any():
+            return
+        moving = block.regressors[late, -1] > 0.5
+        values = np.full((len(moving), len(self.likelihood.residuals)), np.nan)
+        for column, name in enumerate(self.likelihood.residuals):
+            if name in block.names:
+                values[:, column] = block.values[late, block.names.index(name)]
+                if name in MOTION_ONLY:
+                    values[~moving, column] = np.nan
+        regressors = block.regressors[late, : len(REGRESSORS)]
+        regressors[:, ELAPSED] = (block.stamps_ns[late] - self.start_ns) / 1e9
         self.likelihood.add(values, regressors)
-        self.scans += 1
-        if np.isfinite(values[0]):
-            self.out += bool(regressors[SPEED] > 0.0)
-            self.back += bool(regressors[SPEED] < 0.0)
-        self.moved += np.abs(regressors[MOTION]) > MOVING_M_S
+        self._count(moving, regressors[:, MOTION], regressors[np.isfinite(values[:, 0]), SPEED])
+
+    def _count(self, moving: npt.NDArray[np.bool_], speeds: Array, told: Array) -> None:
+        """Scans in motion, in each direction of it, and of each channel that says so."""
+        self.scans += len(moving)
+        self.moving += int(moving.sum())
+        self.out += int((told > 0.0).sum())
+        self.back += int((told < 0.0).sum())
+        self.moved += (np.abs(speeds) > MOVING_M_S).sum(axis=0)
 
     def conclusive(self) -> bool:
         """Whether likelihoods may drop: in one direction a drag and a bias look alike."""

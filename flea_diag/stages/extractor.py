@@ -20,6 +20,7 @@ from flea_diag.core.window import NotComputableError, Window
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages.scan_ring import SECOND_NS
 from flea_diag.stages.windows import Windows
+from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import (
     ChannelTable,
@@ -113,6 +114,16 @@ class ExtractorStage:
             }
             return ()
         return (*levels, *self._answers(record.stamp_ns)) if self._pending else levels
+
+    @property
+    def takes_blocks(self) -> bool:
+        """Whether no request waits for scans that are still to come."""
+        return not self._pending
+
+    def handle_block(self, block: ScanBlock) -> tuple[int, tuple[Record, ...]]:
+        """Keep all of these scans."""
+        self.windows.scans.add_block(block)
+        return len(block), ()
 
     def _level(self, block: VibrationBlock) -> tuple[Record, ...]:
         """Take a block in; the sentinel's record is stamped with the end of the block."""

@@ -9,25 +9,27 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.fault_models import DRIVE, REGRESSORS, plant_models
+from flea_diag.core.fault_models import DRIVE, plant_models
 from flea_diag.core.feature_choice import FeatureChooser, refine
 from flea_diag.core.isolation import Isolation
 from flea_diag.core.likelihood import Evidence
-from flea_diag.core.operating_point import QUADRANTS, Quadrant
+from flea_diag.core.operating_point import QUADRANTS
 from flea_diag.core.sensor_models import sensor_models
 from flea_diag.core.sentinel import Sentinel
-from flea_diag.stages.episode import SPEED, Episode
-from flea_diag.stages.inquiry import Inquiry, Pace
+from flea_diag.stages.episode import Episode
+from flea_diag.stages.inquiry import Inquiry
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.merge import Merge
-from flea_diag.stages.verdict import Standing, Verdict, mismatch
+from flea_diag.stages.motion import Motion
+from flea_diag.stages.standing import Standing
+from flea_diag.stages.verdict import Verdict, mismatch
+from flea_diag.wire.blocks import ResidualBlock, alone
 from flea_diag.wire.records import (
-    NEVER_NS,
     ChannelTable,
     DataQuality,
     Detection,
@@ -41,7 +43,7 @@ from flea_diag.wire.records import (
 
 __all__ = ["IsolatorParameters", "IsolatorStage", "Knowledge"]
 
-Array = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
 
 WEIGHED = (
     "parity_mechanical",
@@ -54,12 +56,9 @@ WEIGHED = (
     "ambient_temperature",
 )
 """Residuals that the quantitative fault models explain."""
-MOTION_ONLY = ("parity_mechanical",)
 LEVEL_DELAY_NS = 150_000_000
 """From the end of a block until the smoothed speed of that time is known: half a kernel."""
 WEIGH_EVERY_NS = 500_000_000
-IDLE_A = 0.1
-"""Below this the sign of a current is that of its noise."""
 
 
 class IsolatorStage:
@@ -94,6 +93,7 @@ class IsolatorStage:
             if any(term.residual in self._weighed for term in model.terms)
         )
         self._verdict = Verdict(knowledge, parameters, self._models, self._weighed)
+        self._onset_ns = round(parameters.onset_s * 1e9)
         self._standing = Standing()
         self._episodes = 0
         self._told = 0
@@ -101,8 +101,7 @@ class IsolatorStage:
         self._levels: deque[VibrationLevel] = deque(maxlen=100)
         self._sentinel = Sentinel(knowledge.features.nominal)
         self._window_ns = round(parameters.feature_window_s * 1e9)
-        self._pace = Pace(self._window_ns)
-        self._visited: deque[tuple[Quadrant, ...]] = deque(maxlen=400)
+        self._motion = Motion(fitted.encoder_m_per_rad, self._window_ns, self._sentinel)
         self._said: tuple[object, ...] = ()
 
     def handle(self, record: Record) -> tuple[Record, ...]:
@@ -124,15 +123,28 @@ class IsolatorStage:
         self._merge.hold(None)
         return self._say(self._merge.now_ns)
 
+    @property
+    def takes_blocks(self) -> bool:
+        """Whether nothing waits that might change an episode, and no feature can be asked for."""
+        alone = not self._levels and self._merge.clock_alone
+        return alone and (self._episode is None or not self._standing.axes)
+
+    def handle_block(self, block: ResidualBlock) -> tuple[int, tuple[Record, ...]]:
+        """Take all of these residuals."""
+        self._merge.push_block(block)
+        return len(block), self._drain(everything=False)
+
     def _drain(self, everything: bool) -> tuple[Record, ...]:
         out: list[Record] = []
-        while (record := self._merge.pop(everything)) is not None:
+        while (record := self._merge.pop(everything, not self.takes_blocks)) is not None:
             out.extend(self._take(record))
         return tuple(out)
 
-    def _take(self, record: Record) -> Iterable[Record]:
+    def _take(self, record: Record | ResidualBlock) -> Iterable[Record]:
         if isinstance(record, Residual):
             return self._residual(record)
+        if isinstance(record, ResidualBlock):
+            return self._residuals(record)
         if isinstance(record, Symbols):
             return self._symbols(record)
         if isinstance(record, Detection):
@@ -185,7 +197,7 @@ class IsolatorStage:
         episode = self._episode
         if episode is None or record.episode < self._told:
             return ()  # an isolator that starts late is told of earlier episodes, too
-        visited = {quadrant for scan in self._visited for quadrant in scan}
+        visited = self._motion.quadrants()
         if not self._p.gating:
             visited = set(QUADRANTS)
         for symbol in record.symbols:
@@ -201,44 +213,39 @@ class IsolatorStage:
         return self._say(record.stamp_ns)
 
     def _residual(self, record: Residual) -> Iterable[Record]:
-        if self._standing.first_ns == NEVER_NS:
-            self._standing.first_ns = record.stamp_ns
-        if not (record.health and record.health[-1]):
-            self._standing.lost_ns = NEVER_NS
-        elif self._standing.lost_ns == NEVER_NS:
-            self._standing.lost_ns = record.stamp_ns
-        at = {name: index for index, name in enumerate(record.names)}
-        regressors = np.array(record.regressors[: len(REGRESSORS)])
         moving = record.regressors[-1] > 0.5
-        values = np.array(
-            [
-                record.values[at[name]]
-                if name in at and (moving or name not in MOTION_ONLY)
-                else math.nan
-                for name in self._weighed
-            ]
-        )
-        self._motion(record.stamp_ns, regressors, moving)
+        self._standing.step(record.stamp_ns, moving, bool(record.health and record.health[-1]))
+        self._motion.step(record.stamp_ns, record.regressors, moving)
         raised = self._level(record.stamp_ns)
-        episode = self._episode
-        if episode is None or raised:
+        if self._episode is None or raised:
             return raised or self._say(record.stamp_ns)
-        if record.stamp_ns - episode.start_ns >= self._p.onset_s * 1e9:
-            episode.learn(record.stamp_ns, values, regressors)
-            episode.moving += moving
-        return self._weigh(record.stamp_ns, episode)
+        self._episode.learn(alone(record), self._onset_ns)
+        return self._weigh(record.stamp_ns, self._episode)
 
-    def _motion(self, stamp_ns: int, regressors: Array, moving: bool) -> None:
-        current = regressors[REGRESSORS.index("current_a")]
-        speed = regressors[SPEED]
-        lead = self._k.calibration.parameters.encoder_m_per_rad
-        screw_rad_s = float(speed) / lead if lead else math.nan
-        self._pace.add(stamp_ns, screw_rad_s)
-        self._sentinel.motion(screw_rad_s, float(regressors[REGRESSORS.index("load_n")]))
-        if moving:
-            self._standing.moved += 1
-            self._standing.moved_ns = stamp_ns
-            self._visited.append(_quadrants(float(current), float(speed)))
+    def _residuals(self, block: ResidualBlock) -> Iterable[Record]:
+        """Residuals between which nothing else comes."""
+        out: list[Record] = []
+        moving, lost = block.regressors[:, -1] > 0.5, np.any(block.health[:, -1:], axis=1)
+        self._motion.follow(block)
+        turns = self._standing.follow(block.stamps_ns, moving, lost, self._p.rest_s * 1e9)
+        if self._episode is None:
+            for row in turns:
+                out.extend(self._say(int(block.stamps_ns[row])))
+            return out
+        for _ in turns:
+            pass  # what an episode amounts to does not rest on it
+        start = 0
+        for end in self._weighings(self._episode, block.stamps_ns):
+            self._episode.learn(block.part(slice(start, end)), self._onset_ns)
+            out.extend(self._weigh(int(block.stamps_ns[end - 1]), self._episode))
+            start = end
+        self._episode.learn(block.part(slice(start, None)), self._onset_ns)
+        return out
+
+    def _weighings(self, episode: Episode, stamps_ns: Stamps) -> Iterator[int]:
+        """Ends of the stretches of a block after which likelihoods are due."""
+        due = np.rint((stamps_ns - episode.start_ns) / WEIGH_EVERY_NS)
+        yield from (np.flatnonzero(due != np.append(episode.weighed_at, due[:-1])) + 1).tolist()
 
     def _weigh(self, stamp_ns: int, episode: Episode) -> Iterable[Record]:
         """Every half second of evidence: likelihoods, and whether the slow channels are done."""
@@ -302,7 +309,7 @@ class IsolatorStage:
             return ()
         group = {h.name: h.probability for h in episode.isolation.alive()}
         inquiry.plan(group, self._chooser)
-        if not inquiry.wanted or not inquiry.is_fresh(stamp_ns) or not self._pace.is_moving:
+        if not inquiry.wanted or not inquiry.is_fresh(stamp_ns) or not self._motion.pace.is_moving:
             return ()
         episode.step += 1
         self._merge.hold(stamp_ns + round(self._p.answer_budget_s * 1e9))
@@ -342,11 +349,3 @@ class IsolatorStage:
             episode.step += 1
         self._said = state
         return (self._verdict.record(stamp_ns, self._standing, episode),)
-
-
-def _quadrants(current_a: float, speed_m_s: float) -> tuple[Quadrant, ...]:
-    """Quadrants that a scan lies in; a current within its noise lies in both of its signs."""
-    if not math.isfinite(current_a):
-        return ()
-    signs = (-1, 1) if abs(current_a) < IDLE_A else (1 if current_a > 0 else -1,)
-    return tuple(Quadrant(sign, 1 if speed_m_s > 0 else -1) for sign in signs)

@@ -10,6 +10,9 @@ from __future__ import annotations
 
 import heapq
 
+import numpy as np
+
+from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import ChannelTable, DataQuality, Detection, Record, Symbols
 from flea_diag.wire.topics import TOPIC_OF
 
@@ -24,9 +27,10 @@ class Merge:
 
     def __init__(self, clock: type, watermark_ns: int, hold_limit_ns: int) -> None:
         self._clock = clock
+        self._clock_rank = TOPIC_OF[clock].rank
         self._watermark_ns = watermark_ns
         self._hold_limit_ns = hold_limit_ns
-        self._waiting: list[tuple[int, int, int, Record]] = []
+        self._waiting: list[tuple[int, int, int, Record | ResidualBlock]] = []
         self._arrivals = 0
         self.now_ns = -1
         self._released_ns = -1
@@ -50,6 +54,21 @@ class Merge:
         if type(record) is self._clock:
             self.now_ns = max(self.now_ns, stamp)
 
+    def push_block(self, block: ResidualBlock) -> None:
+        """Take in clock records in order, none of them older than what has been released."""
+        self._wait_again(block)
+        self.now_ns = int(block.stamps_ns[-1])
+
+    def _wait_again(self, block: ResidualBlock) -> None:
+        self._arrivals += 1
+        entry = (int(block.stamps_ns[0]), self._clock_rank, self._arrivals, block)
+        heapq.heappush(self._waiting, entry)
+
+    @property
+    def clock_alone(self) -> bool:
+        """Whether nothing but clock records waits."""
+        return all(rank == self._clock_rank for _, rank, _, _ in self._waiting)
+
     def _restart(self) -> None:
         """The clock has jumped back: a new run, to which nothing that waits belongs."""
         self.late += len(self._waiting)
@@ -61,15 +80,36 @@ class Merge:
         """Release nothing after ``stamp_ns`` until told otherwise, or the limit has passed."""
         self._hold_ns = stamp_ns
 
-    def pop(self, everything: bool = False) -> Record | None:
-        """The next record in order, or None when none is due; ``everything`` ends the stream."""
+    def pop(self, everything: bool = False, single: bool = True) -> Record | ResidualBlock | None:
+        """The next record in order, or None when none is due; ``everything`` ends the stream.
+
+        Unless it is to be ``single``, of a block all that is due before anything else.
+        """
         if not self._waiting:
             return None
         stamp = self._waiting[0][0]
         if not everything and stamp > self._due_ns():
             return None
         self._released_ns = max(self._released_ns, stamp)
-        return heapq.heappop(self._waiting)[3]
+        record = heapq.heappop(self._waiting)[3]
+        if not isinstance(record, ResidualBlock):
+            return record
+        count = 1 if single else self._leading(record, everything)
+        if count < len(record):
+            self._wait_again(record.part(slice(count, None)))
+        self._released_ns = int(record.stamps_ns[count - 1])
+        return next(record.records()) if single else record.part(slice(count))
+
+    def _leading(self, block: ResidualBlock, everything: bool) -> int:
+        """How many records of this block are due before whatever else waits; at least one."""
+        count = len(block)
+        if not everything:
+            count = int(np.searchsorted(block.stamps_ns, self._due_ns(), "right"))
+        if self._waiting:
+            stamp_ns, rank, _, _ = self._waiting[0]
+            before = stamp_ns + (rank > self._clock_rank)
+            count = min(count, int(np.searchsorted(block.stamps_ns, before)))
+        return max(count, 1)
 
     def _due_ns(self) -> int:
         due = self.now_ns - self._watermark_ns

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from typing import Any
 
 from flea_diag.stages import Stage
-from flea_diag.wire.records import Record
+from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
+from flea_diag.wire.records import Record, Residual, Scan
+
+IN_BLOCKS: dict[type, type] = {ScanBlock: Scan, ResidualBlock: Residual}
 
 
 class Pipeline:
@@ -21,10 +25,48 @@ class Pipeline:
         self.consumes: tuple[type, ...] = tuple(
             dict.fromkeys(kind for stage in self._stages for kind in stage.consumes)
         )
+        self._of_block: dict[type, list[Any]] = {
+            block: [stage for stage in self._stages if kind in stage.consumes]
+            for block, kind in IN_BLOCKS.items()
+        }
 
     def handle(self, record: Record) -> tuple[Record, ...]:
         """Run ``record`` and all that follows from it through the stages that consume it."""
         return self._run(deque([record]))
+
+    def handle_block(self, block: ScanBlock) -> tuple[Record | Block, ...]:
+        """Run scans through the stages: what they cause, quiet stretches of it in blocks."""
+        caused: list[Record | Block] = []
+        while len(block):
+            taken, made = self._quiet(block)
+            if not taken:
+                taken, made = 1, self.handle(next(block.records()))
+            caused.extend(made)
+            block = block.part(slice(taken, None))
+        return tuple(caused)
+
+    def _quiet(self, block: ScanBlock) -> tuple[int, tuple[Record | Block, ...]]:
+        """The leading scans that may pass as blocks through all stages, and what they cause."""
+        for stages in self._of_block.values():
+            if not all(getattr(stage, "takes_blocks", False) for stage in stages):
+                return 0, ()
+        taken, caused = len(block), []
+        waiting: deque[Record | Block] = deque()
+        for stage in self._of_block[ScanBlock]:
+            # The first one says how many; those after it follow.
+            taken, made = stage.handle_block(block.part(slice(taken)))
+            if not taken:
+                return 0, ()
+            waiting.extend(made)
+        while waiting:
+            current = waiting.popleft()
+            caused.append(current)
+            if isinstance(current, (ScanBlock, ResidualBlock)):
+                for stage in self._of_block[type(current)]:
+                    waiting.extend(stage.handle_block(current)[1])
+            else:
+                caused.extend(self._run(deque([current])))
+        return taken, tuple(caused)
 
     def finish(self) -> tuple[Record, ...]:
         """The input has ended: stages that still hold records back let them go."""

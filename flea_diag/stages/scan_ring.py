@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.nominal_range import OperatingPoint
+from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import Scan
 
 Doubles = npt.NDArray[np.float64]
@@ -21,23 +23,34 @@ class ScanRing:
     def __init__(self, history_s: float, gap_limit_s: float) -> None:
         self.history_ns = round(history_s * SECOND_NS)
         self.gap_limit_s = gap_limit_s
-        self._scans: deque[Scan] = deque()
+        self._scans: deque[Scan | ScanBlock] = deque()
 
     @property
     def end_ns(self) -> int:
         """Stamp of the newest scan; -1 without any."""
-        return self._scans[-1].stamp_ns if self._scans else -1
+        return _end_ns(self._scans[-1]) if self._scans else -1
 
     def add(self, scan: Scan) -> bool:
         """Keep a scan and forget what is too old; a jump back in time starts afresh."""
-        if self._scans and scan.stamp_ns <= self._scans[-1].stamp_ns:
-            if self._scans[-1].stamp_ns - scan.stamp_ns <= self.history_ns:
+        if self._scans and scan.stamp_ns <= self.end_ns:
+            if self.end_ns - scan.stamp_ns <= self.history_ns:
                 return False
             self._scans.clear()
-        self._scans.append(scan)
-        while self._scans[0].stamp_ns < scan.stamp_ns - self.history_ns:
-            self._scans.popleft()
+        self._keep(scan)
         return True
+
+    def add_block(self, block: ScanBlock) -> None:
+        """Keep scans that come in order, all at once; they are parted when they are needed."""
+        if self._scans and block.stamps_ns[0] <= self.end_ns:
+            for scan in block.records():
+                self.add(scan)
+        else:
+            self._keep(block)
+
+    def _keep(self, scans: Scan | ScanBlock) -> None:
+        self._scans.append(scans)
+        while _end_ns(self._scans[0]) < self.end_ns - self.history_ns:
+            self._scans.popleft()
 
     def columns(self, start_ns: int, end_ns: int) -> tuple[dict[str, Doubles], Doubles]:
         """Channels of the scans inside a window, and their times in s after ``start_ns``."""
@@ -67,7 +80,20 @@ class ScanRing:
         return np.interp(times_s, at_s[known], values[known])
 
     def _inside(self, start_ns: int, end_ns: int) -> list[Scan]:
-        return [scan for scan in self._scans if start_ns <= scan.stamp_ns <= end_ns]
+        # A block may hold some that are too old by now.
+        start_ns = max(start_ns, self.end_ns - self.history_ns)
+        return [scan for scan in self._parted() if start_ns <= scan.stamp_ns <= end_ns]
+
+    def _parted(self) -> Iterator[Scan]:
+        for scans in self._scans:
+            if isinstance(scans, ScanBlock):
+                yield from scans.records()
+            else:
+                yield scans
+
+
+def _end_ns(scans: Scan | ScanBlock) -> int:
+    return int(scans.stamps_ns[-1]) if isinstance(scans, ScanBlock) else scans.stamp_ns
 
 
 def _rms(values: list[float]) -> float:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.fault_models import FaultModel
@@ -16,6 +15,7 @@ from flea_diag.core.isolation import Hypothesis
 from flea_diag.stages.advice import Advice
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
+from flea_diag.stages.standing import SEEN_MOVING, Standing, astray, rested
 from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
@@ -28,30 +28,12 @@ from flea_diag.wire.records import (
 
 EARLY_NS = 8_000_000_000
 """A deviation within this time of the stream's start was there before it."""
-LOST_NS = 3_000_000_000
-"""A state observer that has been off its track for so long has a model that does not fit."""
 LOST = (
     "the state observer has lost its track and no relation says why: the calibration does not "
     "fit this actuator, calibrate on its own recordings"
 )
-SEEN_MOVING = 50
-"""Scans in motion without which nothing can be said of motor and screw."""
 NEEDED = ("motor_current", "load_force", "actuator_position")
 """Without these the stand shows too little of the actuator to say anything."""
-
-
-@dataclass
-class Standing:
-    """What is known of the stand apart from any episode."""
-
-    axes: tuple[str, ...] = ()
-    mismatch: str = ""
-    bad: tuple[str, ...] = ()
-    first_ns: int = NEVER_NS
-    moved: int = 0
-    moved_ns: int = NEVER_NS
-    lost_ns: int = NEVER_NS
-    """Since when the state observer has lost its track; never while it follows."""
 
 
 class Verdict:
@@ -77,7 +59,7 @@ class Verdict:
         if standing.mismatch:
             return Outcome.MODEL_MISMATCH, standing.mismatch
         if episode is None:
-            if standing.lost_ns != NEVER_NS and stamp_ns - standing.lost_ns >= LOST_NS:
+            if astray(stamp_ns, standing.lost_ns):
                 return Outcome.MODEL_MISMATCH, LOST
             return self._quiet(stamp_ns, standing)
         outcome, words = self._of_episode(stamp_ns, standing, episode)
@@ -131,8 +113,8 @@ class Verdict:
         bad = [channel for channel in NEEDED if channel in standing.bad]
         if bad:
             return Outcome.DATA_UNUSABLE, f"{', '.join(bad)} cannot be used"
-        rested = standing.moved_ns < 0 or stamp_ns - standing.moved_ns > self._p.rest_s * 1e9
-        if standing.moved < SEEN_MOVING or rested:
+        resting = rested(stamp_ns, standing.moved_ns, self._p.rest_s * 1e9)
+        if standing.moved < SEEN_MOVING or resting:
             return (
                 Outcome.NOT_OBSERVABLE,
                 "the actuator does not move: faults of motor and screw show only in motion",

@@ -103,4 +103,23 @@ class ResidualBlock:
             )
 
 
+def alone(record: Residual) -> ResidualBlock:
+    """A block of one record."""
+    columns = (record.values, record.z, record.thresholds)
+    values, z, thresholds = (np.array([column], dtype=float) for column in columns)
+    return ResidualBlock(
+        np.array([record.stamp_ns]),
+        record.names,
+        values,
+        z,
+        thresholds,
+        record.regressor_names,
+        np.array([record.regressors]),
+        record.estimated,
+        np.array([record.estimates]),
+        np.array([record.estimate_sigmas]),
+        np.array([record.health]),
+    )
+
+
 Block = ScanBlock | ResidualBlock

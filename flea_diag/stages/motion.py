@@ -1,0 +1,69 @@
+"""How the actuator has moved lately: what vibration and the signs of symbols rest on."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+from flea_diag.core.fault_models import REGRESSORS
+from flea_diag.core.operating_point import Quadrant
+from flea_diag.core.sentinel import SCANS, Sentinel
+from flea_diag.stages.inquiry import Pace
+from flea_diag.wire.blocks import ResidualBlock
+
+CURRENT, SPEED = REGRESSORS.index("current_a"), REGRESSORS.index("speed_m_s")
+LOAD = REGRESSORS.index("load_n")
+VISITED_SCANS = 400
+"""Scans in motion over which the quadrants that were passed through are remembered."""
+IDLE_A = 0.1
+"""Below this the sign of a current is that of its noise."""
+
+
+class Motion:
+    """Follows the regressors of every scan; constant memory.
+
+    Parameters
+    ----------
+    encoder_m_per_rad : travel of the nut, 0 where no speed of the shaft is known
+    window_ns : over which ``pace`` looks back
+    sentinel : is told of speed and load
+    """
+
+    def __init__(self, encoder_m_per_rad: float, window_ns: int, sentinel: Sentinel) -> None:
+        self._lead = encoder_m_per_rad
+        self._window_ns = window_ns
+        self._sentinel = sentinel
+        self._visited: deque[tuple[float, float]] = deque(maxlen=VISITED_SCANS)
+        self.pace = Pace(window_ns)
+
+    def step(self, stamp_ns: int, regressors: Sequence[float], moving: bool) -> None:
+        """Take one scan."""
+        speed = regressors[SPEED]
+        screw_rad_s = speed / self._lead if self._lead else math.nan
+        self.pace.add(stamp_ns, screw_rad_s)
+        self._sentinel.motion(screw_rad_s, regressors[LOAD])
+        if moving:
+            self._visited.append((regressors[CURRENT], speed))
+
+    def follow(self, block: ResidualBlock) -> None:
+        """Take many scans: only the last of them will be remembered."""
+        moving = block.regressors[:, -1] > 0.5
+        visited = block.regressors[moving][-VISITED_SCANS:, [CURRENT, SPEED]].tolist()
+        self._visited.extend((current, speed) for current, speed in visited)
+        recent = int((block.stamps_ns > block.stamps_ns[-1] - self._window_ns).sum())
+        last = block.part(slice(-max(recent, SCANS), None))
+        for stamp_ns, row in zip(last.stamps_ns.tolist(), last.regressors.tolist(), strict=True):
+            self.step(stamp_ns, row, moving=False)
+
+    def quadrants(self) -> set[Quadrant]:
+        """Quadrants that the last scans in motion lay in."""
+        return {quadrant for scan in self._visited for quadrant in _quadrants(*scan)}
+
+
+def _quadrants(current_a: float, speed_m_s: float) -> tuple[Quadrant, ...]:
+    """Quadrants that a scan lies in; a current within its noise lies in both of its signs."""
+    if not math.isfinite(current_a):
+        return ()
+    signs = (-1, 1) if abs(current_a) < IDLE_A else (1 if current_a > 0 else -1,)
+    return tuple(Quadrant(sign, 1 if speed_m_s > 0 else -1) for sign in signs)

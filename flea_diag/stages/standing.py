@@ -1,0 +1,79 @@
+"""What is known of the stand apart from any episode: whether it moves, and is to be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.wire.records import NEVER_NS
+
+Flags = npt.NDArray[np.bool_]
+Stamps = npt.NDArray[np.int64]
+
+LOST_NS = 3_000_000_000
+"""A state observer that has been off its track for so long has a model that does not fit."""
+SEEN_MOVING = 50
+"""Scans in motion without which nothing can be said of motor and screw."""
+
+
+@dataclass
+class Standing:
+    """State of the stand, kept from scan to scan."""
+
+    axes: tuple[str, ...] = ()
+    mismatch: str = ""
+    bad: tuple[str, ...] = ()
+    first_ns: int = NEVER_NS
+    moved: int = 0
+    moved_ns: int = NEVER_NS
+    lost_ns: int = NEVER_NS
+    """Since when the state observer has lost its track; never while it follows."""
+
+    def step(self, stamp_ns: int, moving: bool, lost: bool) -> None:
+        """Take one scan."""
+        if self.first_ns == NEVER_NS:
+            self.first_ns = stamp_ns
+        if moving:
+            self.moved += 1
+            self.moved_ns = stamp_ns
+        if not lost:
+            self.lost_ns = NEVER_NS
+        elif self.lost_ns == NEVER_NS:
+            self.lost_ns = stamp_ns
+
+    def follow(
+        self, stamps_ns: Stamps, moving: Flags, lost: Flags, rest_ns: float
+    ) -> Iterator[int]:
+        """Take n scans; stops at those with which another outcome may stand.
+
+        The state is then that of the scan given, and at the end that of the last one.
+        """
+        if self.first_ns == NEVER_NS:
+            self.first_ns = int(stamps_ns[0])
+        moved = self.moved + np.cumsum(moving)
+        moved_ns = np.maximum.accumulate(np.where(moving, stamps_ns, self.moved_ns))
+        begins = lost & ~np.append(self.lost_ns != NEVER_NS, lost[:-1])
+        lost_ns = np.maximum.accumulate(np.where(begins, stamps_ns, self.lost_ns))
+        lost_ns = np.where(lost, lost_ns, NEVER_NS)
+        seen = np.stack(
+            (moved < SEEN_MOVING, rested(stamps_ns, moved_ns, rest_ns), astray(stamps_ns, lost_ns))
+        )
+        turns = np.flatnonzero((seen[:, 1:] != seen[:, :-1]).any(axis=0)) + 1
+        for row in (0, *turns.tolist(), len(stamps_ns) - 1):
+            self.moved, self.moved_ns = int(moved[row]), int(moved_ns[row])
+            self.lost_ns = int(lost_ns[row])
+            yield row
+
+
+def rested(stamp_ns: Any, moved_ns: Any, rest_ns: float) -> Any:
+    """Whether there was no motion for too long; for one scan, or elementwise for many."""
+    return (moved_ns == NEVER_NS) | (stamp_ns - moved_ns > rest_ns)
+
+
+def astray(stamp_ns: Any, lost_ns: Any) -> Any:
+    """Whether the state observer is off its track for good; for one scan, or for many."""
+    return (lost_ns != NEVER_NS) & (stamp_ns - lost_ns >= LOST_NS)
