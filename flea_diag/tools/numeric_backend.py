@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -13,6 +14,12 @@ IDENTITY = ("vendor_id", "cpu family", "model")
 
 def numeric_backend() -> str:
     """Name of the backend that a digest holds for, e.g. ``numpy 2.4.6, …, GenuineIntel 6 106``."""
+    return f"{_libraries()}, {_processor(CPUINFO)}"
+
+
+@cache
+def _libraries() -> str:
+    """Versions and instruction set: they stay, and reading them takes longer than many a bag."""
     from importlib.metadata import version
 
     import numpy as np
@@ -22,7 +29,7 @@ def numeric_backend() -> str:
     # The particle filter sums in another order where numba compiles it.
     compiler = f"numba {version('numba')}" if find_spec("numba") else "no numba"
     libraries = f"numpy {version('numpy')}, scipy {version('scipy')}, {compiler}"
-    return f"{libraries}, {instructions}, {_processor(CPUINFO)}"
+    return f"{libraries}, {instructions}"
 
 
 def _processor(description: Path) -> str:

@@ -86,6 +86,7 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
     from flea_diag.stages.digest import DECISIONS, Digest
     from flea_diag.tools.replay_summary import summarise
     from flea_diag.wire.bag import BagReader
+    from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
     from flea_diag.wire.records import (
         AmbiguityGroup,
         ChannelTable,
@@ -97,17 +98,18 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
     )
 
     source = (ChannelTable, VibrationBlock, Scan)
-    bulk = (Residual, VibrationLevel, VibrationBlock)
+    bulk = (Residual, ResidualBlock, VibrationLevel, VibrationBlock)
     reader = BagReader(bag)
-    kept: list[Record] = []
+    kept: list[Record | Block] = []
     recorded, published = Digest(), False
-    for _, record in reader.records((*source, *DECISIONS), namespace):
-        if isinstance(record, source):
-            caused = pipeline.handle(record)
-            kept += [each for each in (record, *caused) if not isinstance(each, bulk)]
-        else:
+    for record in reader.blocks((*source, *DECISIONS), namespace):
+        if isinstance(record, DECISIONS):
             published = published or isinstance(record, AmbiguityGroup)
             recorded.add(record)
+            continue
+        by_block = isinstance(record, ScanBlock)
+        caused = pipeline.handle_block(record) if by_block else pipeline.handle(record)
+        kept += [each for each in (record, *caused) if not isinstance(each, bulk)]
     kept += [each for each in pipeline.finish() if not isinstance(each, bulk)]
     summary = summarise(kept)
     if not summary["scans"]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from flea_diag.stages.digest import digest
+from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
 from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
@@ -24,14 +25,15 @@ SCHEMA_VERSION = 1
 _SOUND = (Quality.GOOD, Quality.ABSENT)
 
 
-def summarise(records: Iterable[Record]) -> dict[str, Any]:
-    """Summarise a diagnosis from its records: the scans, and all that they caused.
+def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
+    """Summarise a diagnosis from its records: the scans, alone or in blocks, and what they caused.
 
     Times are seconds after the first scan. The fields of an episode that stand at the top
     are those of the first episode; without any, ``outcome`` is the last verdict's.
     """
-    known = list(records)
-    scans = [record.stamp_ns for record in known if isinstance(record, Scan)]
+    whole = list(records)
+    scans = list(_stamps_ns(whole))
+    known = [record for record in whole if not isinstance(record, (ScanBlock, ResidualBlock))]
     start_ns = scans[0] if scans else 0
     groups = [record for record in known if isinstance(record, AmbiguityGroup)]
     detections = {r.episode: r for r in known if isinstance(r, Detection) and r.detected}
@@ -58,6 +60,14 @@ def summarise(records: Iterable[Record]) -> dict[str, Any]:
         "scans": len(scans),
         "duration_s": _seconds(max(scans), start_ns) if scans else 0.0,
     }
+
+
+def _stamps_ns(records: Sequence[Record | Block]) -> Iterator[int]:
+    for record in records:
+        if isinstance(record, ScanBlock):
+            yield from record.stamps_ns.tolist()
+        elif isinstance(record, Scan):
+            yield record.stamp_ns
 
 
 def _seconds(stamp_ns: int, start_ns: int) -> float | None:

@@ -6,6 +6,7 @@ import heapq
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from itertools import groupby, islice
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,14 @@ import yaml
 
 from flea_diag.errors import RecordingError, WireError
 from flea_diag.wire.bag_layout import METADATA_FILE, checked_namespace, split_name
+from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.codec import decode
 from flea_diag.wire.mcap_scan import Channel, McapScan, Message
-from flea_diag.wire.records import Record
+from flea_diag.wire.records import Record, Scan
+from flea_diag.wire.scan_columns import scan_block
 from flea_diag.wire.topics import TOPICS, Topic
 
+BLOCK_SCANS = 1024
 _METADATA_LIMIT_BYTES = 1 << 20
 
 
@@ -92,19 +96,45 @@ class BagReader:
         RecordingError
             When the bag holds several namespaces and none is chosen.
         """
+        for kind, message in self._messages(types, namespace):
+            yield from self._decoded(kind, message)
+        self._collect_losses()
+
+    def blocks(
+        self, types: Iterable[type] | None = None, namespace: str | None = None
+    ) -> Iterator[Record | ScanBlock]:
+        """Records in log order, as those of ``records``, with scans in a row as blocks."""
+        for kind, run in groupby(self._messages(types, namespace), key=itemgetter(0)):
+            messages = (message for _, message in run)
+            while part := list(islice(messages, BLOCK_SCANS if kind is Scan else 1)):
+                block = _block(part) if kind is Scan else None
+                if block is not None:
+                    yield block
+                else:
+                    yield from (r for m in part for _, r in self._decoded(kind, m))
+        self._collect_losses()
+
+    def _messages(
+        self, types: Iterable[type] | None, namespace: str | None
+    ) -> Iterator[tuple[type, Message]]:
+        """Messages of ours in log order, with the record that each should be."""
         wanted = self._wanted(None if types is None else set(types), self._chosen(namespace))
-        ordered = heapq.merge(*(s.messages() for s in self._sources), key=itemgetter(0))
+        ordered = self._sources[0].messages()
+        if len(self._sources) > 1:
+            ordered = heapq.merge(*(s.messages() for s in self._sources), key=itemgetter(0))
         for message in ordered:
             topic = wanted.get(message.channel.topic)
-            if topic is None or message.channel.message != topic.message:
-                continue
-            try:
-                record: Record = decode(topic.record, message.data)
-            except WireError as error:
-                self._count_unreadable(message, error)
-            else:
-                yield message.log_ns, record
-        self._collect_losses()
+            if topic is not None and message.channel.message == topic.message:
+                yield topic.record, message
+
+    def _decoded(self, kind: type, message: Message) -> Iterator[tuple[int, Record]]:
+        """Log time and record of one message; nothing where it is unreadable."""
+        try:
+            record: Record = decode(kind, message.data)
+        except WireError as error:
+            self._count_unreadable(message, error)
+        else:
+            yield message.log_ns, record
 
     def _chosen(self, namespace: str | None) -> str:
         has = ", ".join(name or "/" for name in self.namespaces)
@@ -137,6 +167,14 @@ class BagReader:
         self.losses += [
             f"{topic}: {count} unreadable messages" for topic, count in self._unreadable.items()
         ]
+
+
+def _block(messages: list[Message]) -> ScanBlock | None:
+    """Scans as columns, if their messages are sound and alike."""
+    try:
+        return scan_block([message.data for message in messages])
+    except WireError:
+        return None
 
 
 def read_bag(

@@ -21,7 +21,7 @@ _U32 = struct.Struct("<I")
 _STAMP = struct.Struct("<iI")
 _NS = 1_000_000_000
 _SECONDS = range(-(2**31), 2**31)
-_TRAILING = 16
+TRAILING = 16
 """Bytes that may follow a message: rclpy 7.1 leaves 8 unset ones after a JointState, since its
 size is estimated with an alignment that an empty sequence does not have."""
 
@@ -107,6 +107,11 @@ class CdrReader:
         """Skip padding."""
         self._position += -self._position % size
 
+    @property
+    def place(self) -> int:
+        """Where in the message it stands."""
+        return self._position + len(ENCAPSULATION)
+
     def take(self, count: int) -> memoryview:
         """Take the next ``count`` bytes, without a copy."""
         start, end = self._position, self._position + count
@@ -156,5 +161,5 @@ class CdrReader:
     def end(self) -> None:
         """Nothing but a middleware's padding may be left."""
         left = len(self._body) - self._position
-        if left > _TRAILING:
+        if left > TRAILING:
             self.refuse(f"{left} bytes are left over")

@@ -9,9 +9,10 @@ Source of the layout: the MCAP specification, version 0.
 
 from __future__ import annotations
 
-import heapq
 import struct
+from bisect import bisect_left
 from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 from typing import IO, NamedTuple
 
@@ -31,6 +32,7 @@ from flea_diag.wire.mcap_file import MAGIC
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 1, 2, 3, 4, 5, 6, 9
 _RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
+_log_ns = attrgetter("log_ns")
 _SMALL_LIMIT_BYTES = 16 << 20
 
 
@@ -192,15 +194,17 @@ class McapScan:
 
     def messages(self) -> Iterator[Message]:
         """All messages in order of log time; equal times keep their order in the file."""
-        waiting: list[tuple[int, int, int, Message]] = []
+        waiting: list[Message] = []
+        pieces = sorted(self._pieces, key=lambda piece: (piece.start_ns, piece.offset))
         with self.path.open("rb") as stream:
-            for piece in sorted(self._pieces, key=lambda piece: (piece.start_ns, piece.offset)):
-                while waiting and waiting[0][0] < piece.start_ns:
-                    yield heapq.heappop(waiting)[-1]
-                for number, message in enumerate(self._unpacked(stream, piece)):
-                    heapq.heappush(waiting, (message.log_ns, piece.offset, number, message))
-        while waiting:
-            yield heapq.heappop(waiting)[-1]
+            for piece in pieces:
+                # What is older than all pieces to come has its turn; the rest waits with them.
+                due = bisect_left(waiting, piece.start_ns, key=_log_ns)
+                yield from waiting[:due]
+                waiting = waiting[due:]
+                waiting += self._unpacked(stream, piece)
+                waiting.sort(key=_log_ns)
+        yield from waiting
 
     def _unpacked(self, stream: IO[bytes], piece: _Piece, quiet: bool = False) -> Iterator[Message]:
         stream.seek(piece.offset)
@@ -216,11 +220,12 @@ class McapScan:
 
     def _records(self, data: memoryview) -> Iterator[Message]:
         place = 0
-        while place < len(data):
-            opcode, size = _RECORD.unpack_from(data, place)
-            place += _RECORD.size
-            if size > len(data) - place:
-                raise DamageError(f"a record of {size} bytes where {len(data) - place} are left")
+        end, head, opened = len(data), _RECORD.size, _RECORD.unpack_from
+        while place < end:
+            opcode, size = opened(data, place)
+            place += head
+            if size > end - place:
+                raise DamageError(f"a record of {size} bytes where {end - place} are left")
             body = data[place : place + size]
             place += size
             if opcode == _MESSAGE:
