@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -194,13 +195,10 @@ class Evidence:
     def _misfits(self, model: FaultModel, weight: Array, tolerance: Sequence[float]) -> Array:
         """Misfit of each residual at the joint optimum, weighted."""
         A, b, _ = self._normal(model, len(model.sizes), weight, tolerance)
-        x = _bounded(model, A, b)
-        misfits = np.zeros(len(self.residuals))
-        for index, name in enumerate(self.residuals):
-            effect = _design(model, name, len(model.sizes)) @ x
-            quadratic = effect @ self._gram[index] @ effect
-            misfits[index] = self._square[index] - 2.0 * effect @ self._cross[index] + quadratic
-        return misfits * weight
+        effect = _designs(model, self.residuals, len(model.sizes)) @ _bounded(model, A, b)
+        quadratic = (effect * np.matmul(self._gram, effect[:, :, None])[:, :, 0]).sum(axis=1)
+        crossed = (effect * self._cross).sum(axis=1)
+        return np.asarray((self._square - 2.0 * crossed + quadratic) * weight)
 
     def _normal(
         self,
@@ -210,11 +208,10 @@ class Evidence:
         tolerance: Sequence[float],
     ) -> tuple[Array, Array, float]:
         width = count + len(UNIT_PARAMETERS)
-        A, b = np.zeros((width, width)), np.zeros(width)
-        for index, name in enumerate(self.residuals):
-            design = _design(model, name, count)
-            A += weight[index] * design.T @ self._gram[index] @ design
-            b += weight[index] * design.T @ self._cross[index]
+        design = _designs(model, self.residuals, count)
+        weighed = design.transpose(0, 2, 1) * weight[:, None, None]
+        A = np.matmul(weighed, np.matmul(self._gram, design)).sum(axis=0)
+        b = np.matmul(weighed, self._cross[:, :, None])[:, :, 0].sum(axis=0)
         prior = np.concatenate((np.zeros(count), 1.0 / np.square(tolerance)))
         A[np.diag_indices(width)] += prior
         return A, b, float(weight @ self._square)
@@ -227,6 +224,12 @@ def _effect(model: FaultModel, residual: str, sizes: Sequence[float]) -> Array:
         if term.residual == residual:
             effect[COLUMN[term.regressor]] += term.gain * sizes[term.index]
     return effect
+
+
+@lru_cache(maxsize=1024)
+def _designs(model: FaultModel | None, residuals: tuple[str, ...], count: int) -> Array:
+    """Designs of all residuals, shape (residuals, regressors, parameters); not to be changed."""
+    return np.stack([_design(model, name, count) for name in residuals])
 
 
 def _design(model: FaultModel | None, residual: str, count: int) -> Array:
