@@ -47,6 +47,17 @@ class BadStretch:
     end_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class CovarianceBlock:
+    """Covariance of parameters that were fitted together, ``matrix`` in their order.
+
+    Blocks come from different relations, and are taken as independent of one another.
+    """
+
+    parameters: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+
 @dataclass(frozen=True)
 class Calibration:
     """Everything the diagnoser knows of an actuator beyond its structure.
@@ -71,6 +82,7 @@ class Calibration:
     bad_stretches: tuple[BadStretch, ...] = ()
     observer_noise: ObserverNoise = field(default_factory=ObserverNoise)
     sensors: tuple[SensorLimit, ...] = ()
+    covariance: tuple[CovarianceBlock, ...] = ()
 
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
@@ -246,6 +258,21 @@ def _stretches(value: Any) -> tuple[BadStretch, ...]:
     )
 
 
+def _covariance(value: Any) -> tuple[CovarianceBlock, ...]:
+    known = {entry.name for entry in fields(ActuatorParameters)}
+    blocks = []
+    for entry in _list(value):
+        names = _texts(entry["parameters"])
+        odd = [name for name in names if name not in known]
+        if odd:
+            raise ValueError(f"{odd[0]!r} is no parameter")
+        matrix = tuple(tuple(map(_number, _list(row))) for row in _list(entry["matrix"]))
+        if [len(row) for row in matrix] != [len(names)] * len(names):
+            raise ValueError(f"{names[0] if names else 'a block'}: matrix is not square")
+        blocks.append(CovarianceBlock(names, matrix))
+    return tuple(blocks)
+
+
 ABOVE_ZERO = (
     "force_constant_n_per_a",
     "back_emf_v_s_per_m",
@@ -274,7 +301,8 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "sources": _texts,
     "bad_stretches": _stretches,
     "sensors": lambda value: tuple(SensorLimit.from_mapping(entry) for entry in _list(value)),
+    "covariance": _covariance,
     "observer_noise": _numbers_of(ObserverNoise, [f.name for f in fields(ObserverNoise)]),
 }
-LATER = ("observer_noise", "sensors")
+LATER = ("observer_noise", "sensors", "covariance")
 """Entries that files of this schema may lack."""

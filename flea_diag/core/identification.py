@@ -12,13 +12,14 @@ are far from independent.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.calibration import Run
+from flea_diag.core import heat_identification
+from flea_diag.core.calibration import CovarianceBlock, Run
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.residual import COPPER_PER_K
 from flea_diag.core.residual_bank import INDEX
@@ -39,13 +40,17 @@ class Identified:
 
     parameters: ActuatorParameters
     sigmas: dict[str, float] = field(default_factory=dict)
+    covariance: list[CovarianceBlock] = field(default_factory=list)
     not_identified: dict[str, str] = field(default_factory=dict)
     voltage_limit_v: float = 10.0
 
-    def found(self, values: dict[str, float], errors: dict[str, float]) -> None:
-        """Take over parameters that the data identify."""
+    def found(self, values: Mapping[str, float], covariance: Array) -> None:
+        """Take over parameters that the data identify, fitted together with this covariance."""
         self.parameters = replace(self.parameters, **values)
-        self.sigmas.update(errors)
+        sigmas = np.sqrt(np.diag(covariance)).tolist()
+        self.sigmas.update(zip(values, sigmas, strict=True))
+        rows = tuple(map(tuple, np.asarray(covariance).tolist()))
+        self.covariance.append(CovarianceBlock(tuple(values), rows))
 
     def missing(self, names: Sequence[str], reason: str) -> None:
         """Note parameters that keep their defaults."""
@@ -122,6 +127,8 @@ def identify(runs: Sequence[Run], kernel_length: int, period_s: float) -> Identi
     data = smooth(runs, kernel_length, period_s)
     result = Identified(ActuatorParameters())
     result.missing(["winding_inductance_h"], "L/R is far below the scan period; an assumption")
+    result.missing(["stribeck_speed_m_s"], "width of the smooth sign of friction; an assumption")
+    result.missing(["reference_temperature_degc"], "where the resistance holds; a convention")
     _encoder(data, result)
     speed, acceleration = _motion(data, result)
     moving = np.abs(speed) > MOVING_M_S
@@ -135,8 +142,7 @@ def identify(runs: Sequence[Run], kernel_length: int, period_s: float) -> Identi
     _electrical(data, speed, result)
     _drive(data, result)
     _position(data, result)
-    _heat(runs, period_s, "motor_temperature", result, _copper_square)
-    _heat(runs, period_s, "nut_temperature", result, _friction_power)
+    heat_identification.identify(runs, period_s, result)
     return result
 
 
@@ -161,9 +167,7 @@ def _encoder(data: Smoothed, result: Identified) -> None:
         return
     rate = data.first[use, INDEX["actuator_position"]]
     x, covariance, _ = robust_fit(data.column("motor_speed")[use, None], rate, data.run[use])
-    result.found(
-        {"encoder_m_per_rad": float(x[0])}, {"encoder_m_per_rad": float(covariance[0, 0] ** 0.5)}
-    )
+    result.found({"encoder_m_per_rad": float(x[0])}, covariance)
 
 
 def _mechanical(
@@ -193,17 +197,14 @@ def _mechanical(
             "motor_current or load_force has the wrong sign (positive load opposes extension)"
         )
     K = 1.0 / x[0]
-    # d(x_k / x_0): the ratio's error from the joint covariance.
-    errors = {}
+    # Ratios x_k / x_0, and K = 1 / x_0: their covariance by the gradient at the solution.
+    gradient = np.zeros((len(x), len(x)))
+    gradient[0, 0], gradient[1, 5] = -K * K, 1.0
     values = {"force_constant_n_per_a": K, "current_offset_a": float(x[5])}
-    errors["force_constant_n_per_a"] = float(covariance[0, 0] ** 0.5 * K * K)
-    errors["current_offset_a"] = float(covariance[5, 5] ** 0.5)
-    for name, k in zip(names, (1, 2, 3, 4), strict=True):
-        gradient = np.zeros(len(x))
-        gradient[k], gradient[0] = K, -x[k] * K * K
+    for row, (name, k) in enumerate(zip(names, (1, 2, 3, 4), strict=True), 2):
+        gradient[row, k], gradient[row, 0] = K, -x[k] * K * K
         values[name] = max(float(x[k] * K), 0.0)
-        errors[name] = float((gradient @ covariance @ gradient) ** 0.5)
-    result.found(values, errors)
+    result.found(values, gradient @ covariance @ gradient.T)
 
 
 def _electrical(data: Smoothed, speed: Array, result: Identified) -> None:
@@ -228,7 +229,7 @@ def _electrical(data: Smoothed, speed: Array, result: Identified) -> None:
     supply_v = float(np.quantile(np.abs(voltage), 0.99))
     result.voltage_limit_v = max(8.0 * scale, supply_v / 3.0)
     values = dict(zip(names, map(float, x), strict=True))
-    result.found(values, dict(zip(names, map(float, np.sqrt(np.diag(covariance))), strict=True)))
+    result.found(values, covariance)
 
 
 def _drive(data: Smoothed, result: Identified) -> None:
@@ -238,10 +239,8 @@ def _drive(data: Smoothed, result: Identified) -> None:
         return
     A = np.stack((data.column("commanded_voltage")[use], np.ones(use.sum())), axis=1)
     x, covariance, _ = robust_fit(A, data.column("motor_voltage")[use], data.run[use])
-    sigma = np.sqrt(np.diag(covariance))
     result.found(
-        {"drive_gain": float(x[0]), "drive_offset_v": float(x[1])},
-        {"drive_gain": float(sigma[0]), "drive_offset_v": float(sigma[1])},
+        dict(zip(("drive_gain", "drive_offset_v"), map(float, x), strict=True)), covariance
     )
 
 
@@ -251,64 +250,7 @@ def _position(data: Smoothed, result: Identified) -> None:
         result.missing(["position_offset_m"], "no second position channel")
         return
     apart = (data.column("actuator_position") - data.column("load_position"))[use]
-    offset = float(np.median(apart))
-    result.found({"position_offset_m": offset}, {"position_offset_m": float(np.std(apart))})
-
-
-def _copper_square(rows: Array, p: ActuatorParameters, period_s: float) -> float:
-    # Averaged first, as the residual bank does: PWM ripple heats too, but alike in both places.
-    current = np.convolve(rows[:, INDEX["motor_current"]], np.full(15, 1 / 15), mode="valid")
-    return float(np.nanmean((current - p.current_offset_a) ** 2))
-
-
-def _friction_power(rows: Array, p: ActuatorParameters, period_s: float) -> float:
-    travel = np.nansum(np.abs(np.diff(rows[::10, INDEX["actuator_position"]])))
-    return float(p.coulomb_friction_n * travel / (len(rows) * period_s))
-
-
-_HEAT_NAMES = {
-    "motor_temperature": ("motor_heating_k_per_a2s", "motor_cooling_s"),
-    "nut_temperature": ("nut_heating_k_per_j", "nut_cooling_s"),
-}
-
-
-def _heat(
-    runs: Sequence[Run],
-    period_s: float,
-    channel: str,
-    result: Identified,
-    source: Callable[[Array, ActuatorParameters, float], float],
-) -> None:
-    """One slope of temperature a run against what heats and what cools it."""
-    names = _HEAT_NAMES[channel]
-    table = [_slope(run.rows, channel, period_s, result.parameters, source) for run in runs]
-    rows = np.array([row for row in table if row is not None])
-    if len(rows) < 4:
-        result.missing(names, f"{len(rows)} recordings with {channel} and ambient, 4 are needed")
-        return
-    slope, heat, excess = rows.T
-    x = np.linalg.lstsq(np.stack((heat, -excess), axis=1), slope, rcond=None)[0]
-    if x[1] > 1e-5:
-        result.found({names[0]: max(float(x[0]), 0.0), names[1]: 1.0 / float(x[1])}, {})
-        return
-    result.missing(names[1:], "no cooling within the recordings")
-    cooled = slope + excess / getattr(result.parameters, names[1])
-    result.found({names[0]: max(float(heat @ cooled / (heat @ heat)), 0.0)}, {})
-
-
-def _slope(
-    rows: Array,
-    channel: str,
-    period_s: float,
-    p: ActuatorParameters,
-    source: Callable[[Array, ActuatorParameters, float], float],
-) -> tuple[float, float, float] | None:
-    measured, ambient = rows[:, INDEX[channel]], rows[:, INDEX["ambient_temperature"]]
-    middle = np.nanmedian(measured) if np.isfinite(measured).any() else np.nan
-    # Single-sample spikes of 10 K and more would tilt a plain slope.
-    use = np.isfinite(measured) & (np.abs(measured - middle) < 4.0)
-    if use.sum() < 500 or not np.isfinite(ambient).any():
-        return None
-    time_s = np.arange(len(rows)) * period_s
-    slope = float(np.polyfit(time_s[use], measured[use], 1)[0])
-    return slope, source(rows, p, period_s), float(middle - np.nanmedian(ambient))
+    offset, run = float(np.median(apart)), data.run[use]
+    each = np.array([np.median(apart[run == number]) for number in np.unique(run)])
+    error = float(np.var(each, ddof=1)) / len(each) if len(each) > 1 else float(np.var(apart))
+    result.found({"position_offset_m": offset}, np.array([[error]]))

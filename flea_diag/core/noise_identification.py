@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -57,7 +58,12 @@ def fitted(
     """
     pieces = _pieces(runs)
     noise = replace(ObserverNoise(), **_read_off(runs, period_s))
-    best = _cost(pieces, parameters, period_s, voltage_sampling, noise)
+
+    @cache
+    def cost(tried: ObserverNoise) -> float:
+        return _cost(pieces, parameters, period_s, voltage_sampling, tried)
+
+    best = cost(noise)
     for factor in FACTORS:
         improved = True
         while improved:
@@ -65,9 +71,8 @@ def fitted(
             for name in SEARCHED[voltage_sampling]:
                 for step in (factor, 1.0 / factor):
                     tried = replace(noise, **{name: getattr(noise, name) * step})
-                    cost = _cost(pieces, parameters, period_s, voltage_sampling, tried)
-                    if cost < best - 1e-3:
-                        noise, best, improved = tried, cost, True
+                    if cost(tried) < best - 1e-3:
+                        noise, best, improved = tried, cost(tried), True
                         break
     return noise
 

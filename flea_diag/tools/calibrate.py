@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import CalibrationError, ConfigurationError, FleaError
+from flea_diag.tools import calibration_plots, calibration_report
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration import Calibration, Run
@@ -22,6 +23,7 @@ EXAMPLES = """\
 examples:
   flea calibrate bags/*Nominal* -o calibration.yaml
   flea calibrate bags/nominal_* -o calibration.yaml --false-alarms 0.01
+  flea calibrate bags/nominal_* -o calibration.yaml --plots pictures/
 """
 
 FALSE_ALARMS_PER_HOUR = 0.1
@@ -52,6 +54,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RATE",
         help="false alarms per hour of nominal running, all tests together (default %(default)s)",
     )
+    parser.add_argument(
+        "--plots",
+        type=Path,
+        metavar="DIR",
+        help="draw the residuals of each recording against their limits (needs matplotlib)",
+    )
+    parser.add_argument(
+        "--plot-format", choices=("png", "svg"), default="png", help="of the pictures"
+    )
     parser.add_argument("--actuator", default="actuator.yaml", help="actuator description")
     parser.add_argument("--force", action="store_true", help="replace an existing file")
     parser.add_argument("--json", action="store_true", help="report as JSON on standard output")
@@ -65,10 +76,16 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if arguments.output.exists() and not arguments.force:
         raise ConfigurationError(f"{arguments.output}: exists already, use --force to replace it")
+    if arguments.plots is not None:
+        calibration_plots.require()
     recordings, refused = _read_all(arguments.bags)
-    calibration = calibrate(recordings, arguments.actuator, arguments.false_alarms)
+    found = learn(recordings, arguments.actuator, arguments.false_alarms)
+    calibration = found.calibration
     _write(arguments.output, calibration)
-    print(_as_json(calibration) if arguments.json else words(calibration))
+    if arguments.plots is not None:
+        calibration_plots.draw(calibration, found.traces, arguments.plots, arguments.plot_format)
+    report = json.dumps(calibration.to_mapping(), indent=2) if arguments.json else None
+    print(report or calibration_report.words(calibration))
     if refused:
         print(f"flea: {len(refused)} of {len(arguments.bags)} bags left out", file=sys.stderr)
     return 1 if refused else 0
@@ -154,15 +171,29 @@ def _check_units(bag: Path, table: Any) -> None:
             )
 
 
+@dataclass(frozen=True)
+class Learned:
+    """A calibration, and the residuals of each recording that its limits were fitted to."""
+
+    calibration: Calibration
+    traces: tuple[Trace, ...]
+
+
 def calibrate(
     recordings: list[_Recording], actuator: str, false_alarms_per_hour: float
 ) -> Calibration:
-    """Calibration from recordings of one stand.
+    """Calibration from recordings of one stand, see ``learn``."""
+    return learn(recordings, actuator, false_alarms_per_hour).calibration
+
+
+def learn(recordings: list[_Recording], actuator: str, false_alarms_per_hour: float) -> Learned:
+    """Calibration from recordings of one stand, with what its limits were fitted to.
 
     Raises
     ------
     CalibrationError
-        Fewer than two recordings, recordings of different stands, no motion.
+        Fewer than two recordings, recordings of different stands, or of an actuator that the
+        description does not fit, no motion.
     """
     from flea_diag.configuration import load_yaml
     from flea_diag.core import identification, innovation_residual, thresholds
@@ -177,6 +208,8 @@ def calibrate(
             f"{len(recordings)} usable recordings, at least 2 are needed to tell scatter from fault"
         )
     first = recordings[0]
+    described = load_yaml(actuator)
+    _check_described(first, described, actuator)
     for other in recordings[1:]:
         _check_alike(first, other)
     runs = [recording.run for recording in recordings]
@@ -190,8 +223,8 @@ def calibrate(
         first.sampling or "mean",
     )
     traces = list(map(thresholds.with_innovations, traces, watched.residuals))
-    return Calibration(
-        actuator=str(load_yaml(actuator)["name"]),
+    calibration = Calibration(
+        actuator=str(described["name"]),
         period_s=first.period_s,
         channels=first.channels,
         voltage_sampling=first.sampling,
@@ -213,7 +246,9 @@ def calibrate(
             false_alarms_per_hour,
             first.period_s,
         ),
+        covariance=tuple(found.covariance),
     )
+    return Learned(calibration, tuple(traces))
 
 
 def _trusted(run: Run, seen: Trace) -> Any:
@@ -225,11 +260,34 @@ def _trusted(run: Run, seen: Trace) -> Any:
     return rows
 
 
+def _check_described(first: _Recording, described: Any, actuator: str) -> None:
+    """Channels that the diagnosis reads must be sensors or inputs of the described actuator."""
+    if not isinstance(described, dict) or "name" not in described:
+        raise ConfigurationError(f"{actuator}: no actuator description: it has no 'name'")
+    known = {*described.get("sensors", ()), *described.get("inputs", ())}
+    strange = [channel for channel in first.channels if channel not in known]
+    if strange:
+        raise CalibrationError(
+            f"{first.run.name}: {strange[0]} is no sensor of actuator {described['name']!r} "
+            f"({actuator}): the recordings are of another actuator, or --actuator is to name theirs"
+        )
+
+
 def _check_alike(first: _Recording, other: _Recording) -> None:
+    if other.stand != first.stand:
+        raise CalibrationError(
+            f"{other.run.name}: recorded on stand {other.stand!r}, {first.run.name} on "
+            f"{first.stand!r}: one calibration is of one actuator, calibrate each on its own"
+        )
     if abs(other.period_s - first.period_s) > 0.01 * first.period_s:
         raise CalibrationError(
             f"{other.run.name}: scans every {other.period_s} s, {first.run.name} every "
             f"{first.period_s} s: calibrate from recordings of one stand"
+        )
+    if other.sampling != first.sampling:
+        raise CalibrationError(
+            f"{other.run.name}: motor_voltage sampled as {other.sampling!r}, {first.run.name} as "
+            f"{first.sampling!r}: calibrate from recordings of one stand"
         )
     if other.channels != first.channels:
         odd = sorted(set(first.channels) ^ set(other.channels))
@@ -247,38 +305,3 @@ def _write(path: Path, calibration: Calibration) -> None:
     partial = path.with_name(path.name + ".part")
     partial.write_text(text, encoding="utf-8")
     os.replace(partial, path)
-
-
-def _as_json(calibration: Calibration) -> str:
-    return json.dumps(calibration.to_mapping(), indent=2)
-
-
-def words(calibration: Calibration) -> str:
-    """The fit report: parameters with errors, what is not identified, limits, bad stretches."""
-    lines = [
-        f"{len(calibration.sources)} nominal recordings, {calibration.nominal_s:.0f} s",
-        "",
-        "parameter                       value        standard error",
-    ]
-    for name in type(calibration.parameters).__dataclass_fields__:
-        value = getattr(calibration.parameters, name)
-        if name in calibration.not_identified:
-            lines.append(f"{name:30s}  {value:<11.5g}  {calibration.not_identified[name]}")
-        else:
-            error = calibration.sigmas.get(name)
-            lines.append(f"{name:30s}  {value:<11.5g}  {'' if error is None else f'{error:.2g}'}")
-    rate = calibration.false_alarms_per_hour
-    lines += ["", f"limits for {rate} false alarms per hour, all tests together"]
-    lines.append("residual                  window     sigma     limit of |z|")
-    for limit in calibration.limits:
-        for window in limit.windows:
-            lines.append(
-                f"{limit.name:24s}  {window.window:6d}  {window.sigma[0]:9.3g}  {window.k:6.1f}"
-            )
-    if calibration.bad_stretches:
-        lines += ["", "left out as not to be trusted"]
-    for stretch in calibration.bad_stretches:
-        lines.append(
-            f"{stretch.run}: {stretch.channel} from {stretch.start_s:.2f} to {stretch.end_s:.2f} s"
-        )
-    return "\n".join(lines)
