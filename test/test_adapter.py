@@ -83,7 +83,7 @@ def test_stamps_that_jump_back_start_afresh(stand: Stand) -> None:
     stand.scan(after_ns=-60 * 10**9)
     again = stand.peer.find(lambda r: isinstance(r, Residual))
     assert again.values == (1.0,)
-    health = stand.peer.find(lambda r: isinstance(r, Health) and "toy" in r.node)
+    health = stand.peer.find(lambda r: isinstance(r, Health) and r.node == "toy")
     assert dict(health.values)["sensors/slow/late"] == "1"
 
 
@@ -94,7 +94,7 @@ def test_what_cannot_be_used_is_counted_and_passed_over(stand: Stand) -> None:
     seen = stand.peer.find(lambda r: isinstance(r, Residual))
     assert seen.values == (2.0,)
     stand.peer.records.clear()
-    health = stand.peer.find(lambda r: isinstance(r, Health) and "toy" in r.node)
+    health = stand.peer.find(lambda r: isinstance(r, Health) and r.node == "toy")
     values = dict(health.values)
     assert values["sensors/slow/received"] == "3"
     assert values["sensors/slow/malformed"] == "1"
@@ -104,7 +104,7 @@ def test_what_cannot_be_used_is_counted_and_passed_over(stand: Stand) -> None:
 
 
 def test_health_says_what_it_waits_for(stand: Stand) -> None:
-    waiting = stand.peer.find(lambda r: isinstance(r, Health) and "toy" in r.node)
+    waiting = stand.peer.find(lambda r: isinstance(r, Health) and r.node == "toy")
     assert waiting.level == Level.STALE
     assert "waiting" in waiting.message
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from flea_diag.nodes.health import HealthReport
+from flea_diag.nodes.stand_diagnostics import MIRRORED, mirrored
 from flea_diag.nodes.verdict import Verdict
 from flea_diag.stages import Stage
 from flea_diag.wire.bus import Bus, Program
@@ -126,6 +127,7 @@ class Adapter:
         self._health = HealthReport(bus)
         self._latest_ns: dict[type, int] = {}
         self._said_once: dict[type, Record] = {}
+        self._mirrored: dict[type, Record] = {}
         bus.advertise(*ports.publishes, Health)
         for record_type in self._stage.consumes:
             if record_type in SOURCES or not ports.sources_only:
@@ -147,6 +149,13 @@ class Adapter:
             if isinstance(record, AmbiguityGroup):
                 record = self._verdict.changed(record, self._health.silent)
             self._bus.publish(record)
+            self._mirror(record)
+
+    def _mirror(self, record: Record) -> None:
+        """Tell people's tools what has changed; it is repeated each second."""
+        if isinstance(record, MIRRORED):
+            self._mirrored[type(record)] = record
+            self._bus.publish(mirrored(record, self._bus.name, self._bus.now_ns()))
 
     def _follow_stamps(self, record: Record) -> None:
         kind = type(record)
@@ -172,6 +181,7 @@ class Adapter:
         self._stage = self._build(self._parameters)
         self._verdict.forget()
         self._latest_ns.clear()
+        self._mirrored.clear()
         for kind in SAID_ONCE:
             if kind in self._said_once:
                 self._publish(self._stage.handle(self._said_once[kind]))
@@ -193,9 +203,12 @@ class Adapter:
         changed = self._verdict.source_silent(self._health.silent)
         if changed is not None:
             self._bus.publish(changed)
+            self._mirror(changed)
 
     def _repeat(self) -> None:
         again = self._verdict.again()
         if again is not None:
             self._bus.publish(again)
+        for record in self._mirrored.values():
+            self._bus.publish(mirrored(record, self._bus.name, self._bus.now_ns()))
         self._bus.publish(self._health.record())

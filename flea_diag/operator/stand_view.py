@@ -10,6 +10,8 @@ from flea_diag.operator.stream import Stream
 from flea_diag.wire.records import Health, Level, Quality
 from flea_diag.wire.wording import QUALITY_LEVEL
 
+COMPONENT = ": "
+"""In names of statuses that mirror the stand: it has panels of its own."""
 STREAM_LEVEL = {"running": None, "waiting": None, "stale": Level.STALE}
 
 
@@ -52,7 +54,8 @@ def nodes(state: OperatorState) -> Panel | None:
     """Health of our own nodes."""
     if not state.health:
         return None
-    lines = tuple(_node(node, health) for node, health in sorted(state.health.items()))
+    own = sorted(name for name in state.health if COMPONENT not in name)
+    lines = tuple(_node(name, state.health[name]) for name in own)
     return Panel("nodes", "NODES", lines)
 
 

@@ -1,0 +1,45 @@
+"""The stand on /diagnostics, for people with rqt_robot_monitor and diagnostic_aggregator.
+
+A mirror, once a second and on each change, of what goes out on topics of its own: the verdict
+and the state of the channels. Nothing reads it back. Names are ``NODE: verdict`` and
+``NODE: channels`` (REP-107), beside ``NODE`` for the program itself.
+"""
+
+from __future__ import annotations
+
+from flea_diag.wire.records import AmbiguityGroup, DataQuality, Health, Record
+from flea_diag.wire.wording import words_of
+
+MIRRORED: tuple[type, ...] = (AmbiguityGroup, DataQuality)
+
+
+def mirrored(record: AmbiguityGroup | DataQuality, node: str, now_ns: int) -> Health:
+    """Status of the stand that a judgement of ``MIRRORED`` amounts to."""
+    if isinstance(record, DataQuality):
+        return _status(record, f"{node}: channels", now_ns, _of_channels(record))
+    return _status(record, f"{node}: verdict", now_ns, _of_group(record))
+
+
+def _status(record: Record, name: str, now_ns: int, values: tuple[tuple[str, str], ...]) -> Health:
+    words = words_of(record)
+    return Health(now_ns, name, words.level, words.message, values)
+
+
+def _of_group(group: AmbiguityGroup) -> tuple[tuple[str, str], ...]:
+    members = tuple(
+        (f"possible/{c.fault}", f"probability {c.probability:.3g}: {c.reason}")
+        for c in group.members
+    )
+    return (
+        ("outcome", group.outcome.value),
+        ("episode", str(group.episode)),
+        ("source", group.source),
+        *members,
+    )
+
+
+def _of_channels(quality: DataQuality) -> tuple[tuple[str, str], ...]:
+    return tuple(
+        (row.channel, f"{row.quality.value}: {row.reason}" if row.reason else row.quality.value)
+        for row in quality.channels
+    )
