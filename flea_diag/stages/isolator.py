@@ -30,6 +30,7 @@ from flea_diag.stages.standing import Standing
 from flea_diag.stages.verdict import Verdict, mismatch
 from flea_diag.wire.blocks import ResidualBlock, alone
 from flea_diag.wire.records import (
+    ANOTHER_UNIT,
     ChannelTable,
     DataQuality,
     Detection,
@@ -178,11 +179,13 @@ class IsolatorStage:
             # The symbols of the same scan come next, and make the first group.
             self._open(record.stamp_ns)
             return ()
-        if not record.detected and self._episode is not None:
-            self._episode = None
-            self._merge.hold(None)
-            return self._say(record.stamp_ns)
-        return ()
+        if record.test == ANOTHER_UNIT:
+            self._standing.unit_ns, self._said = record.stamp_ns, ()
+        elif record.detected or self._episode is None:
+            return ()
+        self._episode = None
+        self._merge.hold(None)
+        return self._say(record.stamp_ns)
 
     def _open(self, stamp_ns: int) -> Episode:
         self._episodes += 1

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flea_diag.core.calibration import Calibration
-from flea_diag.core.residual_bank import RESIDUALS, ResidualRow
+from flea_diag.core.regressors import TEMPERATURES
+from flea_diag.core.residual_bank import INDEX, RESIDUALS, ResidualRow
+from flea_diag.core.unit_change import UnitChange
 from flea_diag.stages.channels import Channels
 from flea_diag.stages.deviation import Deviation
 from flea_diag.stages.residual_stream import REGRESSOR_NAMES, ResidualStream, Tested
@@ -21,10 +23,11 @@ from flea_diag.stages.state_estimate import KINDS, NONE, StateEstimate
 from flea_diag.stages.stream_order import Place, StreamOrder
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.parameters import parameter
-from flea_diag.wire.records import ChannelTable, DataQuality, Record, Scan
+from flea_diag.wire.records import ANOTHER_UNIT, ChannelTable, DataQuality, Record, Scan
 
 LEAST_SCANS, MOST_SCANS = 16, 1024
 """Scans that are worth a block, and that one may hold."""
+TEMPERATURE_COLUMNS = [INDEX[name] for name in TEMPERATURES]
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,7 @@ class ObserverStage:
         self._table: ChannelTable | None = None
         self._order = StreamOrder(round(calibration.period_s * 1e9), parameters.gap_scans)
         self._deviation = Deviation(parameters.rearm_after_s)
+        self._unit = UnitChange()
         self._most = LEAST_SCANS
         self._start(0)
 
@@ -94,6 +98,7 @@ class ObserverStage:
         if self._table is not None:
             self._stream.take_ranges(self._table)
         self._deviation.forget()
+        self._unit.forget()
 
     def handle(self, record: Record) -> tuple[Record, ...]:
         """Records caused by a ChannelTable or a Scan."""
@@ -122,24 +127,31 @@ class ObserverStage:
         self._most = min(2 * self._most, MOST_SCANS)
         if quiet < count:
             # Something happens: go back, and up to there.
-            self._order, self._channels, self._stream, self._deviation = before
+            self._order, self._channels, self._stream, self._deviation, self._unit = before
             self._most = LEAST_SCANS
             if not quiet:
                 return 0, ()
             _, residuals = self._try(block.part(slice(quiet)))
         return quiet, (residuals,)
 
-    def _saved(self) -> tuple[StreamOrder, Channels, ResidualStream, Deviation]:
+    def _saved(self) -> tuple[StreamOrder, Channels, ResidualStream, Deviation, UnitChange]:
         shared = {id(self._calibration): self._calibration}
-        return deepcopy((self._order, self._channels, self._stream, self._deviation), shared)
+        state = self._order, self._channels, self._stream, self._deviation, self._unit
+        return deepcopy(state, shared)
 
     def _try(self, block: ScanBlock) -> tuple[int, ResidualBlock]:
         """Residuals of scans in order, and the first scan that causes more, or their number."""
         self._order.follow(block.stamps_ns)
         tested, changed = self._test(block)
         happens = self._deviation.follow(block.stamps_ns, tested.results)
+        other = self._other_unit(block)
         residuals = self._residuals(block, tested)
-        return min(changed, tested.turned, happens), residuals
+        return min(changed, tested.turned, happens, other), residuals
+
+    def _other_unit(self, block: ScanBlock) -> int:
+        """The first scan with which another unit is in use, or n."""
+        rows = self._channels.usable(self._channels.rows(block.channels, block.values))
+        return self._unit.follow(rows[:, TEMPERATURE_COLUMNS])
 
     def _test(self, block: ScanBlock) -> tuple[Tested, int]:
         """Residuals and tests; and the first scan with which a channel changes, or n."""
@@ -157,6 +169,8 @@ class ObserverStage:
         elif place is Place.AFTER_GAP:
             self._stream.interrupt()
         block = ScanBlock(np.array([scan.stamp_ns]), scan.channels, np.array([scan.values]))
+        if self._other_unit(block) == 0:
+            return self._go_over(block, scan.stamp_ns)
         tested, changed = self._test(block)
         was_open = self._deviation.is_open
         said = self._deviation.step(scan.stamp_ns, tested.results)
@@ -164,6 +178,14 @@ class ObserverStage:
             self._stream.turn(opened=not was_open)
         quality = () if changed else (self.quality_record(scan.stamp_ns),)
         return (*quality, *self._residuals(block, tested).records(), *said)
+
+    def _go_over(self, block: ScanBlock, stamp_ns: int) -> tuple[Record, ...]:
+        """Another unit is in use: what was found on the last one ends, and all begins anew."""
+        closed = self._deviation.close(stamp_ns, ANOTHER_UNIT)
+        self._start(stamp_ns)
+        tested, _ = self._test(block)
+        residuals = self._residuals(block, tested).records()
+        return (self.quality_record(stamp_ns), *residuals, closed)
 
     def _residuals(self, block: ScanBlock, tested: Tested) -> ResidualBlock:
         results = tested.results

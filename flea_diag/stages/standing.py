@@ -28,6 +28,8 @@ class Standing:
     mismatch: str = ""
     bad: tuple[str, ...] = ()
     first_ns: int = NEVER_NS
+    unit_ns: int = NEVER_NS
+    """Since when another unit than at the start is in use."""
     moved: int = 0
     moved_ns: int = NEVER_NS
     lost_ns: int = NEVER_NS

@@ -63,7 +63,7 @@ class Verdict:
                 return Outcome.MODEL_MISMATCH, LOST
             return self._quiet(stamp_ns, standing)
         outcome, words = self._of_episode(stamp_ns, standing, episode)
-        early = episode.start_ns - standing.first_ns <= EARLY_NS
+        early = episode.start_ns - max(standing.first_ns, standing.unit_ns) <= EARLY_NS
         if outcome is Outcome.UNEXPLAINED and early:
             return (
                 Outcome.MODEL_MISMATCH,
@@ -127,6 +127,11 @@ class Verdict:
         alive = episode.isolation.alive() if episode is not None else []
         dropped = episode.isolation.dropped() if episode is not None else []
         suffix = " (single-fault assumption)" if episode is not None else ""
+        if standing.unit_ns != NEVER_NS:
+            since_s = (standing.unit_ns - standing.first_ns) / 1e9
+            suffix += (
+                f"; another unit since {since_s:.2f} s after the start, its offsets learned anew"
+            )
         return AmbiguityGroup(
             stamp_ns=stamp_ns,
             outcome=outcome,

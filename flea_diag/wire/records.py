@@ -197,9 +197,16 @@ class DataQuality:
     channels: tuple[ChannelQuality, ...]
 
 
+ANOTHER_UNIT = "another unit"
+"""What ends a Detection when the stand has gone over to another unit: a new one begins."""
+
+
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """The fault flag: raised by the first residual whose |z| passed its threshold."""
+    """The fault flag: raised by the first residual whose |z| passed its threshold.
+
+    Where it is lowered ``test`` says why: ``quiet``, ``reset`` or ``ANOTHER_UNIT``.
+    """
 
     stamp_ns: int
     episode: int
