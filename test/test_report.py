@@ -8,9 +8,12 @@ from typing import Any
 
 import pytest
 
+from flea_diag.tools.campaign import Campaign
 from flea_diag.tools.report import page, to_draw
 from flea_diag.tools.report_charts import WIDTH, group_steps, strip, symbol_matrix
+from flea_diag.tools.report_tables import report_tables
 from flea_diag.tools.run_result import RunResult
+from flea_diag.tools.score_summary import summarise
 
 VOID = {"meta", "br", "link"}
 
@@ -50,6 +53,7 @@ TRACE: dict[str, Any] = {
 def result(name: str, right: bool = True, **given: Any) -> RunResult:
     said = {
         "kind": "simulated",
+        "configuration": "hybrid",
         "row": "Jam",
         "truth": "jam",
         "onset_s": 8.0,
@@ -59,7 +63,7 @@ def result(name: str, right: bool = True, **given: Any) -> RunResult:
         "detection_time_s": 2.0,
         "alarms_s": (10.0,),
     }
-    return RunResult(id=name, **{**said, **given})
+    return RunResult(id=f"drawn/{name}", **{**said, **given})
 
 
 class Balanced(HTMLParser):
@@ -90,8 +94,7 @@ def made() -> str:
     pytest.importorskip("jinja2", reason="the report needs Jinja2, which is not installed")
     results = [result(f"run {k}", right=k != 1) for k in range(5)]
     results.append(result("<script>alert(1)</script>", failure="no scan in it & more"))
-    shares = {"simulated": {"hybrid": {"Jam": {"percent": 66.6, "low": 30.0, "high": 90.0}}}}
-    return page("Title", "today", results, shares, {"Jam": 66.7}, lambda _: TRACE)
+    return page("Title", "today", results, summarise(Campaign(), results), lambda _: TRACE)
 
 
 def test_the_markup_is_whole_and_asks_for_nothing_from_outside(made: str) -> None:
@@ -111,14 +114,28 @@ def test_names_from_files_are_shown_not_run(made: str) -> None:
 def test_every_run_is_a_line_and_the_table_stands_beside_the_paper(made: str) -> None:
     body = made.partition('class="sortable"')[2].partition("</table>")[0]
     assert body.count("<tr>") == 1 + 6
-    assert "66.6 %" in made
-    assert "30.0 to 90.0" in made
-    assert ">66.7<" in made
+    # 4 of 6: its Wilson interval from the closed form, z = 1.959964.
+    assert "4 of 6" in made
+    assert "66.7 %" in made
+    assert "30.0 to 90.3" in made
+    assert '<td class="n faint">66.7 %</td>' in made  # the paper's 10 of 15
 
 
 def test_wrong_runs_are_drawn_first_then_a_few_right_ones_of_each_row() -> None:
     results = [result(f"{k}", right=k != 4) for k in range(5)] + [result("f", failure="broken")]
-    assert [r.id for r in to_draw(results)] == ["4", "0", "1"]
+    assert [r.id for r in to_draw(results)] == ["drawn/4", "drawn/0", "drawn/1"]
+
+
+def test_two_diagnosers_of_the_same_runs_stand_side_by_side() -> None:
+    results = [result("a"), result("a", configuration="paper", group=("jam", "spall"))]
+    results.append(result("b", kind="injected"))
+    simulated, injected = report_tables(summarise(Campaign(), results))
+    assert simulated["configurations"] == ["hybrid", "paper"]
+    (jam, whole) = simulated["rows"]
+    assert [cell["right"] for cell in jam["cells"]] == ["1", "0"]
+    assert [cell["count"] for cell in whole["cells"]] == ["1", "1"]
+    assert injected["configurations"] == ["hybrid"]
+    assert injected["title"].endswith("recorded runs with a software fault put in")
 
 
 def test_only_residuals_near_their_limits_are_drawn(made: str) -> None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from flea_diag.tools.envelope import FIRST_STRETCH_S, MOST_STRETCHES, Envelope
-from flea_diag.tools.run_trace import RunTrace
+from flea_diag.tools.run_trace import RunTrace, read_trace, trace_path, write_trace
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelInfo,
@@ -91,3 +93,16 @@ def test_a_run_as_plain_data() -> None:
         == (told["features"][0])
     )
     assert told["truth"] == [["jam", 8.0]]
+
+
+def test_a_trace_is_read_back_and_what_is_none_is_not_drawn(tmp_path: Path) -> None:
+    trace = RunTrace()
+    trace.add(Scan(10 * S, ("motor_current",), (1.5,)))
+    detail = tmp_path / "run.json"
+    assert read_trace(detail) is None
+    write_trace(detail, trace)
+    assert read_trace(detail) == trace.to_mapping()
+    packed = trace_path(detail).read_bytes()
+    for broken in (b"", packed[: len(packed) // 2], b"not packed", gzip.compress(b"[1, 2]")):
+        trace_path(detail).write_bytes(broken)
+        assert read_trace(detail) is None

@@ -13,13 +13,17 @@ from flea_diag.errors import FleaError, RecordingError
 from flea_diag.tools.case import Case
 from flea_diag.tools.peak_memory import forget_peak, peak_bytes
 from flea_diag.tools.run_result import NOMINAL, RunResult
+from flea_diag.tools.run_trace import RunTrace, write_trace
+from flea_diag.wire.records import Record, Residual, Truth, VibrationBlock, VibrationLevel
 
 if TYPE_CHECKING:
     from flea_diag.stages import Stage
-    from flea_diag.wire.records import Record, Truth
 
 DETAILS = "runs"
 """Folder of the replay summaries, below the evaluation's."""
+
+BULK = (Residual, VibrationLevel, VibrationBlock)
+"""Records that no score needs."""
 
 Expect = Mapping[str, tuple[str, ...]]
 
@@ -31,6 +35,14 @@ class Diagnosis:
     kept: list[Record] = field(default_factory=list)
     truths: list[Truth] = field(default_factory=list)
     cpu_s: float = 0.0
+    trace: RunTrace = field(default_factory=RunTrace)
+
+    def take(self, records: Iterable[Record]) -> None:
+        """Keep what is scored, and of all of it what can be drawn."""
+        for record in records:
+            self.trace.add(record)
+            if not isinstance(record, BULK):
+                self.kept.append(record)
 
 
 def run_case(case: Case, expect: Expect, folder: Path) -> RunResult:
@@ -40,6 +52,7 @@ def run_case(case: Case, expect: Expect, folder: Path) -> RunResult:
         done = diagnose(_records(case), _stage(case))
         result, summary = _scored(case, expect, done)
         _write_detail(folder / result.detail, case, result, summary)
+        write_trace(folder / result.detail, done.trace)
         return result
     except FleaError as error:
         reason = str(error)
@@ -73,27 +86,21 @@ def _stage(case: Case) -> Stage:
 
 def diagnose(records: Iterable[Record], stage: Stage) -> Diagnosis:
     """Feed a stage what a stand sent; truth is kept aside and goes into no stage."""
-    from flea_diag.wire.records import Residual, Truth, VibrationBlock, VibrationLevel
-
-    bulk = (Residual, VibrationLevel, VibrationBlock)
     done = Diagnosis()
     clock = time.process_time
-
-    def keep(records: Iterable[Record]) -> None:
-        done.kept += [record for record in records if not isinstance(record, bulk)]
-
     for record in records:
         if isinstance(record, Truth):
             done.truths.append(record)
+            done.trace.add(record)
             continue
         begin = clock()
         caused = stage.handle(record)
         done.cpu_s += clock() - begin
-        keep((record, *caused))
+        done.take((record, *caused))
     begin = clock()
     held: tuple[Record, ...] = getattr(stage, "finish", tuple)()
     done.cpu_s += clock() - begin
-    keep(held)
+    done.take(held)
     return done
 
 

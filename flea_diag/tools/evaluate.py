@@ -36,6 +36,7 @@ Exit status: 0 done, 1 done and a row fell below the campaign's limit or a run f
 2 refused, 130 interrupted.
 """
 SUMMARY_FILE = "summary.json"
+REPORT_FILE = "report.html"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -100,7 +101,7 @@ def _begin_anew(folder: Path) -> None:
         raise ConfigurationError(f"{folder} holds no evaluation, --force does not empty it")
     for name in (DETAILS, "calibrations"):
         shutil.rmtree(folder / name, ignore_errors=True)
-    for name in (RESULTS, PLAN, SUMMARY_FILE):
+    for name in (RESULTS, PLAN, SUMMARY_FILE, REPORT_FILE):
         (folder / name).unlink(missing_ok=True)
 
 
@@ -141,7 +142,28 @@ def _score(campaign: Campaign, results: Iterable[RunResult], folder: Path, *, qu
     known = tuple(results)
     summary = summarise(campaign, known)
     write_json(str(folder / SUMMARY_FILE), summary)
+    _report(campaign, known, summary, folder)
     if not quiet:
         print(tables(summary))
-        print(f"results in {folder}")
+        print(f"results in {folder}, report in {folder / REPORT_FILE}")
     return IN_PART if summary["lost_rows"] or summary["failed"] else 0
+
+
+def _report(
+    campaign: Campaign, results: Sequence[RunResult], summary: dict[str, Any], folder: Path
+) -> None:
+    """The page for people: every run a line, those that are wrong drawn."""
+    from datetime import datetime, timezone
+
+    from flea_diag.tools.report import page
+    from flea_diag.tools.run_trace import read_trace
+
+    made = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
+    text = page(
+        f"Evaluation: {campaign.name}",
+        made,
+        results,
+        summary,
+        lambda result: read_trace(folder / result.detail) if result.detail else None,
+    )
+    (folder / REPORT_FILE).write_text(text, encoding="utf-8")

@@ -6,21 +6,16 @@ What is read: the results, one a run, and the traces of those runs that are to b
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.report_charts import Mark, group_steps, range_words, strip, symbol_matrix
+from flea_diag.tools.report_tables import report_tables
 from flea_diag.tools.run_result import NOMINAL, RunResult
 
-KINDS = {
-    "real": "Recorded runs",
-    "injected": "Recorded runs with a software fault put in",
-    "spliced": "Recorded runs switched to another unit",
-    "simulated": "Simulated runs",
-}
 COLUMNS = (
     "run",
     "kind",
@@ -54,7 +49,7 @@ SIGNALS = (
     "ambient_temperature",
 )
 
-Share = Mapping[str, float]
+Summary = Mapping[str, Any]
 Traces = Callable[[RunResult], Mapping[str, Any] | None]
 
 
@@ -72,21 +67,16 @@ def to_draw(results: Sequence[RunResult]) -> list[RunResult]:
 
 
 def page(
-    title: str,
-    made: str,
-    results: Sequence[RunResult],
-    shares: Mapping[str, Mapping[str, Mapping[str, Share]]],
-    paper: Mapping[str, float],
-    traces: Traces,
+    title: str, made: str, results: Sequence[RunResult], summary: Summary, traces: Traces
 ) -> str:
     """The whole page.
 
     Parameters
     ----------
-    shares
-        Kind -> diagnoser -> row -> ``percent`` right with ``low`` and ``high`` (%).
-    paper
-        Row -> the paper's figure (%).
+    made
+        When, and of what.
+    summary
+        As ``score_summary.summarise`` gives it.
     traces
         Gives what ``run_trace`` kept of a run, None where nothing was kept.
 
@@ -104,16 +94,11 @@ def page(
     environment = Environment(autoescape=True, trim_blocks=True)
     source = files("flea_diag.tools").joinpath("templates/report.html").read_text("utf-8")
     drawn = [(r, trace) for r in to_draw(results) if (trace := traces(r)) is not None]
-    rows = {kind: list(dict.fromkeys(r.row for r in results if r.kind == kind)) for kind in shares}
     return environment.from_string(source).render(
         title=title,
         made=made,
-        backends=sorted({r.backend for r in results if r.backend}),
-        kinds=KINDS,
-        tables=shares,
-        rows=rows,
-        counts={k: {row: _count(results, k, row) for row in rows[k]} for k in rows},
-        paper=paper,
+        summary=summary,
+        tables=report_tables(summary),
         columns=COLUMNS,
         wide=WIDE,
         results=[_line(result) for result in results],
@@ -129,11 +114,6 @@ def page(
 def anchor(result: RunResult) -> str:
     """Name of the run's drawing on the page."""
     return "run-" + "-".join(part.replace(" ", "_") for part in result.key if part)
-
-
-def _count(results: Iterable[RunResult], kind: str, row: str) -> int:
-    """Runs in a row, whoever diagnosed them."""
-    return len({(r.id, r.fold) for r in results if r.kind == kind and r.row == row})
 
 
 def _line(result: RunResult) -> dict[str, Any]:

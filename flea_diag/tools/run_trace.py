@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import gzip
+import json
 import math
+import zlib
+from pathlib import Path
 from typing import Any
 
 from flea_diag.tools.envelope import Envelope
@@ -19,6 +23,9 @@ from flea_diag.wire.records import (
 )
 
 SCHEMA_VERSION = 1
+SUFFIX = ".trace.json.gz"
+LARGEST_BYTES = 16 << 20
+"""Unpacked; a trace of ours is a tenth of that at most."""
 ESTIMATE = "/estimate"
 
 
@@ -146,3 +153,25 @@ class RunTrace:
             "features": self._features,
             "truth": self._truth,
         }
+
+
+def trace_path(detail: Path) -> Path:
+    """Where the trace of a run is, beside its details."""
+    return detail.with_suffix(SUFFIX)
+
+
+def write_trace(detail: Path, trace: RunTrace) -> None:
+    """Keep a trace beside the run's details; equal traces give equal bytes."""
+    text = json.dumps(trace.to_mapping(), allow_nan=False, separators=(",", ":"))
+    trace_path(detail).write_bytes(gzip.compress(text.encode(), mtime=0))
+
+
+def read_trace(detail: Path) -> dict[str, Any] | None:
+    """The trace kept beside a run's details; None where there is none that can be drawn."""
+    try:
+        with gzip.open(trace_path(detail)) as stream:
+            content = json.loads(stream.read(LARGEST_BYTES))
+    except (OSError, EOFError, zlib.error, ValueError):
+        return None
+    known = isinstance(content, dict) and content.get("schema_version") == SCHEMA_VERSION
+    return content if known else None
