@@ -28,6 +28,7 @@ MODULES = (
     "replay",
     "evaluate",
     "diff",
+    "trend",
     "bag_check",
     "recover",
 )
