@@ -69,6 +69,24 @@ def test_hypotheses_for_a_deviation(capsys: pytest.CaptureFixture[str]) -> None:
     assert "back_emf_constant-" in shown(capsys, "tcg", "--from", "motor_speed-", "--complete")
 
 
+def test_diagnosability_says_what_no_feature_table_can_split(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    content = json.loads(shown(capsys, "diagnosability", "--json"))["never_split_by_features"]
+    (paper,) = (groups for title, groups in content.items() if "Table 3" in title)
+    assert sorted(paper) == [
+        ["accelerometer_2_fault", "ball_nut_friction", "jam", "spall"],
+        ["backlash", "rotor_eccentricity"],
+    ]
+    (learned,) = (groups for title, groups in content.items() if "Table 3" not in title)
+    # Faults that act on no accelerometer are alike; every other one has a row of its own.
+    assert all("spall" not in group and "jam" not in group for group in learned)
+    assert any({"motor_current_bias", "winding_short"} <= set(group) for group in learned)
+    text = shown(capsys, "diagnosability", "--fault", "jam", "--fault", "ball_nut_friction")
+    assert "every pair of its faults is split" in text
+    assert "{ball_nut_friction, jam}" in text.split("Table 3:")[1]
+
+
 def test_diagnosability_names_what_would_help(capsys: pytest.CaptureFixture[str]) -> None:
     friction = ["--fault", "jam", "--fault", "spall"]
     content = json.loads(shown(capsys, "diagnosability", *friction, "--json"))

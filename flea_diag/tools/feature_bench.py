@@ -33,18 +33,22 @@ def bench_window(rate_hz: float = 20_000.0, duration_s: float = 1.0) -> Window:
     return Window(samples, rate_hz, AXES, speed, slow, scan_s, FLEA_SCREW.orders())
 
 
-def costs_s(repeats: int = 9) -> dict[str, float]:
-    """Least CPU time of every feature, by name; on one accelerometer where it has one.
+def costs_s(repeats: int = 9, both: bool = False) -> dict[str, float]:
+    """Least CPU time of every feature, by name; on one accelerometer where it has one, or ``both``.
 
     Round by round over all features, so that a slow moment of the machine hits them alike.
     """
-    rounds = [{name: _timed([_id(row)]) for name, row in FEATURES.items()} for _ in range(repeats)]
+    rounds = [
+        {name: _timed(_ids(row, both)) for name, row in FEATURES.items()} for _ in range(repeats)
+    ]
     return {name: min(found[name] for found in rounds) for name in FEATURES}
 
 
-def _id(feature: Feature) -> str:
-    accelerometer = "accelerometer_2" if feature.scope is Scope.ACCELEROMETER else ""
-    return str(FeatureId(feature, accelerometer))
+def _ids(feature: Feature, both: bool) -> list[str]:
+    if feature.scope is not Scope.ACCELEROMETER:
+        return [str(FeatureId(feature))]
+    names = ("accelerometer_1", "accelerometer_2") if both else ("accelerometer_2",)
+    return [str(FeatureId(feature, name)) for name in names]
 
 
 def cost_of_all_s(texts: Iterable[str], repeats: int = 5) -> float:

@@ -163,6 +163,7 @@ def _signatures(model: Actuator, arguments: argparse.Namespace) -> View:
 
 def _diagnosability(model: Actuator, arguments: argparse.Namespace) -> View:
     from flea_diag.core.diagnosability import diagnosability
+    from flea_diag.tools.model_features import in_words, never_split
 
     faults = _faults(model, arguments)
     period = _period(arguments) or model.scan_period_s
@@ -186,9 +187,12 @@ def _diagnosability(model: Actuator, arguments: argparse.Namespace) -> View:
             "What would split those that are no sensor fault:",
             *(f"  {words}" for words in helpful),
         ]
+    by_features = never_split(faults)
+    lines += in_words(by_features)
     content = {
         "sensors": list(model.sensors),
         "residuals": list(found.residuals),
+        "never_split_by_features": by_features,
         "groups": [list(group) for group in found.groups if len(group) > 1],
         "undetectable": list(found.undetectable),
         "ambiguity": {fault: list(others) for fault, others in found.ambiguity.items()},

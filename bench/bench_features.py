@@ -1,0 +1,103 @@
+"""Cost of vibration features: each one, the same by scipy, all of them, and lazy against always.
+
+One second of six axes at 20 kHz. CPU time, least of several rounds over all, on one core; ratios
+within the run count, absolute times are those of the machine. The second part diagnoses simulated
+runs and weighs what vibration cost there against computing all features of the learned table
+every second, on the same records: keeping, the sentinel and decoding are on the lazy side too.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from statistics import fmean
+
+import numpy as np
+from scipy import signal, stats
+
+from flea_diag.configuration import load_features
+from flea_diag.core.features import compute_all
+from flea_diag.core.window import Window
+from flea_diag.tools.feature_bench import AXES, bench_window, costs_s, library_s
+from flea_diag.tools.feature_study import study
+
+ROUNDS = 7
+SEEDS = range(7000, 7003)
+FAULTS = ("spall", "jam", "ball_nut_friction", "accelerometer_2_fault")
+RATE_HZ = 20_000.0
+
+
+def _welch(window: Window) -> object:
+    return signal.welch(window.centred, RATE_HZ, nperseg=1024)
+
+
+def _envelope(window: Window) -> object:
+    band = signal.butter(4, (1500.0, 9500.0), "bandpass", fs=RATE_HZ, output="sos")
+    filtered = signal.sosfiltfilt(band, window.centred)
+    return np.abs(np.fft.rfft(np.abs(signal.hilbert(filtered))))
+
+
+def _coherence(window: Window) -> object:
+    return signal.coherence(window.centred[:3], window.centred[3:], RATE_HZ, nperseg=1024)
+
+
+RIVALS: dict[str, tuple[str, Callable[[Window], object]]] = {
+    "kurtosis": ("scipy.stats.kurtosis", lambda w: stats.kurtosis(w.centred, axis=1)),
+    "skewness": ("scipy.stats.skew", lambda w: stats.skew(w.centred, axis=1)),
+    "spectral_centroid": ("scipy.signal.welch", _welch),
+    "nut_line": ("sosfiltfilt, hilbert, FFT", _envelope),
+    "coherence": ("scipy.signal.coherence", _coherence),
+}
+"""Feature -> the same work by scipy, on the same six axes."""
+
+
+def cpu_s(work: Callable[[], object]) -> float:
+    """CPU time of one call."""
+    begin = time.process_time_ns()
+    work()
+    return (time.process_time_ns() - begin) / 1e9
+
+
+def rivals_s() -> dict[str, float]:
+    """Least CPU time of each rival."""
+    best = dict.fromkeys(RIVALS, float("inf"))
+    for _ in range(ROUNDS):
+        for name, (_, work) in RIVALS.items():
+            window = bench_window()
+            best[name] = min(best[name], cpu_s(lambda: work(window)))  # noqa: B023
+    return best
+
+
+def features() -> None:
+    """Every feature on both accelerometers, and those that scipy has."""
+    found, rivals = costs_s(ROUNDS, both=True), rivals_s()
+    print(f"{'1 s x 6 axes, 20 kHz':32s}{'us':>9s}{'of std':>9s}   scipy")
+    for name, spent in found.items():
+        rival = ""
+        if name in rivals:
+            rival = f"{RIVALS[name][0]} {rivals[name] * 1e6:.0f} us, {rivals[name] / spent:.1f} x"
+        print(f"{name:32s}{spent * 1e6:9.0f}{spent / found['std']:9.1f}   {rival}")
+    table = load_features("feature_table.yaml").features
+    some = min(cpu_s(lambda: compute_all(table, bench_window())) for _ in range(ROUNDS))
+    some -= min(cpu_s(bench_window) for _ in range(ROUNDS))
+    print(f"{'learned table, shared FFT':32s}{some * 1e6:9.0f}{some / found['std']:9.1f}")
+    whole = library_s()
+    print(f"{'whole library, shared FFT':32s}{whole * 1e6:9.0f}{whole / found['std']:9.1f}")
+
+
+def lazy() -> None:
+    """Lazy over always, on diagnosed runs."""
+    runs = study(FAULTS, SEEDS, "feature_table.yaml")
+    lazy_s, eager_s = fmean(r.lazy_s for r in runs), fmean(r.eager_s for r in runs)
+    print(f"{len(runs)} runs of 22 s, {fmean(len(r.features) for r in runs):.1f} features each")
+    print(f"lazy {lazy_s * 1e3:.1f} ms, always {eager_s * 1e3:.1f} ms: {lazy_s / eager_s:.2%}")
+    print(f"slowest answer {max(r.answer_ms for r in runs):.1f} ms (budget 150 ms)")
+
+
+if __name__ == "__main__":
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    print(f"{len(AXES)} axes: {', '.join(AXES)}")
+    features()
+    lazy()

@@ -1,0 +1,129 @@
+"""Isolator and extractor together on a simulated jam: what cannot be computed is passed over."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from stand_runs import fault, records
+
+from flea_diag.configuration import EXTRACTOR, ISOLATOR, OBSERVER
+from flea_diag.stages.pipeline import Pipeline
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    ChannelTable,
+    FeatureRequest,
+    FeatureValue,
+    Record,
+    Scan,
+    VibrationBlock,
+)
+
+Spoil = Callable[[int, VibrationBlock], VibrationBlock | None]
+
+
+@lru_cache(maxsize=1)
+def observed() -> tuple[Record, ...]:
+    """The stand, and what the observer says to it, in the order of a replay."""
+    made = records(
+        motion={"kind": "sine", "amplitude_m": 0.022, "frequency_hz": 0.6},
+        duration_s=15.0,
+        sensors={},
+        **fault("jam", 8.0),
+    )
+    observer = OBSERVER.build(OBSERVER.parameters())
+    kept = [r for r in made if isinstance(r, ChannelTable | Scan | VibrationBlock)]
+    return tuple(each for record in kept for each in (record, *observer.handle(record)))
+
+
+def diagnosed(spoil: Spoil, **extractor: float) -> list[Record]:
+    stages = (
+        ISOLATOR.build(ISOLATOR.parameters()),
+        EXTRACTOR.build(EXTRACTOR.parameters(**extractor)),
+    )
+    chain, out = Pipeline(stages), []
+    number = 0
+    for record in observed():
+        given: Record | None = record
+        if isinstance(record, VibrationBlock):
+            given, number = spoil(number, record), number + 1
+        if given is not None:
+            out += chain.handle(given)
+    return [*out, *chain.finish()]
+
+
+def answers(out: list[Record]) -> list[FeatureValue]:
+    return [record for record in out if isinstance(record, FeatureValue)]
+
+
+def last(out: list[Record]) -> AmbiguityGroup:
+    return [record for record in out if isinstance(record, AmbiguityGroup)][-1]
+
+
+def whole(_: int, block: VibrationBlock) -> VibrationBlock:
+    return block
+
+
+def with_gaps(number: int, block: VibrationBlock) -> VibrationBlock | None:
+    return None if number % 5 == 0 else block
+
+
+def absent(_: int, __: VibrationBlock) -> None:
+    return None
+
+
+def clipped(_: int, block: VibrationBlock) -> VibrationBlock:
+    """The second accelerometer hits its full scale now and then."""
+    offsets, samples = block.points()
+    samples = np.array(samples)
+    samples[::100, 3:] = 500.0
+    return VibrationBlock.pack(block.stamp_ns, block.axes, offsets, samples)
+
+
+def test_the_jam_is_found_when_all_is_well_and_each_answer_comes_within_its_budget() -> None:
+    out = diagnosed(whole)
+    assert [member.fault for member in last(out).members] == ["jam"]
+    asked = {r.step: r for r in out if isinstance(r, FeatureRequest)}
+    assert answers(out)
+    for answer in answers(out):
+        assert answer.stamp_ns - asked[answer.step].stamp_ns == 150_000_000
+        assert answer.cost_ms < 150.0
+        assert answer.reason == ""
+        assert answer.nominal_low < answer.nominal_high
+    detected_ns = last(out).detected_stamp_ns
+    assert min(request.window_start_ns for request in asked.values()) >= detected_ns
+
+
+@pytest.mark.parametrize(
+    ("spoil", "extractor", "reason"),
+    [
+        (absent, {}, "no vibration was received"),
+        (with_gaps, {}, "a gap of 0.100 s lies in the window|vibration begins|vibration ends"),
+        (whole, {"shortest_window_s": 2.0}, "window of 1.000 s is shorter than 2 s"),
+    ],
+)
+def test_without_a_usable_window_features_are_passed_over_and_the_group_stays(
+    spoil: Spoil, extractor: dict[str, float], reason: str
+) -> None:
+    out = diagnosed(spoil, **extractor)
+    found = [answer for answer in answers(out) if not answer.feature.startswith("motor_")]
+    assert len(found) >= 2
+    assert all(re.search(reason, answer.reason) for answer in found)
+    assert {answer.symbol for answer in found} == {"?"}
+    names = [answer.feature for answer in found]
+    assert len(set(names)) * 3 >= len(names)  # three windows at most
+    assert "jam" in {member.fault for member in last(out).members}
+    assert not any(name.startswith("accelerometer") for name in last(out).features_computed)
+
+
+def test_a_saturated_sensor_is_passed_over_for_the_other() -> None:
+    out = diagnosed(clipped)
+    found = answers(out)
+    second = [answer for answer in found if answer.feature.startswith("accelerometer_2")]
+    assert second
+    assert all("is saturated" in answer.reason for answer in second)
+    assert any(answer.symbol != "?" for answer in found)
+    assert "jam" in {member.fault for member in last(out).members}
