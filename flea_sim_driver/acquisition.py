@@ -10,7 +10,6 @@ import numpy.typing as npt
 from flea_sim_driver.actuator import Sizes
 from flea_sim_driver.drive import Waveform, waveform
 from flea_sim_driver.plant import SIGNALS
-from flea_sim_driver.scenario import Sensors
 from flea_sim_driver.schedule import Episode
 from flea_sim_driver.sensors import (
     CHANNELS,
@@ -19,6 +18,7 @@ from flea_sim_driver.sensors import (
     LOAD_CURRENT_OFFSET_A,
     Panel,
 )
+from flea_sim_driver.settings import Sensors
 from flea_sim_driver.thermal import Temperatures
 from flea_sim_driver.unit import Bench, Unit
 
@@ -26,7 +26,6 @@ Array = npt.NDArray[np.float64]
 SCANS = 10
 SCAN_S = 0.01
 DEFECTIVE_READING = -24.0
-GAP_S = 0.05
 PWM_RUNS_V = 4.0
 
 
@@ -87,7 +86,6 @@ class Acquisition:
         self._sensors, self._bench, self._panel = sensors, bench, panel
         self._generator = generator
         self._phase = float(generator.random())
-        self._gap_seed = int(generator.integers(2**31))
         self._counts: float | None = None
 
     def read(self, block: Block, before: Temperatures, after: Temperatures) -> Array:
@@ -146,7 +144,7 @@ class Acquisition:
     def _false(self, episode: Episode, size: float, value: float, age: float) -> float:
         mode = episode.row.mode
         if mode == "dropout":
-            return 0.0 if self._in_gap(episode, size, age) else value
+            return 0.0 if episode.in_gap(size, episode.onset_s + age) else value
         if mode == "noise":
             return value + size * float(self._generator.standard_normal())
         return {
@@ -155,12 +153,6 @@ class Acquisition:
             "scaling": value * size,
             "dead": size,
         }[mode]
-
-    def _in_gap(self, episode: Episode, rate_hz: float, age: float) -> bool:
-        """Whether a drop-out of 50 ms is on; each slot of time is drawn once."""
-        slot = int((age + 1e-9) / GAP_S)
-        seed = (self._gap_seed, slot, round(episode.onset_s * 1e3))
-        return bool(np.random.default_rng(seed).random() < GAP_S * rate_hz)
 
 
 def _thermal(true: Array, before: Temperatures, after: Temperatures) -> None:

@@ -46,6 +46,8 @@ def coefficients(unit: Unit, bench: Bench) -> Coefficients:
         bridge=1.0,
         position_gain=bench.position_gain_v_m,
         position_knee=bench.position_knee_m,
+        position_reset=bench.position_reset_v_m_s,
+        reset_limit=bench.reset_limit_v,
         droop=bench.droop_ohm,
         droop_lag=bench.droop_lag_s,
         feedback_scale=1.0,
@@ -53,8 +55,10 @@ def coefficients(unit: Unit, bench: Bench) -> Coefficients:
         feedback_noise=0.0,
         current_feedback_scale=1.0,
         current_feedback_offset=0.0,
+        current_feedback_noise=0.0,
         force_feedback_scale=1.0,
         force_feedback_offset=0.0,
+        force_feedback_noise=0.0,
         coupling_stiffness=bench.coupling_stiffness_n_m,
         coupling_damping=bench.coupling_damping_n_s_m,
         load_mass=bench.load_mass_kg,
@@ -65,12 +69,16 @@ def coefficients(unit: Unit, bench: Bench) -> Coefficients:
         rough_rest=bench.load_roughness_n,
         rough_speed=bench.load_roughness_n_s_m,
         rough_load=bench.load_roughness_per_a,
-        load_knee=bench.load_knee_n,
         load_constant=bench.load_force_constant_n_per_a,
-        load_resistance=bench.load_effective_resistance_ohm,
         load_lag=bench.load_current_lag_s,
-        trim_rate=bench.load_trim_v_n_s,
-        trim_limit=bench.load_trim_limit_v,
+        brake=bench.brake_a_s_m,
+        brake_knee=bench.brake_knee_n,
+        brake_limit=bench.brake_limit_a,
+        brake_wind=bench.brake_wind_n_s,
+        brake_slack=bench.brake_slack_s,
+        brake_catch=bench.brake_catch_m_s,
+        trim_rate=bench.load_trim_per_s,
+        trim_limit=bench.load_trim_limit_n,
         stroke=bench.stroke_m,
         stop_stiffness=bench.end_stop_stiffness_n_m,
         stop_damping=bench.end_stop_damping_n_s_m,
@@ -113,8 +121,10 @@ def _with_feedback(c: Coefficients, episode: Episode, size: float, time_s: float
         scale, offset = scale * size, offset * size
     elif mode == "dead":
         scale, offset = 0.0, size
-    elif name == "feedback":
-        values["feedback_noise"] = size
+    elif mode == "dropout" and episode.in_gap(size, time_s):
+        scale, offset = 0.0, 0.0
+    elif mode == "noise":
+        values[f"{name}_noise"] = size
     return Coefficients(**{**values, f"{name}_scale": scale, f"{name}_offset": offset})
 
 

@@ -29,6 +29,8 @@ PHASE = 0.3
 GRACE_S = 0.3
 HEALTH_S = 1.0
 LATE_S = 0.05
+LATENESS_SCANS = 6000
+"""Scans over which the jitter is told: a minute in real time."""
 PUBLISHES = (ChannelTable, Truth, VibrationBlock, Scan, Health)
 
 
@@ -59,20 +61,33 @@ class DaqParameters:
     publish_clock: bool = parameter(
         False, "be the clock of a graph with use_sim_time: publish /clock", read_only=True
     )
-    inject: str = parameter("", "fault to put in now: 'jam' or 'jam:0.5'; empty clears all")
+    inject: str = parameter(
+        "",
+        "fault to put in now: jam, jam:0.5 or actuator_position_bias:0.004@loop; empty clears all",
+    )
 
 
-def parsed_injection(text: str) -> tuple[str, float]:
-    """Fault and size (NaN: the default) of ``jam`` or ``jam:0.5``.
+@dataclass(frozen=True)
+class Injection:
+    """What ``inject`` asks for: a fault, its size (NaN: the default) and its place."""
+
+    fault: str
+    size: float
+    where: str
+
+
+def parsed_injection(text: str) -> Injection:
+    """Of ``jam``, ``jam:0.5`` or ``actuator_position_bias:0.004@loop``.
 
     Raises
     ------
     ConfigurationError
         The size is no number.
     """
-    fault, colon, size = text.partition(":")
+    named, _, where = text.partition("@")
+    fault, colon, size = named.partition(":")
     try:
-        return fault.strip(), float(size) if colon else math.nan
+        return Injection(fault.strip(), float(size) if colon else math.nan, where.strip())
     except ValueError:
         raise ConfigurationError(
             f"inject = {text!r}: size {size!r} is no number, write for example jam:0.5"
@@ -91,8 +106,8 @@ class Daq:
     """
 
     def __init__(self, bus: Bus[DaqParameters], parameters: DaqParameters) -> None:
+        from flea_sim_driver.feasibility import checked_scenario
         from flea_sim_driver.library import find_scenario
-        from flea_sim_driver.scenario import checked_scenario
         from flea_sim_driver.stand import Stand
 
         self._bus, self._parameters = bus, parameters
@@ -110,11 +125,14 @@ class Daq:
         self._published: dict[type, int] = dict.fromkeys(PUBLISHES, 0)
         self._begin: float | None = None
         self._worst_late_s = 0.0
+        self._lateness_s: deque[float] = deque(maxlen=LATENESS_SCANS)
         self._ended_at = math.inf
         self._injected = ""
         bus.info(f"{scenario.run.name}: {scenario.run.duration_s:g} s, seed {scenario.run.seed}")
         if parameters.inject:
+            self._check_injection(parameters)
             self._inject(parameters)
+        bus.check_parameters(self._check_injection)
         bus.on_parameters(self._inject)
         bus.every(self._tick_s, self._tick)
         bus.every(HEALTH_S, self._report)
@@ -129,20 +147,23 @@ class Daq:
         if wanted and not self._bus.wait_for_subscribers(Scan, count=wanted):
             self._bus.warn(f"fewer than {wanted} subscribers of sensors/slow after 10 s: starting")
 
+    def _check_injection(self, parameters: DaqParameters) -> None:
+        """Refuse what the stand cannot do, so that whoever set the parameter hears why."""
+        if parameters.inject not in ("", self._injected):
+            asked = parsed_injection(parameters.inject)
+            self._stand.injection(asked.fault, asked.size, where=asked.where)
+
     def _inject(self, parameters: DaqParameters) -> None:
         if parameters.inject == self._injected:
             return
         self._injected = parameters.inject
-        try:
-            self._stand.clear()
-            if parameters.inject:
-                fault, size = parsed_injection(parameters.inject)
-                truth = self._stand.inject(fault, size)
-                self._bus.info(f"injecting {truth.fault}")
-            else:
-                self._bus.info("faults cleared")
-        except ConfigurationError as error:
-            self._bus.warn(str(error))
+        self._stand.clear()
+        if not parameters.inject:
+            self._bus.info("faults cleared")
+            return
+        asked = parsed_injection(parameters.inject)
+        truth = self._stand.inject(asked.fault, asked.size, where=asked.where)
+        self._bus.info(f"injecting {truth.fault}")
 
     def _tick(self) -> None:
         """Publish everything whose time has come; make the next block half a block ahead."""
@@ -176,6 +197,8 @@ class Daq:
     def _send(self, record: Record, elapsed_ns: int) -> None:
         late_s = (elapsed_ns - self._offset_ns(record)) / 1e9 / self._parameters.rate
         self._worst_late_s = max(self._worst_late_s, late_s)
+        if isinstance(record, Scan):
+            self._lateness_s.append(late_s)
         if self._parameters.publish_clock and isinstance(record, Scan):
             self._bus.publish_clock(record.stamp_ns)
         self._bus.publish(record)
@@ -190,14 +213,20 @@ class Daq:
             ("scans", str(self._published[Scan])),
             ("vibration_blocks", str(self._published[VibrationBlock])),
             ("worst_late_ms", f"{late * 1e3:.2f}"),
+            ("late_p99_ms", f"{self._late_p99_s() * 1e3:.2f}"),
             ("inject", self._injected),
         )
         self._bus.publish(Health(self._bus.now_ns(), self._bus.name, level, message, values))
 
+    def _late_p99_s(self) -> float:
+        """Lateness that 99 % of the latest scans do not exceed."""
+        late = sorted(self._lateness_s)
+        return late[int(0.99 * (len(late) - 1))] if late else 0.0
+
 
 def _overridden(scenario: Any, parameters: DaqParameters) -> Any:
     """The scenario with what the parameters say instead."""
-    from flea_sim_driver.scenario import FaultSetting
+    from flea_sim_driver.settings import FaultSetting
 
     changes: dict[str, Any] = {}
     if parameters.duration_s > 0.0:

@@ -13,17 +13,17 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 COLUMNS = ("feedback", "roughness", "catch")
-KNOT_STEPS = 10
-"""Roughness has a knot each so many steps (200 Hz) and is straight between them."""
+KNOT_STEPS = 50
+"""Roughness has a knot each so many steps (40 Hz) and is straight between them."""
 
 
 @dataclass(frozen=True)
 class Catches:
     """How often the load actuator catches, and how hard."""
 
-    rate_hz: float = 0.5
-    rate_per_n_s: float = 0.012
-    mean_n: float = 260.0
+    rate_hz: float = 0.53
+    rate_per_n_s: float = 0.00547
+    mean_n: float = 300.0
     length_steps: int = 100
 
 

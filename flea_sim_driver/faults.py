@@ -154,8 +154,6 @@ SENSOR_CHANNELS = tuple(SENSOR_SIZES)
 LOOP_CHANNELS = {"actuator_position": True, "motor_current": False, "load_force": False}
 """Channels that a control loop reads, and whether its sensor faults act there by default."""
 
-LOOP_MODES = ("bias", "drift", "scaling", "dead", "noise")
-
 
 def _sensor_fault(channel: str, mode: str) -> Fault:
     unit, limit, bias, drift, scaling, noise, dropout = SENSOR_SIZES[channel]
@@ -165,8 +163,10 @@ def _sensor_fault(channel: str, mode: str) -> Fault:
         mode, (-limit, limit)
     )
     places: tuple[str, ...] = ("daq",)
-    if channel in LOOP_CHANNELS and mode in LOOP_MODES:
-        places = ("loop", "daq") if LOOP_CHANNELS[channel] else ("daq", "loop")
+    if channel in LOOP_CHANNELS:
+        places = (
+            ("loop", "daq") if LOOP_CHANNELS[channel] and mode != "dropout" else ("daq", "loop")
+        )
     return Fault(
         f"{channel}_{mode}", f"{channel.replace('_', ' ')}: {mode}", places, default, low, high,
         MODE_UNIT[mode].format(unit=unit), MODE_APPROACH[mode], None, channel, mode,

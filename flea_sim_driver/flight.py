@@ -10,21 +10,23 @@ from __future__ import annotations
 import csv
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import PchipInterpolator
 
 from flea_diag.errors import ConfigurationError
+from flea_sim_driver.settings import LOAD_LIMIT_N, STROKE_M
 
 if TYPE_CHECKING:
     from flea_diag.wire.records import Scan
 
 COLUMNS = ("time_s", "position_m", "load_N")
-STROKE_M = 0.100
 SPEED_LIMIT_M_S = 0.120
-LOAD_LIMIT_N = 70.0 * 4.4482216152605
+ACCELERATION_LIMIT_M_S2 = 3.0  # current limit times force constant over the moving mass
 GAP_LIMIT_S = 0.5
 STROKE_MARGIN_M = 0.005
 BAG_SCANS = 10
@@ -38,7 +40,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Position and load of a control surface, interpolated between its rows."""
+    """Position and load of a control surface; speed has no jumps between its rows."""
 
     time_s: Array
     position_m: Array
@@ -51,9 +53,20 @@ class Flight:
 
     def at(self, time_s: Array) -> tuple[Array, Array]:
         """Position in m and load in N so long after the first row; held after the last."""
-        when = time_s + self.time_s[0]
-        position = np.interp(when, self.time_s, self.position_m)
-        return position, np.interp(when, self.time_s, self.load_n)
+        when = np.clip(time_s + self.time_s[0], self.time_s[0], self.time_s[-1])
+        return np.asarray(self._path(when)), np.interp(when, self.time_s, self.load_n)
+
+    @cached_property
+    def _path(self) -> PchipInterpolator:
+        """A smooth curve that passes no row's position by."""
+        return PchipInterpolator(self.time_s, self.position_m)
+
+    def acceleration_m_s2(self) -> Array:
+        """Of the curve, the greatest in each step between rows, shape (rows - 1,)."""
+        second = self._path.derivative(2)
+        inside = np.diff(self.time_s) * 1e-9
+        ends = second(self.time_s[:-1] + inside), second(self.time_s[1:] - inside)
+        return np.asarray(np.max(np.abs(ends), axis=0))
 
 
 def fitted(flight: Flight) -> Flight:
@@ -170,7 +183,13 @@ def _check(flight: Flight, path: Path) -> None:
     for bad, values, name, limit in checks:
         if bad.any():
             row = int(np.argmax(bad))
-            raise ConfigurationError(
-                f"{path}, row {row + 1} (time_s {flight.time_s[row]:g}): {name} = "
-                f"{values[row]:g}, must be {limit}"
-            )
+            raise _refusal(path, flight, row, f"{name} = {values[row]:g}, must be {limit}")
+    acceleration = flight.acceleration_m_s2()
+    row = int(np.argmax(acceleration))
+    if acceleration[row] > ACCELERATION_LIMIT_M_S2:
+        asked = f"acceleration in m/s^2 = {acceleration[row]:.3g}"
+        raise _refusal(path, flight, row, f"{asked}, must be at most {ACCELERATION_LIMIT_M_S2}")
+
+
+def _refusal(path: Path, flight: Flight, row: int, reason: str) -> ConfigurationError:
+    return ConfigurationError(f"{path}, row {row + 1} (time_s {flight.time_s[row]:g}): {reason}")

@@ -19,6 +19,7 @@ import numpy.typing as npt
 STEP_S = 0.5e-3
 STATES = (
     "current", "speed", "position", "load_speed", "load_position", "load_current", "trim", "felt",
+    "wound", "slack", "wish",
 )  # fmt: skip
 SIGNALS = (
     "current", "voltage", "command", "speed", "position", "load_position", "force",
@@ -55,6 +56,8 @@ class Coefficients(NamedTuple):
     bridge: float
     position_gain: float
     position_knee: float
+    position_reset: float
+    reset_limit: float
     droop: float
     droop_lag: float
     feedback_scale: float
@@ -62,8 +65,10 @@ class Coefficients(NamedTuple):
     feedback_noise: float
     current_feedback_scale: float
     current_feedback_offset: float
+    current_feedback_noise: float
     force_feedback_scale: float
     force_feedback_offset: float
+    force_feedback_noise: float
     coupling_stiffness: float
     coupling_damping: float
     load_mass: float
@@ -74,10 +79,14 @@ class Coefficients(NamedTuple):
     rough_rest: float
     rough_speed: float
     rough_load: float
-    load_knee: float
     load_constant: float
-    load_resistance: float
     load_lag: float
+    brake: float
+    brake_knee: float
+    brake_limit: float
+    brake_wind: float
+    brake_slack: float
+    brake_catch: float
     trim_rate: float
     trim_limit: float
     stroke: float
@@ -102,15 +111,17 @@ def _integrate(
     state: Array, reference: Array, load: Array, noise: Array, c: Any, dt: float, out: Array
 ) -> None:
     """Advance ``state`` in place over ``len(reference)`` steps and fill ``out`` (n, signals)."""
-    i, v, x, vl, xl, iz, trim, felt = state
+    i, v, x, vl, xl, iz, trim, felt, wound, slack, wish = state
     for k in range(reference.shape[0]):
         # Position loop: soft near zero error, drooping with current, limited in current.
         seen = c.feedback_scale * x + c.feedback_offset + c.feedback_noise * noise[k, 0]
         error = reference[k] - seen
         sensed = c.current_feedback_scale * i + c.current_feedback_offset
+        sensed += c.current_feedback_noise * noise[k, 0]
         felt += dt * (sensed - felt) / c.droop_lag
         command = c.position_gain * error * abs(error) / (abs(error) + c.position_knee)
-        command -= c.droop * felt
+        wish = _clipped(wish + dt * c.position_reset * error, c.reset_limit)
+        command += wish - c.droop * felt
         # The drive's own limit acts within a PWM period: no more voltage than it allows.
         emf = c.force_constant * v
         allowed = c.current_limit * c.resistance
@@ -145,17 +156,28 @@ def _integrate(
         push = c.force_constant * i - c.viscous * v - force - ripple
         v = _stopped(v + dt * push / c.mass, dt * drag / c.mass)
         x += dt * v
-        # Load actuator: a motor whose back-EMF adds to its push. Under load its drive conducts one
-        # way only; without, it brakes a little both ways.
+        # Load actuator. With its command it hardly pushes; moved against it, it brakes hard, winds
+        # up while the load is too large, lets go, and catches again once the load runs away.
         wanted = load[k]
         way = 1.0 if wanted >= 0.0 else -1.0
         measured = c.force_feedback_scale * force + c.force_feedback_offset
+        measured += c.force_feedback_noise * noise[k, 0]
         trim = _clipped(trim + dt * c.trim_rate * (wanted - measured), c.trim_limit)
-        share = (abs(wanted) + 0.2 * c.load_knee) / (abs(wanted) + c.load_knee)
-        target = wanted / c.load_constant
-        target += (c.load_constant * vl * share + trim) / c.load_resistance
-        if target * way < 0.0:
-            target *= max(1.0 - 0.5 * abs(wanted) / c.load_knee, 0.0)
+        against = way * vl
+        effort = abs(wanted) / (abs(wanted) + c.brake_knee)
+        grip = c.brake * effort * effort * effort
+        target = 0.0
+        if slack > 0.0:
+            slack -= dt
+            wound = 0.0
+            if against > c.brake_catch or against < 0.0:
+                slack = 0.0
+        else:
+            target = way * (wanted + trim) / c.load_constant + grip * max(against, 0.0)
+            target = way * min(max(target, 0.0), c.brake_limit)
+            wound = max(wound + dt * effort * (way * measured - abs(wanted)), 0.0)
+            if wound > c.brake_wind:
+                slack = c.brake_slack
         iz += dt * (target - iz) / c.load_lag
         stop = 0.0
         if xl > c.stroke:
@@ -188,6 +210,9 @@ def _integrate(
     state[5] = iz
     state[6] = trim
     state[7] = felt
+    state[8] = wound
+    state[9] = slack
+    state[10] = wish
 
 
 @lru_cache(maxsize=1)

@@ -38,7 +38,7 @@ class Comparison:
 
 
 def compare(
-    paths: list[Path], seed: int, keep: Callable[[Recording, Recording], None] | None = None
+    paths: list[Path], seed: int, keep: Callable[[Recording, Recording, str], None] | None = None
 ) -> list[Comparison]:
     """All statistics of all runs; every other run of a label is held out."""
     rows: list[Comparison] = []
@@ -49,11 +49,11 @@ def compare(
         half = "tuning" if count % 2 else "held out"
         simulated = simulate(real, seed + number)
         rows += [
-            Comparison(real.name, real.label, half, name, unit, get(real), get(simulated))
-            for name, (get, unit) in STATISTICS.items()
+            Comparison(real.name, real.label, half, name, row.unit, row.of(real), row.of(simulated))
+            for name, row in STATISTICS.items()
         ]
         if keep is not None:
-            keep(real, simulated)
+            keep(real, simulated, half)
     return rows
 
 

@@ -11,13 +11,9 @@ import numpy.typing as npt
 
 from flea_diag.errors import RecordingError
 from flea_diag.wire.records import Scan
-from flea_sim_driver.scenario import (
-    LOAD_LIMIT_N,
-    NEWTON_PER_POUND,
-    Scenario,
-    scenario_from_mapping,
-)
+from flea_sim_driver.scenario import Scenario, scenario_from_mapping
 from flea_sim_driver.sensors import COLUMN
+from flea_sim_driver.settings import LOAD_LIMIT_N, NEWTON_PER_POUND
 from flea_sim_driver.stand import Stand
 
 Array = npt.NDArray[np.float64]
@@ -28,17 +24,17 @@ NAME = re.compile(r"BatchProfile_([a-z]+)(\d)(\d)_.*_(Nominal|Jam|Spall)_")
 MOTIONS: dict[str, dict[str, float | str]] = {
     # The commands were not recorded: periods and centres are read off the recordings,
     # amplitudes fitted together with the position loop.
-    "sine1": {"kind": "sine", "amplitude_m": 0.024, "frequency_hz": 0.5, "centre_m": 0.0435},
-    "sine2": {"kind": "sine", "amplitude_m": 0.029, "frequency_hz": 1.0, "centre_m": 0.0435},
-    "sine3": {"kind": "sine", "amplitude_m": 0.038, "frequency_hz": 0.25, "centre_m": 0.0445},
-    "triang1": {"kind": "triangle", "amplitude_m": 0.0255, "frequency_hz": 0.5, "centre_m": 0.046},
-    "triang2": {"kind": "triangle", "amplitude_m": 0.0305, "frequency_hz": 1.0, "centre_m": 0.047},
-    "triang3": {"kind": "triangle", "amplitude_m": 0.046, "frequency_hz": 0.25, "centre_m": 0.047},
-    "trap1": {"kind": "trapezoid", "amplitude_m": 0.0208, "frequency_hz": 0.0435, "rise_s": 0.7,
+    "sine1": {"kind": "sine", "amplitude_m": 0.023, "frequency_hz": 0.5, "centre_m": 0.0435},
+    "sine2": {"kind": "sine", "amplitude_m": 0.0249, "frequency_hz": 1.0, "centre_m": 0.0435},
+    "sine3": {"kind": "sine", "amplitude_m": 0.0409, "frequency_hz": 0.25, "centre_m": 0.0445},
+    "triang1": {"kind": "triangle", "amplitude_m": 0.0252, "frequency_hz": 0.5, "centre_m": 0.046},
+    "triang2": {"kind": "triangle", "amplitude_m": 0.0275, "frequency_hz": 1.0, "centre_m": 0.047},
+    "triang3": {"kind": "triangle", "amplitude_m": 0.0435, "frequency_hz": 0.25, "centre_m": 0.047},
+    "trap1": {"kind": "trapezoid", "amplitude_m": 0.0231, "frequency_hz": 0.0435, "rise_s": 0.7,
               "centre_m": 0.043},
     "trap2": {"kind": "trapezoid", "amplitude_m": 0.0225, "frequency_hz": 0.0476, "rise_s": 0.55,
               "centre_m": 0.043},
-    "trap3": {"kind": "trapezoid", "amplitude_m": 0.048, "frequency_hz": 0.0417, "rise_s": 2.0,
+    "trap3": {"kind": "trapezoid", "amplitude_m": 0.0408, "frequency_hz": 0.0417, "rise_s": 2.0,
               "centre_m": 0.050},
     "sweep1": {"kind": "sweep", "amplitude_m": 0.043, "frequency_hz": 0.13,
                "end_frequency_hz": 0.58, "centre_m": 0.043},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -167,25 +168,77 @@ def pwm_line(run: Recording) -> float:
     return float(frequency[band][np.argmax(spectrum[band])])
 
 
-STATISTICS: dict[str, tuple[Callable[[Recording], float], str]] = {
-    "stroke": (stroke, "m"),
-    "peak_speed": (peak_speed, "m/s"),
-    "current_rms": (current_rms, "A"),
-    "current_ripple": (current_ripple, "A"),
-    "voltage_rms": (voltage_rms, "V"),
-    "share_on_rails": (share_on_rails, ""),
-    "share_freewheeling": (share_freewheeling, ""),
-    "load_rms": (load_rms, "N"),
-    "load_peak": (load_peak, "N"),
-    "load_roughness": (load_roughness, "N"),
-    "load_current_rms": (load_current_rms, "A"),
-    "friction_force": (friction_force, "N"),
-    "force_constant": (force_constant, "N/A"),
-    "heating_rate": (heating_rate, "K/s"),
-    "position_noise": (position_noise, "m"),
-    "resistance": (resistance, "ohm"),
-    "back_emf": (back_emf, "V s/m"),
-    "motor_temperature_noise": (motor_temperature_noise, "K"),
-    "nut_temperature_noise": (nut_temperature_noise, "K"),
-    "pwm_line": (pwm_line, "Hz"),
+def _band(signal: str, low_hz: float, high_hz: float) -> Callable[[Recording], float]:
+    """Effective value of a raw signal between two frequencies."""
+
+    def effective(run: Recording) -> float:
+        frequency, density = spectrum(run, signal)
+        inside = (frequency >= low_hz) & (frequency < high_hz)
+        return float(np.sqrt(density[inside].sum() * frequency[1]))
+
+    return effective
+
+
+def spectrum(run: Recording, signal: str) -> tuple[Array, Array]:
+    """Frequencies in Hz and power density of a raw signal, by Welch over 2.56 s."""
+    from scipy.signal import welch
+
+    frequency, density = welch(getattr(run, signal), fs=RATE_HZ, nperseg=256)
+    return np.asarray(frequency), np.asarray(density)
+
+
+def coulomb_friction(run: Recording) -> float:
+    """Dry friction of the regression on 1, sgn v, v, a; N."""
+    return float(_balance(run)[1])
+
+
+def viscous_friction(run: Recording) -> float:
+    """Viscous friction of the same regression, N s/m."""
+    return float(_balance(run)[2])
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """One number of a run, and the picture that it belongs to."""
+
+    group: str
+    unit: str
+    of: Callable[[Recording], float]
+
+
+SPECTRA = "noise spectra"
+CURRENT = "current against load and speed"
+FRICTION = "friction by regression"
+STROKE = "stroke"
+HEATING = "heating"
+CLUSTERS = "voltage clusters"
+GROUPS = (STROKE, CURRENT, FRICTION, SPECTRA, CLUSTERS, HEATING)
+
+STATISTICS: dict[str, Statistic] = {
+    "stroke": Statistic(STROKE, "m", stroke),
+    "peak_speed": Statistic(STROKE, "m/s", peak_speed),
+    "load_rms": Statistic(CURRENT, "N", load_rms),
+    "load_peak": Statistic(CURRENT, "N", load_peak),
+    "current_rms": Statistic(CURRENT, "A", current_rms),
+    "load_current_rms": Statistic(CURRENT, "A", load_current_rms),
+    "force_constant": Statistic(CURRENT, "N/A", force_constant),
+    "resistance": Statistic(CURRENT, "ohm", resistance),
+    "back_emf": Statistic(CURRENT, "V s/m", back_emf),
+    "friction_force": Statistic(FRICTION, "N", friction_force),
+    "coulomb_friction": Statistic(FRICTION, "N", coulomb_friction),
+    "viscous_friction": Statistic(FRICTION, "N s/m", viscous_friction),
+    "current_ripple": Statistic(SPECTRA, "A", current_ripple),
+    "current_5_to_20_hz": Statistic(SPECTRA, "A", _band("current", 5.0, 20.0)),
+    "current_above_20_hz": Statistic(SPECTRA, "A", _band("current", 20.0, 51.0)),
+    "load_roughness": Statistic(SPECTRA, "N", load_roughness),
+    "load_5_to_20_hz": Statistic(SPECTRA, "N", _band("force", 5.0, 20.0)),
+    "load_above_20_hz": Statistic(SPECTRA, "N", _band("force", 20.0, 51.0)),
+    "position_noise": Statistic(SPECTRA, "m", position_noise),
+    "motor_temperature_noise": Statistic(SPECTRA, "K", motor_temperature_noise),
+    "nut_temperature_noise": Statistic(SPECTRA, "K", nut_temperature_noise),
+    "pwm_line": Statistic(SPECTRA, "Hz", pwm_line),
+    "voltage_rms": Statistic(CLUSTERS, "V", voltage_rms),
+    "share_on_rails": Statistic(CLUSTERS, "", share_on_rails),
+    "share_freewheeling": Statistic(CLUSTERS, "", share_freewheeling),
+    "heating_rate": Statistic(HEATING, "K/s", heating_rate),
 }

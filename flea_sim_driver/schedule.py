@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from flea_sim_driver.faults import CATALOGUE, Fault
-from flea_sim_driver.scenario import FaultSetting, Switch
+import numpy as np
 
+from flea_sim_driver.faults import CATALOGUE, Fault
+from flea_sim_driver.settings import FaultSetting, Run, Switch
+
+GAP_S = 0.05
 GRID_S = 0.01
 """Onsets are moved onto the scan grid, so that the truth is exact and no scan is mixed."""
 
@@ -18,6 +21,7 @@ class Episode:
     setting: FaultSetting
     onset_s: float
     end_s: float = float("inf")
+    seed: int = 0
 
     @property
     def row(self) -> Fault:
@@ -34,6 +38,12 @@ class Episode:
             return None
         return self._grown(age)
 
+    def in_gap(self, rate_hz: float, time_s: float) -> bool:
+        """Whether a drop-out of 50 ms is on; loop and DAQ lose the same samples."""
+        slot = int((time_s - self.onset_s + 1e-9) / GAP_S)
+        seed = (self.seed, slot, round(self.onset_s * 1e3))
+        return bool(np.random.default_rng(seed).random() < GAP_S * rate_hz)
+
     def _grown(self, age: float) -> float:
         if self.setting.growth_s <= 0.0 or age >= self.setting.growth_s:
             return self.setting.size
@@ -46,16 +56,20 @@ def on_grid(time_s: float) -> float:
     return round(time_s / GRID_S) * GRID_S
 
 
-def episodes(settings: tuple[FaultSetting, ...], switch: Switch, start: str) -> tuple[Episode, ...]:
+def episodes(settings: tuple[FaultSetting, ...], switch: Switch, run: Run) -> tuple[Episode, ...]:
     """Episodes of a scenario; a fault of a unit that is switched in later begins then."""
-    return tuple(_episode(setting, switch, start) for setting in settings)
+    return tuple(_episode(setting, switch, run) for setting in settings)
 
 
-def _episode(setting: FaultSetting, switch: Switch, start: str) -> Episode:
+def _episode(setting: FaultSetting, switch: Switch, run: Run) -> Episode:
     onset = setting.onset_s
-    if setting.unit not in ("", start) and switch.at_s >= 0.0 and setting.unit == switch.to:
+    if (
+        setting.unit not in ("", run.active_unit)
+        and switch.at_s >= 0.0
+        and setting.unit == switch.to
+    ):
         onset = max(onset, switch.at_s)
-    return Episode(setting, on_grid(onset))
+    return Episode(setting, on_grid(onset), seed=run.seed)
 
 
 def cleared(episode: Episode, time_s: float) -> Episode:

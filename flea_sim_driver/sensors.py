@@ -55,7 +55,7 @@ INSTRUMENTS: tuple[Instrument, ...] = (
                mount="between load and test actuator"),
     Instrument("motor_temperature", "degC", 0.40, 0.01, -50.0, 400.0, 0.6, 0.004, 5.0,
                mount="motor housing", note="thermocouple"),
-    Instrument("nut_temperature", "degC", 0.55, 0.01, -50.0, 400.0, 0.6, 0.004, 7.0,
+    Instrument("nut_temperature", "degC", 0.62, 0.01, -50.0, 400.0, 0.6, 0.004, 7.0,
                mount="ball screw nut", note="thermocouple"),
     Instrument("ambient_temperature", "degC", 0.003, 0.001, -50.0, 100.0, mount="stand"),
     Instrument("commanded_position", "m", 0.0, 1e-7, 0.0, 0.1, mount="controller"),
@@ -105,7 +105,7 @@ class Panel:
         self._spike = np.array([row.spike for row in INSTRUMENTS])
         draws = generator.standard_normal(5) * spread
         self._noise[COLUMN["motor_temperature"]] *= np.exp(0.12 * draws[3])
-        self._noise[COLUMN["nut_temperature"]] *= np.exp(0.35 * draws[4])
+        self._noise[COLUMN["nut_temperature"]] *= np.exp(0.40 * draws[4])
         self.homing_error_m = HOMING_ERROR_M * float(draws[0])
         self._pot_phase = float(draws[1])
         self._pot_gain = 1.0 + 5e-4 * float(draws[2])

@@ -17,11 +17,13 @@ from flea_diag.wire.topics import TOPIC_OF
 from flea_sim_driver.acquisition import SCAN_S, SCANS, Acquisition, Block, pwm
 from flea_sim_driver.actuator import Actuator, Sizes, coefficients, with_faults
 from flea_sim_driver.disturbance import Catches, Disturbance
+from flea_sim_driver.feasibility import checked_fault
 from flea_sim_driver.plant import STEP_S, Coefficients
 from flea_sim_driver.profile import commanded
-from flea_sim_driver.scenario import FaultSetting, Scenario, check_fault
+from flea_sim_driver.scenario import Scenario
 from flea_sim_driver.schedule import Episode, cleared, episodes, on_grid
 from flea_sim_driver.sensors import ACCELEROMETER_AXES, CHANNELS, Panel, channel_infos
+from flea_sim_driver.settings import FaultSetting
 from flea_sim_driver.thermal import Temperatures, warmed
 from flea_sim_driver.unit import Bench, Unit, draw_unit
 from flea_sim_driver.vibration import Severity, Vibration
@@ -50,7 +52,7 @@ class Stand:
         self.scenario = scenario
         run, sensors = scenario.run, scenario.sensors
         self.start_ns = round(run.start_s * 1e9) if start_ns is None else start_ns
-        draws = [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(7)]
+        draws = [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(10)]
         warm = run.ambient_degc + run.warm_degc
         spread = {k: run.unit_spread * sigma for k, sigma in asdict(scenario.spread).items()}
         self.units: dict[str, Unit] = {
@@ -62,14 +64,12 @@ class Stand:
         panel = Panel(draws[2], run.unit_spread, sensors.spikes)
         self._acquisition = Acquisition(sensors, self.bench, panel, draws[5])
         self._clock = draws[6]
-        self._vibration = Vibration(
-            draws[3], sensors.vibration_rate_hz, round(sensors.vibration_rate_hz * BLOCK_S)
-        )
+        self._vibrations = _vibrations(scenario, draws[7:9], draws[3])
         self._disturbance = Disturbance(draws[4], Catches())
         self._temperatures = {
             name: Temperatures.uniform(warm, run.ambient_degc) for name in self.units
         }
-        self._episodes = episodes(scenario.faults, scenario.switch, run.active_unit)
+        self._episodes = episodes(scenario.faults, scenario.switch, run)
         self._told: set[int] = set()
         self._tell_nominal = True
         self._block = 0
@@ -110,18 +110,21 @@ class Stand:
 
     # -- faults, live ----------------------------------------------------------------------
 
-    def inject(self, fault: str, size: float = float("nan"), **options: float | str) -> Truth:
-        """Put a fault in at the next block; ``options`` are fields of ``FaultSetting``.
+    def injection(self, fault: str, size: float = float("nan"), **options: str) -> FaultSetting:
+        """A fault as it would begin with the next block; nothing is changed yet.
 
         Raises
         ------
         ConfigurationError
             The catalogue has no such fault, or its size or place is impossible.
         """
-        values = {"onset_s": on_grid(self.time_s), **options}
-        setting = FaultSetting(fault=fault, size=size, **values)  # type: ignore[arg-type]
-        checked = check_fault(setting, self.scenario.run.duration_s, "inject")
-        episode = Episode(checked, on_grid(checked.onset_s))
+        setting = FaultSetting(fault, on_grid(self.time_s), size, **options)  # type: ignore[arg-type]
+        return checked_fault(setting, self.scenario.run.duration_s, "inject")
+
+    def inject(self, fault: str, size: float = float("nan"), **options: str) -> Truth:
+        """Put a fault in at the next block; ``options``: ``where``, ``unit``."""
+        setting = self.injection(fault, size, **options)
+        episode = Episode(setting, setting.onset_s, seed=self.scenario.run.seed)
         self._episodes += (episode,)
         return self._truth(episode)
 
@@ -154,8 +157,10 @@ class Stand:
         self, healthy: Coefficients, sizes: list[Sizes]
     ) -> list[tuple[int, Coefficients]]:
         """One stretch of constant coefficients, or ten where a fault changes in the block."""
-        drifting = any(e.row.mode == "drift" and e.setting.where == "loop" for e in self._episodes)
-        if not drifting and sizes.count(sizes[0]) == SCANS:
+        changing = any(
+            e.row.mode in ("drift", "dropout") and e.setting.where == "loop" for e in self._episodes
+        )
+        if not changing and sizes.count(sizes[0]) == SCANS:
             return [(STEPS, with_faults(healthy, self._episodes, sizes[0], self.time_s))]
         return [
             (
@@ -198,17 +203,17 @@ class Stand:
         ]
 
     def _shake(self, block: Block) -> VibrationBlock:
-        rate = self._vibration.rate_hz
-        samples = self._vibration.block(
+        vibration = self._vibrations[self.unit_in_use]
+        samples = vibration.block(
             block.unit,
             block.column("speed"),
             block.column("position") / block.unit.screw_ratio_m_rad,
             block.column("force"),
             _severity(block),
         )
-        offsets = np.round(np.arange(self._vibration.count) * (1e9 / rate)).astype(np.uint32)
+        offsets = np.round(np.arange(vibration.count) * (1e9 / vibration.rate_hz))
         stamp = self.start_ns + self._block * BLOCK_NS
-        return VibrationBlock.pack(stamp, ACCELEROMETER_AXES, offsets, samples)
+        return VibrationBlock.pack(stamp, ACCELEROMETER_AXES, offsets.astype(np.uint32), samples)
 
     # -- records besides the data ----------------------------------------------------------
 
@@ -251,6 +256,18 @@ class Stand:
             ("approach", episode.row.approach),
         )
         return Truth(onset, setting.fault, onset, details)
+
+
+def _vibrations(
+    scenario: Scenario, structures: list[np.random.Generator], noise: np.random.Generator
+) -> dict[str, Vibration]:
+    """The accelerometers of both test actuators; each has a structure of its own."""
+    run, rate = scenario.run, scenario.sensors.vibration_rate_hz
+    spread = scenario.structure.scaled(run.unit_spread)
+    return {
+        name: Vibration(noise, spread.draw(draw), rate, round(rate * BLOCK_S))
+        for name, draw in zip(("Y", "X"), structures, strict=True)
+    }
 
 
 def _severity(block: Block) -> Severity:

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from flea_sim_driver.scenario import LOAD_LIMIT_N, Scenario, scenario_from_mapping
+from flea_sim_driver.scenario import Scenario, scenario_from_mapping
+from flea_sim_driver.settings import LOAD_LIMIT_N
 
 DURATION_S = 40.0
 EARLIEST_ONSET_S, LATEST_ONSET_S = 12.0, 18.0

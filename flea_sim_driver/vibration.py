@@ -11,22 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.fft import next_fast_len
 
+from flea_sim_driver.structure import Structure
 from flea_sim_driver.unit import Unit
 
 Array = npt.NDArray[np.float64]
-MODES_HZ: tuple[tuple[tuple[float, float, float], ...], ...] = (
-    # frequency, damping ratio, weight: motor housing, then nut
-    ((900.0, 0.05, 1.0), (3100.0, 0.03, 0.6)),
-    ((1800.0, 0.04, 0.7), (4200.0, 0.03, 1.0), (7500.0, 0.03, 0.5)),
-)
 AXIS_GAIN = np.array([[1.0, 0.7, 0.5], [1.0, 0.8, 0.6]])
 CROSSTALK = 0.12
-RING_S = 0.04
 SENSOR_NOISE = 0.25
 SLIP = 0.015
 BALL_SPACING = 1.02
 AMPLITUDE_LIMIT = 500.0
+IMPULSE_RATE_HZ = 20_000.0
+"""Sizes of single impulses are those of one sample at this rate."""
 
 
 def balls_per_turn(unit: Unit) -> float:
@@ -55,35 +53,33 @@ class Severity:
 
 
 class Vibration:
-    """The two accelerometers of the test actuator in use."""
+    """The two accelerometers of one test actuator.
 
-    def __init__(self, generator: np.random.Generator, rate_hz: float, count: int) -> None:
+    Parameters
+    ----------
+    generator
+        Of all that is random in it.
+    structure
+        How this actuator rings.
+    rate_hz, count
+        Samples a second and in a block.
+    """
+
+    def __init__(
+        self, generator: np.random.Generator, structure: Structure, rate_hz: float, count: int
+    ) -> None:
         self._generator = generator
+        self._background = structure.background
         self.rate_hz = rate_hz
         self.count = count
-        self._ring = self._impulse_responses()
-        length = count + self._ring.shape[1]
-        self._length = 1 << (length - 1).bit_length()
-        self._transfer = np.fft.rfft(self._ring, self._length)
-        self._tail = np.zeros((6, self._ring.shape[1]))
+        ring = structure.impulse_responses(rate_hz)
+        self._length = next_fast_len(count + ring.shape[1], real=True)
+        self._transfer = np.repeat(np.fft.rfft(ring, self._length), 3, axis=0)
+        self._tail = np.zeros((6, ring.shape[1]))
+        self._impulse = float(np.sqrt(rate_hz / IMPULSE_RATE_HZ))
         self._travel = 0.0
         self._next_event = 0.0
         self._side = 0.0
-        self._rub = 0.0
-
-    def _impulse_responses(self) -> Array:
-        """Energy-one response of each accelerometer, shape (2, samples)."""
-        time = np.arange(int(RING_S * self.rate_hz)) / self.rate_hz
-        responses = []
-        for modes in MODES_HZ:
-            total = np.zeros_like(time)
-            for frequency, damping, weight in modes:
-                if frequency < 0.45 * self.rate_hz:
-                    omega = 2.0 * np.pi * frequency
-                    swing = np.sin(omega * np.sqrt(1.0 - damping**2) * time)
-                    total += weight * np.exp(-damping * omega * time) * swing
-            responses.append(total / np.sqrt(np.sum(total**2)))
-        return np.array(responses)
 
     def block(
         self, unit: Unit, speed: Array, angle: Array, force: Array, severity: Severity
@@ -98,8 +94,10 @@ class Vibration:
         theta = np.interp(grid, knots, angle)
         load = np.abs(np.interp(grid, knots, force))
         pace = np.abs(omega) / 100.0
-        motor = (0.9 * pace + 0.04) * self._white(3)
-        nut = (1.2 * pace + 0.02) * (0.6 + 0.4 * (load / 100.0) ** 0.7) * self._white(3)
+        at_motor, at_nut = self._background
+        motor = at_motor * (0.9 * pace + 0.04) * self._white(3)
+        hum = (1.2 * pace + 0.02) * (0.6 + 0.4 * (load / 100.0) ** 0.7)
+        nut = at_nut * hum * self._white(3)
         nut += self._wear(pace, severity)
         impacts = self._ball_pass(omega, load, pace, unit, severity.spall)
         knock = self._knocks(force, unit.backlash_m + severity.backlash_m)
@@ -134,7 +132,7 @@ class Vibration:
             slip, scatter = self._generator.standard_normal(2)
             zone = (max(load[at], 5.0) / 100.0) ** 0.7
             size = (0.8 + 60.0 * spall) * pace[at] ** 1.2 * zone * (1.0 + 0.2 * scatter)
-            out[at] += size
+            out[at] += self._impulse * size
             self._next_event += spacing * max(1.0 + SLIP * slip, 0.5)
         self._travel = float(travel[-1])
         return out
@@ -146,7 +144,8 @@ class Vibration:
         for k in np.flatnonzero(sides):
             if self._side and sides[k] != self._side:
                 at = int((k + 0.5) / len(force) * self.count)
-                out[at] += sides[k] * (2.0 + 160.0 * (gap / 3e-4) ** 0.5 * (gap > 5e-5))
+                size = 2.0 + 160.0 * (gap / 3e-4) ** 0.5 * (gap > 5e-5)
+                out[at] += self._impulse * sides[k] * size
             self._side = float(sides[k])
         return out
 
@@ -162,7 +161,7 @@ class Vibration:
         sources = np.vstack([motor + CROSSTALK * nut, nut + CROSSTALK * motor])
         sources *= AXIS_GAIN.reshape(6, 1)
         spectra = np.fft.rfft(sources, self._length)
-        spectra *= np.repeat(self._transfer, 3, axis=0)
+        spectra *= self._transfer
         rung = np.fft.irfft(spectra, self._length)
         keep = self._tail.shape[1]
         rung[:, :keep] += self._tail

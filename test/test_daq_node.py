@@ -9,7 +9,9 @@ import numpy as np
 from live import Peer, Process, node
 
 from flea_diag.wire.records import ChannelTable, Health, Scan, Truth, VibrationBlock
+from flea_sim_driver.settings import DEFAULT_EPOCH_S
 
+NANOSECONDS = 1_000_000_000
 MODULE = "flea_sim_driver.daq_node"
 
 
@@ -42,24 +44,38 @@ def test_faults_come_and_go_while_it_runs(domain: int) -> None:
     from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
     from rcl_interfaces.srv import SetParameters
 
-    def put(peer: Peer, text: str) -> None:
+    def put(peer: Peer, text: str) -> tuple[bool, str]:
         value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=text)
         request = SetParameters.Request(parameters=[Parameter(name="inject", value=value)])
-        assert peer.call(SetParameters, "/daq/set_parameters", request).results[0].successful
+        answer = peer.call(SetParameters, "/daq/set_parameters", request).results[0]
+        return answer.successful, answer.reason
 
     command = daq("duration_s:=60.0", "wait_for_subscribers:=1")
     with Process(command, domain) as child, Peer(domain) as peer:
         peer.listen(Truth, Scan)
         peer.find(lambda r: isinstance(r, Scan))
-        put(peer, "jam:0.5")
+        assert put(peer, "jam:0.5") == (True, "")
         told = peer.find(lambda r: isinstance(r, Truth) and r.fault == "jam")
         assert dict(told.details)["size"] == "0.5"
-        put(peer, "")
+        for text, words in (
+            ("rust", ("rust", "jam")),
+            ("jam:99", ("jam", "99.0", "limits")),
+            ("jam:a lot", ("a lot", "no number")),
+            ("jam@loop", ("where", "plant")),
+        ):
+            taken, reason = put(peer, text)
+            assert not taken
+            assert all(word in reason for word in words), reason
+        assert put(peer, "")[0]
         peer.find(
             lambda r: isinstance(r, Truth) and r.fault == "nominal" and r.stamp_ns > told.stamp_ns
         )
-        put(peer, "rust")
-        child.wait_for("rust")
+        assert put(peer, "actuator_position_bias:0.004@loop")[0]
+        inside = peer.find(lambda r: isinstance(r, Truth) and r.fault == "actuator_position_bias")
+        assert dict(inside.details)["where"] == "loop"
+        assert [r.fault for r in peer.records if isinstance(r, Truth)] == [
+            "nominal", "jam", "nominal", "actuator_position_bias"
+        ]  # fmt: skip
         status, _ = child.signal(signal.SIGINT, signal.SIGINT)
         assert status == 0
 
@@ -87,3 +103,23 @@ def test_stamps_are_the_daqs_clock(domain: int) -> None:
         first = peer.find(lambda r: isinstance(r, Scan))
         assert child.end() == 0
     assert before < first.stamp_ns < time.time_ns()
+
+
+def test_a_graph_on_simulated_time_goes_by_the_stands_clock(domain: int) -> None:
+    """The stand keeps its own epoch, and a node that uses simulated time tells that time."""
+    observer = node("flea_diag.nodes.observer", "-p", "use_sim_time:=true")
+    stand = daq("publish_clock:=true", "rate:=4.0", "wait_for_subscribers:=2")
+    with Peer(domain) as peer:
+        peer.bus.subscribe(Scan, peer.records.append)
+        with Process(observer, domain), Process(stand, domain):
+            peer.bus.subscribe(Health, peer.records.append)
+            told = peer.find(
+                lambda r: (
+                    isinstance(r, Health)
+                    and r.node == "observer"
+                    and r.stamp_ns > (DEFAULT_EPOCH_S + 2) * NANOSECONDS
+                )
+            )
+    scans = [record.stamp_ns for record in peer.records if isinstance(record, Scan)]
+    assert abs(scans[0] - DEFAULT_EPOCH_S * NANOSECONDS) < NANOSECONDS
+    assert scans[0] < told.stamp_ns < scans[-1] + NANOSECONDS

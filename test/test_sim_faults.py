@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from stand_runs import Array, fault, records, scans, vibration
 
 from flea_diag.wire.records import Truth
+from flea_sim_driver import table4
 from flea_sim_driver.failure_modes import FAILURE_MODES
 from flea_sim_driver.faults import CATALOGUE, MODES, SENSOR_CHANNELS, SENSOR_FAULTS
 
+ROOT = Path(__file__).resolve().parent.parent
 DURATION_S, ONSET_S, ONSET = 8.0, 4.0, 400
 LOADED: dict[str, Any] = {"duration_s": DURATION_S, "load": {"amplitude_n": 150.0}}
 MECHANICAL = ("motor_current", "motor_speed", "load_position")
@@ -87,6 +91,16 @@ def test_other_loops_take_their_sensors_faults_where_asked(
     assert not set(channels) & changed(faulty(name))
 
 
+@pytest.mark.parametrize("channel", ["actuator_position", "motor_current", "load_force"])
+def test_noise_and_drop_outs_reach_the_loop_where_asked(channel: str) -> None:
+    for mode in ("noise", "dropout"):
+        inside = changed(faulty(f"{channel}_{mode}", where="loop"))
+        assert "motor_voltage" in inside, mode
+    lost = faulty(f"{channel}_dropout", where="loop", size=4.0)[channel][ONSET:] == 0.0
+    again = faulty(f"{channel}_dropout", where="daq", size=4.0)[channel][ONSET:] == 0.0
+    np.testing.assert_array_equal(lost, again)  # loop and DAQ lose the same samples
+
+
 def ratio(name: str, channel: str, **options: Any) -> float:
     """Standard deviation of a channel under a fault over the nominal one, late in the run."""
     late = slice(ONSET + 150, None)
@@ -115,17 +129,23 @@ def test_without_current_nothing_is_driven(name: str) -> None:
 
 
 def test_a_shorted_supply_brakes_and_an_open_one_coasts() -> None:
-    moving = ONSET_S + 0.5  # where the sine is fast
-    window = slice(ONSET + 50, ONSET + 58)
-    drawn = {}
+    free = scans(records())["motor_speed"]
+    fastest = ONSET + int(np.argmax(np.abs(free[ONSET : ONSET + 200])))
+    window = slice(fastest + 1, fastest + 8)
+    drawn, turning = {}, {}
     for name in ("supply_short", "supply_open"):
-        run = scans(records(**LOADED, **fault(name, moving)))
+        run = scans(records(**fault(name, fastest / 100.0)))
         drawn[name] = np.abs(run["motor_current"][window] - 0.32).max()
-        assert np.abs(run["motor_voltage"][window][1:] + 1.35).max() < (
-            6.0 if "open" in name else 0.9
-        )
+        turning[name] = np.abs(run["motor_speed"][window]).min()
+        back_emf = (free if "short" in name else run["motor_speed"])[window] * 0.08929  # V s/rad
+        shown = np.abs(run["motor_voltage"][window] + 1.35)
+        if name == "supply_open":  # the terminals float at the back-EMF
+            np.testing.assert_allclose(shown, np.abs(back_emf), atol=1.0)
+        else:
+            assert shown.max() < 0.25 * np.abs(back_emf).max()
     assert drawn["supply_short"] > 0.8
     assert drawn["supply_open"] < 0.2
+    assert turning["supply_short"] < 0.7 * turning["supply_open"]
 
 
 def test_faults_without_a_slow_trace_leave_the_mean_signals_alone() -> None:
@@ -164,6 +184,14 @@ def test_each_failure_mode_of_the_paper_acts_or_says_why_not() -> None:
         assert bool(row.faults) != bool(row.reason), row
         assert set(row.faults) <= set(CATALOGUE)
         assert row.approach in ("physics", "data", "hybrid")
+
+
+def test_the_papers_feature_table_and_scenarios_name_faults_of_the_catalogue() -> None:
+    table = yaml.safe_load((ROOT / "config" / "feature_table_paper.yaml").read_text())
+    assert set(table["faults"]) <= set(CATALOGUE)
+    assert {row.fault for row in table4.ROWS if row.fault} <= set(CATALOGUE)
+    counts = [row.scenarios for row in table4.ROWS]
+    assert (sum(counts), counts[0]) == (320, 134)  # as the paper has it
 
 
 def test_accelerometer_faults_persist_at_standstill() -> None:

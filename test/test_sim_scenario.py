@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from stand_runs import scenario
 
 from flea_diag.errors import ConfigurationError
+from flea_sim_driver.flight import read_flight
 from flea_sim_driver.library import find_scenario, scenario_names
-from flea_sim_driver.profile import commanded
+from flea_sim_driver.profile import commanded, peaks
 from flea_sim_driver.scenario import (
     load_scenario,
     scenario_from_mapping,
@@ -26,6 +27,14 @@ from flea_sim_driver.table4 import Row, Shared, draw, table4
 
 ROOT = Path(__file__).resolve().parent.parent
 REFUSED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    "jerk": (
+        {"motion": {"kind": "triangle", "amplitude_m": 0.006, "frequency_hz": 5.0}},
+        ("m/s^3", "5000"),
+    ),
+    "resonance spread": (
+        {"structure": {"resonance": 0.8}},
+        ("structure", "resonance", "0.8", "0.5"),
+    ),
     "unknown key": ({"moton": {}}, ("moton", "known are")),
     "unknown section key": ({"motion": {"ampl": 1.0}}, ("motion", "ampl")),
     "unknown fault": ({"faults": [{"fault": "rust"}]}, ("rust", "jam")),
@@ -198,6 +207,53 @@ def test_a_flight_is_scaled_where_asked(tmp_path: Path) -> None:
     assert 0.0 <= position.min() < position.max() <= 0.1
     assert np.ptp(position) == pytest.approx(0.09, rel=0.01)
     assert np.abs(load).max() == pytest.approx(311.4, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["sine", "triangle", "trapezoid", "sweep"])
+def test_a_command_starts_from_rest_and_its_peaks_are_those_told(kind: str) -> None:
+    motion = {"kind": kind, "amplitude_m": 0.02, "frequency_hz": 0.6, "end_frequency_hz": 0.6,
+              "rise_s": 0.4}  # fmt: skip
+    made = scenario(motion=motion, load={"constant_n": 200.0}, duration_s=20.0)
+    step = 1e-4
+    time = np.arange(0.0, 8.0, step)
+    position, load = commanded(made, time)
+    speed, acceleration = np.diff(position) / step, np.diff(position, 2) / step**2
+    assert abs(speed[0]) < 1e-4
+    assert abs(acceleration[0]) < 0.05
+    assert load[0] == 0.0
+    assert load[time > 1.0].min() == 200.0
+    swung = time[:-3] > 2.0
+    told = peaks(made.motion)
+    reached = (np.diff(position, n) / step**n for n in (1, 2, 3))
+    for value, limit in zip(
+        reached, (told.speed_m_s, told.acceleration_m_s2, told.jerk_m_s3), strict=True
+    ):
+        assert np.abs(value[: len(swung)][swung]).max() == pytest.approx(limit, rel=0.03)
+
+
+def test_a_flight_has_no_jumps_in_speed_and_passes_through_its_rows(tmp_path: Path) -> None:
+    rows = [(0.1 * k, 0.05 + 0.004 * np.sin(0.3 * k), 10.0 * k % 70.0) for k in range(100)]
+    path = tmp_path / "flight.csv"
+    path.write_text("time_s,position_m,load_N\n" + "\n".join(f"{a},{b},{c}" for a, b, c in rows))
+    flight = read_flight(path)
+    position, _ = flight.at(np.array([row[0] for row in rows]))
+    np.testing.assert_allclose(position, [row[1] for row in rows], atol=1e-12)
+    fine = np.arange(0.0, 9.8, 1e-4)
+    speed = np.diff(flight.at(fine)[0]) / 1e-4
+    assert np.abs(np.diff(speed)).max() < 2e-4  # straight lines between rows jump by 4e-3
+    assert flight.at(np.array([1e3]))[0] == pytest.approx(rows[-1][1])
+
+
+def test_a_flight_that_turns_too_hard_is_refused_with_its_row(tmp_path: Path) -> None:
+    path = tmp_path / "flight.csv"
+    rows = [f"{0.02 * k:.2f},{0.05 + 0.002 * (-1) ** k},0" for k in range(5)]
+    path.write_text("time_s,position_m,load_N\n" + "\n".join(rows))
+    with pytest.raises(ConfigurationError, match=r"speed in m/s = 0\.2"):
+        read_flight(path)
+    rows = [f"{0.04 * k:.2f},{0.05 + 0.002 * (-1) ** k},0" for k in range(5)]
+    path.write_text("time_s,position_m,load_N\n" + "\n".join(rows))
+    with pytest.raises(ConfigurationError, match=r"row \d.*acceleration in m/s\^2 = .*3\.0"):
+        read_flight(path)
 
 
 def test_a_ladder_takes_each_size_with_every_motion() -> None:

@@ -14,6 +14,7 @@ from flea_diag.wire.records import NEVER_NS, ChannelTable, Record, Scan, Truth, 
 from flea_diag.wire.topics import TOPIC_OF
 from flea_sim_driver import plant
 from flea_sim_driver.actuator import Actuator, coefficients
+from flea_sim_driver.recording import MOTIONS
 from flea_sim_driver.stand import Stand
 from flea_sim_driver.unit import Bench, Unit
 
@@ -108,22 +109,30 @@ def test_a_stalled_motor_heats_as_the_real_one() -> None:
 
 
 def test_a_jam_shrinks_the_stroke_as_on_the_real_stand() -> None:
-    motion = {
-        "kind": "sine", "amplitude_m": STROKE_COMMAND_M, "frequency_hz": 0.5, "centre_m": 0.0435,
-    }  # fmt: skip
-
     def half_stroke(**values: object) -> float:
-        run = scans(records(motion=motion, duration_s=14.0, **values))
+        run = scans(
+            records(motion=MOTIONS["sine1"], load={"constant_n": -11.0}, duration_s=14.0, **values)
+        )
         low, high = np.percentile(run["load_position"][300:], [1.0, 99.0])
         return float(high - low) * 500.0
 
     nominal, jammed = half_stroke(), half_stroke(**fault("jam", 0.0))
-    assert 11.6 < nominal < 14.8  # mm, the range of the real nominal runs
-    assert 6.5 < jammed < 10.0  # 8.4 to 8.9 in the real runs of this kind
+    assert 12.5 < nominal < 16.0  # mm; 14.0 to 15.0 in the real runs of this motion and load
+    assert 7.0 < jammed < 10.5  # 8.4 to 8.9 there
     assert jammed < 0.75 * nominal
 
 
-STROKE_COMMAND_M = 0.024
+def test_a_load_lets_go_and_catches_as_on_the_real_stand() -> None:
+    """Moved against its command the load actuator brakes, lets go, and catches the run-away."""
+    run = scans(records(motion=MOTIONS["triang3"], load={"constant_n": -127.0}, duration_s=20.0))
+    speed = np.gradient(np.convolve(run["load_position"], np.ones(9) / 9, "same"), 0.01)[400:-50]
+    against = speed[speed < -2e-3]
+    assert np.percentile(against, 5.0) < -0.055  # m/s; slips at 65 to 90 mm/s in the real runs
+    assert np.median(against) > -0.045
+    with_it = speed[speed > 2e-3]
+    assert np.percentile(with_it, 95.0) < 0.075  # no slips that way
+    assert 450.0 < np.percentile(np.abs(run["load_force"]), 99.5) < 1000.0  # N
+    assert np.percentile(run["load_force"][400:], 95.0) < 200.0
 
 
 def test_a_dead_position_sensor_in_the_loop_runs_the_plant_to_its_stop() -> None:

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from stand_runs import Array, fault, records, scans, vibration
 
+from flea_sim_driver.structure import Structure, StructureSpread
+
 RATE_HZ = 20000.0
 LEAD_M, PITCH_M, BALL_M = 3.175e-3, 9.9e-3, 1.588e-3
 TRIANGLE = {"kind": "triangle", "amplitude_m": 0.035, "frequency_hz": 0.25, "centre_m": 0.05}
@@ -152,3 +154,46 @@ def test_background_grows_with_speed() -> None:
     block = np.std(fast[:, 3].reshape(-1, 2000), axis=1)
     speed = np.abs(slow["motor_speed"]).reshape(-1, 10).mean(axis=1)
     assert np.corrcoef(block[5:], speed[5:])[0, 1] > 0.7
+
+
+def strongest_hz(seed: int, axis: int, low_hz: float, high_hz: float, **values: Any) -> float:
+    """Frequency of the strongest resonance of a unit in a band."""
+    fast = vibration(records(motion=TRIANGLE, sensors={}, duration_s=4.0, seed=seed, **values))
+    frequency = np.fft.rfftfreq(4096, 1.0 / RATE_HZ)
+    frames = fast[20000 : 20000 + 14 * 4096, axis].reshape(14, 4096) * np.hanning(4096)
+    power = (np.abs(np.fft.rfft(frames)) ** 2).mean(axis=0)
+    smooth = np.convolve(power, np.ones(9) / 9, "same")
+    band = (frequency > low_hz) & (frequency < high_hz)
+    return float(frequency[band][np.argmax(smooth[band])])
+
+
+def test_each_unit_has_resonances_of_its_own() -> None:
+    drawn = [strongest_hz(seed, 3, 3300.0, 5100.0) for seed in range(1, 7)]
+    assert len(set(drawn)) > 4
+    assert all(0.79 * 4200.0 < value < 1.21 * 4200.0 for value in drawn)
+    assert np.ptp(drawn) > 0.1 * 4200.0
+    alike = {
+        strongest_hz(seed, 3, 3300.0, 5100.0, structure={"resonance": 0.0}) for seed in (1, 2, 3)
+    }
+    assert max(alike) - min(alike) < 0.04 * 4200.0
+
+
+def test_a_structure_draws_within_its_spread() -> None:
+    spread = StructureSpread(resonance=0.2, damping=0.15, background=0.3)
+    units = [spread.draw(np.random.default_rng(seed)) for seed in range(300)]
+    shift = np.array([unit.modes[1][1].frequency_hz / 4200.0 - 1.0 for unit in units])
+    assert np.abs(shift).max() <= 0.2
+    assert np.std(shift) == pytest.approx(0.2 / math.sqrt(3.0), rel=0.08)  # uniform
+    assert np.std([math.log(u.background[0]) for u in units]) == pytest.approx(0.3, rel=0.15)
+    assert StructureSpread(0.0, 0.0, 0.0).draw(np.random.default_rng(1)) == Structure()
+
+
+@pytest.mark.parametrize("rate_hz", [2000.0, 20000.0, 64000.0])
+def test_a_knock_is_as_strong_at_any_rate_that_can_show_it(rate_hz: float) -> None:
+    made = records(motion=TRIANGLE, sensors={"vibration_rate_hz": rate_hz}, duration_s=4.0,
+                   unit_spread=0.0, **fault("backlash", 0.0))  # fmt: skip
+    fast = vibration(made)
+    assert np.isfinite(fast).all()
+    assert len(fast) == 4.0 * rate_hz
+    peak = np.abs(fast[:, 0]).max()  # the motor's lowest mode, 900 Hz, passes all three
+    assert 10.0 < peak < 150.0

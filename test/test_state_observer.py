@@ -276,6 +276,14 @@ def test_noise_is_fitted_to_what_was_put_in() -> None:
         fitted([Run("short", recording()[:100])], P, 0.01, "mean")
 
 
+def test_gross_errors_do_not_shrink_the_fitted_noise() -> None:
+    rough = recording(seed=2).copy()
+    rough[::2, INDEX["load_force"]] += 4000.0  # as a load that jumps faster than the scans
+    noise = fitted([Run("rough", rough)], P, 0.01, "mean")
+    assert noise.voltage_v > 0.02
+    assert noise.motor_current_a > 0.005
+
+
 # --- real recordings ----------------------------------------------------------------------
 
 ROOT = Path(__file__).resolve().parents[1]

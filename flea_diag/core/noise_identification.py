@@ -42,8 +42,8 @@ FACTORS = (2.0, math.sqrt(2.0))
 PIECES = 4
 PIECE_SCANS = 300
 SETTLE_SCANS = 50
-OUTLIER = 25.0
-"""Share of one scan in the log likelihood is bounded as if its NIS were at most so large."""
+FREEDOM = 8.0
+"""Degrees of freedom of Student's t, by which innovations are taken to scatter."""
 
 
 def fitted(
@@ -119,7 +119,25 @@ def _cost(
     voltage_sampling: str,
     noise: ObserverNoise,
 ) -> float:
-    """Twice the negative log likelihood of a scan, but for a constant; gross errors bounded."""
+    """Twice the negative log likelihood of a scan under Student's t, but for a constant.
+
+    Gross errors weigh little, yet noise cannot be made arbitrarily small at their expense, as it
+    could with a bounded NIS. Noise at which rounding loses the filter's covariance is refused.
+    """
+    try:
+        with np.errstate(invalid="ignore"):
+            return _mean_cost(pieces, parameters, period_s, voltage_sampling, noise)
+    except np.linalg.LinAlgError:
+        return math.inf
+
+
+def _mean_cost(
+    pieces: list[Array],
+    parameters: ActuatorParameters,
+    period_s: float,
+    voltage_sampling: str,
+    noise: ObserverNoise,
+) -> float:
     total, scans = 0.0, 0
     for rows in pieces:
         observer = StateObserver(
@@ -135,6 +153,7 @@ def _cost(
             if k >= SETTLE_SCANS:
                 seen = told.sigma > 0.0
                 spread = 2.0 * float(np.log(told.sigma[seen]).sum())
-                total += min(told.nis, OUTLIER) + spread
+                tails = FREEDOM + np.count_nonzero(seen)
+                total += float(tails * np.log1p(told.nis / FREEDOM)) + spread
                 scans += 1
     return total / scans

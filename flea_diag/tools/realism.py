@@ -14,7 +14,6 @@ from flea_diag.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from flea_sim_driver.realism import Comparison, Summary
-    from flea_sim_driver.recording import Recording
 
 NAME = "realism"
 SUMMARY = "compare simulated runs with real recordings of the same motion and load"
@@ -23,8 +22,6 @@ examples:
   flea realism recordings/*.data                          a table on standard output
   flea realism recordings/*.data --json out.json --plots pictures
 """
-PICTURED = (("position", "mm", 1e3), ("force", "N", 1.0), ("current", "A", 1.0),
-            ("voltage", "V", 1.0), ("motor_temperature", "degC", 1.0))  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("runs", nargs="+", type=Path, help="FLEA .data files")
     parser.add_argument("--seed", type=int, default=1, help="of the simulated units (1)")
     parser.add_argument("--json", type=Path, metavar="OUT", help="write every number there")
-    parser.add_argument("--plots", type=Path, metavar="DIR", help="one PNG a run, needs matplotlib")
+    parser.add_argument(
+        "--plots",
+        type=Path,
+        metavar="DIR",
+        help="pictures of each run and of the held-out half, needs matplotlib",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -46,10 +48,14 @@ def run(arguments: argparse.Namespace) -> int:
             f"realism: none of {len(arguments.runs)} files is a nominal, jam or spall run "
             "(BatchProfile_<motion><n><n>_..._Nominal_Low.data)"
         )
-    picture = _painter(arguments.plots) if arguments.plots else None
-    rows = compare(paths, arguments.seed, picture)
+    from flea_diag.tools.realism_pictures import Album
+
+    album = Album(arguments.plots) if arguments.plots else None
+    rows = compare(paths, arguments.seed, album.add if album else None)
     table = summaries(rows)
     print(as_text(table))
+    if album:
+        album.finish()
     if arguments.json:
         _write_json(arguments.json, rows, table)
     skipped = len(arguments.runs) - len(paths)
@@ -94,38 +100,3 @@ def _finite(row: dict[str, Any]) -> dict[str, Any]:
         key: None if isinstance(value, float) and not math.isfinite(value) else value
         for key, value in row.items()
     }
-
-
-def _painter(folder: Path) -> Any:
-    try:
-        import matplotlib
-    except ImportError as error:
-        raise ConfigurationError("--plots needs matplotlib: pip install matplotlib") from error
-    matplotlib.use("Agg")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(f"cannot write pictures to {folder}: {error.strerror}") from error
-
-    def paint(real: Recording, simulated: Recording) -> None:
-        from matplotlib import pyplot
-
-        figure, axes = pyplot.subplots(len(PICTURED), 2, figsize=(14, 13), sharey="row")
-        for column, recording in enumerate((real, simulated)):
-            _paint_column(axes[:, column], recording)
-        figure.suptitle(real.name)
-        figure.tight_layout()
-        figure.savefig(folder / f"{Path(real.name).stem}.png", dpi=70)
-        pyplot.close(figure)
-
-    return paint
-
-
-def _paint_column(axes: Any, recording: Recording) -> None:
-    for axis, (signal, unit, scale) in zip(axes, PICTURED, strict=True):
-        values = getattr(recording, signal) * scale
-        axis.plot(values, ".", markersize=1)
-        axis.plot(recording.smooth[signal] * scale, linewidth=0.8)
-        axis.set_ylabel(f"{signal} ({unit})")
-    axes[0].set_title("simulated" if recording.simulated else "real")
-    axes[-1].set_xlabel("sample (100 Hz)")

@@ -70,8 +70,9 @@ def configured(arguments: argparse.Namespace) -> Scenario:
     ConfigurationError
         Unknown scenario or fault, or a value out of its limits.
     """
+    from flea_sim_driver.feasibility import checked_scenario
     from flea_sim_driver.library import find_scenario
-    from flea_sim_driver.scenario import FaultSetting, checked_scenario
+    from flea_sim_driver.settings import FaultSetting
 
     scenario = find_scenario(arguments.scenario)
     changes = {
@@ -111,15 +112,20 @@ def write_bag(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
 
 
 def _print_catalogue() -> None:
+    from flea_sim_driver.failure_modes import FAILURE_MODES
     from flea_sim_driver.faults import CATALOGUE
     from flea_sim_driver.library import scenario_names
 
     print("scenarios:")
     for name in scenario_names():
         print(f"  {name}")
-    print("faults (default size, limits, where they act):")
+    print("faults (default size, limits, where they act; onset_s, growth_s, on_s, off_s of each):")
     for row in CATALOGUE.values():
         print(
             f"  {row.id:28} {row.default_size:g} ({row.minimum:g} to {row.maximum:g}) "
             f"{row.size_unit}; {' or '.join(row.places)}; {row.approach}"
         )
+    print("failure modes of the paper's Table 1, and how this stand shows them:")
+    for mode in FAILURE_MODES:
+        shown = f"{' or '.join(mode.faults)}: {mode.how}" if mode.faults else f"not: {mode.reason}"
+        print(f"  {mode.component}, {mode.mode} ({mode.approach}): {shown}")

@@ -47,6 +47,7 @@ class Declared(Generic[P]):
         self._where = where
         self.common = build(Common, common, where)
         self.value: P = build(parameters, self._converted(given), where)
+        self.on_check: list[Callable[[P], None]] = []
         self.on_change: list[Callable[[P], None]] = []
         for owner, kind in ((self.common, Common), (self.value, parameters)):
             for entry in descriptors(kind):
@@ -64,7 +65,9 @@ class Declared(Generic[P]):
         from rcl_interfaces.msg import SetParametersResult
 
         try:
-            self._merged(parameters)
+            merged = self._merged(parameters)
+            for check in self.on_check:
+                check(merged)
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

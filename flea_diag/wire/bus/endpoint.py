@@ -88,6 +88,13 @@ class Bus(Generic[P]):
         """Clock of the node (simulated if use_sim_time): for lags only, never for inference."""
         return int(self._node.get_clock().now().nanoseconds)
 
+    def check_parameters(self, check: Callable[[P], None]) -> None:
+        """Refuse a change, with its message as the reason, where ``check`` raises.
+
+        ``check`` raises ``ConfigurationError`` and changes nothing.
+        """
+        self._declared.on_check.append(check)
+
     def on_parameters(self, apply: Callable[[P], None]) -> None:
         """Call ``apply`` with all parameters whenever one of them was changed."""
         self._declared.on_change.append(apply)

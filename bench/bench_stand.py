@@ -1,0 +1,107 @@
+"""The simulated stand: 30 s into a bag without ROS, and its DAQ live in real time.
+
+Into a bag: processor time on one core, median of ``REPEATS``, compiled by numba and in plain
+Python. Live: the lateness that the DAQ tells of itself and the processor time of its process;
+what else the machine does shows in the lateness, so run it on a quiet one.
+
+    scripts/bench stand
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT), str(ROOT / "test")]
+
+from live import Peer, Process, node
+
+from flea_diag.tools.simulate import write_bag
+from flea_diag.wire.records import Health, Scan
+from flea_sim_driver.library import find_scenario
+from flea_sim_driver.plant import integrator
+from flea_sim_driver.scenario import Scenario
+
+RUN_S = 30.0
+REPEATS = 5
+LIVE_S = 30.0
+DOMAIN = 97
+LIMITS_S = {False: 0.3, True: 3.0}
+
+
+def nominal(duration_s: float, *, vibration: bool) -> Scenario:
+    """The nominal scenario so long, with or without accelerometers."""
+    scenario = find_scenario("nominal")
+    return replace(
+        scenario,
+        run=replace(scenario.run, duration_s=duration_s),
+        sensors=replace(scenario.sensors, vibration=vibration),
+    )
+
+
+def into_a_bag(*, vibration: bool) -> float:
+    """Processor time of one run into a bag, s."""
+    scenario = nominal(RUN_S, vibration=vibration)
+    with tempfile.TemporaryDirectory() as folder:
+        begin = time.process_time()
+        write_bag(scenario, Path(folder) / "bag")
+        return time.process_time() - begin
+
+
+def bags() -> None:
+    """Print what bags cost with this backend."""
+    with tempfile.TemporaryDirectory() as folder:  # compile and import before the clock runs
+        write_bag(nominal(1.0, vibration=True), Path(folder) / "bag")
+    backend = "numba" if hasattr(integrator(), "py_func") else "plain Python"
+    for vibration, limit_s in LIMITS_S.items():
+        took = median(into_a_bag(vibration=vibration) for _ in range(REPEATS))
+        what = "scans and 2 x 3 axes of 20 kHz" if vibration else "scans alone"
+        print(
+            f"{backend:12} {RUN_S:.0f} s of {what:30} {took:6.3f} s of one core (limit {limit_s} s)"
+        )
+
+
+def live() -> None:
+    """Print how the DAQ keeps its pace, and what that costs."""
+    command = node("flea_sim_driver.daq_node", "-p", f"duration_s:={LIVE_S}",
+                   "-p", "wait_for_subscribers:=1")  # fmt: skip
+    with Peer(DOMAIN) as peer:
+        peer.bus.subscribe(Scan, peer.records.append)
+        peer.bus.subscribe(Health, peer.records.append)
+        with Process(command, DOMAIN) as daq:
+            peer.until(lambda: any(isinstance(r, Scan) for r in peer.records))
+            started = time.monotonic()
+            begin = cpu_s(daq.child.pid)
+            ends = started + LIVE_S - 1.0
+            peer.bus.wait_until(lambda: time.monotonic() > ends, LIVE_S)
+            spent, took = cpu_s(daq.child.pid) - begin, time.monotonic() - started
+    told = [dict(r.values) for r in peer.records if isinstance(r, Health)]
+    scans = sum(isinstance(r, Scan) for r in peer.records)
+    print(
+        f"live         {scans / took:6.1f} scans/s, late by p99 {told[-1]['late_p99_ms']} ms "
+        f"(limit 2 ms), {100.0 * spent / took:.1f} % of one core (limit 15 %)"
+    )
+
+
+def cpu_s(pid: int) -> float:
+    """Processor time of a running process, s."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+if __name__ == "__main__":
+    if "--bags" in sys.argv:
+        bags()
+    else:
+        for disabled in ("0", "1"):
+            environment = {**os.environ, "NUMBA_DISABLE_JIT": disabled}
+            subprocess.run([sys.executable, __file__, "--bags"], check=True, env=environment)
+        live()
