@@ -22,6 +22,8 @@ from flea_diag.wire.records import (
 from flea_diag.wire.wording import words_of
 
 MOST_MEMBERS = 6
+LONG = 140
+"""Words longer than that are set smaller."""
 
 NEXT: dict[Outcome, str] = {
     Outcome.NOMINAL: "Nothing.",
@@ -49,7 +51,7 @@ def link(state: OperatorState, now_ns: int) -> tuple[str, str]:
         silent_s = state.stream(AmbiguityGroup).silent_s(now_ns)
         return "silent", f"✖ NO VERDICT for {silent_s:.0f} s: the isolator is silent"
     if group.stale or state.silent(Scan, now_ns):
-        return "stale", "⏸ STALE: the stand sends no data"
+        return "stale", "‖ STALE: the stand sends no data"
     if group.source == REPLAY:
         return "replay", "↻ REPLAY, not the stand"
     return "live", "● LIVE"
@@ -116,12 +118,14 @@ def _headline(level: Level, outcome: str, words: str) -> Markup:
             outcome,
             tag("span", level.name, class_="level"),
         ),
-        tag("p", words, class_="words"),
+        tag("p", words, class_="words long" if len(words) > LONG else "words"),
     )
 
 
 def _proofs(state: OperatorState, group: AmbiguityGroup) -> list[Markup]:
     lines = []
+    if group.source == REPLAY:
+        lines.append("REPLAY: this is a recording, not the stand as it is now.")
     if group.stale:
         lines.append("STALE: the stand sends no data; this is the last verdict.")
     flag = state.detection
@@ -175,7 +179,7 @@ def _right(group: AmbiguityGroup) -> Markup:
 
 def _members(group: AmbiguityGroup) -> Markup:
     shown, rest = group.members[:MOST_MEMBERS], group.members[MOST_MEMBERS:]
-    more = tag("p", f"and {', '.join(c.fault for c in rest)}", class_="soft") if rest else None
+    more = tag("p", f"and {len(rest)} more", class_="soft") if rest else None
     title = f"Still possible ({len(group.members)}), the likeliest first"
     return joined(
         tag("h2", title, class_="title"),

@@ -21,7 +21,7 @@ from flea_diag.wire.records import (
 )
 from flea_diag.wire.wording import QUALITY_LEVEL
 
-SHAPE = {Level.OK: "✓", Level.WARN: "▲", Level.ERROR: "✖", Level.STALE: "⏸"}
+SHAPE = {Level.OK: "✓", Level.WARN: "▲", Level.ERROR: "✖", Level.STALE: "‖"}
 """A shape for each level, so that its colour is not needed."""
 CLASS = {Level.OK: "ok", Level.WARN: "warn", Level.ERROR: "error", Level.STALE: "stale"}
 TOTAL = "samples"

@@ -42,7 +42,12 @@ def symbol_matrix(group: AmbiguityGroup, residuals: Sequence[str]) -> Markup:
                 cells.append(_cell(held, fresh=bool(new)))
         rows.append(tag("tr", tag("th", name, scope="row"), *cells))
     quiet = [name for name in residuals if name not in names]
-    below = tag("p", f"No symbol: {', '.join(quiet)}", class_="quiet") if quiet and names else None
+    below = tag(
+        "details",
+        tag("summary", f"{len(quiet)} other residuals have no symbol in this episode"),
+        tag("p", ", ".join(quiet), class_="quiet"),
+        data_name="quiet",
+    )
     return joined(tag("table", head, *rows, class_="symbols"), below if quiet else None)
 
 

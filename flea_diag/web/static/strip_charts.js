@@ -61,10 +61,15 @@ class Chart {
     this.trace(c, x, y, first, last, colours.trace, ratio);
     if (this.estimate !== undefined) this.curve(c, x, y, first, last, this.estimate, 1, colours.estimate);
     if (this.limit !== undefined) for (const side of [1, -1]) this.curve(c, x, y, first, last, this.limit, side, colours.limit);
-    c.fillStyle = colours.soft;
     c.font = `${10 * ratio}px system-ui, sans-serif`;
-    c.fillText(short(hi), 4 * ratio, 11 * ratio);
-    c.fillText(short(lo), 4 * ratio, height - 4 * ratio);
+    for (const [value, at] of [[hi, 11 * ratio], [lo, height - 4 * ratio]]) {
+      c.fillStyle = colours.wash;
+      c.globalAlpha = 0.75;
+      c.fillRect(2 * ratio, at - 9 * ratio, 7 * short(value).length * ratio, 11 * ratio);
+      c.globalAlpha = 1;
+      c.fillStyle = colours.soft;
+      c.fillText(short(value), 4 * ratio, at);
+    }
     this.tell(last);
   }
   trace(c, x, y, first, last, colour, ratio) {
@@ -185,6 +190,6 @@ export default {
 
 function themed() {
   const style = getComputedStyle(document.body);
-  const names = ["trace", "estimate", "limit", "line", "soft", "mark"];
+  const names = ["trace", "estimate", "limit", "line", "soft", "mark", "wash"];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }

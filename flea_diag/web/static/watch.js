@@ -2,12 +2,12 @@
 const LOST_MS = 2000;
 
 export default {
-  template: "<div id='lost' role='alert'></div>",
+  template: "<div class='lost-banner' role='alert'></div>",
   mounted() {
     this.beat();
     this.timer = setInterval(() => {
       const lost = Date.now() - this.last > LOST_MS;
-      if (lost) this.$el.textContent = `✕ DISCONNECTED since ${new Date(this.last).toLocaleTimeString()}: what stands below is old. Connecting again …`;
+      if (lost) this.$el.textContent = `✕ DISCONNECTED since ${new Date(this.last).toISOString().slice(11, 19)} UTC: what stands below is old. Connecting again …`;
       document.body.classList.toggle("lost", lost);
     }, 250);
     this.keyed = (event) => {
