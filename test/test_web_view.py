@@ -20,6 +20,7 @@ from flea_diag.web.causal_paths import causal_paths, lit
 from flea_diag.web.group_flow import MOST_STEPS, group_flow, steps
 from flea_diag.web.history import answers, drops, signs
 from flea_diag.web.panels import data_quality, dropped, episodes, streams
+from flea_diag.web.symbol_matrix import symbol_matrix
 from flea_diag.web.view import NO_EPISODE, PANELS, Tools, View
 from flea_diag.wire.bag import read_bag
 from flea_diag.wire.records import (
@@ -179,6 +180,23 @@ def test_every_outcome_has_its_words_its_level_and_advice(outcome: Outcome) -> N
 def test_nothing_is_called_possible_that_is_not_held_so() -> None:
     assert "Still possible (1)" in words(answer(shown(NOMINAL, LAST)))
     assert "winding_short" not in words(answer(shown(NOMINAL, LAST)))
+
+
+def test_what_explains_nothing_is_not_called_possible() -> None:
+    text = words(answer(shown(replace(FIRST, outcome=Outcome.UNEXPLAINED))))
+    assert "Still possible" not in text
+    assert "Not ruled out (3), but none explains it well" in text
+
+
+def test_symbols_of_a_long_episode_keep_the_first_and_the_latest() -> None:
+    seen = tuple(
+        Evidence(START + k * 10**9, "r", "++" if k % 2 else "+-", "", "fits") for k in range(9)
+    )
+    text = words(
+        symbol_matrix(replace(FIRST, members=(Candidate("f", "", 1.0, "", seen),)), ("r", "q"))
+    )
+    assert re.findall(r"\+(\d)\.00 s", text) == ["0", "5", "6", "7", "8"]
+    assert "1 other residuals have no symbol in this episode q" in text
 
 
 def test_the_next_tests_are_those_of_the_verdict() -> None:

@@ -181,6 +181,8 @@ def _members(group: AmbiguityGroup) -> Markup:
     shown, rest = group.members[:MOST_MEMBERS], group.members[MOST_MEMBERS:]
     more = tag("p", f"and {len(rest)} more", class_="soft") if rest else None
     title = f"Still possible ({len(group.members)}), the likeliest first"
+    if group.outcome is Outcome.UNEXPLAINED:
+        title = f"Not ruled out ({len(group.members)}), but none explains it well"
     return joined(
         tag("h2", title, class_="title"),
         tag("table", *map(_member, shown), class_="members"),

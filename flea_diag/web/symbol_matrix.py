@@ -11,7 +11,8 @@ from flea_diag.wire.records import AmbiguityGroup
 WORDS = {"+": "above", "-": "below", "0": "normal", "?": "not yet known", "*": "any"}
 GLYPH = {"+": "▲", "-": "▼", "0": "●", "?": "…", "*": "∗"}
 CLASS = {"+": "plus", "-": "minus", "0": "zero", "?": "open", "*": "open"}
-MOST_COLUMNS = 8
+MOST_COLUMNS = 5
+"""The first change and the latest."""
 
 
 def symbol_matrix(group: AmbiguityGroup, residuals: Sequence[str]) -> Markup:
@@ -21,7 +22,8 @@ def symbol_matrix(group: AmbiguityGroup, residuals: Sequence[str]) -> Markup:
     table.
     """
     seen = signs(group)
-    stamps = sorted({sign.stamp_ns for sign in seen})[-MOST_COLUMNS:]
+    stamps = sorted({sign.stamp_ns for sign in seen})
+    stamps = [*stamps[:1], *stamps[1:][1 - MOST_COLUMNS :]]
     names = list(dict.fromkeys(sign.source for sign in seen))
     head = tag(
         "tr",
