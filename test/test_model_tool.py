@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
+from flea_diag.configuration import load_yaml
 from flea_diag.tools import model as tool
 from flea_diag.tools.main import main
 
@@ -105,6 +109,91 @@ def test_pictures(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     target = tmp_path / "graph.svg"
     shown(capsys, "show", "--svg", str(target))
     assert "<svg" in target.read_text()
+
+
+def _dangling(plain: dict[str, Any]) -> None:
+    plain["bonds"].append("nut -> nowhere")
+
+
+def _unconnected(plain: dict[str, Any]) -> None:
+    plain["bonds"].remove("shaft -> rotor")
+
+
+def _wrong_unit(plain: dict[str, Any]) -> None:
+    plain["parameters"]["winding_resistance"]["unit"] = "N"
+
+
+def _negative(plain: dict[str, Any]) -> None:
+    plain["parameters"]["rotor_inertia"]["value"] = -1e-5
+
+
+def _second_supply(plain: dict[str, Any]) -> None:
+    plain["elements"]["supply2"] = {"type": "Se", "signal": "commanded_voltage"}
+    plain["bonds"].append("supply2 -> terminals")
+
+
+def _rigid_mass(plain: dict[str, Any]) -> None:
+    plain["elements"]["carriage"] = {
+        "type": "I",
+        "state": "v_c",
+        "parameters": {"inertia": "load_mass"},
+    }
+    plain["bonds"].append("nut -> carriage")
+
+
+def _cable_and_leak(plain: dict[str, Any]) -> None:
+    resistor = {"type": "R", "parameters": {"resistance": "winding_resistance"}}
+    plain["elements"] |= {"cable_loss": dict(resistor), "leak": dict(resistor)}
+    plain["junctions"]["cable"] = {"type": "1", "domain": "electrical"}
+    plain["bonds"].remove("supply -> terminals")
+    plain["bonds"] += ["supply -> cable", "cable -> cable_loss", "cable -> terminals"]
+    plain["bonds"].append("terminals -> leak")
+
+
+REFUSED = {
+    "dangling bond": (_dangling, "bond nut -> nowhere is dangling", "define it or remove"),
+    "unconnected": (_unconnected, "I 'rotor' has 0 bonds", "connect it"),
+    "wrong unit": (_wrong_unit, "'winding_resistance' has unit 'N'", "convert the value"),
+    "negative inertia": (_negative, "'rotor_inertia' = -1e-05 kg*m^2", "correct its value"),
+    "two supplies": (_second_supply, "causal conflict at 'supply2'", "remove one or join"),
+    "dependent mass": (_rigid_mass, "I 'carriage' has derivative causality", "merge it with"),
+    "algebraic loop": (_cable_and_leak, "algebraic loop", "put a store"),
+}
+DRAWN = {"two supplies": "supply2", "dependent mass": "carriage", "algebraic loop": "cable_loss"}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_wrong_description_is_refused_by_every_view_with_element_and_remedy(
+    case: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    edit, element, remedy = REFUSED[case]
+    described = wrong(edit, tmp_path)
+    # What has a graph is shown, see below.
+    for view in tool.VIEWS[case in DRAWN :]:
+        said = refused(capsys, view, "--actuator", described)
+        assert element in said, view
+        assert remedy in said, view
+
+
+@pytest.mark.parametrize("case", DRAWN)
+def test_what_is_wrong_with_the_causality_is_shown_and_drawn_all_the_same(
+    case: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    described = wrong(REFUSED[case][0], tmp_path)
+    assert main(["model", "show", "--dot", "--actuator", described]) == 2
+    red = [line for line in capsys.readouterr().out.splitlines() if "color=red" in line]
+    assert any(f'"{DRAWN[case]}"' in line for line in red)
+    assert main(["model", "show", "--json", "--actuator", described]) == 2
+    assert json.loads(capsys.readouterr().out)["sound"] is False
+
+
+def wrong(edit: Callable[[dict[str, Any]], None], folder: Path) -> str:
+    """Path of the shipped description with one mistake in it."""
+    plain = load_yaml("actuator.yaml")
+    edit(plain)
+    path = folder / "wrong.yaml"
+    path.write_text(yaml.safe_dump(plain, sort_keys=False))
+    return str(path)
 
 
 def test_svg_without_graphviz_says_what_to_do(

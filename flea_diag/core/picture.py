@@ -23,6 +23,9 @@ def bond_graph_dot(graph: BondGraph, causality: Causality) -> str:
     at the end that receives the effort.
     """
     wrong = {c.node for c in causality.conflicts} | set(causality.derivative)
+    # A loop runs through efforts and flows, named for the elements that they belong to.
+    looped = {variable[2:] for loop in causality.loops for variable in loop}
+    wrong |= looped & set(graph.elements)
     lines = [f"digraph {quoted(graph.name)} {{", "  rankdir=LR; node [fontsize=10];"]
     lines += [_node(element, element.name in wrong) for element in graph.elements.values()]
     lines += [_bond(bond, causality.effort_from.get(bond.name, "")) for bond in graph.bonds]

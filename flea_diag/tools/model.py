@@ -53,13 +53,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print one view."""
+    from flea_diag.core.causality import require_sound
+
     model = _actuator(arguments)
     if arguments.dot or arguments.svg:
         _picture(model, arguments)
-        if not arguments.svg or arguments.json:
-            return 0
-    content, lines = _VIEW[arguments.view](model, arguments)
-    print(json.dumps(content, indent=1) if arguments.json else "\n".join(lines))
+    if not (arguments.dot or arguments.svg) or (arguments.svg and not arguments.json):
+        content, lines = _VIEW[arguments.view](model, arguments)
+        print(json.dumps(content, indent=1) if arguments.json else "\n".join(lines))
+    # Shown all the same, so that one sees where; but nothing can be made of it.
+    require_sound(model.graph, model.causality)
     return 0
 
 
@@ -239,7 +242,8 @@ def _whole(arguments: argparse.Namespace) -> Actuator:
     from flea_diag.configuration import load_yaml
     from flea_diag.core.actuator import actuator
 
-    return actuator(load_yaml(arguments.actuator), Path(arguments.actuator).name)
+    content, name = load_yaml(arguments.actuator), Path(arguments.actuator).name
+    return actuator(content, name, sound=arguments.view != "show")
 
 
 def _fitted(arguments: argparse.Namespace, whole: Actuator) -> list[str]:
