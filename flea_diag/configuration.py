@@ -29,7 +29,7 @@ from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.core.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.signature import SignatureTable, signature_table
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.stages import Stage
 from flea_diag.stages.extractor import ExtractorParameters, ExtractorStage
 from flea_diag.stages.isolator import IsolatorParameters, IsolatorStage, Knowledge
@@ -148,8 +148,19 @@ def knowledge(
     faults: str = "faults.yaml",
     features: str = "feature_table.yaml",
 ) -> Knowledge:
-    """All that the isolator knows: catalogue and signatures for the sensors of this stand."""
-    rows, tables = _signatures(actuator, faults, calibration.channels, calibration.period_s)
+    """All that the isolator knows: catalogue and signatures for the sensors of this stand.
+
+    Raises
+    ------
+    CalibrationError
+        The calibration is of another actuator than the one described.
+    """
+    name, rows, tables = _signatures(actuator, faults, calibration.channels, calibration.period_s)
+    if name != calibration.actuator:
+        raise CalibrationError(
+            f"the calibration is of actuator {calibration.actuator!r}, {actuator} describes "
+            f"{name!r}: name the description that belongs to it, or calibrate this actuator"
+        )
     table = load_features(features)
     return Knowledge(calibration, calibration_sha256(calibration), rows, tables, table)
 
@@ -157,8 +168,8 @@ def knowledge(
 @lru_cache(maxsize=8)
 def _signatures(
     actuator: str, faults: str, channels: tuple[str, ...], period_s: float
-) -> tuple[Mapping[str, Fault], Mapping[Quadrant, SignatureTable]]:
-    """Catalogue and signature tables; a second or so of work, the same for every fresh stage."""
+) -> tuple[str, Mapping[str, Fault], Mapping[Quadrant, SignatureTable]]:
+    """Name of the actuator, catalogue and signature tables; a second or so of work, kept."""
     described = read_actuator(load_yaml(actuator), actuator)
     model = described.with_sensors([name for name in channels if name in described.sensors])
     rows = catalogue(load_yaml(faults), model, faults)
@@ -166,7 +177,7 @@ def _signatures(
     tables = {
         quadrant: signature_table(model, rows, names, quadrant, period_s) for quadrant in QUADRANTS
     }
-    return MappingProxyType(rows), MappingProxyType(tables)
+    return described.name, MappingProxyType(rows), MappingProxyType(tables)
 
 
 # --- stages -----------------------------------------------------------------------------

@@ -178,7 +178,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
     foreign.write_bytes(b"a: \xff\xfe")
     for path, words in (
         (large, f"{configuration.LARGEST_YAML_BYTES + 1} bytes, at most"),
-        (foreign, "not a YAML file"),
+        (foreign, "not a text file"),
         (tmp_path / "none.yaml", "no such file"),
         (tmp_path, "no such"),
     ):
@@ -209,3 +209,8 @@ def test_the_digest_is_of_the_content_and_not_of_the_layout(tmp_path):
     assert configuration.calibration_sha256(
         from_mapping(changed, "")
     ) != configuration.calibration_sha256(stands.calibration())
+
+
+def test_a_calibration_of_another_actuator_is_refused_by_both_names():
+    with pytest.raises(CalibrationError, match=r"of actuator 'flea', actuator_wing\.yaml .*wing"):
+        configuration.knowledge(stands.calibration(), actuator="actuator_wing.yaml")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flea_diag.core.bond_graph import BondGraph, Element, Parameter, bond_graph
@@ -87,6 +87,7 @@ def test_report_says_each_step_in_words() -> None:
     assert report[-1] == "All stores have integral causality; no conflict, no algebraic loop."
 
 
+@settings(deadline=None)
 @given(st.integers(1, 12), st.data())
 def test_ladder_is_always_integral_without_loops(steps: int, data: st.DataObject) -> None:
     """R in series, C to ground, any number: a state for each C, poles real and stable."""
