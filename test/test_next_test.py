@@ -198,6 +198,8 @@ def test_unsplit_groups_of_recorded_bags_get_advice(bag: str, kind: str, what: s
         groups += [r for r in stage.handle(record) if isinstance(r, AmbiguityGroup)]
     last = groups[-1]
     assert isinstance(last, AmbiguityGroup)
+    assert ": z = " in last.opened_by
+    assert ", limit " in last.opened_by
     assert last.outcome is Outcome.INDISTINGUISHABLE
     assert last.next_tests[0].kind == kind
     assert last.next_tests[0].what.startswith(what)

@@ -221,6 +221,13 @@ def test_what_cannot_be_split_by_design_names_the_sensor() -> None:
     assert "none is known" in view(shown(GROUP))
 
 
+def test_an_alarm_of_vibration_says_level_and_range() -> None:
+    opened_by = "accelerometer_2_x: level 3.1 m/s^2, nominal 0.5 to 2, outside in 6 of 10 blocks"
+    state = shown(replace(GROUP, opened_by=opened_by))
+    assert opened_by in alarm_text(state.alarms[0])
+    assert f"detected at 22:13:20.500 UTC by {opened_by}" in view(state)
+
+
 def test_streams_are_told_with_their_losses() -> None:
     state = shown(replace(GROUP, seq=1))
     text = view(state, 10 * SECOND_NS)

@@ -22,6 +22,14 @@ def test_loud_blocks_raise_the_alarm_when_they_are_many():
     assert found == [None] * (RAISED - 1) + [AXIS]
 
 
+def test_the_alarm_says_level_range_and_how_often():
+    watch = sentinel()
+    alarms(watch, [1.0, *[3.0] * RAISED])
+    assert watch.words(AXIS) == (
+        f"{AXIS}: level 3 m/s^2, nominal 0 to 2, outside in {RAISED} of the last 7 blocks"
+    )
+
+
 def test_a_few_loud_blocks_among_quiet_ones_do_not():
     pattern = ([3.0] * (RAISED - 1) + [1.0] * (BLOCKS - RAISED + 1)) * 5
     assert alarms(sentinel(), pattern) == [None] * len(pattern)

@@ -28,6 +28,7 @@ class Sentinel:
         self._speed: deque[float] = deque(maxlen=SCANS)
         self._load: deque[float] = deque(maxlen=SCANS)
         self._sides: dict[str, deque[int]] = {}
+        self._judged: dict[str, tuple[float, float, float]] = {}
 
     def motion(self, speed: float, load_n: float) -> None:
         """Speed and load of one scan."""
@@ -47,11 +48,22 @@ class Sentinel:
             if nominal is None:
                 continue
             low, high = nominal.at(point)
+            self._judged[axis] = level, low, high
             recent = self._sides.setdefault(axis, deque(maxlen=BLOCKS))
             recent.append(int(level > high) - int(level < low))
             if max(recent.count(1), recent.count(-1)) >= RAISED:
                 alarm = alarm or axis
         return alarm
+
+    def words(self, axis: str) -> str:
+        """Level of an axis in its last block against its range, and how often it left that."""
+        level, low, high = self._judged[axis]
+        recent = self._sides[axis]
+        out = max(recent.count(1), recent.count(-1))
+        return (
+            f"{axis}: level {level:.3g} m/s^2, nominal {low:.3g} to {high:.3g}, "
+            f"outside in {out} of the last {len(recent)} blocks"
+        )
 
 
 def _rms(values: Sequence[float]) -> float:

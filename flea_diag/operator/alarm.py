@@ -49,8 +49,9 @@ class Alarm:
 
     ``residual``, ``value``, ``limit`` and ``test`` are those of the detection; the residual is
     empty where no such record came (vibration opens an episode without one, and a screen may
-    have been started later). ``deviations`` are the residuals that deviated in its course:
-    evidence inside the episode, no alarms of their own.
+    have been started later); ``opened_by`` is then what the verdict says of it. ``deviations``
+    are the residuals that deviated in its course: evidence inside the episode, no alarms of
+    their own.
     """
 
     source: str
@@ -69,6 +70,7 @@ class Alarm:
     acknowledged_ns: int = NEVER_NS
     acknowledged_by: str = ""
     comments: tuple[Comment, ...] = ()
+    opened_by: str = ""
 
     @property
     def key(self) -> Key:
@@ -119,6 +121,7 @@ def with_group(alarm: Alarm, group: AmbiguityGroup) -> Alarm:
         episode=group.episode,
         outcome=group.outcome,
         words=group.words,
+        opened_by=group.opened_by or alarm.opened_by,
         verdict_ns=verdict_ns,
         members=members,
         closed_ns=NEVER_NS,

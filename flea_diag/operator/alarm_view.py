@@ -25,7 +25,7 @@ def alarm_text(alarm: Alarm) -> str:
 def cause(alarm: Alarm) -> str:
     """Value, limit and test that opened the episode."""
     if not alarm.residual:
-        return "no test of a residual is known to have opened it"
+        return alarm.opened_by or "no test of a residual is known to have opened it"
     return f"{alarm.residual}: z = {number(alarm.value)}, limit {number(alarm.limit)}, {alarm.test}"
 
 

@@ -71,7 +71,8 @@ def verdict(state: OperatorState, now_ns: int) -> Panel:
     )
     lines.append(Line(told))
     if group.detected_stamp_ns != NEVER_NS:
-        lines.append(Line(f"detected at {clock(group.detected_stamp_ns)} UTC"))
+        by = f" by {group.opened_by}" if group.opened_by else ""
+        lines.append(Line(f"detected at {clock(group.detected_stamp_ns)} UTC{by}"))
     return Panel("verdict", title, (*lines, *_stand_says(state)))
 
 

@@ -12,6 +12,7 @@ from flea_diag.core.isolation import Isolation
 from flea_diag.core.likelihood import Evidence
 from flea_diag.stages.inquiry import Inquiry
 from flea_diag.wire.blocks import ResidualBlock
+from flea_diag.wire.records import Detection
 
 Array = npt.NDArray[np.float64]
 
@@ -38,6 +39,7 @@ class Episode:
     isolation: Isolation
     likelihood: Evidence
     inquiry: Inquiry
+    opened_by: str = ""
     step: int = 0
     moving: int = 0
     symbols: tuple[tuple[str, str, str], ...] = ()
@@ -88,3 +90,11 @@ class Episode:
     def magnitudes(self) -> dict[str, str]:
         """Magnitude symbol of every residual that has deviated."""
         return {residual: magnitude for residual, magnitude, _ in self.symbols}
+
+
+def cause(detection: Detection) -> str:
+    """What opened an episode: the test that passed its limit, with value and limit."""
+    return (
+        f"{detection.residual}: z = {detection.z:.4g}, limit {detection.threshold:.4g}, "
+        f"{detection.test}"
+    )

@@ -21,7 +21,7 @@ from flea_diag.core.likelihood import Evidence
 from flea_diag.core.operating_point import QUADRANTS
 from flea_diag.core.sensor_models import sensor_models
 from flea_diag.core.sentinel import Sentinel
-from flea_diag.stages.episode import Episode
+from flea_diag.stages.episode import Episode, cause
 from flea_diag.stages.inquiry import Inquiry
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.merge import Merge
@@ -177,7 +177,7 @@ class IsolatorStage:
         self._told = record.episode
         if record.detected and self._episode is None:
             # The symbols of the same scan come next, and make the first group.
-            self._open(record.stamp_ns)
+            self._open(record.stamp_ns).opened_by = cause(record)
             return ()
         if record.test == ANOTHER_UNIT:
             self._standing.unit_ns, self._said = record.stamp_ns, ()
@@ -286,6 +286,7 @@ class IsolatorStage:
         if axis is None or self._episode is not None:
             return ()
         episode = self._open(stamp_ns)
+        episode.opened_by = self._sentinel.words(axis)
         for hypothesis in episode.isolation.alive():
             if not hypothesis.fault.vibration:
                 hypothesis.why_dropped = (

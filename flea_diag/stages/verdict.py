@@ -147,6 +147,7 @@ class Verdict:
             not_observable=self._not_observable(standing),
             features_computed=episode.inquiry.computed if episode is not None else (),
             features_available=len(self._k.features.features) if standing.axes else 0,
+            opened_by=episode.opened_by if episode is not None else "",
             next_tests=self._next_tests(stamp_ns, outcome, standing, episode),
         )
 

@@ -298,6 +298,7 @@ class AmbiguityGroup:
     features_available: int = 0
     stale: bool = False
     next_tests: tuple[NextTest, ...] = ()
+    opened_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)
