@@ -4,17 +4,29 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
+from itertools import groupby, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from flea_diag.errors import FleaError, RecordingError
 from flea_diag.tools.case import Case
 from flea_diag.tools.peak_memory import forget_peak, peak_bytes
 from flea_diag.tools.run_result import NOMINAL, RunResult
 from flea_diag.tools.run_trace import RunTrace, write_trace
-from flea_diag.wire.records import Record, Residual, Truth, VibrationBlock, VibrationLevel
+from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
+from flea_diag.wire.records import (
+    NEVER_NS,
+    Record,
+    Residual,
+    Scan,
+    Truth,
+    VibrationBlock,
+    VibrationLevel,
+)
 
 if TYPE_CHECKING:
     from flea_diag.stages import Stage
@@ -22,8 +34,10 @@ if TYPE_CHECKING:
 DETAILS = "runs"
 """Folder of the replay summaries, below the evaluation's."""
 
-BULK = (Residual, VibrationLevel, VibrationBlock)
+BULK = (Residual, ResidualBlock, VibrationLevel, VibrationBlock)
 """Records that no score needs."""
+MOST_SCANS = 1024
+"""In a block."""
 
 Expect = Mapping[str, tuple[str, ...]]
 
@@ -32,15 +46,26 @@ Expect = Mapping[str, tuple[str, ...]]
 class Diagnosis:
     """What a stage said of a run, and the truth that it was not told."""
 
-    kept: list[Record] = field(default_factory=list)
+    kept: list[Record | Block] = field(default_factory=list)
     truths: list[Truth] = field(default_factory=list)
     cpu_s: float = 0.0
     trace: RunTrace = field(default_factory=RunTrace)
 
-    def take(self, records: Iterable[Record]) -> None:
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first scan."""
+        for record in self.kept:
+            if isinstance(record, ScanBlock):
+                return int(record.stamps_ns[0])
+            if isinstance(record, Scan):
+                return record.stamp_ns
+        return NEVER_NS
+
+    def take(self, records: Iterable[Record | Block]) -> None:
         """Keep what is scored, and of all of it what can be drawn."""
         for record in records:
-            self.trace.add(record)
+            for each in record.records() if isinstance(record, Block) else (record,):
+                self.trace.add(each)
             if not isinstance(record, BULK):
                 self.kept.append(record)
 
@@ -88,13 +113,14 @@ def diagnose(records: Iterable[Record], stage: Stage) -> Diagnosis:
     """Feed a stage what a stand sent; truth is kept aside and goes into no stage."""
     done = Diagnosis()
     clock = time.process_time
-    for record in records:
+    by_block = getattr(stage, "handle_block", None)
+    for record in records if by_block is None else _in_blocks(records):
         if isinstance(record, Truth):
             done.truths.append(record)
             done.trace.add(record)
             continue
         begin = clock()
-        caused = stage.handle(record)
+        caused = by_block(record) if isinstance(record, ScanBlock) else stage.handle(record)
         done.cpu_s += clock() - begin
         done.take((record, *caused))
     begin = clock()
@@ -104,15 +130,30 @@ def diagnose(records: Iterable[Record], stage: Stage) -> Diagnosis:
     return done
 
 
+def _in_blocks(records: Iterable[Record]) -> Iterator[Record | ScanBlock]:
+    """The same records, scans that follow on one another as blocks."""
+    for kind, part in groupby(records, key=_layout):
+        if kind is None:
+            yield from part
+            continue
+        while rows := list(islice(part, MOST_SCANS)):
+            stamps, values = [r.stamp_ns for r in rows], [r.values for r in rows]
+            yield ScanBlock(np.array(stamps), kind, np.array(values))
+
+
+def _layout(record: Record) -> tuple[str, ...] | None:
+    return record.channels if isinstance(record, Scan) else None
+
+
 def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dict[str, Any]]:
     from flea_diag.tools.numeric_backend import numeric_backend
     from flea_diag.tools.replay_summary import summarise
-    from flea_diag.wire.records import AmbiguityGroup, Scan
+    from flea_diag.wire.records import AmbiguityGroup
 
     summary = summarise(done.kept)
     if not summary["scans"]:
         raise RecordingError(f"{case.id}: no scan in it (topic sensors/slow), nothing to diagnose")
-    start_ns = next(r.stamp_ns for r in done.kept if isinstance(r, Scan))
+    start_ns = done.start_ns
     last = next((r for r in reversed(done.kept) if isinstance(r, AmbiguityGroup)), None)
     truth = _first_fault(done.truths)
     name = truth.fault if truth else NOMINAL
