@@ -47,8 +47,7 @@ def window(model: FaultModel, phi: np.ndarray, random: np.random.Generator) -> E
         hold = int(SPACING[name])
         noise = np.repeat(random.normal(0.0, SIGMA[name], len(phi) // hold + 1), hold)
         rows[name] = effect + noise[: len(phi)]
-    for k in range(len(phi)):
-        evidence.add(np.array([rows[name][k] for name in RESIDUALS]), phi[k].copy())
+    evidence.add(np.column_stack([rows[name] for name in RESIDUALS]), phi)
     return evidence
 
 
@@ -106,7 +105,7 @@ def test_foreseen_evidence_is_that_of_the_samples_without_noise() -> None:
             sum(0.3 * t.gain * row[at[t.regressor]] for t in BIAS.terms if t.residual == name)
             for name in RESIDUALS
         ]
-        evidence.add(np.array(values), row)
+        evidence.add(np.array([values]), row[np.newaxis])
     both = [e.fit(MODELS, SIGMA, SPACING, TOLERANCE) for e in (evidence, foreseen)]
     for one, two in zip(*both, strict=True):
         assert one.log_likelihood == pytest.approx(two.log_likelihood, rel=1e-6)
@@ -179,28 +178,23 @@ def test_the_most_gained_for_each_second_comes_first_and_sensors_last() -> None:
     assert next_tests(PAIR, (), (), (sensor,)) == (sensor,)
 
 
-@pytest.mark.parametrize(
-    ("bag", "kind", "what"),
-    [
-        ("winding_short", "motion", "fast to and fro"),
-        ("unit_switch_jam", "sensor", "accelerometer_2"),
-    ],
-)
-def test_unsplit_groups_of_recorded_bags_get_advice(bag: str, kind: str, what: str) -> None:
-    from flea_diag.configuration import DIAGNOSER
-    from flea_diag.wire.bag import read_bag
-    from flea_diag.wire.records import AmbiguityGroup, Outcome, Record
+def test_an_unsplit_group_of_a_recorded_bag_gets_advice() -> None:
+    """Without accelerometers a jam and a dry nut are alike in every signal, by design."""
+    from flea_diag.configuration import make_pipeline
+    from flea_diag.wire.bag import BagReader
+    from flea_diag.wire.blocks import ScanBlock
+    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Outcome, Scan
 
-    stage = DIAGNOSER.build(DIAGNOSER.parameters())
-    groups: list[Record] = []
-    folder = Path(__file__).resolve().parent.parent / "bags" / bag
-    for _, record in read_bag(folder, tuple(stage.consumes)):
-        groups += [r for r in stage.handle(record) if isinstance(r, AmbiguityGroup)]
+    pipeline, groups = make_pipeline(None), []
+    folder = Path(__file__).resolve().parent.parent / "bags" / "unit_switch_jam"
+    for part in BagReader(folder).blocks((ChannelTable, Scan)):
+        many = isinstance(part, ScanBlock)
+        caused = pipeline.handle_block(part) if many else pipeline.handle(part)
+        groups += [r for r in caused if isinstance(r, AmbiguityGroup)]
     last = groups[-1]
-    assert isinstance(last, AmbiguityGroup)
     assert ": z = " in last.opened_by
     assert ", limit " in last.opened_by
     assert last.outcome is Outcome.INDISTINGUISHABLE
-    assert last.next_tests[0].kind == kind
-    assert last.next_tests[0].what.startswith(what)
+    assert last.next_tests[0].kind == "sensor"
+    assert last.next_tests[0].what == "accelerometer_2"
     assert last.next_tests[0].expected_size < len(last.members)

@@ -119,7 +119,7 @@ def test_progpy_takes_it_over(bags: list[str], tmp_path: Path) -> None:
 
 def test_a_recording_without_a_serial_or_a_verdict_is_diagnosed_and_kept_apart() -> None:
     found = estimates(ROOT / "bags" / "winding_short")
-    assert {entry.fault for entry in found} == {"winding_short", "motor_current_scaling"}
+    assert {entry.fault for entry in found} == {"winding_short"}
     assert {entry.serial for entry in found} == {"unknown"}
     assert all(entry.size_sigma > 0.0 for entry in found)
 
