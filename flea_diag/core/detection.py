@@ -27,6 +27,7 @@ Array = npt.NDArray[np.float64]
 
 SPEED_REGIONS_M_S = (0.025, 0.060)
 """Upper edges of the slow and the medium region of the mean |speed| in a window."""
+REGION_EDGES = np.array(SPEED_REGIONS_M_S)
 THERMAL = ("motor_temperature", "nut_temperature", "ambient_temperature")
 LOG_FLOOR = 1e-3
 """A noise level this small against nominal counts as none (a dead channel)."""
@@ -186,13 +187,15 @@ class _Group:
         extra: tuple[float, float],
     ) -> None:
         self._gated = gate == "moving"
-        self._columns = np.array([j for j, row in enumerate(RESIDUALS) if row.gate == gate])
-        rows = [RESIDUALS[j] for j in self._columns]
+        columns = [j for j, row in enumerate(RESIDUALS) if row.gate == gate and row.name in limits]
+        rows = [RESIDUALS[j] for j in columns]
+        self._columns = np.array(columns, dtype=int)
         self._windows = sorted({window for row in rows for window in row.windows})
-        self._noisy = np.array([c for c, row in enumerate(rows) if is_noise(row)], dtype=int)
+        self._noisy = _together([c for c, row in enumerate(rows) if is_noise(row)])
         # Where healthy units differ: their columns here, and their places in a row's spread.
-        self._spread = [c for c, j in enumerate(self._columns) if j in SPREAD_ROWS]
-        self._places = [SPREAD_ROWS.index(self._columns[c]) for c in self._spread]
+        self._spread = [c for c, j in enumerate(columns) if j in SPREAD_ROWS]
+        self._spreading = _together(self._spread)
+        self._places = [SPREAD_ROWS.index(columns[c]) for c in self._spread]
         self._tolerance = tolerance
         self._fixed = np.zeros((len(rows), len(tolerance)))
         self._extra = np.array([_extra(row, *extra) for row in rows])
@@ -210,9 +213,7 @@ class _Group:
         self._centre, self._own = np.zeros(shape), np.full(shape, np.nan)
         self._k, self._nominal = np.full(shape[1:], np.nan), np.ones(len(rows))
         for column, row in enumerate(rows):
-            limit = limits.get(row.name)
-            if limit is None:
-                continue
+            limit = limits[row.name]
             self._nominal[column] = limit.nominal
             if limit.spread:
                 self._fixed[column] = limit.spread
@@ -229,6 +230,8 @@ class _Group:
 
     def step(self, rows: ResidualRows, results: TestResults) -> None:
         """Take the rows in and judge every window after each of them."""
+        if not len(self._columns):
+            return
         if not self._gated or rows.moving.all():
             found = self._judge(self._table(rows))
         elif rows.moving.any():
@@ -236,7 +239,7 @@ class _Group:
             found = found.at(np.cumsum(rows.moving))
         else:
             found = self._held.at(np.zeros(len(rows), dtype=int))
-        self._held = found.at(slice(-1, None))
+        self._held = found if len(found.z) == 1 else found.at(slice(-1, None))
         results.z[:, self._columns] = found.z
         results.k[:, self._columns] = found.k
         results.mean[:, self._columns] = found.mean
@@ -271,15 +274,15 @@ class _Group:
     def _moments(self, means: Array, count: int) -> tuple[Array, Array, Array]:
         """Statistic, centre and variance of each test, shape (n, windows, residuals)."""
         statistic, speeds = means[:, :, :count], means[:, :, count]
-        region = np.searchsorted(SPEED_REGIONS_M_S, np.fmax(speeds, 0.0))
-        if len(self._noisy):
-            ratio = statistic[:, :, self._noisy] / self._nominal[self._noisy]
-            statistic[:, :, self._noisy] = np.log(np.maximum(ratio, LOG_FLOOR))
+        region = REGION_EDGES.searchsorted(np.fmax(speeds, 0.0))
+        levels = statistic[:, :, self._noisy]
+        np.divide(levels, self._nominal[self._noisy], out=levels)
+        np.log(np.maximum(levels, LOG_FLOOR, out=levels), out=levels)
         variance = self._variance[region, self._window]
         if self._spread:
             shape = (*speeds.shape, len(self._spread), len(self._tolerance))
             spreads = means[:, :, count + 1 :].reshape(shape) * self._tolerance
-            variance[:, :, self._spread] += np.square(spreads).sum(axis=3)
+            variance[:, :, self._spreading] += np.add.reduce(np.square(spreads), axis=3)
         return statistic, self._centre[region, self._window], variance
 
     def adopt(self, change: Array, tolerance: Array) -> None:
@@ -296,6 +299,13 @@ class _Group:
         mine = [int(np.flatnonzero(self._columns == c)[0]) for c in columns if c in self._columns]
         self._means.clear(mine)
         self._held.z[:, mine] = np.nan
+
+
+def _together(columns: list[int]) -> slice:
+    """Columns that lie side by side in a group, as a slice: those of one kind do."""
+    start = columns[0] if columns else 0
+    assert columns == list(range(start, start + len(columns)))
+    return slice(start, start + len(columns))
 
 
 def _extra(row: ResidualRow, noise_log: float, thermal_k: float) -> float:

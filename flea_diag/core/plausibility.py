@@ -46,6 +46,9 @@ class VoltagePlausibility:
 
     def follow(self, residual_v: Array) -> tuple[Flags, Flags]:
         """``step`` for many samples: which may be used, and whether each came to a bad channel."""
+        if len(residual_v) == 1:
+            before = self.bad
+            return np.array([self.step(float(residual_v[0]))]), np.array([before])
         if not self.bad and not (np.abs(residual_v) > self._limit_v).any():
             known = int(np.isfinite(residual_v).sum())
             self._implausible = 0 if known else self._implausible

@@ -31,8 +31,10 @@ class WindowedMeans:
         self._valid = np.zeros(self._rows.shape, dtype=bool)
         self._sums = np.zeros((len(self.windows), columns))
         self._run = np.zeros(columns, dtype=np.int64)
+        self._full_for = 0
         self._end = self._size
         self._lap = 0
+        self._leaving = np.arange(self._size)[:, None] - self._lengths
 
     def push(self, rows: Array) -> Array:
         """Take rows, shape (n, columns); the means after each, shape (n, windows, columns).
@@ -48,20 +50,27 @@ class WindowedMeans:
         """Take rows of one lap."""
         start, count = self._room(len(rows)), len(rows)
         valid = np.isfinite(rows)
-        clean = np.where(valid, rows, 0.0)
-        self._rows[start : start + count] = clean
-        self._valid[start : start + count] = valid
+        whole = bool(valid.all())
+        clean = rows if whole else np.where(valid, rows, 0.0)
         self._end = start + count
-        leaving = self._rows[np.arange(start, self._end)[:, None] - self._lengths]
-        sums = clean[:, None, :] - leaving
+        self._rows[start : self._end] = clean
+        self._valid[start : self._end] = valid
+        sums = clean[:, None, :] - self._rows[self._leaving[:count] + start]
         sums[0] += self._sums
-        np.cumsum(sums, axis=0, out=sums)
-        full = self._runs(valid)[:, None, :] >= self._lengths[:, None]
+        if count > 1:
+            np.cumsum(sums, axis=0, out=sums)
         self._lap = (self._lap + count) % self._size
         if self._lap == 0:
             sums[-1] = self._formed_anew()
         self._sums = sums[-1].copy()
-        return np.where(full, sums / self._divisors, np.nan)
+        means: Array = sums / self._divisors
+        # Every window has been full for long, and nothing is missing now: no need to look.
+        if not whole or self._full_for < self._size:
+            means[self._runs(valid)[:, None, :] < self._lengths[:, None]] = np.nan
+            self._full_for = int(self._run.min(initial=self._size))
+        else:
+            self._run += count
+        return means
 
     def _room(self, count: int) -> int:
         """Where the next rows go; the last lap is moved to the front when there is no room."""
@@ -105,3 +114,4 @@ class WindowedMeans:
         for store in (self._rows, self._valid, self._sums):
             store[:, which] = 0
         self._run[which] = 0
+        self._full_for = 0

@@ -46,6 +46,8 @@ LEARNED = {
     "parity_electrical": "voltage_offset_v",
 }
 """Which relation fixes which offset of this unit in the warm-up."""
+_READ = np.array([INDEX[name] for name in TEMPERATURES])
+_APART = np.array([RESIDUAL_INDEX[name] for name in TEMPERATURES])
 REGRESSOR_NAMES = (*REGRESSORS, "moving")
 
 
@@ -218,14 +220,17 @@ class ResidualStream:
     def _regressors(self, rows: Array, residuals: ResidualRows) -> Array:
         """Columns of ``REGRESSOR_NAMES``, shape (n, regressors)."""
         # What each temperature should read; the reading itself shares the residual's noise.
-        expected: dict[str, Array] = {
-            name: rows[:, INDEX[name]] - residuals.values[:, RESIDUAL_INDEX[name]]
-            for name in TEMPERATURES
-        }
+        apart = rows.take(_READ, axis=1) - residuals.values.take(_APART, axis=1)
+        columns = apart[0].tolist() if len(rows) == 1 else apart.T
+        expected = dict(zip(TEMPERATURES, columns, strict=True))
+        found = regressors(self._p, residuals.signals, expected)
         table = np.empty((len(rows), len(REGRESSOR_NAMES)))
-        for column, value in enumerate(regressors(self._p, residuals.signals, expected)):
-            table[:, column] = value
         table[:, -1] = residuals.moving
+        if len(rows) == 1:
+            table[0, :-1] = found
+            return table
+        for number, column in enumerate(found):
+            table[:, number] = column
         return table
 
 
