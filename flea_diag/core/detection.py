@@ -190,7 +190,7 @@ class _Group:
         columns = [j for j, row in enumerate(RESIDUALS) if row.gate == gate and row.name in limits]
         rows = [RESIDUALS[j] for j in columns]
         self._columns = np.array(columns, dtype=int)
-        self._windows = sorted({window for row in rows for window in row.windows})
+        self._windows = sorted({window for row in rows for window in row.windows}) or [1]
         self._noisy = _together([c for c, row in enumerate(rows) if is_noise(row)])
         # Where healthy units differ: their columns here, and their places in a row's spread.
         self._spread = [c for c, j in enumerate(columns) if j in SPREAD_ROWS]

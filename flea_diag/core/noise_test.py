@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.row_ring import RowRing
 from flea_diag.core.sensor_limits import NOISE_WINDOWS, RESOLUTIONS, SensorLimit, noise_logs
 
 Array = npt.NDArray[np.float64]
@@ -27,6 +28,9 @@ CLIP_LOG = 2.0
 """No single sample counts as louder than the loudest level by more than this (logarithm)."""
 
 
+WINDOWS = np.array(NOISE_WINDOWS)[:, None]
+
+
 class NoiseTest:
     """Means of the logarithm of the noise, against the loudest and the quietest nominal level.
 
@@ -39,8 +43,8 @@ class NoiseTest:
         self._loudest = np.array([limit.loudest for limit in limits])
         self._floor = np.array([limit.quietest for limit in limits]) - QUIETER_LOG
         scatter = np.array([limit.scatter for limit in limits])
-        self._sigma = scatter / np.sqrt(np.array(NOISE_WINDOWS))[:, None]
-        self._rows = np.zeros((NOISE_WINDOWS[-1], 2 * count), dtype=np.int64)
+        self._sigma = scatter / np.sqrt(WINDOWS)
+        self._rows = RowRing(2 * count, NOISE_WINDOWS, np.int64)
         self._sums = np.zeros((len(NOISE_WINDOWS), 2 * count), dtype=np.int64)
         self._first = np.zeros(2 * count, dtype=np.int64)
         self._scans = 0
@@ -49,34 +53,36 @@ class NoiseTest:
 
     def step(self, recent: Array) -> Array:
         """Z of each channel after each row; ``recent`` begins three rows before the first."""
-        left = WARM_UP_SCANS - self._scans
-        if 0 < left < len(recent) - 3:
+        left, count = WARM_UP_SCANS - self._scans, len(recent) - 3
+        left = min(left if left > 0 else count, self._rows.most)
+        if left < count:
             # What was learned holds from the next row on, in a block as row by row.
             parts = recent[: left + 3], recent[left:]
             return np.concatenate([self.step(part) for part in parts])
         logs = np.minimum(noise_logs(recent, self._resolution), self._loudest + CLIP_LOG)
         valid = np.isfinite(logs)
-        new = np.concatenate((np.where(valid, np.rint(logs * 1e6), 0.0), valid), axis=1)
-        rows = np.concatenate((self._rows, new.astype(np.int64)))
-        count, longest = len(logs), NOISE_WINDOWS[-1]
-        self._rows = rows[count:]
-        found = np.zeros(logs.shape)
-        for place, window in enumerate(NOISE_WINDOWS):
-            change = rows[longest:] - rows[longest - window : longest - window + count]
-            sums = self._sums[place] + np.cumsum(change, axis=0)
-            self._sums[place] = sums[-1]
-            z = self._z(sums, window, self._sigma[place])
-            found = np.where(np.abs(z) > np.abs(found), z, found)
-        self._learn(rows[longest:])
+        new = np.empty((count, 2 * logs.shape[1]), dtype=np.int64)
+        new[:, : logs.shape[1]] = np.where(valid, np.rint(logs * 1e6), 0.0)
+        new[:, logs.shape[1] :] = valid
+        sums = new[:, None, :] - self._rows.push(new)
+        sums[0] += self._sums
+        np.cumsum(sums, axis=0, out=sums)
+        self._sums = sums[-1].copy()
+        found = self._z(sums[:, :, : logs.shape[1]], sums[:, :, logs.shape[1] :])
+        self._learn(new)
         return found
 
-    def _z(self, sums: npt.NDArray[np.int64], window: int, sigma: Array) -> Array:
-        total, samples = np.split(sums, 2, axis=1)
+    def _z(self, total: npt.NDArray[np.int64], samples: npt.NDArray[np.int64]) -> Array:
+        """Z of each channel, that of the window farther from nominal; shape (n, channels)."""
+        mean = 1e-6 * total / np.maximum(samples, 1)
         # Half of the window must have been measured.
-        mean = np.where(2 * samples >= window, 1e-6 * total / np.maximum(samples, 1), np.nan)
-        over = np.maximum(mean - self._ceiling, 0.0)
-        z: Array = np.nan_to_num(over + np.minimum(mean - self._floor, 0.0)) / sigma
-        return z
+        beyond = ((mean > self._ceiling) | (mean < self._floor)) & (2 * samples >= WINDOWS)
+        found = np.zeros((len(mean), mean.shape[2]))
+        if beyond.any():
+            over = np.maximum(mean - self._ceiling, 0.0) + np.minimum(mean - self._floor, 0.0)
+            for z in np.where(beyond, over / self._sigma, 0.0).transpose(1, 0, 2):
+                found = np.where(np.abs(z) > np.abs(found), z, found)
+        return found
 
     def _learn(self, new: npt.NDArray[np.int64]) -> None:
         """How much louder this unit is than any nominal recording, in its first seconds."""

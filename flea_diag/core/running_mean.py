@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from flea_diag.core.row_ring import RowRing
 
-LAPS = 4
-"""Room for so many longest windows, before the last of them is moved to the front."""
+Array = npt.NDArray[np.float64]
 
 
 class WindowedMeans:
@@ -27,14 +26,12 @@ class WindowedMeans:
         self._size = max(self.windows)
         self._lengths = np.array(self.windows)
         self._divisors = self._lengths[:, None].astype(float)
-        self._rows = np.zeros((LAPS * self._size, columns))
-        self._valid = np.zeros(self._rows.shape, dtype=bool)
+        self._rows = RowRing(columns, windows)
+        self._valid = RowRing(columns, self.windows, bool)
         self._sums = np.zeros((len(self.windows), columns))
         self._run = np.zeros(columns, dtype=np.int64)
         self._full_for = 0
-        self._end = self._size
         self._lap = 0
-        self._leaving = np.arange(self._size)[:, None] - self._lengths
 
     def push(self, rows: Array) -> Array:
         """Take rows, shape (n, columns); the means after each, shape (n, windows, columns).
@@ -48,18 +45,15 @@ class WindowedMeans:
 
     def _push(self, rows: Array) -> Array:
         """Take rows of one lap."""
-        start, count = self._room(len(rows)), len(rows)
         valid = np.isfinite(rows)
         whole = bool(valid.all())
         clean = rows if whole else np.where(valid, rows, 0.0)
-        self._end = start + count
-        self._rows[start : self._end] = clean
-        self._valid[start : self._end] = valid
-        sums = clean[:, None, :] - self._rows[self._leaving[:count] + start]
+        self._valid.push(valid)
+        sums = clean[:, None, :] - self._rows.push(clean)
         sums[0] += self._sums
-        if count > 1:
+        if len(rows) > 1:
             np.cumsum(sums, axis=0, out=sums)
-        self._lap = (self._lap + count) % self._size
+        self._lap = (self._lap + len(rows)) % self._size
         if self._lap == 0:
             sums[-1] = self._formed_anew()
         self._sums = sums[-1].copy()
@@ -69,16 +63,8 @@ class WindowedMeans:
             means[self._runs(valid)[:, None, :] < self._lengths[:, None]] = np.nan
             self._full_for = int(self._run.min(initial=self._size))
         else:
-            self._run += count
+            self._run += len(rows)
         return means
-
-    def _room(self, count: int) -> int:
-        """Where the next rows go; the last lap is moved to the front when there is no room."""
-        if self._end + count > len(self._rows):
-            for store in (self._rows, self._valid):
-                store[: self._size] = store[self._end - self._size : self._end]
-            self._end = self._size
-        return self._end
 
     def _runs(self, valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
         """How many rows in a row were valid, after each row; shape (n, columns)."""
@@ -92,15 +78,15 @@ class WindowedMeans:
 
     def _formed_anew(self) -> Array:
         """Sums from the rows themselves."""
-        return np.stack([self._rows[self._end - w : self._end].sum(axis=0) for w in self.windows])
+        return np.stack([self._rows.last(window).sum(axis=0) for window in self.windows])
 
     def combine(self, column: int, others: slice, weights: Array) -> None:
         """Add a weighted sum of other columns to one, in every row that it is valid in."""
-        last = slice(self._end - self._size, self._end)
+        rows, valid = self._rows.last(self._size), self._valid.last(self._size)
         change = np.zeros(self._size)
-        for values, weight in zip(self._rows[last, others].T, weights, strict=True):
+        for values, weight in zip(rows[:, others].T, weights, strict=True):
             change += values * weight
-        self._rows[last, column] += change * self._valid[last, column]
+        rows[:, column] += change * valid[:, column]
         self._sums = self._formed_anew()
 
     def means(self) -> Array:
@@ -111,7 +97,7 @@ class WindowedMeans:
     def clear(self, columns: Sequence[int] | None = None) -> None:
         """Forget all columns, or only some (a channel that turned out to be bad)."""
         which = slice(None) if columns is None else list(columns)
-        for store in (self._rows, self._valid, self._sums):
+        for store in (self._rows.last(self._size), self._valid.last(self._size), self._sums):
             store[:, which] = 0
         self._run[which] = 0
         self._full_for = 0

@@ -109,13 +109,13 @@ class SensorTests:
         count = len(rows)
         recent = np.concatenate((self._recent, rows[:, self._columns]))
         self._recent = recent[count:]
-        usable, z = rows.copy(), np.tile(self._calm, (count, 1))
+        usable, z = rows.copy(), np.empty((count, len(self._calm)))
+        z[:] = self._calm
         z[:, self._places["noise"]] = self._noise.step(recent[-count - 3 :])
         for place, index in self._steps:
             z[:, place] = position_steps(recent[:, index]) / self._limits[index].step
         before, now = recent[-count - 1 : -1], recent[-count:]
-        with np.errstate(invalid="ignore"):
-            odd = ((np.abs(now - before) > self._reach) | (now == before)).any(axis=0)
+        odd = ((np.abs(now - before) > self._reach) | (now == before)).any(axis=0).tolist()
         for index, guard in enumerate(self._guards):
             if odd[index] or guard.busy:
                 self._watch(index, recent[-count - 2 :, index].tolist(), usable, z)

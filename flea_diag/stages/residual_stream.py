@@ -77,8 +77,12 @@ class ResidualStream:
         c = self._calibration = calibration
         self._p = c.parameters
         self._bank = ResidualBank(c.parameters, period_s=c.period_s, kernel_length=KERNEL_LENGTH)
+        # What nobody estimates has no innovation to wait for.
+        limits = [
+            limit for limit in c.limits if estimate.runs or limit.name not in INNOVATION_INDEX
+        ]
         self._detector = Detector(
-            c.limits, c.tolerances(), c.tolerance.noise_log, c.tolerance.thermal_rate_k_per_s
+            limits, c.tolerances(), c.tolerance.noise_log, c.tolerance.thermal_rate_k_per_s
         )
         self._estimate = estimate
         self._plausible = VoltagePlausibility(c.voltage_limit_v)
@@ -138,7 +142,7 @@ class ResidualStream:
 
         A lost scan is a row of nothing to them: a step across it is none.
         """
-        apart = np.diff(stamps_ns, prepend=self._last_ns) / self._period_ns
+        apart = (stamps_ns - np.append(self._last_ns, stamps_ns[:-1])) / self._period_ns
         self._last_ns = int(stamps_ns[-1])
         places = np.cumsum(np.clip(np.rint(apart), 1, 2 * SPAN).astype(np.int64)) - 1
         if places[-1] + 1 == len(rows):

@@ -63,6 +63,11 @@ class StateEstimate:
                 kind=KINDS[kind],
             )
 
+    @property
+    def runs(self) -> bool:
+        """Whether anything is estimated."""
+        return self._observer is not None
+
     def step(
         self, rows: Array, voltage_usable: npt.NDArray[np.bool_], frozen: bool, values: Array
     ) -> Told:

@@ -1,0 +1,77 @@
+"""A recording replayed from the bag's bytes to the verdict: times real time on one core.
+
+Simulated recordings of 100 Hz without vibration, healthy and with a jam. ``singly`` is the same
+chain fed record by record, as it was before replays went in blocks; both in turns, CPU time.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from bench_scan import KINDS, pipeline, recording
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+SECONDS = 120
+TURNS = 3
+PERIOD_S = 0.01
+
+
+def in_blocks(bag: Path, kind: str, backend: str) -> tuple[float, str, int]:
+    """CPU seconds of the replay command's own function; digest and number of scans."""
+    from flea_diag.tools.replay import replay
+
+    stage = pipeline(kind, backend)
+    begin = time.process_time()
+    summary = replay(bag, stage)
+    return time.process_time() - begin, summary["digest"], summary["scans"]
+
+
+def singly(bag: Path, kind: str, backend: str) -> tuple[float, str]:
+    """The same, record by record."""
+    from flea_diag.stages.digest import digest
+    from flea_diag.wire.bag import BagReader
+    from flea_diag.wire.records import ChannelTable, Scan
+
+    stage = pipeline(kind, backend)
+    begin = time.process_time()
+    said = []
+    for _, record in BagReader(bag).records((ChannelTable, Scan)):
+        said += stage.handle(record)
+    found = digest([*said, *stage.finish()])
+    return time.process_time() - begin, found
+
+
+def compared(bag: Path, kind: str, backend: str) -> tuple[float, float]:
+    """Times real time in blocks and singly; the digests must be the same."""
+    spent, count = [], 0
+    for _ in range(TURNS):
+        quick, one, count = in_blocks(bag, kind, backend)
+        slow, other = singly(bag, kind, backend)
+        if one != other:
+            raise SystemExit(f"{bag.name}, {kind}: the digests differ")
+        spent.append((quick, slow))
+    quick, slow = np.median(spent, axis=0)
+    return count * PERIOD_S / float(quick), count * PERIOD_S / float(slow)
+
+
+def main() -> None:
+    """Print times real time of both recordings, with each state observer."""
+    with tempfile.TemporaryDirectory() as folder:
+        runs = {
+            "nominal": recording(Path(folder), SECONDS),
+            "jam at 60 s": recording(Path(folder), SECONDS, "--fault", "jam", "--at", "60"),
+        }
+        print(f"{'':14s}{'state observer':20s}{'x real time':>14s}{'singly':>10s}{'ratio':>8s}")
+        for name, bag in runs.items():
+            for kind, backend in KINDS:
+                quick, slow = compared(bag, kind, backend)
+                what = kind if kind != "particle" else f"{kind}, {backend}"
+                print(f"{name:14s}{what:20s}{quick:14.0f}{slow:10.0f}{quick / slow:8.1f}")
+
+
+if __name__ == "__main__":
+    main()

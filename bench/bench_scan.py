@@ -1,0 +1,135 @@
+"""One scan through observer, detection and isolation on a quiet stand: CPU, and memory over a day.
+
+The stand is simulated, healthy and in motion, without vibration. Scans go in one by one, as they do
+live; the same recording in blocks, as in a replay, is taken in turns with it, so that whatever
+else the machine does hits both alike. For the memory the recording is fed over and over, each time
+after a gap, in blocks: ``--scans`` of them, by default a tenth of a day at 100 Hz.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+DAY_SCANS = 8_640_000
+BLOCK = 1000
+SECONDS = 60
+SETTLE = 1000
+KINDS = (
+    ("none", "numpy"),
+    ("kalman", "numpy"),
+    ("particle", "numpy"),
+    *((("particle", "numba"),) if find_spec("numba") else ()),
+)
+
+
+def recording(folder: Path, seconds: int = SECONDS, *more: str) -> Path:
+    """A simulated run without vibration, as a bag."""
+    bag = folder / f"run{seconds}{''.join(more)}"
+    command = [
+        sys.executable,
+        "-m",
+        "flea_diag.tools.main",
+        "simulate",
+        "nominal",
+        "--no-vibration",
+    ]
+    options = ["--seed", "21", "--duration", str(seconds), "-o", str(bag), *more]
+    subprocess.run([*command, *options], check=True, stdout=subprocess.DEVNULL)
+    return bag
+
+
+def pipeline(kind: str, backend: str):
+    """The three stages, with this state observer."""
+    from flea_diag.configuration import DIAGNOSER
+
+    parameters = DIAGNOSER.parameters(
+        state_observer=kind, observer_backend=backend, source="replay"
+    )
+    return DIAGNOSER.build(parameters)
+
+
+def costs(bag: Path, kind: str, backend: str) -> tuple[float, float]:
+    """CPU seconds of a scan, singly and in a block: medians over pieces of ``BLOCK`` scans."""
+    from flea_diag.wire.bag import BagReader
+    from flea_diag.wire.blocks import ScanBlock
+    from flea_diag.wire.records import ChannelTable, Scan
+
+    read = list(BagReader(bag).blocks((ChannelTable, Scan)))
+    blocks = [record for record in read if isinstance(record, ScanBlock)]
+    one, many = pipeline(kind, backend), pipeline(kind, backend)
+    for stage in (one, many):
+        stage.handle(next(record for record in read if isinstance(record, ChannelTable)))
+    spent: list[tuple[float, float]] = []
+    for block in blocks:
+        scans = list(block.records())
+        begin = time.process_time()
+        for scan in scans:
+            one.handle(scan)
+        middle = time.process_time()
+        many.handle_block(block)
+        spent.append(((middle - begin) / len(block), (time.process_time() - middle) / len(block)))
+    singly, in_blocks = np.median(spent[1:], axis=0)
+    return float(singly), float(in_blocks)
+
+
+def memory(bag: Path, scans: int) -> list[tuple[int, float]]:
+    """Scans fed and resident memory in MB, ten times on the way."""
+    from flea_diag.wire.bag import BagReader
+    from flea_diag.wire.blocks import ScanBlock
+    from flea_diag.wire.records import Scan
+
+    blocks = [b for b in BagReader(bag).blocks((Scan,)) if isinstance(b, ScanBlock)]
+    length_ns = int(blocks[-1].stamps_ns[-1] - blocks[0].stamps_ns[0]) + 1_000_000_000
+    stage, fed, seen = pipeline("none", "numpy"), 0, []
+    while fed < scans:
+        for block in blocks:
+            stage.handle_block(block)
+            fed += len(block)
+        blocks = [
+            ScanBlock(block.stamps_ns + length_ns, block.channels, block.values) for block in blocks
+        ]
+        if fed >= scans * (len(seen) + 1) / 10:
+            seen.append((fed, resident_mb()))
+    return seen
+
+
+def resident_mb() -> float:
+    """Resident memory now, MB; the largest so far where the system does not say."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        return pages * resource.getpagesize() / 1e6
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+
+
+def main() -> None:
+    """Print cost and memory."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scans", type=int, default=DAY_SCANS // 10)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        bag = recording(Path(folder))
+        print(f"{'state observer':20s}{'us a scan, live':>18s}{'in blocks':>12s}{'ratio':>8s}")
+        for kind, backend in KINDS:
+            singly, in_blocks = costs(bag, kind, backend)
+            ratio = singly / in_blocks
+            name = kind if kind != "particle" else f"{kind}, {backend}"
+            print(f"{name:20s}{singly * 1e6:18.1f}{in_blocks * 1e6:12.1f}{ratio:8.1f}")
+        print(f"\nresident memory over {arguments.scans} scans (a day has {DAY_SCANS})")
+        for fed, size in memory(bag, arguments.scans):
+            print(f"{fed:10d} scans {size:8.1f} MB")
+
+
+if __name__ == "__main__":
+    main()

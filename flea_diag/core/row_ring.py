@@ -1,0 +1,42 @@
+"""The last rows of a stream, and those that leave each window as new ones come."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+ROOM = 4
+"""Room for so many longest windows, before the last of them is moved to the front."""
+
+
+class RowRing:
+    """Constant memory; zeros before the first row.
+
+    ``most`` is how many rows may come at once.
+    """
+
+    def __init__(self, columns: int, windows: Sequence[int], dtype: type = float) -> None:
+        self.size = max(windows)
+        self.most = (ROOM - 1) * self.size
+        self._rows: npt.NDArray[Any] = np.zeros((ROOM * self.size, columns), dtype=dtype)
+        self._end = self.size
+        self._leaving = np.arange(self.most)[:, None] - np.array(windows)
+
+    def push(self, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Take rows, shape (n, columns); those that leave, shape (n, windows, columns)."""
+        count = len(rows)
+        if self._end + count > len(self._rows):
+            self._rows[: self.size] = self.last(self.size)
+            self._end = self.size
+        start = self._end
+        self._end += count
+        self._rows[start : self._end] = rows
+        leaving: npt.NDArray[Any] = self._rows[self._leaving[:count] + start]
+        return leaving
+
+    def last(self, count: int) -> npt.NDArray[Any]:
+        """The last rows themselves, not a copy."""
+        return self._rows[self._end - count : self._end]

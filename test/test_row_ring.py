@@ -1,0 +1,22 @@
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flea_diag.core.row_ring import RowRing
+
+WINDOWS = (2, 5)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.integers(1, 15), min_size=1, max_size=20))
+def test_what_leaves_a_window_came_in_that_many_rows_before(lengths):
+    ring = RowRing(1, WINDOWS, np.int64)
+    assert ring.most == 15
+    rows = np.arange(1, sum(lengths) + 1)[:, None]
+    left = np.concatenate([ring.push(b) for b in np.split(rows, np.cumsum(lengths)[:-1])])
+    for place, window in enumerate(WINDOWS):
+        assert left[:, place, 0].tolist() == np.maximum(rows[:, 0] - window, 0).tolist()
+    last = ring.last(5)[:, 0].tolist()
+    assert last == np.maximum(np.arange(len(rows) - 4, len(rows) + 1), 0).tolist()
