@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from flea_diag.core.feature_learning import Sample, bhattacharyya, learn, rank, select
+from flea_diag.core.feature_learning import Sample, bhattacharyya, learn, nearest, rank, select
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.core.nominal_range import OperatingPoint
 from flea_diag.errors import CalibrationError, ConfigurationError, RecordingError
@@ -68,6 +68,16 @@ def test_selection_splits_all_pairs_without_twins_or_useless_features() -> None:
     assert CREST not in chosen
     assert len({STD, TWIN} & set(chosen)) == 1
     assert set(select(learned, COSTS, 1, kept=[CREST])) == {CREST}
+
+
+def test_twins_are_named_with_their_correlation() -> None:
+    learned = learn(made_up(), list(COSTS), 0.02)
+    name, correlation = nearest(learned, TWIN, [STD, CREST])
+    values = {f: np.concatenate(list(learned.deviations[f].values())) for f in (STD, TWIN)}
+    wanted = np.corrcoef(*(np.tanh(values[f] / 3.0) for f in (STD, TWIN)))[0, 1]
+    assert (name, correlation) == (STD, pytest.approx(abs(wanted)))
+    assert nearest(learned, TWIN, [CREST])[1] < 0.2
+    assert nearest(learned, TWIN, []) == ("", 0.0)
 
 
 def test_little_and_much_are_told_apart() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -284,3 +285,11 @@ def test_shape_features_do_not_depend_on_the_scale(scale: float, seed: int) -> N
     for text in ids:
         assert other[text] == pytest.approx(one[text], rel=1e-3, abs=1e-4)
         assert compute(text, window(noise)) == one[text]
+
+
+def test_every_feature_stands_in_the_table_of_the_document() -> None:
+    text = (Path(__file__).resolve().parent.parent / "docs" / "features.md").read_text("utf-8")
+    documented = {line.split("`")[1] for line in text.splitlines() if line.startswith("| `")}
+    assert documented == set(FEATURES)
+    for row in FEATURES.values():
+        assert row.words.replace("|", r"\|") in text

@@ -5,13 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pytest
 from stand_runs import fault, records
 
 from flea_diag.configuration import EXTRACTOR, ISOLATOR, OBSERVER
+from flea_diag.core.features_envelope import named_line
 from flea_diag.stages.pipeline import Pipeline
+from flea_diag.stages.windows import Windows
+from flea_diag.tools.feature_bench import FLEA_SCREW
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
@@ -22,6 +26,7 @@ from flea_diag.wire.records import (
     VibrationBlock,
 )
 
+S = 1_000_000_000
 Spoil = Callable[[int, VibrationBlock], VibrationBlock | None]
 
 
@@ -127,3 +132,32 @@ def test_a_saturated_sensor_is_passed_over_for_the_other() -> None:
     assert all("is saturated" in answer.reason for answer in second)
     assert any(answer.symbol != "?" for answer in found)
     assert "jam" in {member.fault for member in last(out).members}
+
+
+@pytest.mark.parametrize(("faults", "line"), [(fault("spall", 0.0), "nut"), ({}, "unclassified")])
+def test_order_tracking_names_the_nut_through_a_simulated_sweep(
+    faults: dict[str, Any], line: str
+) -> None:
+    made = records(
+        motion={
+            "kind": "sweep",
+            "amplitude_m": 0.03,
+            "frequency_hz": 0.2,
+            "end_frequency_hz": 0.6,
+            "centre_m": 0.05,
+        },
+        sensors={},
+        duration_s=9.0,
+        unit_spread=0.0,
+        **faults,
+    )
+    windows = Windows(10.0, 0.002, 0.05, FLEA_SCREW.orders())
+    for record in made:
+        if isinstance(record, Scan | VibrationBlock):
+            windows.add(record)
+    start_ns = next(record.stamp_ns for record in made if isinstance(record, Scan))
+    names = [
+        named_line(windows.cut(start_ns + at * S, start_ns + (at + 2) * S, "accelerometer_2"))
+        for at in (1, 3, 5, 6)
+    ]
+    assert names == [line] * 4

@@ -7,7 +7,7 @@ others do not (Narasimhan et al. 2010, section 3.2).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, product
 
@@ -247,16 +247,27 @@ def _information(learned: Learned, feature: str) -> float:
     return float(np.mean(np.sum(rows * np.log2(rows / rows.mean(axis=0)), axis=1)))
 
 
-def _redundant(learned: Learned, feature: str, chosen: Mapping[str, Ends]) -> bool:
+def nearest(learned: Learned, feature: str, chosen: Iterable[str]) -> tuple[str, float]:
+    """Which of the chosen features one resembles most, and their correlation (absolute).
+
+    Pearson's, over the moving windows of all faults, of the squashed deviations; ("", 0) where
+    there is none to compare with.
+    """
     one = _all_windows(learned, feature)
-    for name in chosen:
-        other = _all_windows(learned, name)
-        both = np.isfinite(one) & np.isfinite(other)
-        if both.sum() < 3 or one[both].std() == 0.0 or other[both].std() == 0.0:
-            continue
-        if abs(np.corrcoef(one[both], other[both])[0, 1]) > REDUNDANT:
-            return True
-    return False
+    found = {name: _correlation(one, _all_windows(learned, name)) for name in chosen}
+    best = max(found, key=found.__getitem__, default="")
+    return best, found.get(best, 0.0)
+
+
+def _redundant(learned: Learned, feature: str, chosen: Iterable[str]) -> bool:
+    return nearest(learned, feature, chosen)[1] > REDUNDANT
+
+
+def _correlation(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> float:
+    both = np.isfinite(one) & np.isfinite(other)
+    if both.sum() < 3 or one[both].std() == 0.0 or other[both].std() == 0.0:
+        return 0.0
+    return abs(float(np.corrcoef(one[both], other[both])[0, 1]))
 
 
 def _all_windows(learned: Learned, feature: str) -> npt.NDArray[np.float64]:

@@ -13,7 +13,16 @@ from flea_diag.core.actuator import actuator
 from flea_diag.core.diagnosis_tree import build, render
 from flea_diag.core.fault import catalogue
 from flea_diag.core.feature_choice import FeatureChooser
-from flea_diag.core.feature_learning import Ends, Learned, Sample, Score, learn, rank, select
+from flea_diag.core.feature_learning import (
+    Ends,
+    Learned,
+    Sample,
+    Score,
+    learn,
+    nearest,
+    rank,
+    select,
+)
 from flea_diag.core.features import FEATURES, FeatureId
 from flea_diag.core.nominal_range import NominalRange, learn_nominal
 from flea_diag.errors import CalibrationError, ConfigurationError, FleaError
@@ -92,7 +101,7 @@ def _learn(arguments: argparse.Namespace) -> int:
     )
     mapping = table_mapping(learned, chosen, costs, _levels(runs), _unaffected(learned), making)
     write_table(arguments.output, mapping, _header(arguments, making, learned))
-    _print_ranking(ranking, chosen)
+    _print_ranking(ranking, chosen, learned)
     print(f"{arguments.output}: {len(chosen)} features, {len(learned.faults)} faults learned")
     return failed
 
@@ -266,9 +275,9 @@ def _levels(runs: Sequence[Run], false_alarm_rate: float = 1e-3) -> dict[str, No
 
 
 def _header(arguments: argparse.Namespace, making: Making, learned: Learned) -> list[str]:
-    command = f"flea features learn --stand {arguments.stand}" if arguments.stand else (
-        f"flea features learn <{len(arguments.bags)} bags>"
-    )  # fmt: skip
+    command = f"flea features learn <{len(arguments.bags)} bags>"
+    if arguments.stand:
+        command = f"flea features learn --stand {arguments.stand} --loads {arguments.loads}"
     counts = ", ".join(f"{fault} {count}" for fault, count in learned.counts.items())
     return [
         f"{making.title}. Made by",
@@ -285,11 +294,17 @@ def _header(arguments: argparse.Namespace, making: Making, learned: Learned) -> 
     ]
 
 
-def _print_ranking(ranking: Sequence[Score], chosen: Mapping[str, Ends]) -> None:
-    print(f"{'':2s}{'feature':40s}{'F':>8s}{'AUC':>7s}{'bit':>6s}{'cost':>6s}")
+def _print_ranking(ranking: Sequence[Score], chosen: Mapping[str, Ends], learned: Learned) -> None:
+    """Every feature with its merits, its measured cost, and what of the table it resembles."""
+    spent_s = bench.costs_s(repeats=3)
+    head = f"{'':2s}{'feature':40s}{'F':>8s}{'AUC':>7s}{'bit':>6s}{'cost':>6s}{'us':>7s}"
+    print(head + "  correlated with")
     for score in ranking:
         mark = "*" if score.feature in chosen else ""
+        others = [name for name in chosen if name != score.feature]
+        name, correlation = nearest(learned, score.feature, others)
+        spent = spent_s[FeatureId.parse(score.feature).feature.name] * 1e6
         print(
             f"{mark:2s}{score.feature:40s}{score.variance_ratio:8.2f}{score.auc:7.3f}"
-            f"{score.information_bit:6.2f}{score.cost:6.1f}"
+            f"{score.information_bit:6.2f}{score.cost:6.1f}{spent:7.0f}  {correlation:.2f} {name}"
         )

@@ -52,7 +52,7 @@ def _learn_arguments(parser: argparse.ArgumentParser) -> None:
     _run_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, help="table to write")
     parser.add_argument("--false-alarm-rate", type=float, default=0.01, help="of each feature")
-    parser.add_argument("--most", type=int, default=13, help="features in the table")
+    parser.add_argument("--most", type=int, default=18, help="features in the table")
     parser.add_argument("--title", default="learned fault feature table")
 
 
