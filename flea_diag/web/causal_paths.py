@@ -10,7 +10,7 @@ from flea_diag.web.markup import Markup, tag, text
 from flea_diag.wire.records import AmbiguityGroup
 
 COLUMN, ROW = 122.0, 36.0
-LEFT, TOP = 62.0, 24.0
+LEFT, TOP = 84.0, 24.0
 LETTER = 6.4
 ARROW = " -> "
 
@@ -54,7 +54,7 @@ def causal_paths(causal_map: Any, group: AmbiguityGroup | None) -> Markup:
     touched = {name for pair in edges for name in pair}
     # What is lit is drawn last, so that nothing lies over it.
     routes = sorted(layout.routes.items(), key=lambda row: row[0] in edges)
-    parts = [_edge(route, labels.get(pair), edges.get(pair, 0)) for pair, route in routes]
+    parts = [_edge(pair, route, labels.get(pair), edges.get(pair, 0)) for pair, route in routes]
     nodes = sorted(layout.places, key=lambda name: name in touched)
     parts += [_node(causal_map, name, name in touched, causes) for name in nodes]
     width = (layout.layers - 1) * COLUMN + 2 * LEFT
@@ -92,18 +92,24 @@ def _arrow_heads() -> Markup:
     return tag("defs", head("arrow"), head("arrow-lit"))
 
 
-def _edge(route: tuple[tuple[int, float], ...], edge: Any, count: int) -> Markup:
+def _half(name: str) -> float:
+    """Half the width of a node's box."""
+    return len(name) * LETTER / 2 + 5
+
+
+def _edge(pair: Pair, route: tuple[tuple[int, float], ...], edge: Any, count: int) -> Markup:
     points = [_at(place) for place in route]
     side = 1 if points[-1][0] >= points[0][0] else -1
-    start = (points[0][0] + side * 8, points[0][1])
-    end = (points[-1][0] - side * 44, points[-1][1])
-    if points[0][0] == points[-1][0]:
-        start, end = points[0], (points[-1][0] + 44, points[-1][1])
+    start = (points[0][0] + side * _half(pair[0]), points[0][1])
+    end = (points[-1][0] - side * (_half(pair[1]) + 2), points[-1][1])
+    if points[0][0] == points[-1][0]:  # in the same layer: round the right side
+        end = (points[-1][0] + _half(pair[1]) + 2, points[-1][1])
     knots = [start, *points[1:-1], end]
     commands = f"M{start[0]:.0f},{start[1]:.0f}"
     for (x1, y1), (x2, y2) in itertools.pairwise(knots):
         bend = max(abs(x2 - x1) / 2, 18) * side
-        commands += f" C{x1 + bend:.0f},{y1:.0f} {x2 - bend:.0f},{y2:.0f} {x2:.0f},{y2:.0f}"
+        back = -bend if points[0][0] == points[-1][0] else bend
+        commands += f" C{x1 + bend:.0f},{y1:.0f} {x2 - back:.0f},{y2:.0f} {x2:.0f},{y2:.0f}"
     kind = "reads" if edge is None else "temporal" if edge.temporal else "instant"
     words = f"{edge.source} → {edge.target}  [{edge.label}]" if edge else "read by the residual"
     return tag(
@@ -125,7 +131,7 @@ def _node(causal_map: Any, name: str, active: bool, causes: set[str]) -> Markup:
         if name in causal_map.channels
         else "variable"
     )
-    half = len(name) * LETTER / 2 + 5
+    half = _half(name)
     box = {"x": f"{x - half:.0f}", "y": f"{y - 9:.0f}", "width": f"{2 * half:.0f}"}
     parameters = causal_map.parameters.get(name, ())
     marked = [p for p in parameters if p in causes]

@@ -120,7 +120,7 @@ def _stream(x: float, gap: float, step: Step, unit: float) -> Markup:
 
 
 def _fitting(label: str, room: float) -> str:
-    letters = int(room / 5.6)
+    letters = int(room / 6.6)
     return label if len(label) <= letters else label[: letters - 1] + "…"
 
 

@@ -262,7 +262,7 @@ SPANS = (
         f"<button type=button data-span={s} aria-pressed={str(s == 30).lower()}>{s} s</button>"
         for s in SPANS_S
     )
-    + "</span>"
+    + "<button type=button data-all aria-pressed=false>all</button></span>"
 )
 
 

@@ -5,7 +5,7 @@ const flea = { seconds: 30 };  // in view, the same for all charts
 
 class Chart {
   constructor(about, ring, host) {
-    Object.assign(this, about, { ring, seen: true, range: null, aged: 0 });
+    Object.assign(this, about, { ring, seen: true, range: null, aged: 0, passed: -Infinity });
     this.root = document.createElement("div");
     this.root.className = "strip";
     this.root.innerHTML = "<header><b></b><output></output></header><canvas role='img'></canvas>";
@@ -92,9 +92,8 @@ class Chart {
     for (let k = first; k <= last; k++) {
       const v = this.ring.at(k, column);
       if (v === held && k < last) continue;
-      if (v === v) {
-        if (held === held) { if (v !== held) c.lineTo(x(k - 1), y(side * held)); c.lineTo(x(k), y(side * v)); } else c.moveTo(x(k), y(side * v));
-      }
+      if (held === held) c.lineTo(x(k - 1), y(side * held));
+      if (v === v) { if (held === held) c.lineTo(x(k), y(side * v)); else c.moveTo(x(k), y(side * v)); }
       held = v;
     }
     c.stroke();
@@ -118,6 +117,13 @@ class Chart {
     const over = limit === limit && Math.abs(value) > limit;
     const words = (value === value ? `${over ? "▲ " : ""}${short(value)} ${this.unit}` : "no value") + (limit === limit ? ` / limit ${short(limit)}` : "");
     if (this.output.textContent !== words) { this.output.textContent = words; this.root.classList.toggle("over", over); }
+  }
+  // A chart that has lately passed its limit comes first, also one that was not in view.
+  note(now) {
+    if (this.limit === undefined) return;
+    const { ring } = this, at = ring.at(ring.last, this.limit);
+    if (Math.max(ring.at(ring.last, this.high), -ring.at(ring.last, this.low)) > at) this.passed = now;
+    this.root.classList.toggle("noted", now - this.passed < KEPT_S * 1000);
   }
 }
 
@@ -145,10 +151,15 @@ function short(v) {
 }
 
 document.addEventListener("click", (event) => {
+  const all = event.target.closest("[data-all]");
+  if (all) {
+    const on = all.closest("section").querySelector(".strips").classList.toggle("all");
+    all.setAttribute("aria-pressed", String(on));
+  }
   const button = event.target.closest("[data-span]");
   if (!button) return;
   flea.seconds = Number(button.dataset.span);
-  for (const other of button.parentElement.children) other.setAttribute("aria-pressed", String(other === button));
+  for (const other of button.parentElement.querySelectorAll("[data-span]")) other.setAttribute("aria-pressed", String(other === button));
 });
 
 export default {
@@ -174,6 +185,7 @@ export default {
       for (const [stretch, row] of rows) this.ring.put(stretch, row);
       if (marks) this.marks = marks;
       if (!rows.length) return;
+      this.charts.forEach((chart) => chart.note(performance.now()));
       const offset = this.ring.last - performance.now() / 1000 / this.ring.stretch;
       this.offset = this.offset === null || Math.abs(offset - this.offset) * this.ring.stretch > 1 ? offset : this.offset + 0.05 * (offset - this.offset);
     },
