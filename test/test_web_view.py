@@ -113,6 +113,18 @@ def test_a_stream_of_many_steps_is_joined_and_loses_nobody() -> None:
     assert rows[0].before == 33
 
 
+def test_what_goes_at_the_same_moment_goes_in_one_step() -> None:
+    gone = tuple(
+        Candidate(f"f{k}", "", 0.0, "r", (Evidence(START + k // 2, f"s{k}", "+0", "", "no"),))
+        for k in range(4)
+    )
+    rows = steps(replace(FIRST, dropped=gone))
+    assert [(row.before, row.gone, row.label) for row in rows] == [
+        (7, 2, "2 findings"),
+        (5, 2, "2 findings"),
+    ]
+
+
 def test_the_stream_is_drawn_with_its_counts(groups: list[AmbiguityGroup]) -> None:
     text = words(group_flow(groups[-1]))
     assert f"From {len(groups[-1].members) + len(groups[-1].dropped)} faults" in text

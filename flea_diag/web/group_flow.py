@@ -18,6 +18,7 @@ MOST_STEPS = 8
 NAMED = 8
 """So many faults are named at the end of the stream; more are only counted."""
 ROOM_FOR_NAMES = 210.0
+BETWEEN = ", "
 FALL = 34.0
 """How far below the stream a branch that is dropped ends."""
 
@@ -34,8 +35,11 @@ class Step:
 
 
 def steps(group: AmbiguityGroup) -> tuple[Step, ...]:
-    """Steps of an episode; neighbours are joined where there are more than can be drawn."""
-    found = list(drops(group))
+    """Steps of an episode; drops of one moment are one, and neighbours where there are too many."""
+    found: list[Drop] = []
+    for drop in drops(group):
+        at_once = bool(found) and found[-1].stamp_ns == drop.stamp_ns
+        found[-1:] = [_merged(found[-1], drop)] if at_once else [*found[-1:], drop]
     while len(found) > MOST_STEPS:
         sizes = [len(a.candidates) + len(b.candidates) for a, b in itertools.pairwise(found)]
         at = sizes.index(min(sizes))
@@ -49,14 +53,16 @@ def steps(group: AmbiguityGroup) -> tuple[Step, ...]:
 
 
 def _merged(one: Drop, other: Drop) -> Drop:
-    source = one.source if one.source == other.source else f"{one.source}, {other.source}"
-    return Drop(other.stamp_ns, source, one.candidates + other.candidates)
+    sources = dict.fromkeys(f"{one.source}{BETWEEN}{other.source}".split(BETWEEN))
+    return Drop(other.stamp_ns, BETWEEN.join(sources), one.candidates + other.candidates)
 
 
 def _step(group: AmbiguityGroup, drop: Drop, left: int) -> Step:
     after_s = (drop.stamp_ns - group.detected_stamp_ns) / 1e9
     detail = "\n".join(f"{c.fault}: {c.reason}" for c in drop.candidates)
-    return Step(left, len(drop.candidates), drop.source, f"+{after_s:.2f} s", detail)
+    sources = drop.source.split(BETWEEN)
+    label = sources[0] if len(sources) == 1 else f"{len(sources)} findings"
+    return Step(left, len(drop.candidates), label, f"+{after_s:.2f} s", detail)
 
 
 def group_flow(group: AmbiguityGroup) -> Markup:

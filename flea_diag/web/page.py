@@ -22,6 +22,13 @@ CHARTS = {
     "channel": "Channels",
     "vibration": "Vibration level",
 }
+NOTES = {
+    "residual": "Blue: the residual in standard deviations; orange: its limits; ▼ a detection. "
+    "What has passed its limit within a minute comes first; “all” shows the rest.",
+    "channel": "Blue: measured; orange: the state observer's estimate, with a band of two standard "
+    "deviations; ▼ a detection. From a detection on the estimate is no longer corrected.",
+    "vibration": "Standard deviation of each block; ▼ a detection.",
+}
 ORDER = (
     "answer", "group", "symbols", "residual", "causes", "tree", "episodes", "channel", "vibration",
     "quality", "streams",
@@ -148,6 +155,7 @@ class Page:
     def _strips(self, kind: str, title: str, key: str) -> None:
         with _section(kind, "", key, title + (SPANS if not self._charts else "")):
             self._charts.append(Chart(kind, Strips()))
+            ui.html(NOTES[kind], sanitize=False, tag="p").classes("note")
 
     def _dialogs(self) -> None:
         self._done: Callable[[str], None] = lambda _: None
