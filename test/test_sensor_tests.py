@@ -55,6 +55,41 @@ def test_log_noise_of_white_noise_is_that_of_a_normal_variable():
     assert np.allclose(noise_logs(parabola, 1e-3), math.log(1e-3))
 
 
+def test_a_reading_at_the_end_of_its_range_is_not_quiet_either(limits):
+    rows = healthy(12)
+    rows[1000:2200, 1] = 0.1
+    tests = SensorTests(limits, CHANNELS)
+    tests.bound("actuator_position", 0.0, 0.1)
+    z = np.concatenate([tests.step(rows[k : k + 50]).z for k in range(0, SCANS, 50)])
+    quiet = NAMES.index("actuator_position_noise")
+    assert not (np.abs(z[:, quiet]) > tests.k[quiet]).any()
+
+
+@pytest.mark.parametrize("block", [1, 50])
+def test_an_encoder_that_holds_zero_at_rest_is_not_stuck_and_in_motion_it_is(block):
+    """The same held readings, with a position that rests meanwhile or moves on."""
+    names = ("motor_speed", "load_position")
+
+    def recording(seed: int) -> np.ndarray:
+        draw = np.random.default_rng(seed)
+        position = 0.05 + MOVES + 6e-5 * draw.standard_normal(SCANS)
+        speed = np.gradient(MOVES, 0.01) / 5e-4 + 0.5 * draw.standard_normal(SCANS)
+        return np.round(np.stack((speed, position), axis=1) / [0.01, 4e-6]) * [0.01, 4e-6]
+
+    learned = sensor_limits(
+        [dict(zip(names, recording(seed).T, strict=True)) for seed in range(8)], 0.1, 0.01
+    )
+    stuck = NAMES.index("motor_speed_stuck")
+    for rests in (True, False):
+        rows = recording(20)
+        rows[1000:1600, 0] = 0.0
+        if rests:
+            rows[1000:1600, 1] = 0.05 + 6e-5 * np.random.default_rng(3).standard_normal(600)
+        tests = SensorTests(learned, names)
+        z = np.concatenate([tests.step(rows[k : k + block]).z for k in range(0, SCANS, block)])
+        assert (z[:, stuck] > tests.k[stuck]).any() == (not rests)
+
+
 @pytest.mark.parametrize("size", [0.002, -0.002])
 def test_a_step_is_measured_through_motion(size):
     position = 0.05 + MOVES[:200].copy()

@@ -22,6 +22,10 @@ Array = npt.NDArray[np.float64]
 
 TWICE = 1.5
 """Limit of the count of drop-outs: the second one is beyond it."""
+SPEED = "motor_speed"
+REST_SCANS = 10
+REST_M = 3.0e-4
+"""No position that has gone less than this in so many scans moves; far above their noise."""
 TESTS = ("noise", "stuck", "dropout")
 NAMES = (
     *POSITIONS,
@@ -93,7 +97,7 @@ class SensorTests:
         return k
 
     def bound(self, channel: str, low: float, high: float) -> None:
-        """Range of a channel: a reading that stands at its end is clipped, not held."""
+        """Range of a channel: a reading that stands at its end is clipped, not held nor quiet."""
         if channel in self._names:
             index = self._names.index(channel)
             self._low[index], self._high[index] = low, high
@@ -111,18 +115,39 @@ class SensorTests:
         self._recent = recent[count:]
         usable, z = rows.copy(), np.empty((count, len(self._calm)))
         z[:] = self._calm
-        z[:, self._places["noise"]] = self._noise.step(recent[-count - 3 :])
+        inside = (recent > self._low) & (recent < self._high)
+        z[:, self._places["noise"]] = self._noise.step(
+            np.where(inside, recent, np.nan)[-count - 3 :]
+        )
         for place, index in self._steps:
             z[:, place] = position_steps(recent[:, index]) / self._limits[index].step
         before, now = recent[-count - 1 : -1], recent[-count:]
         odd = ((np.abs(now - before) > self._reach) | (now == before)).any(axis=0).tolist()
         for index, guard in enumerate(self._guards):
             if odd[index] or guard.busy:
-                self._watch(index, recent[-count - 2 :, index].tolist(), usable, z)
+                still = self._still(recent) if self._names[index] == SPEED else None
+                self._watch(index, recent[-count - 2 :, index].tolist(), usable, z, still)
         self._scan += count
         return Tested(usable, z, self.k)
 
-    def _watch(self, index: int, readings: list[float], usable: Array, z: Array) -> None:
+    def _still(self, recent: Array) -> npt.NDArray[np.bool_]:
+        """In which of the new rows no position has moved: an encoder then rightly holds zero."""
+        columns = [index for index, name in enumerate(self._names) if name in POSITIONS]
+        with np.errstate(invalid="ignore"):
+            moved = np.abs(recent[REST_SCANS:, columns] - recent[:-REST_SCANS, columns]) > REST_M
+        # Without a position nothing says so.
+        rests = np.full(len(moved), bool(columns)) & ~moved.any(axis=1)
+        still: npt.NDArray[np.bool_] = rests[2 * SPAN - 1 - REST_SCANS :]
+        return still
+
+    def _watch(
+        self,
+        index: int,
+        readings: list[float],
+        usable: Array,
+        z: Array,
+        still: npt.NDArray[np.bool_] | None,
+    ) -> None:
         """Scan by scan, while a channel leaps or stands still; two readings come before."""
         guard, limit, column = self._guards[index], self._limits[index], self._columns[index]
         stuck, dropout = (self._places[test][index] for test in TESTS[1:])
@@ -130,6 +155,7 @@ class SensorTests:
         guard.wake(readings[0], readings[1])
         for n, value in enumerate(readings[2:]):
             at_end = not self._low[index] < value < self._high[index]
+            at_end = at_end or (still is not None and bool(still[n]))
             withheld, leapt = guard.take(self._scan + n, value, at_end)
             if withheld:
                 usable[n, column] = np.nan
