@@ -175,7 +175,7 @@ def test_the_answer_is_in_the_words_of_the_verdict(told: list[Record]) -> None:
     text = words(answer(state))
     assert state.group.outcome.value in text
     assert state.group.words in text
-    assert f"{state.detection.residual}: z = {state.detection.z:.3g}" in text
+    assert f"by {state.detection.residual}: z = {state.detection.z:.4g}, limit" in text
     assert NEXT[state.group.outcome] in text
     member = state.group.members[0]
     assert f"{member.fault} size {member.size:.3g} ± {member.size_sigma:.3g}" in text

@@ -128,12 +128,8 @@ def _proofs(state: OperatorState, group: AmbiguityGroup) -> list[Markup]:
         lines.append("REPLAY: this is a recording, not the stand as it is now.")
     if group.stale:
         lines.append("STALE: the stand sends no data; this is the last verdict.")
-    flag = state.detection
     if group.detected_stamp_ns != NEVER_NS:
-        by = ""
-        if flag is not None and flag.stamp_ns == group.detected_stamp_ns:
-            by = f" by {flag.residual}: z = {number(flag.z)}, limit {number(flag.threshold)}"
-            by += f", {flag.test}"
+        by = f" by {group.opened_by}" if group.opened_by else ""
         lines.append(f"Detected at {clock(group.detected_stamp_ns, 2)} UTC{by}.")
         lines.append(
             f"Evidence up to {clock(group.stamp_ns, 2)} UTC; episode {group.episode}, "
