@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flea_diag.operator.alarm_view import alarm_text, detail
 from flea_diag.operator.panel import bar, share
-from flea_diag.operator.state import OperatorState, fold
+from flea_diag.operator.state import OPEN, OperatorState, fold
 from flea_diag.operator.verdict_view import line as verdict_line
 from flea_diag.operator.verdict_view import why
 from flea_diag.operator.view import page
@@ -156,9 +156,9 @@ def test_residuals_against_their_limits_and_those_not_formed() -> None:
     nan = float("nan")
     record = Residual(NOON_NS, ("a", "b", "c"), (0.0, 1.0, nan), (1.0, -6.0, nan), (4.0, 5.0, 5.0))
     (panel,) = [p for p in panels(shown(record), 0) if p.name == "residuals"]
-    assert panel.title == "RESIDUALS  2 of 3 formed at 22:13:20.000 UTC"
+    assert panel.title == "RESIDUALS in sigma of limit, 2 of 3 formed, 22:13:20.000 UTC"
     assert [text.text.split()[0] for text in panel.lines] == ["b", "a", "c"]
-    assert panel.lines[0].text.endswith("z   -6.00, limit 5.00 BEYOND")
+    assert panel.lines[0].text.endswith("| -6.00 of 5.00 BEYOND")
     assert "BEYOND" not in panel.lines[1].text
     assert panel.lines[2].text.endswith("not formed")
 
@@ -231,8 +231,8 @@ def test_an_alarm_of_vibration_says_level_and_range() -> None:
 def test_streams_are_told_with_their_losses() -> None:
     state = shown(replace(GROUP, seq=1))
     text = view(state, 10 * SECOND_NS)
-    assert "ambiguity_group    STALE for 10 s" in text
-    assert "sensors/slow       waiting for the first record" in text
+    assert "ambiguity_group  STALE for 10 s" in text
+    assert "sensors/slow     waiting for the first record" in text
 
 
 def test_features_of_this_episode_only() -> None:
@@ -277,3 +277,18 @@ def test_what_the_stand_says_is_marked_as_such() -> None:
     text = view(shown(GROUP, Truth(NOON_NS, "jam", NOON_NS)))
     assert "the stand says: jam from 22:13:20.000 UTC on" in text
     assert "the stand says: jam\n" in view(shown(GROUP, Truth(NOON_NS, "jam", NEVER_NS)))
+
+
+def test_whatever_a_verdict_holds_is_shown_in_its_own_words() -> None:
+    """Any outcome, any number of members, unknown sizes: no crash, no other outcome named."""
+    for outcome in Outcome:
+        for count in (0, 1, 2):
+            group = replace(GROUP, outcome=outcome, members=GROUP.members[:count], words="as it is")
+            text = view(shown(group))
+            title = text.splitlines()[0]
+            assert title.endswith(f"{outcome.value}  as it is")
+            told = {name.value for name in Outcome if f" {name.value} " in title}
+            assert told == {outcome.value}
+            possible = outcome in OPEN and count > 0
+            assert (f"POSSIBLE ({count})" in text) == possible
+            assert "nan" not in text

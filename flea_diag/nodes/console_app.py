@@ -47,7 +47,7 @@ CSS = """
 .panel { height: auto; margin-bottom: 1; text-wrap: nowrap; text-overflow: ellipsis; }
 .title { text-style: bold; color: $accent; height: 1; }
 OptionList { height: auto; border: none; padding: 0; background: transparent; text-wrap: nowrap; }
-OptionList > .option-list--option-highlighted { background: $surface-lighten-2; }
+OptionList > .option-list--option-highlighted { background: #10243a; text-style: bold; }
 #why, #dropped { text-wrap: wrap; }
 #bottom { height: auto; max-height: 10; padding: 0 1; }
 #possible { margin-bottom: 1; }

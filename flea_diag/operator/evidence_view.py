@@ -17,7 +17,8 @@ def residuals(state: OperatorState) -> Panel | None:
     rows = list(zip(record.names, record.values, record.z, record.thresholds, strict=True))
     rows.sort(key=lambda row: -_share(row[2], row[3]))
     formed = sum(not math.isnan(z) for _, _, z, _ in rows)
-    title = f"RESIDUALS  {formed} of {len(rows)} formed at {clock(record.stamp_ns)} UTC"
+    at = clock(record.stamp_ns)
+    title = f"RESIDUALS in sigma of limit, {formed} of {len(rows)} formed, {at} UTC"
     return Panel("residuals", title, tuple(_residual(name, z, limit) for name, _, z, limit in rows))
 
 
@@ -28,11 +29,11 @@ def _share(z: float, limit: float) -> float:
 
 def _residual(name: str, z: float, limit: float) -> Line:
     if math.isnan(z):
-        return Line(f"{name:26} {bar(math.nan)}  not formed")
+        return Line(f"{name:32} {bar(math.nan)}  not formed")
     if _share(z, limit) < 0.0:
-        return Line(f"{name:26} {bar(math.nan)}  z {z:+7.2f}, no limit")
+        return Line(f"{name:32} {bar(math.nan)}  {z:+.2f}, no limit")
     beyond = abs(z) > limit
-    text = f"{name:26} {bar(abs(z) / limit)}| z {z:+7.2f}, limit {limit:.2f}"
+    text = f"{name:32} {bar(abs(z) / limit)}| {z:+.2f} of {limit:.2f}"
     return Line(text + (" BEYOND" if beyond else ""), Level.WARN if beyond else None)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from flea_diag.wire.records import NEVER_NS, Level
 
-BAR_CELLS = 24
+BAR_CELLS = 14
 EIGHTHS = " ▏▎▍▌▋▊▉█"
 NS = 1_000_000_000
 

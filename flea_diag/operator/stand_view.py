@@ -25,13 +25,13 @@ def _stream(stream: Stream, now_ns: int) -> Line:
     standing = stream.standing(now_ns)
     level = STREAM_LEVEL[standing]
     if standing == "waiting":
-        return Line(f"{stream.name:18} waiting for the first record")
+        return Line(f"{stream.name:16} waiting for the first record")
     rate = "rate ?" if math.isnan(stream.rate_hz) else f"{stream.rate_hz:.1f} Hz"
     shown = f"STALE for {stream.silent_s(now_ns):.0f} s" if standing == "stale" else rate
     counts = [("missing", stream.missing), ("late", stream.late), ("lost", stream.lost)]
     told = ", ".join(f"{count} {name}" for name, count in counts)
     worse = level or (Level.WARN if any(count for _, count in counts) else None)
-    return Line(f"{stream.name:18} {shown:14} {stream.received} received, {told}", worse)
+    return Line(f"{stream.name:16} {shown:9} {stream.received} received, {told}", worse)
 
 
 def channels(state: OperatorState) -> Panel | None:
