@@ -24,6 +24,7 @@ WARN_EVERY_S = 5.0
 
 POLL_S = 0.02
 ASK_AGAIN_S = 0.5
+ANSWER_S = 8.0
 
 READER_DEPTH = 100
 """Samples of a latched topic that may wait for their reader. The writer keeps one for those who
@@ -224,8 +225,10 @@ class Bus(Generic[P]):
             if answers:
                 result = answers[0].results[0]
                 settle("" if result.successful else result.reason or f"{node} refuses")
-            elif waited_s > wait_s:
-                settle(f"node {node} does not answer" if asked else f"there is no node {node} here")
+            elif not asked and waited_s > wait_s:
+                settle(f"there is no node {node} here")
+            elif waited_s > wait_s + ANSWER_S:
+                settle(f"node {node} does not answer")
             elif waited_s >= ASK_AGAIN_S * len(asked) and client.service_is_ready():
                 # An answer to a client that its server has not found yet is lost.
                 asked.append(client.call_async(request))
