@@ -54,21 +54,26 @@ class ReadingGuard:
         if not self.busy:
             self._last, self._speed = last, last - before
 
-    def take(self, scan: int, value: float, at_end: bool) -> tuple[bool, float]:
-        """Judge one reading: whether it is withheld, and by how much it has leapt for good."""
+    def take(
+        self, scan: int, value: float, at_end: bool, rests: bool = False
+    ) -> tuple[bool, float]:
+        """Judge one reading: whether it is withheld, and by how much it has leapt for good.
+
+        While the actuator ``rests`` a reading that is held says nothing either way.
+        """
         while self.events and self.events[0] <= scan - DROPOUT_SCANS:
             self.events.popleft()
         if value != value:
             self._last = value
             return False, 0.0
         leapt = self._leap(value - self._last)
-        held = self._held(scan, value, at_end)
+        held = self._held(scan, value, at_end, rests)
         return held or self._away > 0, leapt
 
-    def _held(self, scan: int, value: float, at_end: bool) -> bool:
+    def _held(self, scan: int, value: float, at_end: bool, rests: bool) -> bool:
         least = self._limit.repeats
         if value == self._last and not at_end:
-            self.run += 1
+            self.run += not rests
         else:
             if least and least <= self.run < self._stuck:
                 self.events.append(scan)

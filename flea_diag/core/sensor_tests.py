@@ -155,8 +155,8 @@ class SensorTests:
         guard.wake(readings[0], readings[1])
         for n, value in enumerate(readings[2:]):
             at_end = not self._low[index] < value < self._high[index]
-            at_end = at_end or (still is not None and bool(still[n]))
-            withheld, leapt = guard.take(self._scan + n, value, at_end)
+            rests = still is not None and bool(still[n])
+            withheld, leapt = guard.take(self._scan + n, value, at_end, rests)
             if withheld:
                 usable[n, column] = np.nan
             if step is not None and guard.disturbed:
