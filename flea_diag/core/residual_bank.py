@@ -203,7 +203,8 @@ class ResidualBank:
 
     def _parities(self, signals: Signals, values: Array, spread: Array) -> None:
         """Fill in every parity relation and what healthy units differ by in it."""
-        sign = np.copysign(1.0, signals.speed_m_s)
+        single = len(values) == 1
+        sign = (math if single else np).copysign(1.0, signals.speed_m_s)
         formed = {relation: relation(self._p, signals) for relation in _RELATIONS}
         spreads = {sensitivity: sensitivity(self._p, signals) for sensitivity in _SENSITIVITIES}
         place = 0

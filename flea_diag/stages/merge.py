@@ -31,6 +31,8 @@ class Merge:
         self._watermark_ns = watermark_ns
         self._hold_limit_ns = hold_limit_ns
         self._waiting: list[tuple[int, int, int, Record | ResidualBlock]] = []
+        self._others = 0
+        """How many of those that wait are no clock records."""
         self._arrivals = 0
         self.now_ns = -1
         self._released_ns = -1
@@ -53,6 +55,8 @@ class Merge:
         heapq.heappush(self._waiting, entry)
         if type(record) is self._clock:
             self.now_ns = max(self.now_ns, stamp)
+        else:
+            self._others += 1
 
     def push_block(self, block: ResidualBlock) -> None:
         """Take in clock records in order, none of them older than what has been released."""
@@ -67,12 +71,13 @@ class Merge:
     @property
     def clock_alone(self) -> bool:
         """Whether nothing but clock records waits."""
-        return all(rank == self._clock_rank for _, rank, _, _ in self._waiting)
+        return not self._others
 
     def _restart(self) -> None:
         """The clock has jumped back: a new run, to which nothing that waits belongs."""
         self.late += len(self._waiting)
         self._waiting.clear()
+        self._others = 0
         self.now_ns = self._released_ns = -1
         self._hold_ns = None
 
@@ -91,8 +96,9 @@ class Merge:
         if not everything and stamp > self._due_ns():
             return None
         self._released_ns = max(self._released_ns, stamp)
-        record = heapq.heappop(self._waiting)[3]
+        _, rank, _, record = heapq.heappop(self._waiting)
         if not isinstance(record, ResidualBlock):
+            self._others -= rank != self._clock_rank
             return record
         count = 1 if single else self._leading(record, everything)
         if count < len(record):
