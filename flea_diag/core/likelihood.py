@@ -52,6 +52,32 @@ class Fit:
     sigmas: tuple[float, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """What is known of a unit's own parameters, as a Gaussian in information form.
+
+    ``information`` has shape (parameters, parameters), order of ``UNIT_PARAMETERS``, and
+    ``vector`` is information times mean.
+    """
+
+    information: Array
+    vector: Array
+
+    @classmethod
+    def of(cls, tolerance: Sequence[float]) -> Unit:
+        """Any healthy unit of the design."""
+        return cls(np.diag(1.0 / np.square(tolerance)), np.zeros(len(tolerance)))
+
+    @classmethod
+    def unknown(cls) -> Unit:
+        """Nothing is known."""
+        return cls.of([np.inf] * len(UNIT_PARAMETERS))
+
+    def shown(self, information: Array, vector: Array) -> Unit:
+        """The same unit, after it has shown so much of itself."""
+        return Unit(self.information + information, self.vector + vector)
+
+
 class Evidence:
     """Normal equations of every residual over an episode, constant memory."""
 
@@ -93,6 +119,20 @@ class Evidence:
             self.samples[index] += len(y)
         self._waiting = 0
 
+    def fade(self, share: float) -> None:
+        """Let all that is known count for so much less."""
+        self._fold()
+        for sums in (self._gram, self._cross, self._square, self.samples):
+            sums *= share
+
+    def take(self, other: Evidence, times: float) -> None:
+        """Add other evidence, of which each sample stands for so many."""
+        other._fold()
+        self._gram += times * other._gram
+        self._cross += times * other._cross
+        self._square += times * other._square
+        self.samples += times * other.samples
+
     def foreseen(self, phi: Array, model: FaultModel, sizes: Sequence[float]) -> Evidence:
         """What a planned window would make of this evidence if ``model`` were there.
 
@@ -118,23 +158,26 @@ class Evidence:
         sigma: Mapping[str, float],
         correlation: Mapping[str, float],
         tolerance: Sequence[float],
+        healthy: Evidence | None = None,
     ) -> tuple[Fit, ...]:
         """Fits of all ``models``, in their order.
 
         ``sigma`` is the nominal scatter of each residual and ``correlation`` the samples to
-        one independent sample; ``tolerance`` is in the order of ``UNIT_PARAMETERS``.
+        one independent sample; ``tolerance`` is in the order of ``UNIT_PARAMETERS``. What this
+        unit showed while it was ``healthy`` narrows that tolerance.
         """
         self._fold()
         self._spacing = np.array([correlation[name] for name in self.residuals])
         weight = 1.0 / (self._spacing * np.square([sigma[name] for name in self.residuals]))
-        weight = weight / self._dispersion(models, weight, tolerance)
-        nominal, _, _ = self._solve(None, weight, tolerance)
+        unit = Unit.of(tolerance)
+        if healthy is not None:
+            unit = unit.shown(*healthy._normal(None, 0, weight, Unit.unknown())[:2])
+        weight = weight / self._dispersion(models, weight, unit)
+        nominal, _, _ = self._solve(None, weight, unit)
         independent = max(float((self.samples / self._spacing).sum()), 2.0)
-        return tuple(self._fit(model, nominal, weight, tolerance, independent) for model in models)
+        return tuple(self._fit(model, nominal, weight, unit, independent) for model in models)
 
-    def _dispersion(
-        self, models: Sequence[FaultModel], weight: Array, tolerance: Sequence[float]
-    ) -> Array:
+    def _dispersion(self, models: Sequence[FaultModel], weight: Array, unit: Unit) -> Array:
         """By how much each residual scatters more than noise under the model that fits it best.
 
         Where even that leaves a misfit of phi > 1 for each independent sample, the models of
@@ -142,7 +185,7 @@ class Evidence:
         """
         least = np.full(len(self.residuals), np.inf)
         for model in models:
-            least = np.minimum(least, self._misfits(model, weight, tolerance))
+            least = np.minimum(least, self._misfits(model, weight, unit))
         independent = np.maximum(self.samples / self._spacing, 1.0)
         return np.maximum(1.0, np.where(np.isfinite(least), least, 0.0) / independent)
 
@@ -151,14 +194,14 @@ class Evidence:
         model: FaultModel,
         nominal: float,
         weight: Array,
-        tolerance: Sequence[float],
+        unit: Unit,
         independent: float,
     ) -> Fit:
-        misfit, sizes, sigmas = self._solve(model, weight, tolerance)
+        misfit, sizes, sigmas = self._solve(model, weight, unit)
         gain = 0.5 * (nominal - misfit)
         if model.roughness > 0.0:
             rough, loss = self._roughened(model, sizes, weight)
-            misfit, sizes, sigmas = self._solve(model, rough, tolerance)
+            misfit, sizes, sigmas = self._solve(model, rough, unit)
             gain = 0.5 * (nominal - misfit) - loss
         return Fit(model.fault, float(gain - _penalty(model, sizes, independent)), sizes, sigmas)
 
@@ -182,19 +225,19 @@ class Evidence:
         return rough, loss
 
     def _solve(
-        self, model: FaultModel | None, weight: Array, tolerance: Sequence[float]
+        self, model: FaultModel | None, weight: Array, unit: Unit
     ) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
         """Smallest misfit, sizes and their standard errors, sizes held to their bounds."""
         count = 0 if model is None else len(model.sizes)
-        A, b, c = self._normal(model, count, weight, tolerance)
+        A, b, c = self._normal(model, count, weight, unit)
         x = _bounded(model, A, b)
         misfit = float(c - 2.0 * b @ x + x @ A @ x)
         spread = np.sqrt(np.clip(np.diag(np.linalg.pinv(A)), 0.0, None))
         return misfit, tuple(map(float, x[:count])), tuple(map(float, spread[:count]))
 
-    def _misfits(self, model: FaultModel, weight: Array, tolerance: Sequence[float]) -> Array:
+    def _misfits(self, model: FaultModel, weight: Array, unit: Unit) -> Array:
         """Misfit of each residual at the joint optimum, weighted."""
-        A, b, _ = self._normal(model, len(model.sizes), weight, tolerance)
+        A, b, _ = self._normal(model, len(model.sizes), weight, unit)
         effect = _designs(model, self.residuals, len(model.sizes)) @ _bounded(model, A, b)
         quadratic = (effect * np.matmul(self._gram, effect[:, :, None])[:, :, 0]).sum(axis=1)
         crossed = (effect * self._cross).sum(axis=1)
@@ -205,15 +248,14 @@ class Evidence:
         model: FaultModel | None,
         count: int,
         weight: Array,
-        tolerance: Sequence[float],
+        unit: Unit,
     ) -> tuple[Array, Array, float]:
-        width = count + len(UNIT_PARAMETERS)
         design = _designs(model, self.residuals, count)
         weighed = design.transpose(0, 2, 1) * weight[:, None, None]
         A = np.matmul(weighed, np.matmul(self._gram, design)).sum(axis=0)
         b = np.matmul(weighed, self._cross[:, :, None])[:, :, 0].sum(axis=0)
-        prior = np.concatenate((np.zeros(count), 1.0 / np.square(tolerance)))
-        A[np.diag_indices(width)] += prior
+        A[count:, count:] += unit.information
+        b[count:] += unit.vector
         return A, b, float(weight @ self._square)
 
 

@@ -42,6 +42,8 @@ REACH_QUANTILE = 0.999
 """Outliers of nominal recordings are no measure of what a sensor may do."""
 DROPOUT_SCANS = 2000
 """Scans over which drop-outs are counted; it takes two."""
+SENSOR_SHARE = 0.1
+"""Share of the rate of false alarms that all these tests together may use."""
 LONGEST_REPEAT = 200
 """A reading that nominally stands still for longer than this (scans) is not tested for it."""
 
@@ -120,7 +122,7 @@ def sensor_limits(
 
     ``runs``: readings of each channel of one recording, shape (scans,), NaN where none.
     """
-    rate_per_s = false_alarms_per_hour / 3600.0 / (3 * len(RESOLUTIONS))
+    rate_per_s = SENSOR_SHARE * false_alarms_per_hour / 3600.0 / (3 * len(RESOLUTIONS))
     found = []
     for channel in RESOLUTIONS:
         columns = [run[channel] for run in runs if channel in run]

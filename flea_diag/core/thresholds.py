@@ -34,6 +34,7 @@ from flea_diag.core.residual_bank import (
     ResidualBank,
     ResidualRow,
 )
+from flea_diag.core.sensor_limits import SENSOR_SHARE
 
 Array = npt.NDArray[np.float64]
 
@@ -103,6 +104,8 @@ def limits(
     ``spread`` holds d r / d theta of healthy units for residuals that do not tell it.
     """
     found = []
+    tests = sum(row.gate != "sensor" for row in RESIDUALS)
+    rate = (1.0 - SENSOR_SHARE) * false_alarms_per_hour / tests
     for index, row in enumerate(RESIDUALS):
         if row.gate == "sensor":
             continue
@@ -110,7 +113,7 @@ def limits(
         columns = [(values, speed) for values, speed in columns if len(values) >= row.windows[0]]
         if len(columns) < 2:
             continue
-        limit = _limit(row, columns, false_alarms_per_hour / len(RESIDUALS), period_s)
+        limit = _limit(row, columns, rate, period_s)
         if limit is not None:
             found.append(replace(limit, spread=spread.get(row.name, ())))
     return tuple(found)

@@ -14,8 +14,9 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.fault_models import DRIVE, plant_models
+from flea_diag.core.fault_models import DRIVE, REGRESSORS, plant_models
 from flea_diag.core.feature_choice import FeatureChooser, refine
+from flea_diag.core.healthy_stretch import HealthyStretch
 from flea_diag.core.isolation import Isolation
 from flea_diag.core.likelihood import Evidence
 from flea_diag.core.operating_point import QUADRANTS
@@ -57,6 +58,9 @@ WEIGHED = (
     "ambient_temperature",
 )
 """Residuals that the quantitative fault models explain."""
+SHOWN = ("parity_electrical",)
+"""Relations in which a unit shows its own parameters. Not the one with friction: a drag that is
+there from the start would pass for the unit's."""
 LEVEL_DELAY_NS = 150_000_000
 """From the end of a block until the smoothed speed of that time is known: half a kernel."""
 WEIGH_EVERY_NS = 500_000_000
@@ -93,6 +97,7 @@ class IsolatorStage:
             for model in plant_models(fitted) + sensor_models(fitted, DRIVE in self._weighed)
             if any(term.residual in self._weighed for term in model.terms)
         )
+        self._healthy = HealthyStretch(self._weighed)
         self._verdict = Verdict(knowledge, parameters, self._models, self._weighed)
         self._onset_ns = round(parameters.onset_s * 1e9)
         self._standing = Standing()
@@ -189,6 +194,7 @@ class IsolatorStage:
 
     def _open(self, stamp_ns: int) -> Episode:
         self._episodes += 1
+        self._healthy.interrupt()
         isolation = Isolation(self._k.faults, self._k.signatures)
         inquiry = Inquiry(stamp_ns, self._window_ns, self._p.feature_windows)
         self._episode = Episode(
@@ -220,6 +226,8 @@ class IsolatorStage:
         self._standing.step(record.stamp_ns, moving, bool(record.health and record.health[-1]))
         self._motion.step(record.stamp_ns, record.regressors, moving)
         raised = self._level(record.stamp_ns)
+        if self._episode is None:
+            self._show(alone(record))
         if self._episode is None or raised:
             return raised or self._say(record.stamp_ns)
         self._episode.learn(alone(record), self._onset_ns)
@@ -232,6 +240,7 @@ class IsolatorStage:
         self._motion.follow(block)
         turns = self._standing.follow(block.stamps_ns, moving, lost, self._p.rest_s * 1e9)
         if self._episode is None:
+            self._show(block)
             for row in turns:
                 out.extend(self._say(int(block.stamps_ns[row])))
             return out
@@ -244,6 +253,14 @@ class IsolatorStage:
             start = end
         self._episode.learn(block.part(slice(start, None)), self._onset_ns)
         return out
+
+    def _show(self, block: ResidualBlock) -> None:
+        """What the unit shows of itself while nothing deviates."""
+        values = np.full((len(block), len(self._weighed)), np.nan)
+        for column, name in enumerate(self._weighed):
+            if name in SHOWN and name in block.names:
+                values[:, column] = block.values[:, block.names.index(name)]
+        self._healthy.add(values, block.regressors[:, : len(REGRESSORS)])
 
     def _weighings(self, episode: Episode, stamps_ns: Stamps) -> Iterator[int]:
         """Ends of the stretches of a block after which likelihoods are due."""
@@ -262,7 +279,11 @@ class IsolatorStage:
         models = [model for model in self._models if model.fault in alive]
         if self._p.likelihood and models and episode.symbols and episode.scans:
             fits = episode.likelihood.fit(
-                models, self._sigma, self._correlation, self._k.calibration.tolerances()
+                models,
+                self._sigma,
+                self._correlation,
+                self._k.calibration.tolerances(),
+                self._healthy.evidence,
             )
             conclusive = episode.conclusive() or not self._p.gating
             limit = self._p.drop_nats if conclusive else math.inf
