@@ -50,6 +50,12 @@ def test_equal_replays_are_equal(
     assert "1 runs compared, 0 decided otherwise" in capsys.readouterr().out
 
 
+def test_what_opened_an_episode_is_what_the_verdict_says(replayed: dict[str, Any]) -> None:
+    (episode,) = replayed["episodes"]
+    assert episode["detected_by"].startswith("parity_")
+    assert "limit" in episode["detected_by"]
+
+
 def test_a_change_is_named_with_its_time_and_evidence(
     tmp_path: Path, replayed: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:

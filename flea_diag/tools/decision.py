@@ -160,7 +160,7 @@ def _of_episodes(a: Episode | None, b: Episode | None) -> Iterator[str]:
 def _opened(episode: Episode) -> str:
     return (
         f"detected at {episode.get('detected_at_s')} s by "
-        f"{episode.get('detected_by') or 'the vibration level'}"
+        f"{episode.get('detected_by') or 'what is not known'}"
     )
 
 

@@ -13,7 +13,6 @@ from flea_diag.wire.records import (
     Candidate,
     ChannelQuality,
     DataQuality,
-    Detection,
     FeatureValue,
     Outcome,
     Quality,
@@ -36,11 +35,7 @@ def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
     known = [record for record in whole if not isinstance(record, (ScanBlock, ResidualBlock))]
     start_ns = scans[0] if scans else 0
     groups = [record for record in known if isinstance(record, AmbiguityGroup)]
-    detections = {r.episode: r for r in known if isinstance(r, Detection) and r.detected}
-    episodes = [
-        {**_episode(part, start_ns), "detected_by": _detected_by(detections.get(part[0].episode))}
-        for part in _by_episode(groups)
-    ]
+    episodes = [_episode(part, start_ns) for part in _by_episode(groups)]
     last = groups[-1] if groups else None
     quiet: dict[str, Any] = {
         "outcome": last.outcome.value if last else None,
@@ -97,19 +92,10 @@ def _episode(groups: Sequence[AmbiguityGroup], start_ns: int) -> dict[str, Any]:
         "probabilities": [candidate.probability for candidate in last.members],
         "words": last.words,
         "dropped": {candidate.fault: candidate.reason for candidate in last.dropped},
+        "detected_by": last.opened_by,
         "kept": {candidate.fault: _last_evidence(candidate) for candidate in last.members},
         "steps": _steps(groups, start_ns),
     }
-
-
-def _detected_by(detection: Detection | None) -> str | None:
-    """The test that opened an episode, in words; a spall is found by its level, not by one."""
-    if detection is None:
-        return None
-    return (
-        f"{detection.residual} at z = {detection.z:.3g}, limit {detection.threshold:.3g}, "
-        f"{detection.test}"
-    )
 
 
 def _last_evidence(candidate: Candidate) -> str:
