@@ -34,6 +34,7 @@ from flea_diag.wire.records import (
     Outcome,
     Quality,
     Record,
+    Residual,
     Scan,
     Symbols,
     Truth,
@@ -242,6 +243,10 @@ def test_live_stale_silent_and_replay_are_told_apart() -> None:
     assert link(live, START)[0] == "live"
     assert link(live, START + 2 * 10**9)[0] == "stale"
     assert link(live, START + 3 * 10**9)[0] == "silent"
+    residual = Residual(START - 10**9, ("r",), (0.0,), (0.0,), (5.0,))
+    assert link(shown(residual, scan, NOMINAL), START)[0] == "live"
+    kind, told = link(shown(residual, scan, NOMINAL), START + 10**8)
+    assert (kind, told) == ("silent", "✖ NO RESIDUALS for 1 s: the observer is silent")
     assert link(shown(scan, replace(NOMINAL, stale=True)), START)[0] == "stale"
     replay = shown(scan, replace(NOMINAL, source="replay"))
     assert link(replay, START) == ("replay", "↻ REPLAY, not the stand")

@@ -17,6 +17,7 @@ from flea_diag.wire.records import (
     Detection,
     Level,
     Outcome,
+    Residual,
     Scan,
 )
 from flea_diag.wire.wording import words_of
@@ -52,6 +53,9 @@ def link(state: OperatorState, now_ns: int) -> tuple[str, str]:
         return "silent", f"✖ NO VERDICT for {silent_s:.0f} s: the isolator is silent"
     if group.stale or state.silent(Scan, now_ns):
         return "stale", "‖ STALE: the stand sends no data"
+    if state.silent(Residual, now_ns):
+        silent_s = state.stream(Residual).silent_s(now_ns)
+        return "silent", f"✖ NO RESIDUALS for {silent_s:.0f} s: the observer is silent"
     if group.source == REPLAY:
         return "replay", "↻ REPLAY, not the stand"
     return "live", "● LIVE"
