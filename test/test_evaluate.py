@@ -90,6 +90,8 @@ def test_times_count_from_the_onset_of_the_truth(evaluated: Path) -> None:
     assert jam.onset_s == 8.0
     assert jam.detection_time_s == pytest.approx(jam.alarms_s[0] - 8.0)
     assert jam.nominal_s == 8.0
+    assert jam.detection_motion_s is not None
+    assert jam.detection_motion_s <= jam.detection_time_s + 0.02
     assert jam.isolated_stamp_ns is not None
     assert jam.detected_stamp_ns is not None
     assert jam.isolated_stamp_ns - jam.detected_stamp_ns == pytest.approx(

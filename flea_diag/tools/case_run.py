@@ -14,6 +14,7 @@ import numpy as np
 
 from flea_diag.errors import FleaError, RecordingError
 from flea_diag.tools.case import Case
+from flea_diag.tools.motion_time import moving_s
 from flea_diag.tools.peak_memory import forget_peak, peak_bytes
 from flea_diag.tools.run_result import NOMINAL, RunResult
 from flea_diag.tools.run_trace import RunTrace, write_trace
@@ -160,6 +161,10 @@ def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dic
     onset_s = (truth.onset_ns - start_ns) / 1e9 if truth else None
     details = dict(truth.details) if truth else {}
     computed = tuple(summary["features_computed"])
+    verdict = _verdict(summary, onset_s, start_ns)
+    if truth and "detection_time_s" in verdict:
+        moved_s = moving_s(done.kept, truth.onset_ns, verdict["detected_stamp_ns"])
+        verdict["detection_motion_s"] = round(moved_s, 6)
     result = RunResult(
         case.id,
         case.kind,
@@ -181,7 +186,7 @@ def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dic
         backend=numeric_backend(),
         detail=f"{DETAILS}/{case.configuration}/{case.id.replace('/', '.')}{case.fold}.json",
         duration_s=summary["duration_s"],
-        **_verdict(summary, onset_s, start_ns),
+        **verdict,
     )
     return result, summary
 

@@ -49,6 +49,8 @@ class RunResult:
         Start of the last episode, and when its group took its final value.
     detection_time_s, isolation_time_s
         The same after the onset; None when the run is nominal or was not detected.
+    detection_motion_s
+        How much of the detection time the actuator moved.
     alarms_s
         Start of every episode.
     false_alarms
@@ -82,6 +84,7 @@ class RunResult:
     isolated_stamp_ns: int | None = None
     detection_time_s: float | None = None
     isolation_time_s: float | None = None
+    detection_motion_s: float | None = None
     alarms_s: tuple[float, ...] = ()
     false_alarms: int = 0
     nominal_s: float = 0.0

@@ -138,6 +138,7 @@ def scores(results: Sequence[RunResult]) -> dict[str, Any]:
         "false_negatives": share(absent, len(expected)),
         "detection_accuracy": share(len(runs) - either, len(runs)),
         "detection_time_s": _spread([r.detection_time_s for r in grouped]),
+        "detection_motion_s": _spread([r.detection_motion_s for r in grouped]),
         "isolation_time_s": _spread([r.isolation_time_s for r in grouped]),
         "classification_errors": _rounded(
             sum(classification_errors(said, truth) for said, truth in blame)
