@@ -1,10 +1,12 @@
 """The simulated stand: 30 s into a bag without ROS, and its DAQ live in real time.
 
 Into a bag: processor time on one core, median of ``REPEATS``, compiled by numba and in plain
-Python. Live: the lateness that the DAQ tells of itself and the processor time of its process;
-what else the machine does shows in the lateness, so run it on a quiet one.
+Python. Live: how far the scans leave from their usual moment, as the DAQ tells of itself, and the
+processor time of its process. What else the machine does shows in the jitter: run it on a quiet
+one, or give the DAQ the priority that a DAQ has (``--fifo``, needs root and chrt).
 
-    scripts/bench stand
+    scripts/bench stand                          all
+    python bench/bench_stand.py --live --fifo    live alone, with real-time priority
 """
 
 from __future__ import annotations
@@ -73,6 +75,8 @@ def live() -> None:
     """Print how the DAQ keeps its pace, and what that costs."""
     command = node("flea_sim_driver.daq_node", "-p", f"duration_s:={LIVE_S}",
                    "-p", "wait_for_subscribers:=1")  # fmt: skip
+    if "--fifo" in sys.argv:
+        command = ["chrt", "--fifo", "20", *command]
     with Peer(DOMAIN) as peer:
         peer.bus.subscribe(Scan, peer.records.append)
         peer.bus.subscribe(Health, peer.records.append)
@@ -86,7 +90,7 @@ def live() -> None:
     told = [dict(r.values) for r in peer.records if isinstance(r, Health)]
     scans = sum(isinstance(r, Scan) for r in peer.records)
     print(
-        f"live         {scans / took:6.1f} scans/s, late by p99 {told[-1]['late_p99_ms']} ms "
+        f"live         {scans / took:6.1f} scans/s, jitter p99 {told[-1]['jitter_p99_ms']} ms "
         f"(limit 2 ms), {100.0 * spent / took:.1f} % of one core (limit 15 %)"
     )
 
@@ -100,6 +104,8 @@ def cpu_s(pid: int) -> float:
 if __name__ == "__main__":
     if "--bags" in sys.argv:
         bags()
+    elif "--live" in sys.argv:
+        live()
     else:
         for disabled in ("0", "1"):
             environment = {**os.environ, "NUMBA_DISABLE_JIT": disabled}

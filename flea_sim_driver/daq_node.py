@@ -8,6 +8,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from statistics import median
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
@@ -29,7 +30,7 @@ PHASE = 0.3
 GRACE_S = 0.3
 HEALTH_S = 1.0
 LATE_S = 0.05
-LATENESS_SCANS = 6000
+JITTER_SCANS = 6000
 """Scans over which the jitter is told: a minute in real time."""
 PUBLISHES = (ChannelTable, Truth, VibrationBlock, Scan, Health)
 
@@ -125,7 +126,7 @@ class Daq:
         self._published: dict[type, int] = dict.fromkeys(PUBLISHES, 0)
         self._begin: float | None = None
         self._worst_late_s = 0.0
-        self._lateness_s: deque[float] = deque(maxlen=LATENESS_SCANS)
+        self._left_s: deque[float] = deque(maxlen=JITTER_SCANS)
         self._ended_at = math.inf
         self._injected = ""
         bus.info(f"{scenario.run.name}: {scenario.run.duration_s:g} s, seed {scenario.run.seed}")
@@ -197,12 +198,13 @@ class Daq:
     def _send(self, record: Record, elapsed_ns: int) -> None:
         late_s = (elapsed_ns - self._offset_ns(record)) / 1e9 / self._parameters.rate
         self._worst_late_s = max(self._worst_late_s, late_s)
-        if isinstance(record, Scan):
-            self._lateness_s.append(late_s)
         if self._parameters.publish_clock and isinstance(record, Scan):
             self._bus.publish_clock(record.stamp_ns)
         self._bus.publish(record)
         self._published[type(record)] += 1
+        if isinstance(record, Scan) and self._begin is not None:
+            due_s = self._offset_ns(record) / 1e9 / self._parameters.rate
+            self._left_s.append(time.monotonic() - self._begin - due_s)
 
     def _report(self) -> None:
         late = self._worst_late_s
@@ -213,15 +215,18 @@ class Daq:
             ("scans", str(self._published[Scan])),
             ("vibration_blocks", str(self._published[VibrationBlock])),
             ("worst_late_ms", f"{late * 1e3:.2f}"),
-            ("late_p99_ms", f"{self._late_p99_s() * 1e3:.2f}"),
+            ("jitter_p99_ms", f"{self._jitter_s() * 1e3:.2f}"),
             ("inject", self._injected),
         )
         self._bus.publish(Health(self._bus.now_ns(), self._bus.name, level, message, values))
 
-    def _late_p99_s(self) -> float:
-        """Lateness that 99 % of the latest scans do not exceed."""
-        late = sorted(self._lateness_s)
-        return late[int(0.99 * (len(late) - 1))] if late else 0.0
+    def _jitter_s(self) -> float:
+        """How far 99 % of the latest scans leave from their usual moment, at most."""
+        if not self._left_s:
+            return 0.0
+        usual = median(self._left_s)
+        apart = sorted(abs(left - usual) for left in self._left_s)
+        return apart[int(0.99 * (len(apart) - 1))]
 
 
 def _overridden(scenario: Any, parameters: DaqParameters) -> Any:
