@@ -122,11 +122,13 @@ class SensorTests:
         for place, index in self._steps:
             z[:, place] = position_steps(recent[:, index]) / self._limits[index].step
         before, now = recent[-count - 1 : -1], recent[-count:]
-        odd = ((np.abs(now - before) > self._reach) | (now == before)).any(axis=0).tolist()
+        odd = (np.abs(now - before) > self._reach) | (now == before)
+        anywhere = odd.any(axis=0).tolist()
         for index, guard in enumerate(self._guards):
-            if odd[index] or guard.busy:
+            if anywhere[index] or guard.busy:
                 still = self._still(recent) if self._names[index] == SPEED else None
-                self._watch(index, recent[-count - 2 :, index].tolist(), usable, z, still)
+                readings = recent[-count - 2 :, index].tolist()
+                self._watch(index, readings, odd[:, index].tolist(), usable, z, still)
         self._scan += count
         return Tested(usable, z, self.k)
 
@@ -144,6 +146,7 @@ class SensorTests:
         self,
         index: int,
         readings: list[float],
+        odd: list[bool],
         usable: Array,
         z: Array,
         still: npt.NDArray[np.bool_] | None,
@@ -152,8 +155,10 @@ class SensorTests:
         guard, limit, column = self._guards[index], self._limits[index], self._columns[index]
         stuck, dropout = (self._places[test][index] for test in TESTS[1:])
         step = next((place for place, at in self._steps if at == index), None)
-        guard.wake(readings[0], readings[1])
         for n, value in enumerate(readings[2:]):
+            if not (odd[n] or guard.busy):
+                continue
+            guard.wake(readings[n], readings[n + 1])
             at_end = not self._low[index] < value < self._high[index]
             rests = still is not None and bool(still[n])
             withheld, leapt = guard.take(self._scan + n, value, at_end, rests)
