@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -83,7 +84,10 @@ class IsolatorStage:
         self._k = knowledge
         self._p = parameters
         fitted = knowledge.calibration.parameters
-        self._chooser = FeatureChooser(knowledge.features, parameters.strategy)
+        # Features of the scans say what the likelihoods have weighed already.
+        costs = {f: c for f, c in knowledge.features.costs.items() if f.startswith("accelerometer")}
+        vibration = replace(knowledge.features, costs=costs)
+        self._chooser = FeatureChooser(vibration, parameters.strategy)
         self._merge = Merge(
             Residual, round(parameters.watermark_s * 1e9), round(parameters.answer_limit_s * 1e9)
         )
