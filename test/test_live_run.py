@@ -59,14 +59,17 @@ def process_of(parent: int, module: str) -> int:
 
 
 def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_path: Path) -> None:
-    with Process(command(tmp_path / "run", "--for", "22", "--at", "7"), domain) as process:
+    with Process(command(tmp_path / "run", "--for", "120", "--at", "7"), domain) as process:
         process.wait_for("ISOLATED", limit_s=60.0)
         for name in ("isolator", "recorder"):
             os.kill(process_of(process.child.pid, f"flea_diag.nodes.{name}"), signal.SIGKILL)
         for name in ("isolator", "recorder"):
             process.wait_for(f"{name} was ended by SIGKILL: restarted (1 of at most 3)", 10.0)
-        assert process.child.wait(60.0) == 0
-        process.end()
+        process.output = ""
+        process.wait_for("jam", limit_s=40.0)  # the new isolator knows of the open episode
+        until_recorded(tmp_path / "run_2")
+        assert process.signal(signal.SIGINT)[0] == 1
+    assert "interrupted" in process.output
     folders = sorted(each.name for each in tmp_path.iterdir() if each.is_dir())
     bags = [name for name in folders if not name.endswith("-clips")]
     assert bags == ["run", "run_2"]
@@ -74,6 +77,13 @@ def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_pa
     # Whole up to a second before the fall, and again from the recorder's return to the end.
     assert stamps[0][-1] < stamps[1][0]
     assert all(b - a == 10_000_000 for part in stamps for a, b in itertools.pairwise(part))
+
+
+def until_recorded(bag: Path, limit_s: float = 30.0) -> None:
+    """Wait until a bag that is still written to holds a scan."""
+    deadline_s = time.monotonic() + limit_s
+    while not ((bag / "metadata.yaml").exists() and any(read_bag(bag, (Scan,)))):
+        assert time.monotonic() < deadline_s, f"no scan in {bag} within {limit_s} s"
 
 
 def test_a_node_that_keeps_falling_is_given_up(tmp_path: Path) -> None:
