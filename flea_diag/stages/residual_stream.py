@@ -27,11 +27,13 @@ from flea_diag.core.residual_bank import (
 )
 from flea_diag.core.sensor_tests import SensorTests
 from flea_diag.core.smoothing import KERNEL_LENGTH
+from flea_diag.core.state_observer import PREDICTED
 from flea_diag.core.unit_offsets import OffsetLearning
 from flea_diag.stages.state_estimate import StateEstimate, Told
 from flea_diag.wire.records import ChannelTable
 
 Array = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 SPEED_SCANS = KERNEL_LENGTH + SPAN
@@ -41,6 +43,7 @@ POSITION = RESIDUAL_INDEX["actuator_position"]
 VOLTAGE_COLUMNS = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
 INNOVATION_COLUMNS = list(INNOVATION_INDEX.values())
 SPEED_COLUMNS = [j for j, row in enumerate(RESIDUALS) if SPEED in row.needs]
+FINE_COLUMNS = [RESIDUAL_INDEX["parity_speed"]]
 LEARNED = {
     "parity_mechanical": "current_offset_a",
     "parity_electrical": "voltage_offset_v",
@@ -48,6 +51,7 @@ LEARNED = {
 """Which relation fixes which offset of this unit in the warm-up."""
 _READ = np.array([INDEX[name] for name in TEMPERATURES])
 _APART = np.array([RESIDUAL_INDEX[name] for name in TEMPERATURES])
+_IS_PREDICTED = np.array([name in PREDICTED for name in CHANNELS])
 REGRESSOR_NAMES = (*REGRESSORS, "moving")
 
 
@@ -91,16 +95,18 @@ class ResidualStream:
         }
         self._learn_until_ns = start_ns + round(warm_up_s * 1e9)
         self._speed_wait = 0
+        self._filled_wait = 0
         self._sensors = SensorTests(c.sensors, CHANNELS)
         self._period_ns = round(c.period_s * 1e9)
         self._last_ns = start_ns
+        self._last_rows: Array = np.empty((0, len(CHANNELS)))
 
     def take_ranges(self, table: ChannelTable) -> None:
         """A reading that stands at the end of its range is clipped, not held."""
         for row in table.channels:
             self._sensors.bound(row.name, row.minimum, row.maximum)
 
-    def alike(self, stamps_ns: npt.NDArray[np.int64]) -> int:
+    def alike(self, stamps_ns: Stamps) -> int:
         """How many of these scans may come in one block: the warm-up ends with a single one."""
         if not self._learning:
             return len(stamps_ns)
@@ -108,6 +114,7 @@ class ResidualStream:
 
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
+        self._last_rows = self._last_rows[:0]
         self._bank.interrupt()
         self._sensors.interrupt()
         self._estimate.interrupt()
@@ -116,18 +123,47 @@ class ResidualStream:
         """An episode has opened: frozen innovations say nothing. Or closed: arm anew."""
         self._detector.forget(INNOVATION_COLUMNS if opened else range(len(RESIDUALS)))
 
-    def step(self, stamps_ns: npt.NDArray[np.int64], rows: Array, frozen: bool) -> Tested:
+    def step(self, stamps_ns: Stamps, rows: Array, frozen: bool) -> Tested:
         """Take n scans, rows of usable values; ``frozen`` stops thermal corrections."""
+        before_ns = self._last_ns
         rows, sensors = self._test_sensors(stamps_ns, rows)
+        lost_ns, lost = self._lost(before_ns, int(stamps_ns[0]), rows[0])
+        if len(lost):
+            self._filled_wait = KERNEL_LENGTH + len(lost)
+            nothing = np.full((len(lost), sensors.shape[1]), np.nan)
+            self._follow(lost_ns, lost, nothing, frozen, read=False)
+        self._last_rows = np.vstack([self._last_rows, rows[-2:]])[-2:]
+        return self._follow(stamps_ns, rows, sensors, frozen)
+
+    def _lost(self, before_ns: int, stamp_ns: int, row: Array) -> tuple[Stamps, Array]:
+        """Rows for the scans lost before this one, on the parabola through their neighbours.
+
+        A kernel knows no time: without them it would read a lost scan as a faster motion. They
+        fill memories, and nothing is told of them.
+        """
+        count = round((stamp_ns - before_ns) / self._period_ns) - 1
+        if len(self._last_rows) < 2 or count < 1:
+            return np.empty(0, dtype=np.int64), np.empty((0, len(row)))
+        steps = np.arange(1.0, count + 1.0)
+        rows = (self._last_rows[0], self._last_rows[1], row)
+        filled = _parabola(steps[:, None], count + 1, rows)
+        return before_ns + steps.astype(np.int64) * self._period_ns, filled
+
+    def _follow(
+        self, stamps_ns: Stamps, rows: Array, sensors: Array, frozen: bool, read: bool = True
+    ) -> Tested:
         residuals = self._bank.step(rows, frozen)
         residuals.values[:, SENSOR_COLUMNS] = sensors
         alone = np.empty(len(rows), dtype=bool)
         alone[:] = np.isnan(residuals.signals.commanded_voltage_v)
         usable, trusted, turned = self._judge_voltage(residuals, alone)
-        told = self._estimate.step(rows, usable, frozen, residuals.values)
+        # A filter bridges what was not read by itself.
+        seen = rows if read else np.where(_IS_PREDICTED, np.nan, rows)
+        told = self._estimate.step(seen, usable, frozen, residuals.values)
         if not usable.all():
             _leave_out(residuals, ~usable, VOLTAGE_COLUMNS)
         self._distrust_speed(residuals)
+        self._distrust_filled(residuals)
         self._learn(residuals, int(stamps_ns[0]))
         results = self._detector.step(residuals)
         results.z[:, SENSOR_COLUMNS], results.k[:, SENSOR_COLUMNS] = sensors, self._sensors.k
@@ -137,7 +173,7 @@ class ResidualStream:
         found = self._regressors(rows, residuals)
         return Tested(residuals, results, found, trusted, turned, told)
 
-    def _test_sensors(self, stamps_ns: npt.NDArray[np.int64], rows: Array) -> tuple[Array, Array]:
+    def _test_sensors(self, stamps_ns: Stamps, rows: Array) -> tuple[Array, Array]:
         """Readings that may be used, and the tests of each sensor by itself.
 
         A lost scan is a row of nothing to them: a step across it is none.
@@ -183,6 +219,13 @@ class ResidualStream:
         wrong = np.array([self._reads_wrong(jump) for jump in jumped.tolist()])
         _leave_out(residuals, wrong, SPEED_COLUMNS)
         residuals.moving[wrong] = False
+
+    def _distrust_filled(self, residuals: ResidualRows) -> None:
+        """Two sensors of the same speed agree better than any line through what was lost."""
+        if self._filled_wait:
+            wrong = np.arange(len(residuals.moving)) < self._filled_wait
+            _leave_out(residuals, wrong, FINE_COLUMNS)
+            self._filled_wait -= int(np.count_nonzero(wrong))
 
     def _reads_wrong(self, jumped: bool) -> bool:
         if jumped:
@@ -245,3 +288,13 @@ def _leave_out(residuals: ResidualRows, scans: Flags, columns: list[int]) -> Non
     """These residuals are not to be used in these scans."""
     for column in columns:
         residuals.values[scans, column] = np.nan
+
+
+def _parabola(at: Array, ahead: int, rows: tuple[Array, Array, Array]) -> Array:
+    """Values at ``at`` of the parabola through rows at -1, 0 and ``ahead`` (Lagrange)."""
+    before, last, following = rows
+    return np.asarray(
+        before * at * (at - ahead) / (1 + ahead)
+        - last * (at + 1) * (at - ahead) / ahead
+        + following * (at + 1) * at / ((ahead + 1) * ahead)
+    )

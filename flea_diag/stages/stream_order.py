@@ -57,11 +57,11 @@ class StreamOrder:
         return Place.AFTER_GAP if missing >= self._gap_scans else Place.NEXT
 
     def leading(self, stamps_ns: Stamps) -> int:
-        """How many of these scans follow on one another, and on the stream, without a gap."""
+        """How many of these scans follow on one another, and on the stream, with none lost."""
         if self.last_ns is None:
             return 0
         ahead_ns, missing = self._ahead(stamps_ns)
-        wrong = np.flatnonzero((ahead_ns <= 0) | (missing >= self._gap_scans))
+        wrong = np.flatnonzero((ahead_ns <= 0) | (missing >= 1))
         return int(wrong[0]) if len(wrong) else len(stamps_ns)
 
     def follow(self, stamps_ns: Stamps) -> None:
