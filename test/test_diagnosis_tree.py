@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import pytest
 from hypothesis import assume, given, settings
@@ -232,9 +233,15 @@ def test_tree_is_drawn() -> None:
     ]
 
 
+def shipped_table(features: int) -> FaultFeatureTable:
+    """The first features of the table that is shipped: whole trees of all of them are huge."""
+    table = load_features("feature_table.yaml")
+    return replace(table, costs=dict(list(table.costs.items())[:features]))
+
+
 @pytest.mark.parametrize("states", [30, 2000])
 def test_cut_off_search_costs_no_more_than_gain_per_cost(states: int) -> None:
-    shipped = load_features("feature_table.yaml")
+    shipped = shipped_table(5)
     group = {"jam": 0.5, "ball_nut_friction": 0.3, "accelerometer_2_fault": 0.2}
     cut = FeatureChooser(shipped, rules=Rules(most_states=states))
     greedy = build(group, FeatureChooser(shipped, "information")).expected_cost
@@ -256,7 +263,7 @@ def test_search_for_the_optimum_is_bounded() -> None:
 
 def test_a_fault_that_is_all_but_certain_is_no_trouble_to_plan_for() -> None:
     """Probabilities of 1 and next to 0: entropy and gain vanish together."""
-    shipped = load_features("feature_table.yaml")
+    shipped = shipped_table(4)
     for rest in (0.0, 5e-324, 1e-300, 1e-17):
         group = {"jam": 1.0, "ball_nut_friction": rest, "spall": rest}
         assert build(group, FeatureChooser(shipped)).expected_cost >= 0.0

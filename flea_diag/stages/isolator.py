@@ -7,21 +7,15 @@ is left or nothing can split them. Everything is decided by record stamps, in me
 
 from __future__ import annotations
 
-import math
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from flea_diag.core.fault_models import DRIVE, REGRESSORS, plant_models
 from flea_diag.core.feature_choice import FeatureChooser, refine
-from flea_diag.core.healthy_stretch import HealthyStretch
 from flea_diag.core.isolation import Isolation
-from flea_diag.core.likelihood import Evidence
 from flea_diag.core.operating_point import QUADRANTS
-from flea_diag.core.sensor_models import sensor_models
 from flea_diag.core.sentinel import Sentinel
 from flea_diag.stages.episode import Episode, cause
 from flea_diag.stages.inquiry import Inquiry
@@ -30,6 +24,7 @@ from flea_diag.stages.merge import Merge
 from flea_diag.stages.motion import Motion
 from flea_diag.stages.standing import Standing
 from flea_diag.stages.verdict import Verdict, mismatch
+from flea_diag.stages.weighing import Weighing, due, weighings
 from flea_diag.wire.blocks import ResidualBlock, alone
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
@@ -46,25 +41,8 @@ from flea_diag.wire.records import (
 
 __all__ = ["IsolatorParameters", "IsolatorStage", "Knowledge"]
 
-Stamps = npt.NDArray[np.int64]
-
-WEIGHED = (
-    "parity_mechanical",
-    "parity_electrical",
-    "parity_drive",
-    "parity_kinematic",
-    "parity_speed",
-    "motor_temperature",
-    "nut_temperature",
-    "ambient_temperature",
-)
-"""Residuals that the quantitative fault models explain."""
-SHOWN = ("parity_electrical",)
-"""Relations in which a unit shows its own parameters. Not the one with friction: a drag that is
-there from the start would pass for the unit's."""
 LEVEL_DELAY_NS = 150_000_000
 """From the end of a block until the smoothed speed of that time is known: half a kernel."""
-WEIGH_EVERY_NS = 500_000_000
 
 
 class IsolatorStage:
@@ -83,7 +61,6 @@ class IsolatorStage:
     def __init__(self, knowledge: Knowledge, parameters: IsolatorParameters) -> None:
         self._k = knowledge
         self._p = parameters
-        fitted = knowledge.calibration.parameters
         # Features of the scans say what the likelihoods have weighed already.
         costs = {f: c for f, c in knowledge.features.costs.items() if f.startswith("accelerometer")}
         vibration = replace(knowledge.features, costs=costs)
@@ -91,18 +68,8 @@ class IsolatorStage:
         self._merge = Merge(
             Residual, round(parameters.watermark_s * 1e9), round(parameters.answer_limit_s * 1e9)
         )
-        limits = knowledge.calibration.limits
-        self._sigma = {limit.name: limit.sigma[0] for limit in limits}
-        self._correlation = {limit.name: limit.correlation_samples for limit in limits}
-        self._weighed = tuple(name for name in WEIGHED if name in self._sigma)
-        # A fault that moves none of this stand's relations cannot be weighed on it.
-        self._models = tuple(
-            model
-            for model in plant_models(fitted) + sensor_models(fitted, DRIVE in self._weighed)
-            if any(term.residual in self._weighed for term in model.terms)
-        )
-        self._healthy = HealthyStretch(self._weighed)
-        self._verdict = Verdict(knowledge, parameters, self._models, self._weighed)
+        self._weighing = Weighing(knowledge.calibration)
+        self._verdict = Verdict(knowledge, parameters, self._weighing.models, self._weighing.names)
         self._onset_ns = round(parameters.onset_s * 1e9)
         self._standing = Standing()
         self._episodes = 0
@@ -111,7 +78,9 @@ class IsolatorStage:
         self._levels: deque[VibrationLevel] = deque(maxlen=100)
         self._sentinel = Sentinel(knowledge.features.nominal)
         self._window_ns = round(parameters.feature_window_s * 1e9)
-        self._motion = Motion(fitted.encoder_m_per_rad, self._window_ns, self._sentinel)
+        self._motion = Motion(
+            knowledge.calibration.parameters.encoder_m_per_rad, self._window_ns, self._sentinel
+        )
         self._said: tuple[object, ...] = ()
 
     def handle(self, record: Record) -> tuple[Record, ...]:
@@ -198,12 +167,10 @@ class IsolatorStage:
 
     def _open(self, stamp_ns: int) -> Episode:
         self._episodes += 1
-        self._healthy.interrupt()
         isolation = Isolation(self._k.faults, self._k.signatures)
         inquiry = Inquiry(stamp_ns, self._window_ns, self._p.feature_windows)
-        self._episode = Episode(
-            self._episodes, stamp_ns, isolation, Evidence(self._weighed), inquiry
-        )
+        evidence = self._weighing.begin()
+        self._episode = Episode(self._episodes, stamp_ns, isolation, evidence, inquiry)
         return self._episode
 
     def _symbols(self, record: Symbols) -> Iterable[Record]:
@@ -231,7 +198,7 @@ class IsolatorStage:
         self._motion.step(record.stamp_ns, record.regressors, moving)
         raised = self._level(record.stamp_ns)
         if self._episode is None:
-            self._show(alone(record))
+            self._weighing.show(alone(record))
         if self._episode is None or raised:
             return raised or self._say(record.stamp_ns)
         self._episode.learn(alone(record), self._onset_ns)
@@ -244,54 +211,28 @@ class IsolatorStage:
         self._motion.follow(block)
         turns = self._standing.follow(block.stamps_ns, moving, lost, self._p.rest_s * 1e9)
         if self._episode is None:
-            self._show(block)
+            self._weighing.show(block)
             for row in turns:
                 out.extend(self._say(int(block.stamps_ns[row])))
             return out
         for _ in turns:
             pass  # what an episode amounts to does not rest on it
         start = 0
-        for end in self._weighings(self._episode, block.stamps_ns):
+        for end in weighings(self._episode, block.stamps_ns):
             self._episode.learn(block.part(slice(start, end)), self._onset_ns)
             out.extend(self._weigh(int(block.stamps_ns[end - 1]), self._episode))
             start = end
         self._episode.learn(block.part(slice(start, None)), self._onset_ns)
         return out
 
-    def _show(self, block: ResidualBlock) -> None:
-        """What the unit shows of itself while nothing deviates."""
-        values = np.full((len(block), len(self._weighed)), np.nan)
-        for column, name in enumerate(self._weighed):
-            if name in SHOWN and name in block.names:
-                values[:, column] = block.values[:, block.names.index(name)]
-        self._healthy.add(values, block.regressors[:, : len(REGRESSORS)])
-
-    def _weighings(self, episode: Episode, stamps_ns: Stamps) -> Iterator[int]:
-        """Ends of the stretches of a block after which likelihoods are due."""
-        due = np.rint((stamps_ns - episode.start_ns) / WEIGH_EVERY_NS)
-        yield from (np.flatnonzero(due != np.append(episode.weighed_at, due[:-1])) + 1).tolist()
-
     def _weigh(self, stamp_ns: int, episode: Episode) -> Iterable[Record]:
         """Every half second of evidence: likelihoods, and whether the slow channels are done."""
-        due = round((stamp_ns - episode.start_ns) / WEIGH_EVERY_NS)
-        if due == episode.weighed_at:
+        if not due(episode, stamp_ns):
             return ()
-        episode.weighed_at = due
         if not episode.symbols and not episode.settled:
             return ()  # the observer's innovation detected; no relation has deviated yet
-        alive = {h.name for h in episode.isolation.alive()}
-        models = [model for model in self._models if model.fault in alive]
-        if self._p.likelihood and models and episode.symbols and episode.scans:
-            fits = episode.likelihood.fit(
-                models,
-                self._sigma,
-                self._correlation,
-                self._k.calibration.tolerances(),
-                self._healthy.evidence,
-            )
-            conclusive = episode.conclusive() or not self._p.gating
-            limit = self._p.drop_nats if conclusive else math.inf
-            episode.isolation.weigh(stamp_ns, fits, limit)
+        if self._p.likelihood:
+            self._weighing.weigh(stamp_ns, episode, self._p.drop_nats, self._p.gating)
         waited = (stamp_ns - episode.start_ns) / 1e9 >= self._p.settle_s
         if waited or episode.moving >= self._p.settle_samples:
             episode.settled = True

@@ -1,0 +1,98 @@
+"""The quantitative half of isolation: which residuals are weighed, by which models, and when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.calibration import Calibration
+from flea_diag.core.fault_models import DRIVE, REGRESSORS, plant_models
+from flea_diag.core.healthy_stretch import HealthyStretch
+from flea_diag.core.likelihood import Evidence
+from flea_diag.core.sensor_models import sensor_models
+from flea_diag.stages.episode import Episode
+from flea_diag.wire.blocks import ResidualBlock
+
+Stamps = npt.NDArray[np.int64]
+
+WEIGHED = (
+    "parity_mechanical",
+    "parity_electrical",
+    DRIVE,
+    "parity_kinematic",
+    "parity_speed",
+    "motor_temperature",
+    "nut_temperature",
+    "ambient_temperature",
+)
+"""Residuals that the quantitative fault models explain."""
+SHOWN = ("parity_electrical",)
+"""Relations in which a unit shows its own parameters. Not the one with friction: a drag that is
+there from the start would pass for the unit's."""
+WEIGH_EVERY_NS = 500_000_000
+
+
+class Weighing:
+    """Models of the faults on this stand, and what its unit showed while it was healthy.
+
+    Attributes
+    ----------
+    names
+        Residuals that are weighed here.
+    models
+        Of the faults that move one of them: any other cannot be weighed on this stand.
+    """
+
+    def __init__(self, calibration: Calibration) -> None:
+        limits, fitted = calibration.limits, calibration.parameters
+        self._tolerances = calibration.tolerances()
+        self._sigma = {limit.name: limit.sigma[0] for limit in limits}
+        self._correlation = {limit.name: limit.correlation_samples for limit in limits}
+        self.names = tuple(name for name in WEIGHED if name in self._sigma)
+        self.models = tuple(
+            model
+            for model in plant_models(fitted) + sensor_models(fitted, DRIVE in self.names)
+            if any(term.residual in self.names for term in model.terms)
+        )
+        self._healthy = HealthyStretch(self.names)
+
+    def begin(self) -> Evidence:
+        """An episode begins: what the unit shows from now on is not its healthy self."""
+        self._healthy.interrupt()
+        return Evidence(self.names)
+
+    def show(self, block: ResidualBlock) -> None:
+        """What the unit shows of itself while nothing deviates."""
+        values = np.full((len(block), len(self.names)), np.nan)
+        for column, name in enumerate(self.names):
+            if name in SHOWN and name in block.names:
+                values[:, column] = block.values[:, block.names.index(name)]
+        self._healthy.add(values, block.regressors[:, : len(REGRESSORS)])
+
+    def weigh(self, stamp_ns: int, episode: Episode, drop_nats: float, gating: bool) -> None:
+        """Take the likelihoods of an episode's evidence into its isolation."""
+        alive = {hypothesis.name for hypothesis in episode.isolation.alive()}
+        models = [model for model in self.models if model.fault in alive]
+        if not (models and episode.symbols and episode.scans):
+            return
+        fits = episode.likelihood.fit(
+            models, self._sigma, self._correlation, self._tolerances, self._healthy.evidence
+        )
+        conclusive = episode.conclusive() or not gating
+        episode.isolation.weigh(stamp_ns, fits, drop_nats if conclusive else math.inf)
+
+
+def due(episode: Episode, stamp_ns: int) -> bool:
+    """Whether another half second of evidence is there; takes note that it is."""
+    number = round((stamp_ns - episode.start_ns) / WEIGH_EVERY_NS)
+    before, episode.weighed_at = episode.weighed_at, number
+    return number != before
+
+
+def weighings(episode: Episode, stamps_ns: Stamps) -> Iterator[int]:
+    """Ends of the stretches of a block after which likelihoods are due."""
+    numbers = np.rint((stamps_ns - episode.start_ns) / WEIGH_EVERY_NS)
+    yield from (np.flatnonzero(numbers != np.append(episode.weighed_at, numbers[:-1])) + 1).tolist()
