@@ -81,10 +81,21 @@ def test_stamps_that_jump_back_start_afresh(stand: Stand) -> None:
     stand.peer.find(lambda r: isinstance(r, Residual) and r.values == (4.0,))
     stand.peer.records.clear()
     stand.scan(after_ns=-60 * 10**9)
+    for _ in range(9):  # one wrong stamp would not do
+        stand.scan()
     again = stand.peer.find(lambda r: isinstance(r, Residual))
     assert again.values == (1.0,)
     health = stand.peer.find(lambda r: isinstance(r, Health) and r.node == "toy")
-    assert dict(health.values)["sensors/slow/late"] == "1"
+    # One was late, and ten came before the new run was believed; none of them is lost.
+    assert dict(health.values)["sensors/slow/late"] == "11"
+    stand.peer.find(lambda r: isinstance(r, Residual) and r.values == (10.0,))
+
+
+def test_a_wrong_stamp_starts_nothing_afresh(stand: Stand) -> None:
+    stand.scan()
+    stand.scan(after_ns=-60 * 10**9)
+    stand.scan(after_ns=60 * 10**9 + PERIOD_NS)
+    stand.peer.find(lambda r: isinstance(r, Residual) and r.values == (3.0,))
 
 
 def test_what_cannot_be_used_is_counted_and_passed_over(stand: Stand) -> None:

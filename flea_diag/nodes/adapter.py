@@ -52,7 +52,10 @@ SAID_ONCE: tuple[type, ...] = (ChannelTable, DataQuality)
 """Records that come before the first of a run's streams: a fresh stage is told them again."""
 
 JUMP_NS = 1_000_000_000
-"""A stamp that is older than the stream by more than this starts a new run."""
+"""Stamps that are older than the stream by more than this start a new run."""
+
+FOLLOWERS = 10
+"""So many of them in a row: one wrong stamp, or a second source, does not."""
 
 REPEAT_S = 1.0
 WATCH_S = 0.1
@@ -108,7 +111,7 @@ class Adapter:
     bus
         Of the node.
     build
-        Makes a fresh stage of parameters; called again when stamps jump back and when a
+        Makes a fresh stage of parameters; called again when stamps have jumped back and when a
         parameter changes.
     parameters
         Values at start.
@@ -126,6 +129,8 @@ class Adapter:
         self._verdict = Verdict()
         self._health = HealthReport(bus)
         self._latest_ns: dict[type, int] = {}
+        self._held: list[Record] = []
+        """Those of streams whose stamps have jumped back, in the order of arrival."""
         self._said_once: dict[type, Record] = {}
         self._mirrored: dict[type, Record] = {}
         bus.advertise(*ports.publishes, Health)
@@ -139,10 +144,10 @@ class Adapter:
         bus.every(REPEAT_S, self._repeat)
 
     def _take(self, record: Record) -> None:
-        self._follow_stamps(record)
-        if isinstance(record, SAID_ONCE):
-            self._said_once[type(record)] = record
-        self._publish(self._stage.handle(record))
+        for due in self._due(record):
+            if isinstance(due, SAID_ONCE):
+                self._said_once[type(due)] = due
+            self._publish(self._stage.handle(due))
 
     def _publish(self, records: tuple[Record, ...]) -> None:
         for record in records:
@@ -157,19 +162,33 @@ class Adapter:
             self._mirrored[type(record)] = record
             self._bus.publish(mirrored(record, self._bus.name, self._bus.now_ns()))
 
-    def _follow_stamps(self, record: Record) -> None:
+    def _due(self, record: Record) -> tuple[Record, ...]:
+        """What is to be taken now; what jumps back waits until it is known for a new run."""
         kind = type(record)
         if kind not in STREAMS:
-            return
+            return (record,)
         latest_ns = self._latest_ns.get(kind, record.stamp_ns)
-        if record.stamp_ns < latest_ns - JUMP_NS:
-            back_s = (latest_ns - record.stamp_ns) / 1e9
-            self._bus.info(f"{kind.__name__} stamps went back by {back_s:.1f} s: starting afresh")
-            self._forget_after(record.stamp_ns)
-            self._start_afresh()
-            latest_ns = record.stamp_ns
         self._health.arrived(kind, record.stamp_ns, late=record.stamp_ns < latest_ns)
-        self._latest_ns[kind] = max(record.stamp_ns, latest_ns)
+        if record.stamp_ns >= latest_ns - JUMP_NS:
+            self._latest_ns[kind] = max(record.stamp_ns, latest_ns)
+            refuted = [held for held in self._held if type(held) is kind]
+            self._held = [held for held in self._held if type(held) is not kind]
+            return (*refuted, record)
+        self._held.append(record)
+        if sum(type(held) is kind for held in self._held) < FOLLOWERS:
+            return ()
+        back_s = (latest_ns - record.stamp_ns) / 1e9
+        self._bus.info(f"{kind.__name__} stamps went back by {back_s:.1f} s: starting afresh")
+        return self._new_run()
+
+    def _new_run(self) -> tuple[Record, ...]:
+        """Start afresh with what was held; all of it is due."""
+        held, self._held = tuple(self._held), []
+        self._forget_after(held[0].stamp_ns)
+        self._start_afresh()
+        for record in held:
+            self._latest_ns[type(record)] = record.stamp_ns
+        return held
 
     def _forget_after(self, stamp_ns: int) -> None:
         """What is younger than a new run's first record belongs to the run before."""

@@ -130,6 +130,8 @@ class ExtractorStage:
         """Take a block in; the sentinel's record is stamped with the end of the block."""
         if not self.windows.add(block) or not self.parameters.sentinel:
             return ()
+        if not self._is_rate_known(self.windows.vibration.rate_hz):
+            return ()  # its range was learned on another band
         std = tuple(block_std(block).tolist())
         return (VibrationLevel(self.windows.vibration.end_ns, block.axes, std),)
 
@@ -212,9 +214,13 @@ class ExtractorStage:
             self._check_saturation(window)
         return window
 
+    def _is_rate_known(self, rate_hz: float) -> bool:
+        learned_hz = self.table.nominal.rate_hz
+        return not learned_hz or abs(rate_hz / learned_hz - 1.0) <= self.parameters.rate_tolerance
+
     def _check_rate(self, rate_hz: float) -> None:
         learned_hz = self.table.nominal.rate_hz
-        if learned_hz and abs(rate_hz / learned_hz - 1.0) > self.parameters.rate_tolerance:
+        if not self._is_rate_known(rate_hz):
             raise NotComputableError(
                 f"vibration is sampled at {rate_hz:.6g} Hz, "
                 f"nominal ranges were learned at {learned_hz:.6g} Hz"

@@ -176,7 +176,8 @@ class ObserverStage:
         said = self._deviation.step(scan.stamp_ns, tested.results)
         if self._deviation.is_open != was_open:
             self._stream.turn(opened=not was_open)
-        quality = () if changed else (self.quality_record(scan.stamp_ns),)
+        is_new = changed == 0 or self._order.is_due(scan.stamp_ns)
+        quality = (self._say_quality(scan.stamp_ns),) if is_new else ()
         return (*quality, *self._residuals(block, tested).records(), *said)
 
     def _go_over(self, block: ScanBlock, stamp_ns: int) -> tuple[Record, ...]:
@@ -185,7 +186,7 @@ class ObserverStage:
         self._start(stamp_ns)
         tested, _ = self._test(block)
         residuals = self._residuals(block, tested).records()
-        return (self.quality_record(stamp_ns), *residuals, closed)
+        return (self._say_quality(stamp_ns), *residuals, closed)
 
     def _residuals(self, block: ScanBlock, tested: Tested) -> ResidualBlock:
         results = tested.results
@@ -203,6 +204,15 @@ class ObserverStage:
     def quality_record(self, stamp_ns: int) -> DataQuality:
         """State and counters of every channel and of the stream, as they are now."""
         return DataQuality(stamp_ns, (self._order.state(), *self._channels.states()))
+
+    def _say_quality(self, stamp_ns: int) -> DataQuality:
+        return DataQuality(stamp_ns, (self._order.say(stamp_ns), *self._channels.states()))
+
+    def finish(self) -> tuple[Record, ...]:
+        """The input has ended: what was counted and not yet said."""
+        if not self._order.unsaid or self._order.last_ns is None:
+            return ()
+        return (self._say_quality(self._order.last_ns),)
 
     def reset(self) -> tuple[Record, ...]:
         """Close the open episode, if any, and arm again."""

@@ -1,0 +1,43 @@
+"""A relay that spoils healthy runs of the simulated stand: what is called, and what is counted.
+
+scripts/bench lossy                          50 units for each disturbance
+python bench/bench_lossy.py 4 dropped        some of them
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+
+import lossy
+
+FIRST_SEED = 1000
+
+
+def main() -> int:
+    """One line for each disturbance, and one for each run that is not as it should be."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
+    wrong = 0
+    for name in sys.argv[2:] or lossy.DISTURBANCES:
+        runs = [lossy.passed(name, seed) for seed in range(FIRST_SEED, FIRST_SEED + count)]
+        called = [run for run in runs if run.called]
+        miscounted = [run for run in runs if run.miscounted]
+        wrong += len(called) + len(miscounted)
+        print(
+            f"{name:16s} n = {count}: fault called in {len(called)}, "
+            f"counters wrong in {len(miscounted)}",
+            flush=True,
+        )
+        for run in called:
+            print(f"    seed {run.seed}: {run.called[0]}")
+            if lossy.called(lossy.diagnosed(lossy.nominal(run.seed, name == "vibration_gaps"))):
+                print("        and so without the disturbance")
+        for run in miscounted:
+            print(f"    seed {run.seed}: {', '.join(run.miscounted)}")
+    return min(wrong, 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
