@@ -15,11 +15,12 @@ import pytest
 from flea_diag.core.calibration import Run
 from flea_diag.core.identification import identify
 from flea_diag.core.noise_identification import fitted
+from flea_diag.core.observer_block import PREDICTED
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.residual_bank import CHANNELS, INDEX
 from flea_diag.core.smoothing import KERNEL_LENGTH
-from flea_diag.core.state_observer import PREDICTED, StateObserver
+from flea_diag.core.state_observer import StateObserver
 from flea_diag.core.thermal_filter import ThermalFilter
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools.flea_data import read_flea_data

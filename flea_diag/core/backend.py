@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
+from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
@@ -31,16 +34,32 @@ def chosen(backend: str) -> str:
 
 
 @cache
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+def compiled(function: Callable[..., Any], *parts: Callable[..., Any]) -> Callable[..., Any]:
     """A module's plain function of loops, compiled by numba on first call, cached on disk.
 
     Sums may be reordered, so that they vectorise; NaN and infinity keep their meaning.
+    ``parts`` are the plain functions that it calls.
     """
     import numba
+    from numba.extending import register_jitable
 
     options: dict[str, Any] = {"fastmath": {"reassoc", "contract", "nsz", "arcp"}}
+    for part in parts:
+        register_jitable(**options)(part)
     try:
-        result: Callable[..., Any] = numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # nowhere to keep a cache: a read-only installation
+        result: Callable[..., Any] = numba.njit(cache=True, **options)(_named(function, parts))
+    except (RuntimeError, OSError):  # nowhere to keep a cache: a read-only installation
         result = numba.njit(**options)(function)
     return result
+
+
+def _named(function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]) -> FunctionType:
+    """The function under a name that tells the sources of its parts.
+
+    The cache on disk goes by the name, and sees changes in the function's own file alone.
+    """
+    files = sorted({part.__code__.co_filename for part in parts})
+    digest = zlib.crc32(b"".join(Path(file).read_bytes() for file in files))
+    named = FunctionType(function.__code__, function.__globals__, function.__name__)
+    named.__qualname__ = f"{function.__qualname__}_{digest:08x}"
+    return named

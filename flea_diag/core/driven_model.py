@@ -32,6 +32,7 @@ from flea_diag.core.observer_model import difference_jacobian
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.residual import COPPER_PER_K
+from flea_diag.core.track_loops import TRANSITION
 
 Array = npt.NDArray[np.float64]
 
@@ -117,8 +118,8 @@ class DrivenModel:
         return np.diag(self.noise.readings() ** 2)
 
     @cached_property
-    def _constants(self) -> Array:
-        """In the order in which both transitions unpack them."""
+    def constants(self) -> Array:
+        """In the order in which both transitions unpack them, shape (14,)."""
         p, T, R = self.parameters, self.period_s, self.resistance_ohm
         damping = p.force_constant_n_per_a * p.back_emf_v_s_per_m / R
         damping += p.viscous_friction_n_s_per_m
@@ -146,7 +147,7 @@ class DrivenModel:
     @cached_property
     def _noises(self) -> dict[tuple[bool, bool], Array]:
         """Process noise by whether voltage and load are measured."""
-        T, _, gained, _, averaged, force_per_volt, *_ = self._constants
+        T, _, gained, _, averaged, force_per_volt, *_ = self.constants
         noise = self.noise
         per_newton = np.array([0.0, averaged, gained, T * averaged])
         per_volt = force_per_volt * per_newton
@@ -169,21 +170,23 @@ class DrivenModel:
         return self._noises[not (self.pwm or math.isnan(u[0])), not math.isnan(u[1])]
 
     @cached_property
-    def _move(self) -> Callable[..., Array]:
+    def _move(self) -> Callable[..., None]:
         numba = self.backend == "numba"
-        return backends.compiled(transition_loops) if numba else transition_numpy
+        return backends.compiled(*TRANSITION) if numba else transition_numpy
 
     def transition(self, x: Array, u: Array) -> Array:
         """(4, N) and (2,) -> (4, N); NaN inputs: voltage held, load in balance."""
-        return self._move(x, u, self.pwm, self._constants)
+        new = np.empty_like(x)
+        self._move(x, u, self.pwm, self.constants, new)
+        return new
 
     def jacobian(self, x: Array, u: Array) -> Array:
         """By central differences, (4, 4)."""
         return difference_jacobian(self.transition, x, u)
 
 
-def transition_numpy(x: Array, u: Array, pwm: bool, constants: Array) -> Array:
-    """One scan of all particles, (4, N) -> (4, N)."""
+def transition_numpy(x: Array, u: Array, pwm: bool, constants: Array, new: Array) -> None:
+    """One scan of all particles, (4, N) -> (4, N) into ``new``."""
     (
         T, decay, gained, kept, averaged, force_per_volt, V0, drag, K,
         coulomb, ratio, viscous, sharp, conductance,
@@ -201,39 +204,7 @@ def transition_numpy(x: Array, u: Array, pwm: bool, constants: Array) -> Array:
     first = drive - coulomb * np.tanh(sharp * speed)
     half = decay * speed + gained * first
     second = drive - coulomb * np.tanh(sharp * half) - first
-    new = np.empty_like(x)
     new[0] = voltage
     new[1] = kept * speed + averaged * (first + 0.5 * second)
     new[2] = half + averaged * second
     new[3] = position + T * new[1]
-    return new
-
-
-def transition_loops(x: Array, u: Array, pwm: bool, constants: Array) -> Array:
-    """``transition_numpy`` particle by particle, for numba."""
-    (
-        T, decay, gained, kept, averaged, force_per_volt, V0, drag, K,
-        coulomb, ratio, viscous, sharp, conductance,
-    ) = (constants[0], constants[1], constants[2], constants[3], constants[4], constants[5],
-         constants[6], constants[7], constants[8], constants[9], constants[10], constants[11],
-         constants[12], constants[13])  # fmt: skip
-    held = pwm or math.isnan(u[0])
-    new = np.empty_like(x)
-    for i in range(x.shape[1]):
-        speed = x[2, i]
-        current = conductance * (x[0, i] - V0) - drag * x[1, i]
-        voltage = x[0, i] if held else u[0]
-        direction = math.tanh(sharp * speed)
-        load = u[1]
-        if math.isnan(load):
-            load = K * current - coulomb * direction - viscous * speed
-        drive = force_per_volt * (voltage - V0) - load
-        friction = coulomb + ratio * abs(load)
-        first = drive - friction * direction
-        half = decay * speed + gained * first
-        second = drive - friction * math.tanh(sharp * half) - first
-        new[0, i] = voltage
-        new[1, i] = kept * speed + averaged * (first + 0.5 * second)
-        new[2, i] = half + averaged * second
-        new[3, i] = x[3, i] + T * new[1, i]
-    return new

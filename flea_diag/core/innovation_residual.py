@@ -21,12 +21,12 @@ import numpy.typing as npt
 from flea_diag.core import noise_identification
 from flea_diag.core.calibration import Run
 from flea_diag.core.driven_model import STATES
+from flea_diag.core.observer_block import PREDICTED, Innovations
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residual import UNIT_PARAMETERS
 from flea_diag.core.residual_bank import INNOVATION_CHANNELS, INNOVATION_INDEX
-from flea_diag.core.state_filter import Innovation
-from flea_diag.core.state_observer import PREDICTED, StateObserver
+from flea_diag.core.state_observer import StateObserver
 
 Array = npt.NDArray[np.float64]
 MakeObserver = Callable[[ActuatorParameters], StateObserver]
@@ -43,17 +43,17 @@ PIECE_SCANS = 1000
 SETTLE_SCANS = 50
 
 
-def normalised(told: Innovation) -> list[float]:
+def normalised(told: Innovations) -> Array:
     """Innovations over their sigmas, each as it is and times the sign of the estimated speed.
 
-    Order of ``COLUMNS``; NaN where nothing was measured.
+    Shape (scans, columns), order of ``COLUMNS``; NaN where nothing was measured.
     """
-    residual, sigma = told.residual.tolist(), told.sigma.tolist()
-    sign = math.copysign(1.0, told.mean[_SPEED])
-    found = []
-    for k in _AT:
-        z = residual[k] / sigma[k] if sigma[k] > 0.0 else math.nan
-        found += [z, sign * z]
+    sigma = told.sigmas.take(_AT, axis=1)
+    sigma[~(sigma > 0.0)] = math.nan
+    found = np.empty((len(sigma), len(COLUMNS)))
+    np.divide(told.residuals.take(_AT, axis=1), sigma, out=found[:, ::2])
+    sign = np.copysign(1.0, told.means[:, _SPEED, None])
+    np.multiply(found[:, ::2], sign, out=found[:, 1::2])
     return found
 
 
@@ -98,7 +98,7 @@ def learn(
 
 def trace(observer: StateObserver, rows: Array) -> Array:
     """Innovation residuals of a whole recording, shape (scans, columns)."""
-    return np.array([normalised(observer.step(row)) for row in rows])
+    return normalised(observer.follow(rows))
 
 
 def unit_spread(

@@ -148,12 +148,12 @@ def _mean_cost(
             voltage_sampling=voltage_sampling,
             kind="kalman",
         )
-        for k, row in enumerate(rows):
-            told = observer.step(row)
-            if k >= SETTLE_SCANS:
-                seen = told.sigma > 0.0
-                spread = 2.0 * float(np.log(told.sigma[seen]).sum())
-                tails = FREEDOM + np.count_nonzero(seen)
-                total += float(tails * np.log1p(told.nis / FREEDOM)) + spread
-                scans += 1
+        found = observer.follow(rows)
+        for k in range(SETTLE_SCANS, len(rows)):
+            told = found.scan(k)
+            seen = told.sigma > 0.0
+            spread = 2.0 * float(np.log(told.sigma[seen]).sum())
+            tails = FREEDOM + np.count_nonzero(seen)
+            total += float(tails * np.log1p(told.nis / FREEDOM)) + spread
+            scans += 1
     return total / scans

@@ -60,16 +60,34 @@ class RandomBits:
             )
         self._raw = bits.random_raw
         self._words = 1 + (normals + 3) // 4
-        self._ahead: list[tuple[float, Indices]] = []
+        self._uniform: Array = np.empty(0)
+        self._chosen: Indices = np.empty((0, normals), np.uint16)
+        self._at = 0
 
     def next(self) -> tuple[float, Indices]:
         """A number in [0, 1), and indices into the table for ``normals`` normal numbers."""
-        if not self._ahead:
+        uniform, chosen = self.ahead(1)
+        self.used(1)
+        return uniform.item(), chosen[0]
+
+    def ahead(self, most: int) -> tuple[Array, Indices]:
+        """The same for so many steps or fewer, at least one: shapes (k,) and (k, normals).
+
+        They stay ahead until they are ``used``. Never are more drawn than one step after
+        another would draw, so that the generator is left the same.
+        """
+        if self._at == len(self._uniform):
             self._draw()
-        return self._ahead.pop()
+        rows = slice(self._at, self._at + most)
+        return self._uniform[rows], self._chosen[rows]
+
+    def used(self, steps: int) -> None:
+        """So many of those ahead."""
+        self._at += steps
 
     def _draw(self) -> None:
         words = self._raw(STEPS * self._words).reshape(STEPS, self._words)
-        uniform = (words[:, 0] >> np.uint64(11)) * 2.0**-53
-        chosen = words[:, 1:].copy().view(np.uint16) >> UNUSED_BITS
-        self._ahead = list(zip(uniform.tolist(), chosen, strict=True))[::-1]
+        self._uniform = np.asarray((words[:, 0] >> np.uint64(11)) * 2.0**-53, dtype=float)
+        self._chosen = words[:, 1:].copy().view(np.uint16)
+        self._chosen >>= UNUSED_BITS
+        self._at = 0

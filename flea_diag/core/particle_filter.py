@@ -25,11 +25,13 @@ from flea_diag.core import backend as backends
 from flea_diag.core import normal_table
 from flea_diag.core.gaussian import square_root
 from flea_diag.core.particle_kernel import Views, pack, step_numpy, unpack
-from flea_diag.core.particle_loops import step_loops
+from flea_diag.core.particle_loops import STEP
 from flea_diag.core.state_filter import FilterModel, Health, Innovation
+from flea_diag.core.track_loops import TRACK
 from flea_diag.errors import ConfigurationError
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 PROPOSALS = ("optimal", "bootstrap")
 PATTERNS = 256
@@ -95,7 +97,7 @@ class ParticleFilter:
         self._blind = proposal == "bootstrap"
         self._threshold = threshold * particles
         self._step: Callable[..., bool] = (
-            backends.compiled(step_loops) if self.backend == "numba" else step_numpy
+            backends.compiled(*STEP) if self.backend == "numba" else step_numpy
         )
         n, p = len(mean), len(model.channels)
         self._bits = normal_table.RandomBits(generator, n * particles)
@@ -111,13 +113,15 @@ class ParticleFilter:
         self._row[3 * p : -2] = mean
         self._health = Health()
         self.diverged = False
+        self._tracked: tuple[Flags, Array | Views, Array | Views] | None = None
         self.adopt(model)
 
     def adopt(self, model: FilterModel) -> None:
         """Go on with another model of the same states and channels."""
         self._model = model
         self._linear = None if self._blind else model.linear
-        self._patterns: dict[tuple[int, bytes], _Pattern] = {}
+        self._patterns: dict[tuple[bytes, bytes], _Pattern] = {}
+        self._tracked = None
         self._heed(np.zeros((len(self._x), len(self._x))))
 
     def _heed(self, noise: Array) -> None:
@@ -178,6 +182,66 @@ class ParticleFilter:
         self.diverged = self._health.step(row.item(-2), measured)
         return Innovation(row, len(y), measured, self.diverged)
 
+    def track(
+        self,
+        scans: tuple[Array, ...],
+        first: int,
+        motion: tuple[bool, Array],
+        heat: tuple[Array, Array],
+        frozen: bool,
+        out: Array,
+    ) -> tuple[int, int]:
+        """``predict`` and ``update`` from scan ``first`` on, in one compiled call.
+
+        For the optimal proposal with numba on a ``DrivenModel``, whose ``motion`` and ``heat``
+        these are.
+
+        Returns
+        -------
+        How many scans were taken, at least one, and what ended it; see ``track_loops``.
+        """
+        track = backends.compiled(*TRACK)
+        bits = self._bits.ahead(len(out) - first)
+        done, end = 0, 0
+        while not done:
+            if self._tracked is None:
+                self._tracked = self._prepared(*(part[first] for part in scans[:3]))
+            done, end = track(
+                self._x,
+                self._cloud,
+                scans,
+                first,
+                self._tracked,
+                bits,
+                self._table,
+                self._threshold,
+                motion,
+                heat,
+                frozen,
+                out,
+            )
+            if not done:
+                self._tracked = None
+        self._bits.used(done)
+        self._row = out[first + done - 1, : self._width]
+        return done, end
+
+    def watch(self, nis: list[float], measured: list[int]) -> list[bool]:
+        """Whether the track was lost, scan by scan."""
+        lost = [self._health.step(*each) for each in zip(nis, measured, strict=True)]
+        self.diverged = lost[-1]
+        return lost
+
+    def _prepared(
+        self, u: Array, y: Array, held: Array
+    ) -> tuple[Flags, Array | Views, Array | Views]:
+        """What ``track_loops`` needs for scans that miss what this one misses."""
+        noise = self._model.process_noise(u)
+        if noise is not self._noise:
+            self._heed(noise)
+        self._pattern = self._patterned(y)
+        return ~np.isnan(u), self._pattern.matrices, self._patterned(held).matrices
+
     def _correct(self, y: Array, cloud: Array, bits: tuple[float, normal_table.Indices]) -> Array:
         """Correct a cloud; the row of an ``Innovation``."""
         row = np.empty(self._width)
@@ -205,7 +269,7 @@ class ParticleFilter:
 
     def _patterned(self, y: Array) -> _Pattern:
         measured = np.isfinite(y)
-        key = (id(self._noise), measured.tobytes())
+        key = (self._noise.tobytes(), measured.tobytes())
         found = self._patterns.get(key)
         if found is None:
             if len(self._patterns) >= PATTERNS:

@@ -1,8 +1,8 @@
 """``particle_kernel.step_numpy`` as loops, for numba to compile.
 
-One function, because what numba compiles can call nothing that is not compiled, and this
-package runs without numba. Read ``step_numpy`` first; the sections come in its order. Loops
-over particles are innermost, so that they vectorise.
+These functions call nothing but each other, because this package runs without numba too. Read
+``step_numpy`` first; the sections come in its order. Loops over particles are innermost, so that
+they vectorise.
 """
 
 from __future__ import annotations
@@ -17,6 +17,27 @@ from flea_diag.core.particle_kernel import Array
 LN2 = math.log(2.0)
 INVERSE_LN2 = 1.0 / LN2
 INVERSE_FACTORIALS = tuple(1.0 / math.factorial(k) for k in range(13))
+
+
+def exp_loops(v: Array, found: Array) -> None:
+    """Exponentials of ``v``, -700 or more and not positive, which is used up.
+
+    exp(v) = 2^k exp(r), |r| <= ln(2)/2, by Taylor's series to the last bit: this vectorises, a
+    call of exp() does not.
+    """
+    power = np.empty(len(v), np.int64)
+    scale = power.view(np.float64)
+    for i in range(len(v)):
+        k = math.floor(v[i] * INVERSE_LN2 + 0.5)
+        v[i] -= k * LN2
+        power[i] = (np.int64(k) + 1023) << 52
+        found[i] = 1.0 / 6227020800.0
+    for degree in range(13, 0, -1):
+        inverse = INVERSE_FACTORIALS[degree - 1]
+        for i in range(len(v)):
+            found[i] = found[i] * v[i] + inverse
+    for i in range(len(v)):
+        found[i] *= scale[i]
 
 
 def step_loops(
@@ -138,24 +159,12 @@ def step_loops(
         if log_weights[i] > largest:
             largest = log_weights[i]
     good = math.isfinite(largest)
-    # exp(v) = 2^k exp(r), |r| <= ln(2)/2, by Taylor's series to the last bit: this vectorises,
-    # a call of exp() does not. What is below e^-700, or NaN, counts as nothing.
-    rest, power = error[p + 1], np.empty(count, np.int64)
-    scale = power.view(np.float64)
     for i in range(count):
         v = log_weights[i] - largest if good else 0.0
-        v = v if v > -700.0 else -700.0
-        k = math.floor(v * INVERSE_LN2 + 0.5)
-        rest[i] = v - k * LN2
-        power[i] = (np.int64(k) + 1023) << 52
-        weights[i] = 1.0 / 6227020800.0
-    for degree in range(13, 0, -1):
-        inverse = INVERSE_FACTORIALS[degree - 1]
-        for i in range(count):
-            weights[i] = weights[i] * rest[i] + inverse
+        fit[i] = v if v > -700.0 else -700.0  # below e^-700, or NaN, counts as nothing
+    exp_loops(fit, weights)
     total, squares = 0.0, 0.0
     for i in range(count):
-        weights[i] *= scale[i]
         total += weights[i]
         squares += weights[i] * weights[i]
     ess = total * total / squares
@@ -220,3 +229,7 @@ def step_loops(
                 for i in range(count):
                     row[i] += wide * error[p + 1 + b, i]
     return True
+
+
+STEP = (step_loops, exp_loops)
+"""What ``backend.compiled`` takes: the function, and what it calls."""

@@ -7,8 +7,6 @@ other: a filter that has lost its track says so.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -84,10 +82,10 @@ class FilterModel(Protocol):
 class Innovation:
     """Measurement against prediction in one scan: views of one row of numbers."""
 
-    __slots__ = ("_p", "_row", "diverged", "measured")
+    __slots__ = ("_p", "diverged", "measured", "row")
 
     def __init__(self, row: Array, channels: int, measured: int, diverged: bool) -> None:
-        self._row = row
+        self.row = row
         self._p = channels
         self.measured = measured
         """How many channels were measured."""
@@ -97,49 +95,32 @@ class Innovation:
     @property
     def prediction(self) -> Array:
         """Estimate of every channel from all earlier scans, measured now or not, (p,)."""
-        return self._row[: self._p]
+        return self.row[: self._p]
 
     @property
     def residual(self) -> Array:
         """Measured less prediction, (p,); NaN where nothing was measured."""
-        return self._row[self._p : 2 * self._p]
+        return self.row[self._p : 2 * self._p]
 
     @property
     def sigma(self) -> Array:
         """Standard deviation expected of each residual, (p,); 0 where nothing was measured."""
-        return self._row[2 * self._p : 3 * self._p]
+        return self.row[2 * self._p : 3 * self._p]
 
     @property
     def mean(self) -> Array:
         """Estimated states after the correction, (n,)."""
-        return self._row[3 * self._p : -2]
+        return self.row[3 * self._p : -2]
 
     @property
     def nis(self) -> float:
         """Normalised innovation squared; its mean is ``measured`` while all is well."""
-        return float(self._row[-2])
+        return float(self.row[-2])
 
     @property
     def ess(self) -> float:
         """Effective sample size before resampling; inf for a filter without particles."""
-        return float(self._row[-1])
-
-    def joined(
-        self, channels: Sequence[tuple[float, float, float]], states: Sequence[float]
-    ) -> Innovation:
-        """The same with independent channels added: (prediction, residual, sigma) of each."""
-        p, more, n = self._p, len(channels), len(states)
-        row = np.empty(len(self._row) + 3 * more + n)
-        for part in range(3):
-            start = part * (p + more)
-            row[start : start + p] = self._row[part * p : (part + 1) * p]
-            row[start + p : start + p + more] = [channel[part] for channel in channels]
-        row[3 * (p + more) : -2 - n] = self.mean
-        row[-2 - n : -2] = states
-        seen = [channel for channel in channels if not math.isnan(channel[1])]
-        row[-2] = self.nis + sum((residual / sigma) ** 2 for _, residual, sigma in seen)
-        row[-1] = self._row[-1]
-        return Innovation(row, p + more, self.measured + len(seen), self.diverged)
+        return float(self.row[-1])
 
 
 class Filter(Protocol):

@@ -16,43 +16,35 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.driven_model import CHANNELS as MOVED
 from flea_diag.core.driven_model import STATES, DrivenModel
 from flea_diag.core.kalman import KalmanFilter
+from flea_diag.core.observer_block import (
+    HEATED,
+    PREDICTED,
+    RAW,
+    SPEED,
+    VOLTAGE,
+    Innovations,
+    Scans,
+)
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.particle_filter import ParticleFilter
-from flea_diag.core.residual_bank import INDEX
 from flea_diag.core.state_filter import Filter, Innovation
 from flea_diag.core.thermal_filter import ThermalFilter
+from flea_diag.core.track_loops import LOST, WARMED
 from flea_diag.errors import ConfigurationError
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
-PREDICTED = (*MOVED, "motor_temperature", "nut_temperature")
-"""Channels that the observer predicts, in the order of its innovations."""
 FILTERS = ("optimal", "bootstrap", "kalman")
 SAMPLINGS = ("mean", "instant_pwm")
 START_SIGMA = {"voltage_v": 10.0, "mean_speed_m_s": 0.1, "speed_m_s": 0.1, "position_m": 0.001}
 """What is known of the states before the first scan, beside its own readings."""
 UNKNOWN_POSITION_M = 0.1
-ABSURD = 1.0e6
-"""No channel of a test stand reads so much in SI units: not a measurement."""
 WARMED_K = 0.5
 """Change of the winding's temperature at which its resistance is renewed."""
-
-_MOVED = np.array([INDEX[name] for name in MOVED])
-_VOLTAGE, _COMMAND, _LOAD, _AMBIENT, _MOTOR, _NUT = (
-    INDEX[name]
-    for name in (
-        "motor_voltage",
-        "commanded_voltage",
-        "load_force",
-        "ambient_temperature",
-        "motor_temperature",
-        "nut_temperature",
-    )
-)
 
 
 class StateObserver:
@@ -131,17 +123,27 @@ class StateObserver:
             voltage_sampling == "instant_pwm",
             self.backend,
         )
-        self._u = np.empty(2)
+        self._compiled = self.backend == "numba" and kind == "optimal"
         self._filter: Filter | None = None
         self._adopted()
 
     def _adopted(self) -> None:
         """What follows from the model's parameters."""
-        p = self._model.parameters
-        self._encoder = p.encoder_m_per_rad != 0.0
-        self._drag = p.back_emf_v_s_per_m
-        self._rubbing = p.nut_heating_k_per_j * p.coulomb_friction_n
-        self._conductance = 1.0 / self._model.resistance_ohm
+        p, model = self._model.parameters, self._model
+        # The mean voltage is an input, and not every stand has an encoder.
+        absent = {VOLTAGE: not model.pwm, SPEED: p.encoder_m_per_rad == 0.0}
+        self._unmeasured = [channel for channel, is_absent in absent.items() if is_absent]
+        self._law = np.array(
+            [
+                1.0 / model.resistance_ohm,
+                p.voltage_offset_v,
+                p.back_emf_v_s_per_m,
+                p.motor_heating_k_per_a2s,
+                p.nut_heating_k_per_j * p.coulomb_friction_n,
+                p.reference_temperature_degc + model.winding_rise_k,
+                WARMED_K,
+            ]
+        )
 
     @property
     def mean(self) -> Array:
@@ -149,30 +151,85 @@ class StateObserver:
         return np.full(len(STATES), math.nan) if self._filter is None else self._filter.mean
 
     def step(self, row: Array, frozen: bool = False) -> Innovation:
-        """Take one scan.
+        """Take one scan, shape (channels,); see ``follow``."""
+        return self.follow(row[None], frozen).scan(0)
+
+    def follow(self, rows: Array, frozen: bool = False) -> Innovations:
+        """Take n scans, one after another: the same bits in whatever blocks they come.
 
         Parameters
         ----------
-        row : shape (channels,)
+        rows : shape (n, channels)
             Order of ``residual_bank.CHANNELS``, NaN = not measured.
         frozen : bool
             Compare, but correct nothing.
         """
-        row = np.where(np.abs(row) < ABSURD, row, math.nan)
-        y = row[_MOVED]
-        if not self._model.pwm:
-            y[1] = math.nan  # an input
-        if not self._encoder:
-            y[2] = math.nan
-        if self._filter is None:
-            self._filter = self._started(y, row)
+        p = self._model.parameters
+        command = p.drive_offset_v, p.drive_gain
+        scans = Scans.read(rows, self._unmeasured, command, self._model.driving)
+        raw, lost = np.empty((len(rows), RAW)), np.empty(len(rows), dtype=bool)
+        done = 0
+        while done < len(rows):
+            if self._compiled and isinstance(self._filter, ParticleFilter):
+                done += self._track(self._filter, scans, done, frozen, raw, lost)
+            else:
+                self._one(scans, done, frozen, raw[done], lost)
+                done += 1
+        return Innovations.joined(raw, scans.y, lost)
+
+    def _track(
+        self,
+        particles: ParticleFilter,
+        scans: Scans,
+        first: int,
+        frozen: bool,
+        raw: Array,
+        lost: Flags,
+    ) -> int:
+        """Scans from ``first`` on in one compiled call; how many it took."""
+        model, nodes = self._model, (self._motor, self._nut)
+        state = np.array([node.state() for node in nodes])
+        motion = model.pwm, model.constants
+        done, end = particles.track(tuple(scans), first, motion, (state, self._law), frozen, raw)
+        for node, (estimate_degc, variance, *_) in zip(nodes, state.tolist(), strict=True):
+            node.take(estimate_degc, variance)
+        taken = slice(first, first + done)
+        if frozen:
+            lost[taken] = particles.diverged
         else:
-            self._filter.predict(self._inputs(row))
-        moved = self._filter.update(y, frozen=frozen)
-        if not frozen and not math.isfinite(moved.nis):
+            measured = np.isfinite(scans.y[taken]).sum(axis=1)
+            lost[taken] = particles.watch(raw[taken, HEATED - 2].tolist(), measured.tolist())
+        self._end(end)
+        return done
+
+    def _one(self, scans: Scans, k: int, frozen: bool, raw: Array, lost: Flags) -> None:
+        """One scan of the loop in Python; ``track_loops`` does the same."""
+        if self._filter is None:
+            self._filter = self._started(scans.y[k], scans.u[k])
+        else:
+            self._filter.predict(scans.u[k])
+        moved = self._filter.update(scans.y[k], frozen=frozen)
+        raw[:HEATED], lost[k] = moved.row, moved.diverged
+        conductance, zero, drag, copper, rubbing, cold, warmed = self._law.tolist()
+        voltage, speed, *_ = moved.mean.tolist()
+        current = conductance * (voltage - zero - drag * speed)
+        heats = copper * current * current, rubbing * abs(speed)
+        *measured, ambient = scans.degc[k].tolist()
+        found = []
+        for node, degc, heat in zip((self._motor, self._nut), measured, heats, strict=True):
+            found += [*node.step(degc, heat, ambient, frozen), node.estimate_degc]
+        raw[HEATED:] = found
+        end = 0 if frozen or math.isfinite(moved.nis) else LOST
+        self._end(end | (WARMED if abs(self._motor.estimate_degc - cold) > warmed else 0))
+
+    def _end(self, end: int) -> None:
+        """What the scan just taken calls for before the next."""
+        if end & LOST:
             # Nothing of what was predicted fits in any way: begin again with the next scan.
             self.interrupt()
-        return self._with_temperatures(moved, row, frozen)
+        if end & WARMED:
+            rise = self._motor.estimate_degc - self._model.parameters.reference_temperature_degc
+            self._renew(replace(self._model, winding_rise_k=rise))
 
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Go on with other parameters (the offsets of this unit, once they are learned)."""
@@ -188,30 +245,7 @@ class StateObserver:
         if self._filter is not None:
             self._filter.adopt(model)
 
-    def _inputs(self, row: Array) -> Array:
-        p, u = self._model.parameters, self._u
-        u[0] = row[_VOLTAGE]
-        if math.isnan(u[0]):
-            u[0] = p.drive_offset_v + p.drive_gain * row[_COMMAND]
-        u[1] = row[_LOAD]
-        return u
-
-    def _with_temperatures(self, moved: Innovation, row: Array, frozen: bool) -> Innovation:
-        """The innovations of motion and heat in one."""
-        p, (voltage, mean_speed, *_) = self._model.parameters, moved.mean.tolist()
-        current = self._conductance * (voltage - p.voltage_offset_v - self._drag * mean_speed)
-        ambient = float(row[_AMBIENT])
-        copper = p.motor_heating_k_per_a2s * current * current
-        rubbing = self._rubbing * abs(mean_speed)
-        motor = self._motor.step(float(row[_MOTOR]), copper, ambient, frozen)
-        nut = self._nut.step(float(row[_NUT]), rubbing, ambient, frozen)
-        told = moved.joined((motor, nut), (self._motor.estimate_degc, self._nut.estimate_degc))
-        rise = self._motor.estimate_degc - p.reference_temperature_degc
-        if abs(rise - self._model.winding_rise_k) > WARMED_K:
-            self._renew(replace(self._model, winding_rise_k=rise))
-        return told
-
-    def _started(self, y: Array, row: Array) -> Filter:
+    def _started(self, y: Array, u: Array) -> Filter:
         """A filter at the first scan, with what its readings say."""
         p = self._model.parameters
         current = float(np.nan_to_num(y[0]))
@@ -221,8 +255,8 @@ class StateObserver:
         if math.isnan(position):
             position, sigma["position_m"] = 0.0, UNKNOWN_POSITION_M
         voltage = p.voltage_offset_v + self._model.resistance_ohm * (current - p.current_offset_a)
-        if not self._model.pwm and not math.isnan(row[_VOLTAGE]):
-            voltage = row[_VOLTAGE]
+        if not self._model.pwm and not math.isnan(u[0]):
+            voltage = u[0]
         mean = np.array([voltage, 0.0, 0.0, position])
         covariance = np.diag([sigma[name] ** 2 for name in STATES])
         if self._kind == "kalman":

@@ -36,6 +36,15 @@ class ThermalFilter:
         self.estimate_degc = math.nan
         self._variance = START_K**2
 
+    def state(self) -> list[float]:
+        """Estimate, variance, and the constants of a scan, as ``heat_loops`` takes them."""
+        constants = [self._period_s, self._cooling, self._walk, self._reading]
+        return [self.estimate_degc, self._variance, *constants]
+
+    def take(self, estimate_degc: float, variance: float) -> None:
+        """What ``heat_loops`` has made of them."""
+        self.estimate_degc, self._variance = estimate_degc, variance
+
     def step(
         self,
         measured_degc: float,

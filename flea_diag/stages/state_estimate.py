@@ -8,7 +8,6 @@ sensor does not smear. Once the episode is closed it begins anew.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +15,10 @@ import numpy.typing as npt
 
 from flea_diag.core import innovation_residual
 from flea_diag.core.calibration import Calibration
+from flea_diag.core.observer_block import PREDICTED, Innovations
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.residual_bank import INDEX
-from flea_diag.core.state_filter import Innovation
-from flea_diag.core.state_observer import PREDICTED, StateObserver
+from flea_diag.core.state_observer import StateObserver
 
 Array = npt.NDArray[np.float64]
 
@@ -82,31 +81,28 @@ class StateEstimate:
         if not voltage_usable.all():
             rows = rows.copy()
             rows[~voltage_usable, _VOLTAGE] = math.nan
-        found = [observer.step(row, frozen) for row in rows]
+        found = observer.follow(rows, frozen)
         self._innovations(found, rows, frozen, values)
-        sigmas = np.array([told.sigma[self._at] for told in found])
+        sigmas = found.sigmas.take(self._at, axis=1)
         sigmas[sigmas == 0.0] = math.nan
-        return Told(
-            self._channels,
-            np.array([told.prediction[self._at] for told in found]),
-            sigmas,
-            np.array([(t.ess, t.nis / max(t.measured, 1), float(t.diverged)) for t in found]),
-        )
+        health = np.empty((count, 3))
+        health[:, 0], health[:, 2] = found.ess, found.diverged
+        np.divide(found.nis, np.maximum(found.measured, 1), out=health[:, 1])
+        return Told(self._channels, found.predictions.take(self._at, axis=1), sigmas, health)
 
-    def _innovations(
-        self, found: Sequence[Innovation], rows: Array, frozen: bool, values: Array
-    ) -> None:
+    def _innovations(self, found: Innovations, rows: Array, frozen: bool, values: Array) -> None:
         """Fill in what may be tested.
 
         A mean voltage that no command corroborates is an input on trust: its own error would
         read as an innovation. Raw PWM is a measurement among others.
         """
-        values[:, innovation_residual.COLUMNS] = math.nan
         if frozen:
+            values[:, innovation_residual.COLUMNS] = math.nan
             return
-        for number, (told, row) in enumerate(zip(found, rows, strict=True)):
-            if self._pwm or not math.isnan(row[_COMMAND]):
-                values[number, innovation_residual.COLUMNS] = innovation_residual.normalised(told)
+        tested = innovation_residual.normalised(found)
+        if not self._pwm:
+            tested[np.isnan(rows[:, _COMMAND])] = math.nan
+        values[:, innovation_residual.COLUMNS] = tested
 
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Go on with other parameters (the offsets of this unit, once they are learned)."""

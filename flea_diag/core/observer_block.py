@@ -1,0 +1,128 @@
+"""What the state observer reads of many scans, and what it says of them.
+
+The compiled loop (``track_loops.track_loops``) and the loop in Python fill rows of the same
+numbers, so that everything after them is told once: ``Innovations`` of n scans.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.driven_model import CHANNELS as MOVED
+from flea_diag.core.driven_model import STATES
+from flea_diag.core.residual_bank import INDEX
+from flea_diag.core.state_filter import Innovation
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+PREDICTED = (*MOVED, "motor_temperature", "nut_temperature")
+"""Channels that the observer predicts, in the order of its innovations."""
+ABSURD = 1.0e6
+"""No channel of a test stand reads so much in SI units: not a measurement."""
+VOLTAGE, SPEED = MOVED.index("motor_voltage"), MOVED.index("motor_speed")
+
+_MOVED = np.array([INDEX[name] for name in MOVED])
+_INPUTS = np.array([INDEX["motor_voltage"], INDEX["load_force"]])
+_COMMAND = INDEX["commanded_voltage"]
+_DEGC = np.array(
+    [INDEX[name] for name in ("motor_temperature", "nut_temperature", "ambient_temperature")]
+)
+
+_P, _ALL = len(MOVED), len(PREDICTED)
+HEATED = 3 * _P + len(STATES) + 2
+"""Where the two temperatures begin in a raw row, after the numbers of a filter's innovation."""
+RAW = HEATED + 8
+"""Numbers of a raw row: for each temperature prediction, residual, sigma and estimate."""
+_HEAT = HEATED + 4 * np.arange(2)
+_ORDER = np.concatenate(
+    [
+        *(np.concatenate([part * _P + np.arange(_P), _HEAT + part]) for part in range(3)),
+        3 * _P + np.arange(len(STATES)),
+        _HEAT + 3,
+        [HEATED - 2, HEATED - 1],
+    ]
+)
+
+
+class Scans(NamedTuple):
+    """Readings of n scans as the filter takes them, NaN = not measured.
+
+    ``u`` inputs, shape (n, 2); ``y`` measurements, shape (n, 5); ``held`` those of them that
+    count while frozen; ``degc`` motor, nut and ambient temperature, shape (n, 3).
+    """
+
+    u: Array
+    y: Array
+    held: Array
+    degc: Array
+
+    @classmethod
+    def read(
+        cls, rows: Array, unmeasured: list[int], command: tuple[float, float], driving: Flags
+    ) -> Scans:
+        """From rows of ``CHANNELS``; without a voltage ``command`` (offset, gain) gives it."""
+        rows = np.where(np.abs(rows) < ABSURD, rows, np.nan)
+        y = rows.take(_MOVED, axis=1)
+        y[:, unmeasured] = np.nan
+        u = rows.take(_INPUTS, axis=1)
+        lost = np.isnan(u[:, 0])
+        if lost.any():
+            u[lost, 0] = command[0] + command[1] * rows[lost, _COMMAND]
+        return cls(u, y, np.where(driving, y, np.nan), rows.take(_DEGC, axis=1))
+
+
+class Innovations(NamedTuple):
+    """``Innovation`` of n scans, a row of ``table`` each, for all of ``PREDICTED``."""
+
+    table: Array
+    measured: npt.NDArray[np.int64]
+    diverged: Flags
+
+    @classmethod
+    def joined(cls, raw: Array, y: Array, diverged: Flags) -> Innovations:
+        """Motion and the independent temperatures in one, from raw rows."""
+        table = raw.take(_ORDER, axis=1)
+        warmth = table[:, _ALL + _P : 2 * _ALL] / table[:, 2 * _ALL + _P : 3 * _ALL]
+        seen = warmth == warmth
+        warmth[~seen] = 0.0
+        table[:, -2] += (warmth * warmth).sum(axis=1)
+        return cls(table, np.isfinite(y).sum(axis=1) + seen.sum(axis=1), diverged)
+
+    def scan(self, number: int) -> Innovation:
+        """The one of a single scan."""
+        measured, diverged = self.measured.item(number), self.diverged.item(number)
+        return Innovation(self.table[number], _ALL, measured, diverged)
+
+    @property
+    def predictions(self) -> Array:
+        """Shape (n, channels)."""
+        return self.table[:, :_ALL]
+
+    @property
+    def residuals(self) -> Array:
+        """Shape (n, channels), NaN where nothing was measured."""
+        return self.table[:, _ALL : 2 * _ALL]
+
+    @property
+    def sigmas(self) -> Array:
+        """Shape (n, channels), 0 where nothing was measured."""
+        return self.table[:, 2 * _ALL : 3 * _ALL]
+
+    @property
+    def means(self) -> Array:
+        """Estimated states after each scan: of motion, then temperatures; shape (n, 6)."""
+        return self.table[:, 3 * _ALL : -2]
+
+    @property
+    def nis(self) -> Array:
+        """Normalised innovation squared, shape (n,)."""
+        return self.table[:, -2]
+
+    @property
+    def ess(self) -> Array:
+        """Effective sample size before resampling, shape (n,); inf without particles."""
+        return self.table[:, -1]
