@@ -10,6 +10,7 @@ import numpy.typing as npt
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.detection import Detector, TestResults
 from flea_diag.core.fault_models import REGRESSORS
+from flea_diag.core.observer_block import PREDICTED
 from flea_diag.core.plausibility import VoltagePlausibility
 from flea_diag.core.position_step import SPAN
 from flea_diag.core.regressors import TEMPERATURES, regressors
@@ -27,7 +28,6 @@ from flea_diag.core.residual_bank import (
 )
 from flea_diag.core.sensor_tests import SensorTests
 from flea_diag.core.smoothing import KERNEL_LENGTH
-from flea_diag.core.state_observer import PREDICTED
 from flea_diag.core.unit_offsets import OffsetLearning
 from flea_diag.stages.state_estimate import StateEstimate, Told
 from flea_diag.wire.records import ChannelTable
