@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
+import sys
 import zlib
 from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
-from pathlib import Path
 from types import FunctionType
 from typing import Any
 
@@ -58,8 +59,9 @@ def _named(function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]) 
 
     The cache on disk goes by the name, and sees changes in the function's own file alone.
     """
-    files = sorted({part.__code__.co_filename for part in parts})
-    digest = zlib.crc32(b"".join(Path(file).read_bytes() for file in files))
+    modules = sorted({part.__module__ for part in parts})
+    sources = "".join(inspect.getsource(sys.modules[module]) for module in modules)
+    digest = zlib.crc32(sources.encode())
     named = FunctionType(function.__code__, function.__globals__, function.__name__)
     named.__qualname__ = f"{function.__qualname__}_{digest:08x}"
     return named
