@@ -39,7 +39,7 @@ BLOCK_NS = 100_000_000
 SIMULATED = {
     "nominal": "nominal --seed 21 --duration 16 --no-vibration",
     "jam": "nominal --seed 22 --duration 16 --fault jam --at 8",
-    "winding_short": "nominal --seed 23 --duration 16 --fault winding_short --at 8 --no-vibration",
+    "winding_short": "nominal --seed 23 --duration 24 --fault winding_short --at 8 --no-vibration",
     "motor_temperature_drift": "nominal --seed 24 --duration 20 --fault motor_temperature_drift "
     "--at 8 --no-vibration",
     "unit_switch_jam": "unit_switch_jam --duration 22 --no-vibration",

@@ -19,10 +19,10 @@ from flea_diag.errors import CalibrationError, ConfigurationError, RecordingErro
 from flea_diag.tools import feature_bearing as bearing
 from flea_diag.tools import features as tool
 from flea_diag.tools.feature_judge import Walk, report, wilson
-from flea_diag.tools.feature_samples import Grid, label, run_of_bag
+from flea_diag.tools.feature_samples import Grid, label, run_of, run_of_bag
 from flea_diag.tools.feature_stand import drawn_scenario, stand_run
 from flea_diag.wire.bag import BagWriter
-from flea_diag.wire.records import NEVER_NS, Truth
+from flea_diag.wire.records import NEVER_NS, Scan, Truth, VibrationBlock
 from flea_sim_driver.scenario import scenario_from_mapping
 from flea_sim_driver.stand import Stand
 
@@ -145,6 +145,26 @@ def test_bag_gives_the_samples_that_the_stand_gives(tmp_path: Path) -> None:
         assert {k: v for k, v in one.values.items() if v == v} == {
             k: v for k, v in other.values.items() if v == v
         }
+
+
+def test_levels_know_the_speed_that_the_sentinel_is_told() -> None:
+    """One scan of 100 rad/s in the middle of a block, through a raised cosine of 31 scans."""
+    blocks = [
+        VibrationBlock.pack(
+            k * S // 10, ("accelerometer_2_y",), np.arange(100) * 1_000_000, np.ones((100, 1))
+        )
+        for k in range(20)
+    ]
+    scans = [
+        Scan(k * S // 100, ("motor_speed", "load_force"), (100.0 if k == 105 else 0.0, 50.0))
+        for k in range(200)
+    ]
+    stream = sorted([*blocks, *scans], key=lambda record: record.stamp_ns)
+    run = run_of("made up", stream, [], Grid(0.5, 0.5))
+    smooth = [100.0 * (1.0 + math.cos(math.pi * j / 16.0)) / 32.0 for j in range(-5, 6)]
+    fastest = max(point.speed_rad_s for point, _ in run.levels)
+    assert fastest == pytest.approx(np.sqrt(np.mean(np.square(smooth))), rel=0.02)
+    assert [point.load_n for point, _ in run.levels] == pytest.approx([50.0] * len(run.levels))
 
 
 def command(*words: str) -> int:

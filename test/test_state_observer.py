@@ -277,6 +277,14 @@ def test_noise_is_fitted_to_what_was_put_in() -> None:
         fitted([Run("short", recording()[:100])], P, 0.01, "mean")
 
 
+def test_a_shaft_that_runs_ahead_of_its_nut_counts_as_noise_of_the_speed() -> None:
+    """Errors of the lead are smooth: no third difference shows them, and yet they are no motion."""
+    ahead = recording(seed=3).copy()
+    ahead[:, INDEX["motor_speed"]] += 10.0 * np.sin(0.4 * np.arange(len(ahead)))
+    noise = fitted([Run("lead", ahead)], P, 0.01, "mean")
+    assert 4.0 < noise.motor_speed_rad_s < 12.0  # 10 / sqrt(2) and the 2 of the reading
+
+
 def test_gross_errors_do_not_shrink_the_fitted_noise() -> None:
     rough = recording(seed=2).copy()
     rough[::2, INDEX["load_force"]] += 4000.0  # as a load that jumps faster than the scans

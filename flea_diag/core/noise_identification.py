@@ -2,8 +2,9 @@
 
 What single readings scatter by is read off their third differences. What cannot be read off
 (how far the mean voltage wanders, which forces the model leaves out, the ripple of the
-current) is chosen so that the recordings are as likely as possible under the Kalman filter's
-innovations (Schweppe 1965), by a search in factors of two, then of the square root of two.
+current, the shaft's speed apart from the nut's over backlash and lead errors) is chosen so
+that the recordings are as likely as possible under the Kalman filter's innovations (Schweppe
+1965), by a search in factors of two, then of the square root of two.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ READINGS = {
     "nut_temperature_k": "nut_temperature",
 }
 SEARCHED = {
-    "mean": ("voltage_v", "force_n", "motor_current_a"),
+    "mean": ("voltage_v", "force_n", "motor_current_a", "motor_speed_rad_s"),
     "instant_pwm": ("voltage_walk_v", "force_n", "motor_current_a"),
 }
 FACTORS = (2.0, math.sqrt(2.0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 from flea_diag.core.feature_learning import NOMINAL, Sample
 from flea_diag.core.features import all_ids, compute_all
 from flea_diag.core.nominal_range import OperatingPoint
+from flea_diag.core.smoothing import KERNEL_LENGTH, hann_kernels
 from flea_diag.core.window import NotComputableError
 from flea_diag.stages.extractor import block_std
 from flea_diag.stages.windows import Windows
@@ -58,11 +59,15 @@ def run_of(name: str, stream: Iterable[Record], truths: list[Truth], grid: Grid)
     """Samples of a stream of scans and blocks, in the order in which they came."""
     windows = Windows(grid.window_s + 3.0, 0.002, 0.05, grid.orders or {})
     samples: list[Sample] = []
-    levels: list[tuple[OperatingPoint, Mapping[str, float]]] = []
+    levels: list[_Level] = []
+    scans: list[tuple[int, float, float]] = []
     end_ns = -1
     for record in stream:
         if not isinstance(record, Scan | VibrationBlock) or not windows.add(record):
             continue
+        if isinstance(record, Scan):
+            motion = record.value("motor_speed"), record.value("load_force")
+            scans.append((record.stamp_ns, *motion))
         if end_ns < 0:
             end_ns = record.stamp_ns + round((grid.window_s + SETTLING_S) * SECOND_NS)
         while min(windows.vibration.end_ns, windows.scans.end_ns) > 0 and windows.covers(end_ns):
@@ -73,7 +78,7 @@ def run_of(name: str, stream: Iterable[Record], truths: list[Truth], grid: Grid)
             if fault == NOMINAL:
                 levels += _levels(windows, start_ns, end_ns)
             end_ns += round(grid.hop_s * SECOND_NS)
-    return Run(name, windows.vibration.rate_hz, tuple(samples), tuple(levels))
+    return Run(name, windows.vibration.rate_hz, tuple(samples), tuple(_pointed(levels, scans)))
 
 
 def label(truths: Iterable[Truth], start_ns: int, end_ns: int) -> str | None:
@@ -104,10 +109,39 @@ def _samples(windows: Windows, start_ns: int, end_ns: int, fault: str) -> Iterat
     yield Sample(fault, point, compute_all(all_ids(window.axes), window))
 
 
-def _levels(
-    windows: Windows, start_ns: int, end_ns: int
-) -> Iterator[tuple[OperatingPoint, Mapping[str, float]]]:
-    """Level of each axis of the blocks inside a window, as the sentinel reports it."""
+@dataclass(frozen=True)
+class _Level:
+    """Standard deviation of each axis over one block of vibration."""
+
+    start_ns: int
+    end_ns: int
+    of_axis: Mapping[str, float]
+
+
+def _levels(windows: Windows, start_ns: int, end_ns: int) -> Iterator[_Level]:
+    """Level of each axis of the blocks inside a window, as the sentinel is told of it."""
     for block, block_end_ns in windows.vibration.blocks(start_ns, end_ns):
-        point = windows.operating_point(block.stamp_ns, block_end_ns)
-        yield point, dict(zip(block.axes, np.asarray(block_std(block), float), strict=True))
+        std = np.asarray(block_std(block), float)
+        yield _Level(block.stamp_ns, block_end_ns, dict(zip(block.axes, std, strict=True)))
+
+
+def _pointed(
+    levels: Iterable[_Level], scans: Sequence[tuple[int, float, float]]
+) -> Iterator[tuple[OperatingPoint, Mapping[str, float]]]:
+    """Levels with speed and load as the sentinel knows them: smoothed as residuals are.
+
+    A load actuator that lets go and catches makes steps within a few scans, in which the smoothed
+    and the raw speed differ by a multiple.
+    """
+    if len(scans) < KERNEL_LENGTH:
+        return
+    kernel = hann_kernels(KERNEL_LENGTH, 1.0)[0]
+    edge = KERNEL_LENGTH // 2
+    stamps_ns = np.array([stamp_ns for stamp_ns, _, _ in scans])[edge:-edge]
+    motion = np.array([row[1:] for row in scans])
+    smooth = np.column_stack([np.convolve(column, kernel, "valid") for column in motion.T])
+    for level in levels:
+        inside = smooth[(stamps_ns >= level.start_ns) & (stamps_ns <= level.end_ns)]
+        if len(inside):
+            speed, load = np.sqrt(np.mean(inside**2, axis=0)).tolist()
+            yield OperatingPoint(speed, load), level.of_axis
