@@ -41,6 +41,8 @@ EXTRAS = {
     "evaluate": ["Jinja2>=3.1", "tqdm>=4.65"],
     "dask": ["distributed>=2024.1"],
     "web": ["nicegui>=3.0"],
+    # Coverage-guided fuzzing, by hand alone: scripts/fuzz --atheris.
+    "fuzz": ["atheris>=3.0"],
     "test": [
         "pytest>=7.4",
         "hypothesis>=6.100",

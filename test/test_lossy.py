@@ -35,3 +35,8 @@ def test_a_wrong_stamp_ends_no_episode() -> None:
     for run in (records, spoilt):
         found = [r.detected for r in lossy.diagnosed(run) if isinstance(r, Detection)]
         assert found == [True]
+
+
+def test_a_leap_of_the_clock_stretches_no_lost_track() -> None:
+    """The filter of this unit was off its track for a moment just before."""
+    assert lossy.passed("set_forward", 1001).called == ()

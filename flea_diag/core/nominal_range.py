@@ -108,7 +108,9 @@ class NominalRange:
         ConfigurationError
             Naming ``where`` and the key that is unknown, missing or not a number.
         """
-        unknown = sorted(set(mapping) - KEYS)
+        if not isinstance(mapping, Mapping):
+            raise ConfigurationError(f"{where}: {mapping!r} is no mapping of a nominal range")
+        unknown = sorted(set(mapping) - KEYS, key=repr)
         if unknown:
             raise ConfigurationError(
                 f"{where}: unknown key {unknown[0]!r}, known are {', '.join(sorted(KEYS))}"
@@ -124,7 +126,7 @@ class NominalRange:
                 _pair(mapping.get("load_n", (0.0, 0.0))),
                 _pair(mapping.get("much", (math.inf, math.inf))),
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ConfigurationError(f"{where}: not a nominal range: {error!r}") from error
         if not (found.low < found.high and math.isfinite(found.low + found.high)):
             raise ConfigurationError(

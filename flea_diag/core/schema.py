@@ -54,7 +54,8 @@ def _value(value: Any, kind: Any, where: str, default: Any) -> Any:
     if value is default:
         return value
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
+        # Beyond a float's range it is refused like any number that is not finite.
+        value = float(value) if abs(value) < 2**1023 else math.inf
     if not isinstance(value, kind) or (kind is not bool and isinstance(value, bool)):
         hint = " (YAML reads 5e6 as text, write 5.0e+6)" if isinstance(value, str) else ""
         raise ConfigurationError(

@@ -16,6 +16,8 @@ Stamps = npt.NDArray[np.int64]
 
 LOST_NS = 3_000_000_000
 """A state observer that has been off its track for so long has a model that does not fit."""
+GAP_NS = 1_000_000_000
+"""Nobody knows whether a track that was lost before so long a gap was lost all through it."""
 SEEN_MOVING = 50
 """Scans in motion without which nothing can be said of motor and screw."""
 
@@ -34,11 +36,13 @@ class Standing:
     moved_ns: int = NEVER_NS
     lost_ns: int = NEVER_NS
     """Since when the state observer has lost its track; never while it follows."""
+    last_ns: int = NEVER_NS
+    """Stamp of the newest scan."""
 
     def step(self, stamp_ns: int, moving: bool, lost: bool) -> None:
         """Take one scan."""
-        if self.first_ns == NEVER_NS:
-            self.first_ns = stamp_ns
+        self._begin(stamp_ns)
+        self.last_ns = stamp_ns
         if moving:
             self.moved += 1
             self.moved_ns = stamp_ns
@@ -47,6 +51,12 @@ class Standing:
         elif self.lost_ns == NEVER_NS:
             self.lost_ns = stamp_ns
 
+    def _begin(self, stamp_ns: int) -> None:
+        if self.first_ns == NEVER_NS:
+            self.first_ns = stamp_ns
+        if stamp_ns - self.last_ns > GAP_NS:
+            self.lost_ns = NEVER_NS
+
     def follow(
         self, stamps_ns: Stamps, moving: Flags, lost: Flags, rest_ns: float
     ) -> Iterator[int]:
@@ -54,8 +64,8 @@ class Standing:
 
         The state is then that of the scan given, and at the end that of the last one.
         """
-        if self.first_ns == NEVER_NS:
-            self.first_ns = int(stamps_ns[0])
+        self._begin(int(stamps_ns[0]))
+        self.last_ns = int(stamps_ns[-1])
         moved = self.moved + np.cumsum(moving)
         moved_ns = np.maximum.accumulate(np.where(moving, stamps_ns, self.moved_ns))
         begins = lost & ~np.append(self.lost_ns != NEVER_NS, lost[:-1])

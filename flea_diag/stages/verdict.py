@@ -59,7 +59,8 @@ class Verdict:
         if standing.mismatch:
             return Outcome.MODEL_MISMATCH, standing.mismatch
         if episode is None:
-            if astray(stamp_ns, standing.lost_ns):
+            # Not beyond what was seen: the record that is due may come after a leap of the clock.
+            if astray(min(stamp_ns, standing.last_ns), standing.lost_ns):
                 return Outcome.MODEL_MISMATCH, LOST
             return self._quiet(stamp_ns, standing)
         outcome, words = self._of_episode(stamp_ns, standing, episode)

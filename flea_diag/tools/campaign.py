@@ -191,7 +191,7 @@ _STRUCTURED = ("schema_version", "configurations", "expect", "sources")
 def _source(content: Any, where: str) -> Source:
     values = dict(_mapping(content, where))
     kind = values.pop("kind", None)
-    if kind not in SOURCES:
+    if not isinstance(kind, str) or kind not in SOURCES:
         raise ConfigurationError(
             f"{where}: kind = {kind!r} is unknown, choose one of {', '.join(SOURCES)}"
         )

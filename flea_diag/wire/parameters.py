@@ -7,6 +7,7 @@ minimum=1.0, maximum=1000.0)``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, TypeVar, cast
@@ -77,7 +78,8 @@ def checked(descriptor: Descriptor, value: Value, where: str) -> Value:
     """
     name, kind = descriptor.name, descriptor.kind
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
+        # Beyond a float's range it is refused like any that is above its limit.
+        value = float(value) if abs(value) < 2**1023 else math.inf if value > 0 else -math.inf
     if type(value) is not kind:
         raise ConfigurationError(
             f"{where}: {name} = {value!r} is a {type(value).__name__}, it must be a {kind.__name__}"
@@ -103,7 +105,7 @@ def checked(descriptor: Descriptor, value: Value, where: str) -> Value:
 def build(parameters: type[P], values: Mapping[str, Value], where: str) -> P:
     """Parameter object from a mapping; unknown keys and bad values are refused by name."""
     known = {entry.name: entry for entry in descriptors(parameters)}
-    unknown = sorted(set(values) - set(known))
+    unknown = sorted(set(values) - set(known), key=repr)
     if unknown:
         raise ConfigurationError(
             f"{where}: unknown parameter {unknown[0]!r}, known are {', '.join(sorted(known))}"

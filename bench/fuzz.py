@@ -1,0 +1,98 @@
+"""Damaged input for every reader of what others write; see ``test/fuzzing.py``.
+
+scripts/fuzz 10                 so many seconds of processor time for each reader
+scripts/fuzz 10 bag importer    some of them
+scripts/fuzz 60 --atheris bag   one reader, led by coverage
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import resource
+import sys
+import time
+import traceback
+from collections import Counter
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+
+import fuzzing
+
+SLOW_S = 2.0
+"""A reader that takes longer over one input hangs."""
+MOST_MB = 500
+
+
+def main() -> int:
+    """Run and print; exit status 1 where anything but a FleaError came out."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("seconds", nargs="?", type=float, default=10.0)
+    parser.add_argument("readers", nargs="*")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--atheris", action="store_true", help="one reader, led by coverage")
+    given = parser.parse_args()
+    chosen = [t for t in fuzzing.targets() if not given.readers or t.name in given.readers]
+    if given.atheris:
+        return led_by_coverage(chosen[0], given.seconds)
+    inputs = failures = 0
+    for target in chosen:
+        count, found = damage(target, given.seconds, given.seed)
+        inputs += count
+        failures += sum(found.values())
+        print(f"{target.name:22s} {count:8d} inputs, {sum(found.values())} failures", flush=True)
+        for words, times in found.most_common(10):
+            print(f"    {times} x {words}", flush=True)
+    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    print(f"{inputs} inputs, {failures} failures, at most {memory_mb:.0f} MB (limit {MOST_MB})")
+    return int(failures > 0 or memory_mb > MOST_MB)
+
+
+def damage(target: fuzzing.Target, seconds: float, seed: int) -> tuple[int, Counter[str]]:
+    """How many inputs were tried, and what came out that should not."""
+    chance, found, count = random.Random(seed), Counter[str](), 0
+    start_s = time.process_time()
+    while (begun_s := time.process_time()) - start_s < seconds:
+        content = fuzzing.damaged(chance.choice(target.seeds), chance)
+        count += 1
+        try:
+            fuzzing.accepted(target, content)
+        except Exception as error:  # any error but our own is what is looked for
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            words = f"{type(error).__name__}: {str(error)[:100]}"
+            found[f"{words} ({Path(place.filename).name}:{place.lineno})"] += 1
+        if time.process_time() - begun_s > SLOW_S:
+            found[f"took more than {SLOW_S} s"] += 1
+    return count, found
+
+
+def led_by_coverage(target: fuzzing.Target, seconds: float) -> int:
+    """Atheris on one reader of bytes; it ends the process itself."""
+    try:
+        import atheris
+    except ImportError:
+        print("atheris is not installed: pip install 'flea_diag[fuzz]'", file=sys.stderr)
+        return 2
+    atheris.instrument_all()
+
+    def once(content: bytes) -> None:
+        # The first byte chooses what is damaged; a tree is damaged by chance alone.
+        chance = random.Random(content)
+        whole = target.seeds[content[0] % len(target.seeds)] if content else target.seeds[0]
+        tree = fuzzing.damaged(whole, chance)
+        fuzzing.accepted(target, content[1:] if isinstance(whole, bytes) else tree)
+
+    corpus = Path(fuzzing.folder() / "corpus")
+    corpus.mkdir()
+    for number, seed in enumerate(target.seeds):
+        if isinstance(seed, bytes):
+            (corpus / str(number)).write_bytes(b"\0" + seed)
+    limits = [f"-max_total_time={seconds:.0f}", f"-rss_limit_mb={MOST_MB}", "-timeout=5"]
+    atheris.Setup([sys.argv[0], *limits, str(corpus)], once)
+    atheris.Fuzz()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,41 @@
+"""Damaged input of every kind is read or refused in one line; findings of longer runs."""
+
+from __future__ import annotations
+
+import random
+
+import fuzzing
+import pytest
+
+from flea_diag.errors import ConfigurationError
+
+INPUTS = 60
+TARGETS = {target.name: target for target in fuzzing.targets()}
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_what_is_whole_is_read(name: str) -> None:
+    assert all(fuzzing.accepted(TARGETS[name], seed) for seed in TARGETS[name].seeds)
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_what_is_damaged_is_read_or_refused(name: str) -> None:
+    target, chance = TARGETS[name], random.Random(11)
+    for _ in range(INPUTS if name != "faults" else 8):
+        fuzzing.accepted(target, fuzzing.damaged(chance.choice(target.seeds), chance))
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("parameters", {None: 1, "unheard_of": 2}),
+        ("parameters", {"warm_up_s": 10**400}),
+        ("scenario", {"duration_s": -(10**400)}),
+        ("campaign", {"schema_version": 1, "name": "x", "sources": [{"kind": {}}]}),
+        ("actuator", {"schema_version": 1, "name": "x", "parameters": {"r": 10**400}}),
+        ("feature table", {"ranges": {"crest": 1.5}}),
+    ],
+)
+def test_findings(name: str, content: object) -> None:
+    with pytest.raises(ConfigurationError):
+        TARGETS[name].read(content)
