@@ -83,14 +83,14 @@ class Innovations(NamedTuple):
     diverged: Flags
 
     @classmethod
-    def joined(cls, raw: Array, y: Array, diverged: Flags) -> Innovations:
-        """Motion and the independent temperatures in one, from raw rows."""
+    def joined(cls, raw: Array, measured: npt.NDArray[np.int64], diverged: Flags) -> Innovations:
+        """Motion and the independent temperatures in one, from raw rows; ``measured`` of motion."""
         table = raw.take(_ORDER, axis=1)
         warmth = table[:, _ALL + _P : 2 * _ALL] / table[:, 2 * _ALL + _P : 3 * _ALL]
         seen = warmth == warmth
         warmth[~seen] = 0.0
         table[:, -2] += (warmth * warmth).sum(axis=1)
-        return cls(table, np.isfinite(y).sum(axis=1) + seen.sum(axis=1), diverged)
+        return cls(table, measured + seen.sum(axis=1), diverged)
 
     def scan(self, number: int) -> Innovation:
         """The one of a single scan."""

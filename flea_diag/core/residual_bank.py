@@ -207,14 +207,20 @@ class ResidualBank:
         sign = (math if single else np).copysign(1.0, signals.speed_m_s)
         formed = {relation: relation(self._p, signals) for relation in _RELATIONS}
         spreads = {sensitivity: sensitivity(self._p, signals) for sensitivity in _SENSITIVITIES}
-        place = 0
-        for index, parity in enumerate(PARITIES):
+        found, apart = [], []
+        for parity in PARITIES:
             factor = sign if parity.normalised else 1.0
-            values[:, index] = factor * formed[parity.relation]
+            found.append(factor * formed[parity.relation])
             if parity.sensitivity is not None:
-                for k, value in enumerate(spreads[parity.sensitivity]):
-                    spread[:, place, k] = factor * value
-                place += 1
+                apart.append([factor * value for value in spreads[parity.sensitivity]])
+        if single:
+            values[0, : len(found)], spread[0] = found, apart
+            return
+        for index, column in enumerate(found):
+            values[:, index] = column
+        for place, columns in enumerate(apart):
+            for k, column in enumerate(columns):
+                spread[:, place, k] = column
 
 
 _RELATIONS = tuple(dict.fromkeys(row.relation for row in PARITIES))

@@ -168,39 +168,34 @@ class StateObserver:
         command = p.drive_offset_v, p.drive_gain
         scans = Scans.read(rows, self._unmeasured, command, self._model.driving)
         raw, lost = np.empty((len(rows), RAW)), np.empty(len(rows), dtype=bool)
+        measured = np.isfinite(scans.y).sum(axis=1)
         done = 0
         while done < len(rows):
             if self._compiled and isinstance(self._filter, ParticleFilter):
-                done += self._track(self._filter, scans, done, frozen, raw, lost)
+                particles = self._filter
+                taken = self._track(particles, scans, done, frozen, raw)
+                nis = raw[taken, HEATED - 2].tolist()
+                lost[taken] = particles.diverged
+                if not frozen:
+                    lost[taken] = particles.watch(nis, measured[taken].tolist())
+                done = taken.stop
             else:
                 self._one(scans, done, frozen, raw[done], lost)
                 done += 1
-        return Innovations.joined(raw, scans.y, lost)
+        return Innovations.joined(raw, measured, lost)
 
     def _track(
-        self,
-        particles: ParticleFilter,
-        scans: Scans,
-        first: int,
-        frozen: bool,
-        raw: Array,
-        lost: Flags,
-    ) -> int:
-        """Scans from ``first`` on in one compiled call; how many it took."""
+        self, particles: ParticleFilter, scans: Scans, first: int, frozen: bool, raw: Array
+    ) -> slice:
+        """Scans from ``first`` on in one compiled call; which it took."""
         model, nodes = self._model, (self._motor, self._nut)
         state = np.array([node.state() for node in nodes])
         motion = model.pwm, model.constants
         done, end = particles.track(tuple(scans), first, motion, (state, self._law), frozen, raw)
         for node, (estimate_degc, variance, *_) in zip(nodes, state.tolist(), strict=True):
             node.take(estimate_degc, variance)
-        taken = slice(first, first + done)
-        if frozen:
-            lost[taken] = particles.diverged
-        else:
-            measured = np.isfinite(scans.y[taken]).sum(axis=1)
-            lost[taken] = particles.watch(raw[taken, HEATED - 2].tolist(), measured.tolist())
         self._end(end)
-        return done
+        return slice(first, first + done)
 
     def _one(self, scans: Scans, k: int, frozen: bool, raw: Array, lost: Flags) -> None:
         """One scan of the loop in Python; ``track_loops`` does the same."""

@@ -46,10 +46,13 @@ class UnitChange:
         tail = temperatures[:0] if self._tail is None else self._tail
         rows = np.concatenate((tail, temperatures))
         # Whichever way scans are dealt into blocks, the same ones are judged.
-        due = np.arange((-self._count - 1) % PERIOD, n, PERIOD)
-        due = due[due + len(tail) + 1 >= length]
+        first = (-self._count - 1) % PERIOD
         self._count += n
         self._tail = rows[-(length - 1) :]
+        if first >= n:
+            return n
+        due = np.arange(first, n, PERIOD)
+        due = due[due + len(tail) + 1 >= length]
         if not len(due):
             return n
         windows = sliding_window_view(rows, length, axis=0)[due + len(tail) + 1 - length]

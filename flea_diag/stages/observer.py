@@ -11,6 +11,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.regressors import TEMPERATURES
@@ -24,6 +25,8 @@ from flea_diag.stages.stream_order import Place, StreamOrder
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import ANOTHER_UNIT, ChannelTable, DataQuality, Record, Scan
+
+Array = npt.NDArray[np.float64]
 
 LEAST_SCANS, MOST_SCANS = 16, 1024
 """Scans that are worth a block, and that one may hold."""
@@ -142,22 +145,25 @@ class ObserverStage:
     def _try(self, block: ScanBlock) -> tuple[int, ResidualBlock]:
         """Residuals of scans in order, and the first scan that causes more, or their number."""
         self._order.follow(block.stamps_ns)
-        tested, changed = self._test(block)
+        raw, usable = self._read(block)
+        tested, changed = self._test(block, raw, usable)
         happens = self._deviation.follow(block.stamps_ns, tested.results)
-        other = self._other_unit(block)
+        other = self._other_unit(usable)
         residuals = self._residuals(block, tested)
         return min(changed, tested.turned, happens, other), residuals
 
-    def _other_unit(self, block: ScanBlock) -> int:
-        """The first scan with which another unit is in use, or n."""
-        rows = self._channels.usable(self._channels.rows(block.channels, block.values))
-        return self._unit.follow(rows[:, TEMPERATURE_COLUMNS])
-
-    def _test(self, block: ScanBlock) -> tuple[Tested, int]:
-        """Residuals and tests; and the first scan with which a channel changes, or n."""
+    def _read(self, block: ScanBlock) -> tuple[Array, Array]:
+        """Rows of all channels as they were read, and with what may be used of them."""
         raw = self._channels.rows(block.channels, block.values)
-        rows = self._channels.usable(raw)
-        tested = self._stream.step(block.stamps_ns, rows, self._deviation.is_open)
+        return raw, self._channels.usable(raw)
+
+    def _other_unit(self, usable: Array) -> int:
+        """The first scan with which another unit is in use, or n."""
+        return self._unit.follow(usable[:, TEMPERATURE_COLUMNS])
+
+    def _test(self, block: ScanBlock, raw: Array, usable: Array) -> tuple[Tested, int]:
+        """Residuals and tests; and the first scan with which a channel changes, or n."""
+        tested = self._stream.step(block.stamps_ns, usable, self._deviation.is_open)
         return tested, self._channels.judge(block.stamps_ns, raw, tested.trusted)
 
     def _scan(self, scan: Scan) -> tuple[Record, ...]:
@@ -169,9 +175,10 @@ class ObserverStage:
         elif place is Place.AFTER_GAP:
             self._stream.interrupt()
         block = ScanBlock(np.array([scan.stamp_ns]), scan.channels, np.array([scan.values]))
-        if self._other_unit(block) == 0:
+        raw, usable = self._read(block)
+        if self._other_unit(usable) == 0:
             return self._go_over(block, scan.stamp_ns)
-        tested, changed = self._test(block)
+        tested, changed = self._test(block, raw, usable)
         was_open = self._deviation.is_open
         said = self._deviation.step(scan.stamp_ns, tested.results)
         if self._deviation.is_open != was_open:
@@ -184,7 +191,7 @@ class ObserverStage:
         """Another unit is in use: what was found on the last one ends, and all begins anew."""
         closed = self._deviation.close(stamp_ns, ANOTHER_UNIT)
         self._start(stamp_ns)
-        tested, _ = self._test(block)
+        tested, _ = self._test(block, *self._read(block))
         residuals = self._residuals(block, tested).records()
         return (self._say_quality(stamp_ns), *residuals, closed)
 
