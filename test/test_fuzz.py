@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import random
 
 import fuzzing
@@ -23,6 +24,13 @@ def test_what_is_damaged_is_read_or_refused(name: str) -> None:
     target, chance = TARGETS[name], random.Random(11)
     for _ in range(INPUTS if name != "faults" else 8):
         fuzzing.accepted(target, fuzzing.damaged(chance.choice(target.seeds), chance))
+
+
+def test_a_rate_that_is_a_list_is_refused() -> None:
+    (table,) = copy.deepcopy(TARGETS["feature table"].seeds)
+    table["nominal"]["false_alarm_rate"] = [1.0]
+    with pytest.raises(ConfigurationError, match="false_alarm_rate"):
+        TARGETS["feature table"].read(table)
 
 
 @pytest.mark.parametrize(

@@ -223,11 +223,17 @@ def _nominal(mapping: Any, costs: Mapping[str, float], where: str) -> NominalRan
     return NominalRanges(
         _number(mapping.get("rate_hz", 0.0), f"{where}: rate_hz", 0.0, 1e6),
         _number(mapping.get("window_s", 1.0), f"{where}: window_s", 0.01, 60.0),
-        float(mapping.get("false_alarm_rate", math.nan)),
+        _rate(mapping.get("false_alarm_rate", math.nan), f"{where}: false_alarm_rate"),
         {k: NominalRange.from_mapping(v, f"{where}: {k}") for k, v in ranges.items()},
         {k: NominalRange.from_mapping(v, f"{where}: {k}") for k, v in levels.items()},
         {k: _number(v, f"{where}: orders: {k}", 0.01, 1000.0) for k, v in orders.items()},
     )
+
+
+def _rate(value: Any, where: str) -> float:
+    """A share, or NaN where it is not known."""
+    unknown = isinstance(value, float) and math.isnan(value)
+    return math.nan if unknown else _number(value, where, 0.0, 1.0)
 
 
 def _cost(row: Any, where: str) -> float:
