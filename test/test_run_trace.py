@@ -7,12 +7,14 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from flea_diag.tools.envelope import FIRST_STRETCH_S, MOST_STRETCHES, Envelope
 from flea_diag.tools.run_trace import RunTrace, read_trace, trace_path, write_trace
+from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelInfo,
@@ -106,3 +108,14 @@ def test_a_trace_is_read_back_and_what_is_none_is_not_drawn(tmp_path: Path) -> N
     for broken in (b"", packed[: len(packed) // 2], b"not packed", gzip.compress(b"[1, 2]")):
         trace_path(detail).write_bytes(broken)
         assert read_trace(detail) is None
+
+
+def test_blocks_draw_what_their_records_draw() -> None:
+    values = np.arange(6.0).reshape(3, 2)
+    block = ScanBlock(S * np.array([10, 11, 13]), ("motor_current", "load_force"), values)
+    single, whole = RunTrace(), RunTrace()
+    for scan in block.records():
+        single.add(scan)
+    whole.add(block)
+    assert single.to_mapping() == whole.to_mapping()
+    assert whole.to_mapping()["traces"]["load_force"]["high"][-1] == 5.0

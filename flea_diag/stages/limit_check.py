@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from flea_diag.core.fault import Fault
+from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
@@ -81,6 +82,10 @@ class LimitCheckStage:
             return ()
         self._began = True
         return (_group(record.stamp_ns, Outcome.NOMINAL, "every channel within its limits"),)
+
+    def handle_block(self, block: ScanBlock) -> tuple[Record, ...]:
+        """The same of many scans."""
+        return tuple(caused for scan in block.records() for caused in self.handle(scan))
 
     def finish(self) -> tuple[Record, ...]:
         """Nothing is held back."""

@@ -13,6 +13,7 @@ from typing import Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages import Stage
+from flea_diag.wire.blocks import Block, ScanBlock
 from flea_diag.wire.records import ChannelTable, Record, Scan, VibrationBlock
 
 PAPER_TABLE = "feature_table_paper.yaml"
@@ -51,6 +52,11 @@ class WithoutVibration:
             slow = [row for row in record.channels if not row.name.startswith(ACCELEROMETER)]
             record = replace(record, channels=tuple(slow))
         caused: tuple[Record, ...] = self._stage.handle(record)
+        return caused
+
+    def handle_block(self, block: ScanBlock) -> tuple[Record | Block, ...]:
+        """Scans are heard as they are."""
+        caused: tuple[Record | Block, ...] = self._stage.handle_block(block)
         return caused
 
     def finish(self) -> tuple[Record, ...]:

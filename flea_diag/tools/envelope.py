@@ -36,14 +36,20 @@ class Envelope:
 
     def add(self, time_s: float, values: Sequence[float]) -> None:
         """Take one sample at ``time_s`` >= 0 after the start; NaN leaves its column alone."""
-        at = int(time_s / self.stretch_s)
-        while at >= MOST_STRETCHES:
+        self.add_block(np.array([time_s]), np.array([values], dtype=np.float64))
+
+    def add_block(self, times_s: Array, values: Array) -> None:
+        """Take n samples in any order, shapes (n,) and (n, columns)."""
+        while int(times_s.max() / self.stretch_s) >= MOST_STRETCHES:
             self._double()
-            at = int(time_s / self.stretch_s)
-        self._used = max(self._used, at + 1)
-        row = np.asarray(values, dtype=np.float64)
-        np.fmin(self._low[at], row, out=self._low[at])
-        np.fmax(self._high[at], row, out=self._high[at])
+        at = (times_s / self.stretch_s).astype(np.int64)
+        order = np.argsort(at, kind="stable")
+        at, values = at[order], values[order]
+        starts = np.flatnonzero(np.diff(at, prepend=-1))
+        rows = at[starts]
+        self._used = max(self._used, int(rows[-1]) + 1)
+        self._low[rows] = np.fmin(self._low[rows], np.fmin.reduceat(values, starts))
+        self._high[rows] = np.fmax(self._high[rows], np.fmax.reduceat(values, starts))
 
     def _double(self) -> None:
         half = MOST_STRETCHES // 2

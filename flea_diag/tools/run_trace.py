@@ -9,7 +9,11 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from flea_diag.tools.envelope import Envelope
+from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, alone
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
@@ -26,7 +30,8 @@ SCHEMA_VERSION = 1
 SUFFIX = ".trace.json.gz"
 LARGEST_BYTES = 16 << 20
 """Unpacked; a trace of ours is a tenth of that at most."""
-ESTIMATE = "/estimate"
+
+Array = npt.NDArray[Any]
 
 
 class RunTrace:
@@ -44,7 +49,9 @@ class RunTrace:
         self._truth: list[list[Any]] = []
         self._kinds: dict[type, Any] = {
             Scan: self._scan,
+            ScanBlock: self._scans,
             Residual: self._residual,
+            ResidualBlock: self._residuals,
             ChannelTable: self._table,
             Symbols: self._symbol,
             AmbiguityGroup: self._group,
@@ -53,7 +60,7 @@ class RunTrace:
             Truth: self._known,
         }
 
-    def add(self, record: Record) -> None:
+    def add(self, record: Record | Block) -> None:
         """Take one record; kinds that are not drawn are left out."""
         take = self._kinds.get(type(record))
         if take is not None:
@@ -70,21 +77,28 @@ class RunTrace:
         return self._traces[names]
 
     def _scan(self, scan: Scan) -> None:
-        time_s = self._seconds(scan.stamp_ns)
-        self._last_s = max(self._last_s, time_s)
-        if time_s >= 0.0:
-            self._trace(scan.channels).add(time_s, scan.values)
+        self._scans(ScanBlock(np.array([scan.stamp_ns]), scan.channels, np.array([scan.values])))
+
+    def _scans(self, block: ScanBlock) -> None:
+        self._last_s = max(self._last_s, self._draw(block.stamps_ns, block.channels, block.values))
 
     def _residual(self, residual: Residual) -> None:
+        self._residuals(alone(residual))
+
+    def _residuals(self, block: ResidualBlock) -> None:
         """Each residual as a share of its limit: beyond 1 or -1 it deviates."""
-        time_s = self._seconds(residual.stamp_ns)
-        if time_s < 0.0:
-            return
-        shares = [
-            z / k if k > 0.0 else math.nan
-            for z, k in zip(residual.z, residual.thresholds, strict=True)
-        ]
-        self._trace(tuple(f"{name}/limit" for name in residual.names)).add(time_s, shares)
+        limits = np.where(block.thresholds > 0.0, block.thresholds, np.nan)
+        names = tuple(f"{name}/limit" for name in block.names)
+        self._draw(block.stamps_ns, names, block.z / limits)
+
+    def _draw(self, stamps_ns: Array, names: tuple[str, ...], values: Array) -> float:
+        """Take samples into the trace of these names; the time of the last one."""
+        start_s = self._seconds(int(stamps_ns[0]))
+        times_s = start_s + (stamps_ns - stamps_ns[0]) / 1e9
+        inside = times_s >= 0.0
+        if inside.any():
+            self._trace(names).add_block(times_s[inside], values[inside])
+        return float(times_s.max())
 
     def _table(self, table: ChannelTable) -> None:
         self._units.update({row.name: row.unit for row in table.channels})
