@@ -110,7 +110,8 @@ class ResidualStream:
         """How many of these scans may come in one block: the warm-up ends with a single one."""
         if not self._learning:
             return len(stamps_ns)
-        return int(np.count_nonzero(stamps_ns < self._learn_until_ns))
+        over = np.append(stamps_ns >= self._learn_until_ns, True)
+        return int(over.argmax())  # the first: stamps may jump back after it
 
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
