@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -50,23 +49,6 @@ def test_with_the_profile_every_socket_is_on_loopback_and_the_verdict_arrives(do
         # Who has no such profile is still told, on this machine.
         outside.listen(AmbiguityGroup)
         outside.find(lambda record: record.outcome is Outcome.NOMINAL)
-
-
-def test_scripts_run_takes_the_profile_unless_told_otherwise(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    from flea_diag.nodes.live_run import on_this_machine
-
-    for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
-    on_this_machine()
-    assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(PROFILE)
-    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
-    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", "own.xml")
-    on_this_machine()
-    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
-    assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] == "own.xml"
 
 
 def profiles() -> dict[str, ET.Element]:

@@ -17,7 +17,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from flea_diag.configuration import config_path
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError
 from flea_diag.nodes.children import Children
 from flea_diag.nodes.domain import reserved_domain
@@ -41,8 +40,6 @@ MODULES = {
     **{name: f"flea_diag.nodes.{name}" for name in (*LISTENERS, "console", "web")},
     "daq": "flea_sim_driver.daq_node",
 }
-PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Where Fast DDS looks for its transports."""
 READY_S = 30.0
 LAST_VERDICT_S = 5.0
 LATEST_S = 60.0
@@ -230,7 +227,7 @@ def live(options: argparse.Namespace) -> int:
     log_path = options.bag.with_name(options.bag.name + ".log")
     with _domain() as domain, log_path.open("wb") as log:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        on_this_machine()
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         os.environ["PYTHONUNBUFFERED"] = "1"
         say(f"ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, log: {log_path}")
         run = _executed(options, domain, log)
@@ -241,15 +238,6 @@ def live(options: argparse.Namespace) -> int:
     if run.interrupted:
         say("interrupted: the summary is of what there was")
     return 1 if summary.failures or run.interrupted else 0
-
-
-def on_this_machine() -> None:
-    """Bind what is started to this machine, unless the user has a profile of his own."""
-    if any(name in os.environ for name in PROFILES):
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        return
-    os.environ[PROFILES[0]] = str(config_path("security/loopback.xml"))
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # the profile says which
 
 
 @contextmanager
