@@ -179,7 +179,8 @@ class BagWriter:
         return layout.metadata(self._files(), self._topics)
 
     def _metadata_text(self) -> str:
-        return yaml.safe_dump(self._metadata(), sort_keys=False)
+        text: str = yaml.safe_dump(self._metadata(), sort_keys=False)
+        return text
 
     def close(self) -> None:
         """Finish the bag with its index; a bag without one message is taken away again."""
