@@ -48,22 +48,6 @@ MOST_NODES = 64
 ALONE_NS = 2_000_000_000
 """A detection that no verdict follows for so long is an alarm by itself."""
 
-SHOWN: tuple[type, ...] = (
-    AmbiguityGroup,
-    ChannelTable,
-    DataQuality,
-    Detection,
-    FeatureRequest,
-    FeatureValue,
-    Health,
-    Residual,
-    Scan,
-    Symbols,
-    Truth,
-    VibrationLevel,
-)
-"""Records that are folded; a screen subscribes to these."""
-
 OPEN = (Outcome.DETECTED, Outcome.ISOLATED, Outcome.INDISTINGUISHABLE, Outcome.UNEXPLAINED)
 """Outcomes whose members are faults that are held possible."""
 
@@ -343,3 +327,6 @@ _FOLDS: dict[type, Callable[[OperatorState, Any, int], OperatorState]] = {
     Truth: _latest("truth"),
     VibrationLevel: _latest("level"),
 }
+
+SHOWN: tuple[type, ...] = tuple(_FOLDS)
+"""Records that are folded; a screen subscribes to these."""

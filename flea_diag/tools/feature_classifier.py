@@ -118,7 +118,7 @@ def call(
     """
     called: list[Called] = []
     for run in runs:
-        samples = [s for s in run.samples if s.moving and s.fault in group][:windows]
+        samples = run.moving(group, windows)
         if samples:
             called.append(_call(samples, classifier, group))
     return called

@@ -46,7 +46,7 @@ def judge(
     chooser = FeatureChooser(table, strategy)
     walks: list[Walk] = []
     for run in runs:
-        samples = [s for s in run.samples if s.moving and s.fault in group][:windows]
+        samples = run.moving(group, windows)
         if samples:
             walks.append(walk(samples, chooser, group))
     return walks

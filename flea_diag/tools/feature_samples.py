@@ -41,6 +41,10 @@ class Run:
     samples: tuple[Sample, ...]
     levels: tuple[tuple[OperatingPoint, Mapping[str, float]], ...] = ()
 
+    def moving(self, group: Sequence[str], windows: int) -> list[Sample]:
+        """The first windows in motion under a fault of the group, no more than ``windows``."""
+        return [s for s in self.samples if s.moving and s.fault in group][:windows]
+
 
 def run_of_bag(directory: Path, grid: Grid) -> Run:
     """Samples of one bag.

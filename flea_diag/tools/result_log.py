@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
 
 from flea_diag.errors import ConfigurationError, RecordingError
 from flea_diag.tools.run_result import RunResult, from_mapping
@@ -57,12 +56,7 @@ class ResultLog:
     def __enter__(self) -> ResultLog:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._file.close()
 
 
