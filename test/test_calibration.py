@@ -109,6 +109,14 @@ def test_an_older_file_without_the_observers_noise_has_the_default():
     assert from_mapping(plain, "cal.yaml").observer_noise == ObserverNoise()
 
 
+def test_entries_that_older_files_had_are_passed_over():
+    plain = mapping()
+    plain["tolerance"]["noise_log"] = 0.35
+    for limit in plain["limits"]:
+        limit["nominal"] = 1.0
+    assert from_mapping(plain, "cal.yaml") == from_mapping(mapping(), "cal.yaml")
+
+
 @pytest.mark.parametrize("key", [k for k in mapping() if k not in LATER])
 def test_a_missing_entry_is_named(key):
     plain = mapping()

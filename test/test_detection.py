@@ -37,18 +37,16 @@ def sample(values: dict[str, float], speed: float = 0.03, spread=None) -> Residu
     return ResidualRows(row[None], spreads, signals(speed), np.array([abs(speed) > 0.01]))
 
 
-def limit(
-    name: str, windows: dict[int, float], k: float = 3.0, centre=(0.0, 0.0, 0.0), nominal=1.0
-):
+def limit(name: str, windows: dict[int, float], k: float = 3.0, centre=(0.0, 0.0, 0.0)):
     entries = tuple(WindowLimit(w, centre, (s, 2 * s, 4 * s), k) for w, s in windows.items())
-    return ResidualLimit(name, entries, (1.0, 1.0, 1.0), nominal)
+    return ResidualLimit(name, entries, (1.0, 1.0, 1.0))
 
 
-def detector(*limits: ResidualLimit, tolerance=NONE, noise_log=1e-9, thermal=1e-9) -> Detector:
-    return Detector(limits, tolerance, noise_log, thermal)
+def detector(*limits: ResidualLimit, tolerance=NONE, thermal=1e-9) -> Detector:
+    return Detector(limits, tolerance, thermal)
 
 
-ALWAYS = [row.name for row in RESIDUALS if row.gate == "always" and not row.name.endswith("_noise")]
+ALWAYS = [row.name for row in RESIDUALS if row.gate == "always"]
 
 
 def test_false_alarms_on_white_noise_come_at_the_rate_of_the_limit():

@@ -183,17 +183,19 @@ def _texts(value: Any) -> tuple[str, ...]:
     return tuple(_text(entry) for entry in _list(value))
 
 
-def _numbers_of(kind: type, above_zero: Collection[str] = ()) -> Callable[[Any], Any]:
+def _numbers_of(
+    kind: type, above_zero: Collection[str] = (), retired: Collection[str] = ()
+) -> Callable[[Any], Any]:
     names = {entry.name for entry in fields(kind)}
 
     def read(value: Any) -> Any:
-        if not isinstance(value, Mapping) or set(value) != names:
-            odd = sorted(map(short, set(value) ^ names))
+        if not isinstance(value, Mapping) or set(value) - set(retired) != names:
+            odd = sorted(map(short, (set(value) - set(retired)) ^ names))
             raise ValueError(f"{odd[0]} is missing or unknown")
         for key in above_zero:
             if not _number(value[key]) > 0.0:
                 raise ValueError(f"{key} = {value[key]!r} must be above 0")
-        return kind(**{key: _number(entry) for key, entry in value.items()})
+        return kind(**{key: _number(value[key]) for key in names})
 
     return read
 
@@ -215,7 +217,6 @@ def _limit(value: Any) -> ResidualLimit:
         name,
         windows,
         _regions(value["sigma"], _positive, name),
-        _positive(value["nominal"]),
         _positive(value["correlation_samples"]),
         _spread(value.get("spread", []), name),
     )
@@ -293,7 +294,9 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "parameters": _numbers_of(ActuatorParameters, ABOVE_ZERO),
     "sigmas": lambda value: {_text(key): _number(entry) for key, entry in value.items()},
     "not_identified": lambda value: {_text(key): _text(entry) for key, entry in value.items()},
-    "tolerance": _numbers_of(UnitTolerance, [f.name for f in fields(UnitTolerance)]),
+    "tolerance": _numbers_of(
+        UnitTolerance, [f.name for f in fields(UnitTolerance)], retired=("noise_log",)
+    ),
     "limits": _limits,
     "false_alarms_per_hour": _positive,
     "voltage_limit_v": _positive,

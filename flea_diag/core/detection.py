@@ -29,8 +29,6 @@ SPEED_REGIONS_M_S = (0.025, 0.060)
 """Upper edges of the slow and the medium region of the mean |speed| in a window."""
 REGION_EDGES = np.array(SPEED_REGIONS_M_S)
 THERMAL = ("motor_temperature", "nut_temperature", "ambient_temperature")
-LOG_FLOOR = 1e-3
-"""A noise level this small against nominal counts as none (a dead channel)."""
 
 
 def speed_region(mean_speed_m_s: float) -> int:
@@ -38,17 +36,11 @@ def speed_region(mean_speed_m_s: float) -> int:
     return sum(mean_speed_m_s > edge for edge in SPEED_REGIONS_M_S)
 
 
-def is_noise(row: ResidualRow) -> bool:
-    """Noise levels are tested as a ratio to nominal, on a logarithmic scale."""
-    return row.name.endswith("_noise")
-
-
 @dataclass(frozen=True, slots=True)
 class WindowLimit:
     """Nominal statistics of one residual's mean over ``window`` samples, per speed region.
 
-    ``k`` is the limit of |z|; ``centre`` and ``sigma`` are in the residual's unit (natural
-    logarithm of the ratio for noise levels).
+    ``k`` is the limit of |z|; ``centre`` and ``sigma`` are in the residual's unit.
     """
 
     window: int
@@ -61,16 +53,14 @@ class WindowLimit:
 class ResidualLimit:
     """Limits of one residual; ``sigma`` is the scatter of single samples, per region.
 
-    ``nominal`` is the nominal noise level (noise residuals) and ``correlation_samples`` the
-    number of samples that carry as much news as one independent sample. ``spread`` is d r / d
-    theta of healthy units (order of ``UNIT_PARAMETERS``) where the residual itself does not
-    tell it scan by scan, and empty elsewhere.
+    ``correlation_samples`` is the number of samples that carry as much news as one independent
+    sample. ``spread`` is d r / d theta of healthy units (order of ``UNIT_PARAMETERS``) where the
+    residual itself does not tell it scan by scan, and empty elsewhere.
     """
 
     name: str
     windows: tuple[WindowLimit, ...]
     sigma: tuple[float, ...]
-    nominal: float = 1.0
     correlation_samples: float = 1.0
     spread: tuple[float, ...] = ()
 
@@ -79,8 +69,8 @@ class ResidualLimit:
 class TestResults:
     """The test nearest to its limit of each residual after each scan, shape (n, residuals).
 
-    ``z`` and its limit ``k``; ``mean`` is the statistic in the residual's unit (logarithm of
-    the ratio for noise levels); ``window`` the samples behind it, 0 where nothing was tested.
+    ``z`` and its limit ``k``; ``mean`` is the statistic in the residual's unit; ``window`` the
+    samples behind it, 0 where nothing was tested.
     """
 
     z: Array
@@ -129,30 +119,19 @@ class Detector:
         self,
         limits: Sequence[ResidualLimit],
         tolerance: Sequence[float],
-        noise_log: float,
         thermal_rate_k_per_s: float,
     ) -> None:
-        extra = noise_log, thermal_rate_k_per_s * CORRECTION_S
+        extra = (thermal_rate_k_per_s * CORRECTION_S) ** 2
         named = {limit.name: limit for limit in limits}
         self._groups = tuple(
             _Group(gate, named, np.array(tolerance), extra) for gate in ("moving", "always")
         )
-        self._jumps = [
-            (j, named[row.name].windows[0])
-            for j, row in enumerate(RESIDUALS)
-            if row.gate == "jump" and row.name in named
-        ]
 
     def step(self, rows: ResidualRows) -> TestResults:
         """Results after each of these rows."""
         results = TestResults.untested(len(rows))
         for group in self._groups:
             group.step(rows, results)
-        for index, bound in self._jumps:
-            value = rows.values[:, index]
-            results.z[:, index] = (value - bound.centre[0]) / bound.sigma[0]
-            results.k[:, index], results.mean[:, index] = bound.k, value
-            results.window[:, index] = 1
         return results
 
     def adopt(self, change: Sequence[float], tolerance: Sequence[float]) -> None:
@@ -184,21 +163,20 @@ class _Group:
         gate: str,
         limits: dict[str, ResidualLimit],
         tolerance: Array,
-        extra: tuple[float, float],
+        thermal_variance: float,
     ) -> None:
         self._gated = gate == "moving"
         columns = [j for j, row in enumerate(RESIDUALS) if row.gate == gate and row.name in limits]
         rows = [RESIDUALS[j] for j in columns]
         self._columns = np.array(columns, dtype=int)
         self._windows = sorted({window for row in rows for window in row.windows}) or [1]
-        self._noisy = _together([c for c, row in enumerate(rows) if is_noise(row)])
         # Where healthy units differ: their columns here, and their places in a row's spread.
         self._spread = [c for c, j in enumerate(columns) if j in SPREAD_ROWS]
         self._spreading = _together(self._spread)
         self._places = [SPREAD_ROWS.index(columns[c]) for c in self._spread]
         self._tolerance = tolerance
         self._fixed = np.zeros((len(rows), len(tolerance)))
-        self._extra = np.array([_extra(row, *extra) for row in rows])
+        self._extra = np.array([thermal_variance * (row.name in THERMAL) for row in rows])
         self._bounds(rows, limits)
         self._based()
         self._lengths = np.array(self._windows)
@@ -211,10 +189,9 @@ class _Group:
         """Tables of centre, variance and limit, shape (regions, windows, residuals)."""
         shape = (len(SPEED_REGIONS_M_S) + 1, len(self._windows), len(rows))
         self._centre, self._own = np.zeros(shape), np.full(shape, np.nan)
-        self._k, self._nominal = np.full(shape[1:], np.nan), np.ones(len(rows))
+        self._k = np.full(shape[1:], np.nan)
         for column, row in enumerate(rows):
             limit = limits[row.name]
-            self._nominal[column] = limit.nominal
             if limit.spread:
                 self._fixed[column] = limit.spread
             for bound in limit.windows:
@@ -275,9 +252,6 @@ class _Group:
         """Statistic, centre and variance of each test, shape (n, windows, residuals)."""
         statistic, speeds = means[:, :, :count], means[:, :, count]
         region = REGION_EDGES.searchsorted(np.fmax(speeds, 0.0))
-        levels = statistic[:, :, self._noisy]
-        np.divide(levels, self._nominal[self._noisy], out=levels)
-        np.log(np.maximum(levels, LOG_FLOOR, out=levels), out=levels)
         variance = self._variance[region, self._window]
         if self._spread:
             shape = (*speeds.shape, len(self._spread), len(self._tolerance))
@@ -306,10 +280,3 @@ def _together(columns: list[int]) -> slice:
     start = columns[0] if columns else 0
     assert columns == list(range(start, start + len(columns)))
     return slice(start, start + len(columns))
-
-
-def _extra(row: ResidualRow, noise_log: float, thermal_k: float) -> float:
-    """Variance of what healthy units differ by in a noise level or a temperature."""
-    if is_noise(row):
-        return noise_log**2
-    return thermal_k**2 if row.name in THERMAL else 0.0

@@ -41,9 +41,7 @@ class UnitTolerance:
     A difference inside it is another unit, not a fault. The FLEA's test actuators differ by
     20 % in resistance and 60 % in viscous friction, offsets of the voltage channel by 0.7 V:
     each taken as two sigma. Heating of a motor
-    that has been hot for hours departs from a one-node model by up to 0.06 K/s. ``noise_log``
-    is the spread of a sensor's noise level (natural
-    logarithm): another thermocouple may be twice as noisy.
+    that has been hot for hours departs from a one-node model by up to 0.06 K/s.
     """
 
     coulomb_friction_n: float = 10.0
@@ -54,4 +52,3 @@ class UnitTolerance:
     voltage_offset_v: float = 0.5
     current_offset_a: float = 0.15
     thermal_rate_k_per_s: float = 0.03
-    noise_log: float = 0.35

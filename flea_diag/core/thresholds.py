@@ -18,11 +18,9 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration import BadStretch, Run
 from flea_diag.core.detection import (
-    LOG_FLOOR,
     SPEED_REGIONS_M_S,
     ResidualLimit,
     WindowLimit,
-    is_noise,
 )
 from flea_diag.core.identification import Identified
 from flea_diag.core.plausibility import ENTER_SAMPLES, usable
@@ -39,7 +37,6 @@ from flea_diag.core.sensor_limits import SENSOR_SHARE
 Array = npt.NDArray[np.float64]
 
 GUARD = 1.25
-JUMP_GUARD = 1.5
 PIECE_S = 10.0
 REGIONS = len(SPEED_REGIONS_M_S) + 1
 NEED_VOLTAGE = np.array(["motor_voltage" in row.needs for row in RESIDUALS])
@@ -133,7 +130,6 @@ def _limit(
     everything = np.concatenate([values for values, _ in columns])
     if not np.any(everything):
         return None
-    nominal = float(everything.mean()) if is_noise(row) else 1.0
     pieces = len(everything) * period_s / PIECE_S
     windows = []
     for window in row.windows:
@@ -143,9 +139,7 @@ def _limit(
             if len(values) >= window
         ]
         if len(means) >= 2:
-            windows.append(
-                _window_limit(row, window, means, nominal, rate_per_hour, pieces, period_s)
-            )
+            windows.append(_window_limit(window, means, rate_per_hour, pieces, period_s))
     scatter = float(everything.std())
     if not windows or not scatter > 0.0:
         return None
@@ -153,8 +147,7 @@ def _limit(
         row.name,
         tuple(windows),
         (scatter,) * REGIONS,
-        nominal,
-        _correlation(windows, scatter, is_noise(row)),
+        _correlation(windows, scatter),
     )
 
 
@@ -164,26 +157,20 @@ def _rolling(values: Array, window: int) -> Array:
     return rolled
 
 
-def _correlation(windows: Sequence[WindowLimit], scatter: float, noise: bool) -> float:
+def _correlation(windows: Sequence[WindowLimit], scatter: float) -> float:
     """Samples of one independent sample: w var(mean) / var(sample), the worst window counts."""
-    if noise:
-        return 1.0
     worst = max(limit.window * float(np.mean(limit.sigma)) ** 2 for limit in windows)
     return max(1.0, worst / scatter**2)
 
 
 def _window_limit(
-    row: ResidualRow,
     window: int,
     means: list[tuple[Array, Array]],
-    nominal: float,
     rate_per_hour: float,
     pieces: float,
     period_s: float,
 ) -> WindowLimit:
-    statistic = [
-        np.log(np.maximum(m / nominal, LOG_FLOOR)) if is_noise(row) else m for m, _ in means
-    ]
+    statistic = [mean for mean, _ in means]
     regions = [np.searchsorted(SPEED_REGIONS_M_S, speed) for _, speed in means]
     pooled = _moments(statistic)
     centre, sigma = [], []
@@ -201,8 +188,7 @@ def _window_limit(
         ]
     )
     alpha = rate_per_hour * window * period_s / 3600.0
-    guard = JUMP_GUARD if row.gate == "jump" else GUARD
-    k = max(_student(alpha, max(pieces - 1.0, 2.0)), guard * float(z.max()))
+    k = max(_student(alpha, max(pieces - 1.0, 2.0)), GUARD * float(z.max()))
     return WindowLimit(window, tuple(centre), tuple(sigma), k)
 
 

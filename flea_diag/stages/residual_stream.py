@@ -85,9 +85,7 @@ class ResidualStream:
         limits = [
             limit for limit in c.limits if estimate.runs or limit.name not in INNOVATION_INDEX
         ]
-        self._detector = Detector(
-            limits, c.tolerances(), c.tolerance.noise_log, c.tolerance.thermal_rate_k_per_s
-        )
+        self._detector = Detector(limits, c.tolerances(), c.tolerance.thermal_rate_k_per_s)
         self._estimate = estimate
         self._plausible = VoltagePlausibility(c.voltage_limit_v)
         self._learning = {

@@ -80,8 +80,7 @@ def _panel(panel: Any, limit: ResidualLimit, trace: Trace, period_s: float) -> N
     panel.plot(time_s, mean, color=RESIDUAL, linewidth=1.0)
     for bound in (low, high):
         panel.plot(time_s, bound, color=LIMIT, linewidth=1.0, linestyle="--")
-    unit = "log" if limit.name.endswith("_noise") else row.unit
-    panel.set_title(f"{limit.name} [{unit}], mean of {window.window}", fontsize=8, loc="left")
+    panel.set_title(f"{limit.name} [{row.unit}], mean of {window.window}", fontsize=8, loc="left")
     panel.tick_params(labelsize=7)
     panel.set_xlim(0.0, float(time_s[-1]))
 
@@ -92,7 +91,7 @@ def windowed(limit: ResidualLimit, window: WindowLimit, trace: Trace) -> tuple[A
     NaN where nothing was tested. The limits are those of nominal scatter alone; what healthy
     units differ by comes on top in a diagnosis.
     """
-    from flea_diag.core.detection import LOG_FLOOR, SPEED_REGIONS_M_S, is_noise
+    from flea_diag.core.detection import SPEED_REGIONS_M_S
     from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS
 
     index = RESIDUAL_INDEX[limit.name]
@@ -106,8 +105,6 @@ def windowed(limit: ResidualLimit, window: WindowLimit, trace: Trace) -> tuple[A
     if not len(at):
         return mean, low, high
     statistic = _rolling(values[tested], count)
-    if is_noise(RESIDUALS[index]):
-        statistic = np.log(np.maximum(statistic / limit.nominal, LOG_FLOOR))
     speed = _rolling(np.nan_to_num(trace.speed_m_s[tested]), count)
     region = np.searchsorted(SPEED_REGIONS_M_S, speed)
     centre, reach = np.take(window.centre, region), window.k * np.take(window.sigma, region)
