@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -81,10 +80,13 @@ class Browser:
 
     def until(self, what: str, limit_s: float = LIMIT_S) -> None:
         """Wait until some JavaScript is true."""
-        deadline = time.monotonic() + limit_s
-        while not self.run(what):
-            assert time.monotonic() < deadline, f"not within {limit_s} s: {what}\n{self._page()}"
-            time.sleep(0.02)
+        from selenium.common.exceptions import TimeoutException
+        from selenium.webdriver.support.ui import WebDriverWait
+
+        try:
+            WebDriverWait(self.driver, limit_s, poll_frequency=0.02).until(lambda _: self.run(what))
+        except TimeoutException:
+            raise AssertionError(f"not within {limit_s} s: {what}\n{self._page()}") from None
 
     def until_text(self, selector: str, words: str, limit_s: float = LIMIT_S) -> None:
         """Wait until an element holds these words."""

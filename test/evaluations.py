@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 from decisions import BAGS
@@ -60,7 +61,7 @@ def say_where_then_wait(case: Case, folder: str) -> RunResult:
 
 def until(happened: Callable[[], bool], what: str, limit_s: float = 60.0) -> None:
     """Wait for a predicate."""
-    end = time.monotonic() + limit_s
+    end, never = time.monotonic() + limit_s, Event()
     while not happened():
         assert time.monotonic() < end, f"{what}: not within {limit_s:g} s"
-        time.sleep(0.01)
+        never.wait(0.01)
