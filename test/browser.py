@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-LIMIT_S = 15.0
+LIMIT_S = 40.0
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
@@ -87,6 +87,10 @@ class Browser:
             WebDriverWait(self.driver, limit_s, poll_frequency=0.02).until(lambda _: self.run(what))
         except TimeoutException:
             raise AssertionError(f"not within {limit_s} s: {what}\n{self._page()}") from None
+
+    def title(self) -> str:
+        """Title of the window."""
+        return str(self.run("document.title"))
 
     def until_text(self, selector: str, words: str, limit_s: float = LIMIT_S) -> None:
         """Wait until an element holds these words."""

@@ -11,21 +11,23 @@ import pytest
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.alarm_journal import AlarmJournal
 from flea_diag.operator.alarm import Alarm, Comment, Member
-from flea_diag.wire.records import Outcome, Symbol
+from flea_diag.wire.records import Outcome, Remark, RemarkKind, Symbol
 
 ALARM = Alarm(
     "live", 1000, 1, "parity_mechanical", 6.5, 5.0, "mean of 50 samples", Outcome.ISOLATED,
     "the fault is jam", 2000, (Member("jam", 1.0, 12.5, 0.5, "N"),),
     (Symbol("parity_mechanical", "+", "?", 1000),),
 )  # fmt: skip
+ACKNOWLEDGED = Remark(3000, RemarkKind.ACKNOWLEDGED, "Ada", "", *ALARM.key)
+SAID = Remark(4000, RemarkKind.COMMENT, "Ada", "nut greased", *ALARM.key)
+MARKED = Remark(5000, RemarkKind.MARK, "Ada", "load changed")
 
 
 def test_all_of_it_survives_a_restart(tmp_path: Path) -> None:
     journal = AlarmJournal(tmp_path / "new" / "alarms.sqlite")
     journal.note(ALARM)
-    assert journal.acknowledge(ALARM.key, 3000, "Ada")
-    journal.comment(ALARM.key, Comment(4000, "Ada", "nut greased"))
-    journal.mark(Comment(5000, "Ada", "load changed"))
+    for remark in (ACKNOWLEDGED, SAID, MARKED):
+        journal.keep(remark)
     journal.close()
     again = AlarmJournal(tmp_path / "new" / "alarms.sqlite")
     (alarm,) = again.alarms()
@@ -41,7 +43,7 @@ def test_all_of_it_survives_a_restart(tmp_path: Path) -> None:
 def test_a_later_verdict_keeps_what_people_said(tmp_path: Path) -> None:
     journal = AlarmJournal(tmp_path / "alarms.sqlite")
     journal.note(replace(ALARM, outcome=Outcome.DETECTED))
-    journal.acknowledge(ALARM.key, 3000, "Ada")
+    journal.keep(ACKNOWLEDGED)
     journal.note(ALARM)
     (alarm,) = journal.alarms()
     assert (alarm.outcome, alarm.acknowledged_by) == (Outcome.ISOLATED, "Ada")
@@ -50,9 +52,9 @@ def test_a_later_verdict_keeps_what_people_said(tmp_path: Path) -> None:
 def test_the_first_acknowledgement_stands(tmp_path: Path) -> None:
     journal = AlarmJournal(tmp_path / "alarms.sqlite")
     journal.note(ALARM)
-    assert journal.acknowledge(ALARM.key, 3000, "Ada")
-    assert not journal.acknowledge(ALARM.key, 4000, "Bob")
-    assert not journal.acknowledge(("live", 77), 4000, "Bob")
+    journal.keep(ACKNOWLEDGED)
+    journal.keep(replace(ACKNOWLEDGED, stamp_ns=4000, author="Bob"))
+    journal.keep(replace(ACKNOWLEDGED, detected_ns=77, author="Bob"))
     assert journal.alarms()[0].acknowledged_by == "Ada"
 
 

@@ -26,6 +26,7 @@ VALUES = {
     bool: st.booleans(),
     r.Outcome: st.sampled_from(r.Outcome),
     r.Quality: st.sampled_from(r.Quality),
+    r.RemarkKind: st.sampled_from(r.RemarkKind),
     r.Level: st.sampled_from(r.Level),
     tuple[str, ...]: st.lists(TEXT, max_size=4).map(tuple),
     tuple[tuple[str, str], ...]: st.lists(st.tuples(TEXT, TEXT), max_size=3).map(tuple),

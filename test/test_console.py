@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -15,12 +16,14 @@ from typing import Any
 
 import pytest
 from live import ROOT, Peer, Process, environment, node
-from test_operator_state import FIRST, FLAG, LAST, NOMINAL
+from test_operator_state import FIRST, FLAG, LAST, NOMINAL, START
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.alarm_journal import AlarmJournal
 from flea_diag.nodes.console import chosen_style
-from flea_diag.nodes.desk import Desk
+from flea_diag.nodes.desk import Desk, connect
+from flea_diag.wire.bag import read_bag
+from flea_diag.wire.records import Remark, RemarkKind, Scan, Truth
 
 MODULE = "flea_diag.nodes.console"
 PROMPT_S = 1.5
@@ -47,14 +50,12 @@ def desk(tmp_path: Path) -> Desk:
     return made
 
 
-def piloted(
-    desk: Desk, act: Callable[[Any], Awaitable[None]], inject: Callable[..., None] | None = None
-) -> None:
+def piloted(desk: Desk, act: Callable[[Any], Awaitable[None]]) -> None:
     pytest.importorskip("textual", reason="the screen needs Textual: pip install textual")
     from flea_diag.nodes.console_app import ConsoleApp
 
     async def play() -> None:
-        app = ConsoleApp(desk, inject or (lambda fault, told: None))
+        app = ConsoleApp(desk)
         async with app.run_test(size=(140, 50)) as pilot:
             await pilot.pause()
             await act(pilot)
@@ -106,22 +107,55 @@ def test_escape_says_nothing_and_a_mark_is_kept(desk: Desk, tmp_path: Path) -> N
     assert [mark.text for mark in AlarmJournal(tmp_path / "alarms.sqlite").marks()] == ["load"]
 
 
-def test_inject_asks_and_says_what_came_of_it(desk: Desk) -> None:
-    asked: list[str] = []
+def test_a_mark_is_of_the_moment_of_its_key_and_not_of_its_last_word(desk: Desk) -> None:
+    async def act(pilot: Any) -> None:
+        desk.take(Scan(START + 1000, ("motor_current",), (0.0,)))
+        await pilot.press("m", *"loa")
+        desk.take(Scan(START + 9000, ("motor_current",), (0.0,)))
+        await pilot.press(*"d", "enter")
+        await pilot.pause()
+        assert "MARKS  1 kept" in words(pilot)
 
-    def inject(fault: str, told: Callable[[str], None]) -> None:
-        asked.append(fault)
-        told("there is no node daq here" if fault else "")
+    piloted(desk, act)
+    assert [mark.stamp_ns for mark in desk.state.marks] == [START + 1000]
+
+
+def test_inject_asks_and_says_what_came_of_it(desk: Desk) -> None:
+    entry = desk.faults = Entry()
 
     async def act(pilot: Any) -> None:
+        assert "Inject" in words(pilot)
         await pilot.press("i", *"jam:0.5", "enter")
         await pilot.pause(0.3)
         assert "not injected: there is no node daq here" in words(pilot)
         await pilot.press("i", *"clear", "enter")
         await pilot.pause()
 
-    piloted(desk, act, inject)
-    assert asked == ["jam:0.5", ""]
+    piloted(desk, act)
+    assert entry.asked == ["jam:0.5", ""]
+
+
+def test_a_stand_that_takes_no_faults_is_offered_none(desk: Desk) -> None:
+    async def act(pilot: Any) -> None:
+        assert "Inject" not in words(pilot)
+        await pilot.press("i")
+        await pilot.pause()
+        assert len(pilot.app.screen_stack) == 1
+
+    piloted(desk, act)
+
+
+class Entry:
+    """A stand that takes faults, and whose node has just gone."""
+
+    present = True
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+
+    def set(self, value: str, told: Callable[[str], None]) -> None:
+        self.asked.append(value)
+        told("there is no node daq here" if value else "")
 
 
 def test_the_chosen_fault_shows_its_why(desk: Desk) -> None:
@@ -160,22 +194,73 @@ def test_a_console_that_starts_late_shows_the_verdict_in_time(domain: int, tmp_p
 
 
 def test_a_fault_is_injected_through_the_parameter_of_the_stand(domain: int) -> None:
-    from flea_diag.nodes.desk import inject
-
     told: list[str] = []
     daq = node("flea_sim_driver.daq_node", "-p", "duration_s:=60.0")
     with Peer(domain) as peer:
-        inject(peer.bus, "jam", told.append)
+        entry = peer.bus.remote_parameter("daq", "inject")
+        entry.set("jam", told.append)
         peer.until(lambda: bool(told))
         assert told == ["there is no node daq here"]
-        with Process(daq, domain):
-            from flea_diag.wire.records import Truth
-
+        assert not entry.present
+        with Process(daq, domain) as stand:
             peer.listen(Truth)
-            inject(peer.bus, "jam", told.append)
+            peer.until(lambda: entry.present)
+            entry.set("gremlin", told.append)
+            entry.set("jam", told.append)
             peer.find(lambda record: record.fault == "jam")
-            peer.until(lambda: len(told) == 2)
-    assert told[1] == ""
+            peer.until(lambda: len(told) == 3)
+            stand.signal(signal.SIGINT)
+        peer.until(lambda: not entry.present)
+    assert any("gremlin" in why_not for why_not in told[1:])
+    assert "" in told[1:]
+
+
+def test_a_daq_of_another_kind_is_offered_no_faults(domain: int) -> None:
+    """A real stand's node may have the name, but not the parameter."""
+    with Peer(domain, name="daq") as stand, Peer(domain) as peer:
+        entry = peer.bus.remote_parameter("daq", "inject")
+        peer.until(lambda: (stand.bus.wait_until(lambda: True, 0.0), entry._asked)[1] is not None)
+        answered = entry._asked
+        peer.until(lambda: (stand.bus.wait_until(lambda: False, 0.02), answered.done())[1])
+        peer.until(lambda: (stand.bus.wait_until(lambda: False, 0.02), entry._asked)[1] != answered)
+        assert not entry.present
+
+
+def test_what_people_say_is_in_the_bag_and_on_the_other_screens(
+    domain: int, tmp_path: Path
+) -> None:
+    recorder = node("flea_diag.nodes.recorder", "-p", f"directory:={tmp_path / 'bag'}")
+    desks = [Desk(AlarmJournal(tmp_path / f"{name}.sqlite"), name) for name in ("Ada", "Bob")]
+    with (
+        Peer(domain, name="one") as one,
+        Peer(domain, name="two") as two,
+        Process(recorder, domain) as process,
+    ):
+        for peer, desk in zip((one, two), desks, strict=True):
+            connect(peer.bus, desk)
+        assert one.bus.wait_for_subscribers(Remark, count=3)
+        publish(one, FIRST)
+        both(one, two, lambda: all(desk.state.alarms for desk in desks))
+        desks[0].mark("load changed", START + 5)
+        desks[0].acknowledge(desks[0].state.alarms[0].key)
+        both(one, two, lambda: not desks[1].state.alarms[0].rings)
+        assert desks[1].state.alarms[0].acknowledged_by == "Ada"
+        assert [mark.text for mark in desks[1].state.marks] == ["load changed"]
+        both(one, two, lambda: len(kept(tmp_path / "bag")) == 2)
+        assert process.signal(signal.SIGINT)[0] == 0
+    mark, acknowledged = kept(tmp_path / "bag")
+    assert mark == Remark(START + 5, RemarkKind.MARK, "Ada", "load changed")
+    assert acknowledged.kind is RemarkKind.ACKNOWLEDGED
+
+
+def kept(bag: Path) -> list[Any]:
+    """Remarks in a bag that is still written: it is whole each second."""
+    return [record for _, record in read_bag(bag, (Remark,))] if any(bag.glob("*.yaml")) else []
+
+
+def both(one: Peer, two: Peer, predicate: Callable[[], bool]) -> None:
+    """Serve two guests until a predicate holds."""
+    one.until(lambda: two.bus.wait_until(predicate, 0.02))
 
 
 # -- in a terminal
@@ -229,3 +314,41 @@ def test_in_a_terminal_it_shows_takes_keys_and_quits(
         peer.until(lambda: terminal.shows("ended with 0"))
     (alarm,) = AlarmJournal(journal).alarms()
     assert alarm.acknowledged_by == "Ada"
+
+
+def test_the_bell_rings_until_somebody_acknowledges_and_never_for_a_replay(
+    terminal: Terminal, domain: int, tmp_path: Path
+) -> None:
+    heard = tmp_path / "heard"
+    heard.touch()
+    command = node(MODULE, "-p", f"journal:={tmp_path / 'alarms.sqlite'}")
+    again = f"while :; do {shlex.join(command)}; done"
+    with Peer(domain) as peer:
+        publish(peer, replace(LAST, source="replay", words="of a replay"))
+        terminal.run(
+            "new-session", "-d", "-x", "120", "-y", "40", "sh", "-c", again,
+            env=environment(domain), cwd=ROOT,
+        )  # fmt: skip
+        terminal.run("set-hook", "-g", "alert-bell", f"run-shell 'echo >> {heard}'")
+
+        def rings() -> int:
+            return len(heard.read_text(encoding="utf-8").splitlines())
+
+        def says(words: str, **more: Any) -> None:
+            publish(peer, replace(LAST, words=words, **more))
+            peer.until(lambda: terminal.shows(words))
+
+        peer.until(lambda: terminal.shows("of a replay"))
+        says("still of a replay", source="replay")
+        assert rings() == 0
+        says("of the stand", detected_stamp_ns=START + 1)
+        peer.until(lambda: rings() >= 2)
+        terminal.run("send-keys", "q")  # it starts anew, and has not forgotten
+        peer.until(lambda: not terminal.shows("VERDICT"))
+        before = rings()
+        peer.until(lambda: terminal.shows("of the stand") and rings() > before)
+        terminal.run("send-keys", "a")
+        peer.until(lambda: terminal.shows("acknowl."))
+        before = rings()
+        says("of the stand once more", detected_stamp_ns=START + 1, seq=9)
+        assert rings() == before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from test_operator_state import FIRST, FLAG, LAST, NOMINAL, START
 
 from flea_diag.nodes.alarm_journal import AlarmJournal
 from flea_diag.nodes.desk import Desk
-from flea_diag.wire.records import Outcome
+from flea_diag.wire.records import Outcome, Remark, RemarkKind, Scan
 
 
 def desk(path: Path) -> Desk:
@@ -63,6 +64,32 @@ def test_a_journal_that_cannot_be_written_is_told_and_the_screen_stays(tmp_path:
         one.take(record)
     assert "alarms.sqlite" in one.trouble
     assert one.state.alarms[0].outcome is Outcome.DETECTED
+
+
+def test_what_another_screen_says_is_kept_once_however_often_it_is_heard(tmp_path: Path) -> None:
+    one = desk(tmp_path)
+    for record in (NOMINAL, FLAG, FIRST):
+        one.take(record)
+    key = one.state.alarms[0].key
+    said = Remark(START, RemarkKind.COMMENT, "Bob", "greased", *key)
+    done = Remark(START, RemarkKind.ACKNOWLEDGED, "Bob", "", *key)
+    for remark in (said, done, said, done, Remark(START, RemarkKind.COMMENT, "Bob", " ", *key)):
+        one.take(remark)
+    (alarm,) = one.state.alarms
+    assert (alarm.acknowledged_by, [c.text for c in alarm.comments]) == ("Bob", ["greased"])
+
+
+def test_a_mark_has_the_stamp_of_the_scan_that_people_see(tmp_path: Path) -> None:
+    one = desk(tmp_path)
+    said: list[Remark] = []
+    one.on_remark.append(said.append)
+    one.mark("before any scan")
+    one.take(Scan(START + 7, ("motor_current",), (0.0,)))
+    one.mark("with the stand")
+    assert abs(said[0].stamp_ns - time.time_ns()) < 60 * 10**9
+    assert said[1] == Remark(START + 7, RemarkKind.MARK, "Ada", "with the stand")
+    one.mark("  ")
+    assert len(said) == 2
 
 
 def test_marks_are_kept(tmp_path: Path) -> None:

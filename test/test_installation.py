@@ -126,7 +126,7 @@ def test_an_executable_runs_and_stops(prefix: Path, domain: int, tmp_path: Path)
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     recorder = ros2_pkg_executables(str(prefix), "flea_diag")["recorder"]
     with Process([str(recorder)], domain, cwd=tmp_path, PYTHONPATH="", PATH=path) as process:
-        process.wait_for("recording 13 topics")
+        process.wait_for("recording 14 topics")
         status, took_s = process.signal(signal.SIGINT)
     assert status == 0
     assert took_s < 1.0

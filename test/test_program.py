@@ -20,7 +20,7 @@ def test_signals_end_a_node_within_a_second(
 ) -> None:
     command = node("flea_diag.nodes.recorder", "-p", f"executor:={executor}")
     with Process(command, domain, cwd=tmp_path) as process:
-        process.wait_for("recording 13 topics")
+        process.wait_for("recording 14 topics")
         status, took_s = process.signal(*signals)
     assert status == 0
     assert took_s < 1.0

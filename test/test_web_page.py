@@ -17,7 +17,7 @@ pytest.importorskip("nicegui", reason="the page needs NiceGUI: pip install niceg
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.web import WebParameters, start
-from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome
+from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Truth
 
 MODULE = "flea_diag.nodes.web"
 SAYS_WHERE = "the page is at http://127.0.0.1:"
@@ -67,6 +67,8 @@ def test_a_jam_from_the_first_scan_to_the_last_comment(
         browser.open(f"http://127.0.0.1:{port}/")
         browser.until_text("#panel-answer", "NO VERDICT YET")
         peer.listen(Detection, AmbiguityGroup)
+        peer.bus.subscribe(Truth, peer.records.append)
+        assert not browser.run(SHOWS_INJECT), "no stand is here that takes faults"
         with Process(daq, domain):
             browser.until_text("#panel-answer", "NOMINAL")
             browser.until_text(".chips", "LIVE")
@@ -75,6 +77,7 @@ def test_a_jam_from_the_first_scan_to_the_last_comment(
             the_pictures_show_it(peer, browser)
             assert browser.foreign(f"127.0.0.1:{port}") == []
             people_say_something(browser)
+            a_fault_is_put_into_the_simulated_stand(peer, browser)
             stage.signal(signal.SIGKILL)
             browser.until_text(".chips", "NO VERDICT for")
             with Process(diagnoser, domain):
@@ -111,16 +114,46 @@ INKED = """(() => {
 """Pixels of the first residual's chart that are drawn on."""
 
 
+SHOWS_INJECT = "!!document.querySelector('[data-key=i]').offsetParent"
+RUNG = "window.fleaBell.rung"
+
+
 def people_say_something(browser: Browser) -> None:
-    """With the keyboard alone; what they write is text, whatever it looks like."""
+    """With the keyboard alone; what they write is text, whatever it looks like.
+
+    The alarm rings from the first touch on, in the title as well, until it is acknowledged.
+    """
+    assert browser.title().startswith("▲ 1 not acknowledged · flea_diag")
+    browser.until_text(".chips", "the bell is mute until you touch the page")
     browser.press("c")
     browser.until("document.activeElement.tagName === 'TEXTAREA'")
     browser.press("<b>nut is hot</b>", "\ue007")
     browser.until_text("#panel-episodes", "Ada: <b>nut is hot</b>")
     browser.until("!document.querySelector('.q-dialog__backdrop')")
+    browser.until(f"{RUNG} > 1")
+    assert "mute" not in browser.text(".chips")
+    browser.press("m")
+    browser.until("document.activeElement.tagName === 'TEXTAREA'")
+    browser.press("load changed", "\ue007")
+    browser.until_text("#panel-episodes", "load changed")
+    browser.until("!document.querySelector('.q-dialog__backdrop')")
     browser.press("a")
     browser.until_text("#panel-episodes", "acknowledged")
     browser.until("!document.querySelector('.chips').innerText.includes('not acknowledged')")
+    browser.until("document.title.startsWith('flea_diag')")
+    assert not browser.run("document.body.classList.contains('ringing')")
+
+
+def a_fault_is_put_into_the_simulated_stand(peer: Peer, browser: Browser) -> None:
+    """What the stand refuses is told in its own words; what it takes, its truth says."""
+    browser.until(SHOWS_INJECT)
+    for asked, answer in (("gremlin", "Not injected"), ("spall:0.8", "The stand took: spall:0.8")):
+        browser.press("i")
+        browser.until("document.activeElement.tagName === 'INPUT'")
+        browser.press(asked, "\ue007")
+        browser.until_text(".q-notifications", answer)
+        browser.until("!document.querySelector('.q-dialog__backdrop')")
+    peer.find(lambda r: isinstance(r, Truth) and r.fault == "spall")
 
 
 def the_page_survives_its_server(

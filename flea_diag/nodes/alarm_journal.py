@@ -16,7 +16,7 @@ from pathlib import Path
 
 from flea_diag.errors import ConfigurationError, RecordingError
 from flea_diag.operator.alarm import Alarm, Comment, Key, Member
-from flea_diag.wire.records import NEVER_NS, Outcome, Symbol
+from flea_diag.wire.records import NEVER_NS, Outcome, Remark, RemarkKind, Symbol
 
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS alarm (
@@ -32,6 +32,7 @@ MARK: Key = ("mark", NEVER_NS)
 """A mark is a comment on a moment and belongs to no alarm."""
 BUSY_S = 2.0
 LONGEST_TEXT = 2000
+LONGEST_NAME = 100
 
 
 def default_path() -> Path:
@@ -78,30 +79,37 @@ class AlarmJournal:
                 (self._stand, *alarm.key, _text(alarm)),
             )
 
-    def acknowledge(self, key: Key, stamp_ns: int, author: str) -> bool:
-        """Acknowledge an alarm; False when it is unknown, or somebody has done it before."""
+    def keep(self, remark: Remark) -> None:
+        """Keep what somebody said; once, however often and on whatever way it comes."""
+        key = remark.source, remark.detected_ns
+        if remark.kind is RemarkKind.ACKNOWLEDGED:
+            self._acknowledge(key, remark.stamp_ns, remark.author)
+            return
+        said = Comment(remark.stamp_ns, remark.author, remark.text)
+        self._comment(MARK if remark.kind is RemarkKind.MARK else key, said)
+
+    def _acknowledge(self, key: Key, stamp_ns: int, author: str) -> None:
+        """Acknowledge an alarm, unless it is unknown or somebody has done it before."""
         with self._told():
-            changed = self._db.execute(
+            self._db.execute(
                 "UPDATE alarm SET acknowledged_ns = ?, acknowledged_by = ? WHERE stand = ? "
                 "AND source = ? AND detected_ns = ? AND acknowledged_ns = -1",
-                (stamp_ns, author, self._stand, *key),
+                (stamp_ns, author[:LONGEST_NAME], self._stand, *key),
             )
-        return changed.rowcount == 1
 
-    def comment(self, key: Key, comment: Comment) -> None:
-        """Add a comment to an alarm."""
+    def _comment(self, key: Key, comment: Comment) -> None:
+        """Add a comment to an alarm, unless it is there already."""
         text = comment.text.strip()[:LONGEST_TEXT]
         if not text:
             return
+        row = (self._stand, *key, comment.stamp_ns, comment.author[:LONGEST_NAME], text)
         with self._told():
             self._db.execute(
-                "INSERT INTO comment VALUES (?, ?, ?, ?, ?, ?)",
-                (self._stand, *key, comment.stamp_ns, comment.author, text),
+                "INSERT INTO comment SELECT ?1, ?2, ?3, ?4, ?5, ?6 WHERE NOT EXISTS (SELECT 1 "
+                "FROM comment WHERE stand = ?1 AND source = ?2 AND detected_ns = ?3 "
+                "AND stamp_ns = ?4 AND author = ?5 AND text = ?6)",
+                row,
             )
-
-    def mark(self, comment: Comment) -> None:
-        """Mark a moment: a comment that belongs to no alarm."""
-        self.comment(MARK, comment)
 
     def alarms(self, most: int = 100) -> tuple[Alarm, ...]:
         """The latest alarms, oldest first, with what people said to them."""

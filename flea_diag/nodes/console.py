@@ -7,11 +7,10 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, TextIO
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.nodes.desk import Desk, connect, inject, open_journal
+from flea_diag.nodes.desk import SAID, Desk, connect, open_journal
 from flea_diag.operator.state import SHOWN
 from flea_diag.operator.verdict_view import line
 from flea_diag.operator.view import page, view
@@ -74,11 +73,11 @@ class Plain:
 class Screen:
     """The console with keys; has the main thread while the node is served in another."""
 
-    def __init__(self, desk: Desk, put_in: Callable[[str, Callable[[str], None]], None]) -> None:
+    def __init__(self, desk: Desk) -> None:
         from flea_diag.nodes.console_app import ConsoleApp
 
         self._left = threading.Event()
-        self._app = ConsoleApp(desk, put_in, self._left.is_set)
+        self._app = ConsoleApp(desk, self._left.is_set)
         self._desk = desk
 
     def run(self) -> None:
@@ -101,7 +100,7 @@ def start(bus: Bus[Any], parameters: ConsoleParameters) -> Callable[[], None] | 
     desk = Desk(open_journal(parameters.journal, bus.stand), author)
     connect(bus, desk)
     if style == "screen":
-        return Screen(desk, partial(inject, bus))
+        return Screen(desk)
     plain = Plain(desk, sys.stdout)
     if style == "lines":
         # A verdict is printed when it comes, not when somebody looks: two may come in between.
@@ -141,7 +140,8 @@ def program() -> Program:
         " keeps alarms until they are acknowledged.",
         ConsoleParameters,
         start,
-        subscribes=SHOWN,
+        subscribes=(*SHOWN, *SAID),
+        publishes=SAID,
         examples=(
             "ros2 run flea_diag console",
             "ros2 run flea_diag console | tee verdicts.txt",

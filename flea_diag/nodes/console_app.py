@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 
 from rich.text import Text
 from textual.app import App, ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, VerticalScroll
-from textual.screen import ModalScreen, Screen
-from textual.widgets import Footer, Input, Label, OptionList, Static
+from textual.screen import Screen
+from textual.widgets import Footer, OptionList, Static
 from textual.widgets.option_list import Option
 
+from flea_diag.nodes.console_question import Ask
 from flea_diag.nodes.desk import Desk
-from flea_diag.operator.alarm import Alarm
+from flea_diag.operator.alarm import Alarm, Key
 from flea_diag.operator.alarm_view import detail, key_text
 from flea_diag.operator.panel import Line, Panel
 from flea_diag.operator.verdict_view import level_of, why
 from flea_diag.operator.view import view
 from flea_diag.wire.records import Level
-
-Inject = Callable[[str, Callable[[str], None]], None]
 
 REDRAW_S = 0.2
 RING_EVERY_S = 5.0
@@ -35,7 +36,7 @@ STYLES = {
 """Colours repeat what the words say; nothing is told by colour alone."""
 
 LEFT = ("possible", "why", "next", "steps", "dropped", "unseen")
-RIGHT = ("symbols", "features", "residuals", "streams", "channels", "nodes")
+RIGHT = ("symbols", "features", "residuals", "streams", "channels", "nodes", "marks")
 LISTS = ("possible", "episodes")
 
 CSS = """
@@ -57,29 +58,6 @@ Ask > * { width: 70%; }
 """
 
 
-class Ask(ModalScreen[str]):
-    """One line of text, or nothing with Escape."""
-
-    BINDINGS = (Binding("escape", "leave", "Cancel"),)
-
-    def __init__(self, question: str, example: str) -> None:
-        super().__init__()
-        self._question, self._example = question, example
-
-    def compose(self) -> ComposeResult:
-        """Question and field."""
-        yield Label(self._question)
-        yield Input(placeholder=self._example)
-
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Enter gives the text."""
-        self.dismiss(event.value)
-
-    def action_leave(self) -> None:
-        """Escape gives none."""
-        self.dismiss(None)
-
-
 class ConsoleScreen(Screen[None]):
     """Draws what the desk has five times a second; keys acknowledge, comment, mark, inject."""
 
@@ -93,9 +71,12 @@ class ConsoleScreen(Screen[None]):
         Binding("q", "app.quit", "Quit"),
     )
 
-    def __init__(self, desk: Desk, inject: Inject, ended: Callable[[], bool]) -> None:
+    def __init__(self, desk: Desk, ended: Callable[[], bool]) -> None:
         super().__init__()
-        self._desk, self._inject, self._ended = desk, inject, ended
+        self._desk, self._ended = desk, ended
+        self._takes_faults = False
+        self._heard: set[Key] = set()
+        self._rang_s = -math.inf
         self._said = ""
         self._rows: dict[str, tuple[Line, ...]] = {}
 
@@ -115,7 +96,6 @@ class ConsoleScreen(Screen[None]):
         """Draw at once, then steadily."""
         self.redraw()
         self.set_interval(REDRAW_S, self.redraw)
-        self.set_interval(RING_EVERY_S, self.ring)
         self.query_one("#possible").focus()
 
     def redraw(self) -> None:
@@ -123,6 +103,8 @@ class ConsoleScreen(Screen[None]):
         if self._ended():
             self.app.exit()
             return
+        self._offer_faults()
+        self._ring()
         state = self._desk.state
         shown = {panel.name: panel for panel in view(state, self._desk.now_ns())}
         chosen = self._chosen_member()
@@ -132,6 +114,16 @@ class ConsoleScreen(Screen[None]):
         for name in (*LEFT, *RIGHT, "episodes"):
             self._panel(name, shown.get(name))
         self.query_one("#message", Static).update(self._desk.trouble or self._said)
+
+    def _offer_faults(self) -> None:
+        """Show the key that injects while a stand is there that takes faults."""
+        if self._takes_faults != self._desk.faults.present:
+            self._takes_faults = self._desk.faults.present
+            self.refresh_bindings()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool:
+        """Whether a key does something now."""
+        return action != "inject" or self._takes_faults
 
     def _verdict(self, panel: Panel) -> None:
         group = self._desk.state.group
@@ -167,10 +159,14 @@ class ConsoleScreen(Screen[None]):
         places = {option.id: place for place, option in enumerate(body.options)}
         body.highlighted = places.get(chosen, 0) if places else None
 
-    def ring(self) -> None:
-        """Ring while an alarm of the stand itself is not acknowledged."""
-        if any(alarm.rings for alarm in self._desk.state.alarms):
+    def _ring(self) -> None:
+        """Ring at once for a new alarm of the stand, and again until all are acknowledged."""
+        ringing = {alarm.key for alarm in self._desk.state.alarms if alarm.rings}
+        silent_s = time.monotonic() - self._rang_s
+        if ringing - self._heard or (ringing and silent_s >= RING_EVERY_S):
+            self._rang_s = time.monotonic()
             self.app.bell()
+        self._heard = ringing
 
     # -- what is chosen, and what people do with it
 
@@ -212,11 +208,12 @@ class ConsoleScreen(Screen[None]):
         )
 
     def action_mark(self) -> None:
-        """Ask for words to this moment."""
+        """Ask for words to this moment: that of the key, however long they take to write."""
+        moment_ns = self._desk.moment_ns()
 
         def kept(text: str | None) -> None:
             if text:
-                self._desk.mark(text)
+                self._desk.mark(text, moment_ns)
                 self._tell(f"marked: {text}")
 
         self.app.push_screen(Ask("Mark this moment", "load changed"), kept)
@@ -231,7 +228,7 @@ class ConsoleScreen(Screen[None]):
             return
         fault = "" if text.strip() == "clear" else text.strip()
         self._tell(f"asked the stand: inject {fault!r}")
-        self._inject(fault, lambda why_not: self._tell(_outcome(fault, why_not)))
+        self._desk.faults.set(fault, lambda why_not: self._tell(_outcome(fault, why_not)))
 
     def _tell(self, text: str) -> None:
         self._said = text
@@ -244,8 +241,6 @@ class ConsoleApp(App[None]):
     ----------
     desk
         State and journal.
-    inject
-        Puts a fault into a simulated stand and says what came of it.
     ended
         Whether the node has ended, and the screen with it.
     """
@@ -254,11 +249,9 @@ class ConsoleApp(App[None]):
     TITLE = "flea_diag"
     ENABLE_COMMAND_PALETTE = False
 
-    def __init__(
-        self, desk: Desk, inject: Inject, ended: Callable[[], bool] = lambda: False
-    ) -> None:
+    def __init__(self, desk: Desk, ended: Callable[[], bool] = lambda: False) -> None:
         super().__init__()
-        self._make = lambda: ConsoleScreen(desk, inject, ended)
+        self._make = lambda: ConsoleScreen(desk, ended)
 
     def get_default_screen(self) -> Screen[None]:
         """The only one but for questions."""

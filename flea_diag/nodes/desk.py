@@ -14,7 +14,8 @@ from typing import Any
 
 from flea_diag.errors import RecordingError
 from flea_diag.nodes.alarm_journal import AlarmJournal, default_path
-from flea_diag.operator.alarm import Alarm, Comment, Key
+from flea_diag.operator.alarm import Alarm, Key
+from flea_diag.operator.fault_entry import FaultEntry, NoFaults
 from flea_diag.operator.state import (
     SHOWN,
     OperatorState,
@@ -24,10 +25,12 @@ from flea_diag.operator.state import (
     with_losses,
 )
 from flea_diag.wire.bus import Bus
-from flea_diag.wire.records import Record
+from flea_diag.wire.records import NEVER_NS, Record, Remark, RemarkKind, Scan
 
 TICK_S = 0.5
 DAQ = "daq"
+SAID = (Remark,)
+"""What people say on one screen goes to the recorder and to all other screens."""
 
 
 def open_journal(path: str, stand: str) -> AlarmJournal:
@@ -53,6 +56,8 @@ class Desk:
         self._version = -1
         self.trouble = ""
         self.on_record: list[Callable[[Record], None]] = []
+        self.on_remark: list[Callable[[Remark], None]] = []
+        self.faults: FaultEntry = NoFaults()
         self.state = OperatorState()
         self.tick()
 
@@ -62,7 +67,10 @@ class Desk:
         return time.monotonic_ns()
 
     def take(self, record: Record) -> None:
-        """One more record."""
+        """One more record; what people say on other screens is kept here, too."""
+        if isinstance(record, Remark):
+            self._hear(record)
+            return
         with self._lock:
             before = self.state.alarms
             self.state = fold(self.state, record, self.now_ns())
@@ -90,7 +98,7 @@ class Desk:
             self._reread()
 
     def _reread(self) -> None:
-        self.state = with_journal(self.state, self._journal.alarms())
+        self.state = with_journal(self.state, self._journal.alarms(), self._journal.marks())
         self._noted = {alarm.key: alarm for alarm in self.state.alarms}
 
     def _kept(self, call: Callable[..., Any], *arguments: Any) -> bool:
@@ -107,19 +115,38 @@ class Desk:
 
     def acknowledge(self, key: Key) -> None:
         """Acknowledge one alarm."""
-        self._say(self._journal.acknowledge, key, time.time_ns(), self._author)
+        self._say(Remark(time.time_ns(), RemarkKind.ACKNOWLEDGED, self._author, "", *key))
 
     def comment(self, key: Key, text: str) -> None:
         """Say something to one alarm."""
-        self._say(self._journal.comment, key, Comment(time.time_ns(), self._author, text))
+        self._say(Remark(time.time_ns(), RemarkKind.COMMENT, self._author, text, *key))
 
-    def mark(self, text: str) -> None:
-        """Mark this moment."""
-        self._say(self._journal.mark, Comment(time.time_ns(), self._author, text))
+    def mark(self, text: str, stamp_ns: int = NEVER_NS) -> None:
+        """Mark a moment, or this one."""
+        at_ns = self.moment_ns() if stamp_ns == NEVER_NS else stamp_ns
+        self._say(Remark(at_ns, RemarkKind.MARK, self._author, text))
 
-    def _say(self, call: Callable[..., Any], *arguments: Any) -> None:
+    def moment_ns(self) -> int:
+        """Stamp of now by the stand's own clock: that of the scan that people see.
+
+        A mark then lies in the recording where it was meant, whatever this machine's clock says,
+        and in a replay as well. While no scans come it is this machine's clock.
+        """
+        state = self.state
+        if state.scan is None or state.silent(Scan, self.now_ns()):
+            return time.time_ns()
+        return state.scan.stamp_ns
+
+    def _say(self, remark: Remark) -> None:
+        if not remark.text.strip() and remark.kind is not RemarkKind.ACKNOWLEDGED:
+            return
+        self._hear(remark)
+        for call in self.on_remark:
+            call(remark)
+
+    def _hear(self, remark: Remark) -> None:
         with self._lock:
-            if self._kept(call, *arguments):
+            if self._kept(self._journal.keep, remark):
                 self._kept(self._reread)
 
     def close(self) -> None:
@@ -135,11 +162,9 @@ def connect(bus: Bus[Any], desk: Desk) -> None:
     def tick() -> None:
         desk.tick({s.topic.name.lstrip("/"): s.lost for s in bus.streams.values()})
 
-    for record_type in SHOWN:
+    desk.faults = bus.remote_parameter(DAQ, "inject")
+    bus.advertise(*SAID)
+    desk.on_remark.append(bus.publish)
+    for record_type in (*SHOWN, *SAID):
         bus.subscribe(record_type, desk.take)
     bus.every(TICK_S, tick)
-
-
-def inject(bus: Bus[Any], fault: str, told: Callable[[str], None]) -> None:
-    """Put a fault into a simulated stand ('' clears); ``told`` hears why it could not, or ""."""
-    bus.set_parameter(DAQ, "inject", fault, told)

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.nodes.desk import Desk, connect, open_journal
+from flea_diag.nodes.desk import SAID, Desk, connect, open_journal
 from flea_diag.operator.state import SHOWN
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.parameters import parameter
@@ -98,7 +98,8 @@ def program() -> Program:
         "Serves the verdict, its evidence and the stand's signals as a page in a browser.",
         WebParameters,
         start,
-        subscribes=SHOWN,
+        subscribes=(*SHOWN, *SAID),
+        publishes=SAID,
         examples=(
             "ros2 run flea_diag web                 then open http://127.0.0.1:8630/",
             "ros2 run flea_diag web --ros-args -p address:=0.0.0.0 -p token_file:=page.token",

@@ -10,6 +10,7 @@ from flea_diag.operator.state import OperatorState
 from flea_diag.wire.records import NEVER_NS, OUTCOME_LEVEL, Level
 
 MOST_SHOWN = 12
+MOST_MARKS = 6
 
 
 def key_text(key: Key) -> str:
@@ -78,6 +79,17 @@ def alarms(state: OperatorState) -> Panel | None:
         lines.append(Line(text, _level(alarm), key_text(alarm.key)))
         lines += [Line(f"    {clock(c.stamp_ns)} {c.author}: {c.text}") for c in alarm.comments]
     return Panel("episodes", title, tuple(lines))
+
+
+def marks(state: OperatorState) -> Panel | None:
+    """Moments that people marked, the latest first."""
+    if not state.marks:
+        return None
+    lines = [
+        Line(f"{clock(mark.stamp_ns)} {mark.author}: {mark.text}")
+        for mark in reversed(state.marks[-MOST_MARKS:])
+    ]
+    return Panel("marks", f"MARKS  {len(state.marks)} kept", tuple(lines))
 
 
 def _flag(alarm: Alarm) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from flea_diag.operator import alarm as alarms_of
-from flea_diag.operator.alarm import Alarm
+from flea_diag.operator.alarm import Alarm, Comment
 from flea_diag.operator.stream import (
     Stream,
     counted,
@@ -89,7 +89,8 @@ class OperatorState:
     """The latest record of each kind, and a bounded past of what changes slowly.
 
     ``steps``, ``symbols`` and ``features`` are in order of time, over episodes; ``alarms`` are
-    in order of detection. ``streams`` are by topic and ``health`` is by node.
+    in order of detection, ``marks`` of the moments marked. ``streams`` are by topic and
+    ``health`` is by node.
     """
 
     group: AmbiguityGroup | None = None
@@ -104,6 +105,7 @@ class OperatorState:
     symbols: tuple[SymbolChange, ...] = ()
     features: tuple[Feature, ...] = ()
     alarms: tuple[Alarm, ...] = ()
+    marks: tuple[Comment, ...] = ()
     streams: Mapping[str, Stream] = field(default_factory=streams)
     health: Mapping[str, Health] = field(default_factory=dict)
     detection_arrived_ns: int = NEVER_NS
@@ -143,8 +145,10 @@ def with_losses(state: OperatorState, lost: Mapping[str, int]) -> OperatorState:
     return replace(state, streams={**state.streams, **changed}) if changed else state
 
 
-def with_journal(state: OperatorState, kept: tuple[Alarm, ...]) -> OperatorState:
-    """Take in alarms of a journal: older ones, acknowledgements and comments.
+def with_journal(
+    state: OperatorState, kept: tuple[Alarm, ...], marks: tuple[Comment, ...] = ()
+) -> OperatorState:
+    """Take in what a journal holds: older alarms, acknowledgements, comments and marks.
 
     What the records say of an alarm stays; the journal alone knows what people said.
     """
@@ -159,7 +163,7 @@ def with_journal(state: OperatorState, kept: tuple[Alarm, ...]) -> OperatorState
             deviations=alarm.deviations or said.deviations,
         )
     merged = sorted(known.values(), key=lambda entry: entry.detected_ns)
-    return replace(state, alarms=tuple(merged[-MOST_ALARMS:]))
+    return replace(state, alarms=tuple(merged[-MOST_ALARMS:]), marks=marks)
 
 
 def _counted(state: OperatorState, record: Record, arrived_ns: int) -> OperatorState:

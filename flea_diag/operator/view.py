@@ -25,6 +25,7 @@ def view(state: OperatorState, now_ns: int) -> tuple[Panel, ...]:
         stand_view.streams(state, now_ns),
         stand_view.channels(state),
         stand_view.nodes(state),
+        alarm_view.marks(state),
         alarm_view.alarms(state),
     )
     return tuple(panel for panel in panels if panel is not None)

@@ -23,6 +23,7 @@ from flea_diag.wire.records import (
 from flea_diag.wire.wording import words_of
 
 MOST_MEMBERS = 6
+MUTE = "(the bell is mute until you touch the page)"
 LONG = 140
 """Words longer than that are set smaller."""
 
@@ -73,6 +74,7 @@ def chips(state: OperatorState, now_ns: int) -> Markup:
         tag("span", "↻ REPLAY", class_="chip replay") if replay else None,
         tag("span", f"{clock(stamp_ns, 0)} UTC", class_="soft"),
         tag("span", f"▲ {ringing} not acknowledged", class_="state warn") if ringing else None,
+        tag("span", MUTE, class_="soft mute-note") if ringing else None,
         class_="chips",
     )
 

@@ -11,7 +11,10 @@ from typing import Any, Protocol
 from nicegui import Client, ui
 
 from flea_diag.operator.alarm import Alarm, Key
+from flea_diag.operator.fault_entry import FaultEntry
 from flea_diag.operator.state import OperatorState
+from flea_diag.web.button import button
+from flea_diag.web.injection import Injection
 from flea_diag.web.strips import STRETCH_NS, StripCharts
 from flea_diag.web.view import PANELS, Panel, View
 
@@ -23,11 +26,11 @@ CHARTS = {
     "vibration": "Vibration level",
 }
 NOTES = {
-    "residual": "Blue: the residual in standard deviations; orange: its limits; ▼ a detection. "
-    "What has passed its limit within a minute comes first; “all” shows the rest.",
+    "residual": "Blue: the residual in standard deviations; orange: its limits; ▼ a detection, "
+    "◆ a mark. What has passed its limit within a minute comes first; “all” shows the rest.",
     "channel": "Blue: measured; orange: the state observer's estimate, with a band of two standard "
-    "deviations; ▼ a detection. From a detection on the estimate is no longer corrected.",
-    "vibration": "Standard deviation of each block; ▼ a detection.",
+    "deviations; ▼ a detection, ◆ a mark. From a detection on the estimate is no longer corrected.",
+    "vibration": "Standard deviation of each block; ▼ a detection, ◆ a mark.",
 }
 ORDER = (
     "answer", "group", "symbols", "residual", "causes", "tree", "episodes", "channel", "vibration",
@@ -39,10 +42,15 @@ KEYS = (
     ("a", "acknowledge the latest episode"),
     ("c", "comment on the latest episode"),
     ("m", "mark this moment"),
+    ("i", "inject a fault, where the stand is a simulated one"),
     ("d", "dark or light"),
     ("1 … 9, 0", "go to a panel, in the order of the page"),
     ("?", "this list"),
 )
+
+
+Marks = tuple[tuple[int, str], ...]
+"""Stamps of moments and what they are: ``detected`` or ``mark``."""
 
 
 class Desk(Protocol):
@@ -50,6 +58,7 @@ class Desk(Protocol):
 
     state: OperatorState
     trouble: str
+    faults: FaultEntry
 
     def now_ns(self) -> int:
         """Clock of arrivals."""
@@ -60,8 +69,11 @@ class Desk(Protocol):
     def comment(self, key: Key, text: str) -> None:
         """Say something to one alarm."""
 
-    def mark(self, text: str) -> None:
-        """Mark this moment."""
+    def mark(self, text: str, stamp_ns: int) -> None:
+        """Mark a moment."""
+
+    def moment_ns(self) -> int:
+        """Stamp of now by the stand's own clock."""
 
 
 class PanelBody(ui.element, component="static/panel.js"):
@@ -84,9 +96,9 @@ class Chart:
     element: Strips
     generation: int = -1
     stretch: int = -1
-    marks: tuple[int, ...] = ()
+    marks: Marks = ()
 
-    def show(self, strips: StripCharts, marks: tuple[int, ...]) -> None:
+    def show(self, strips: StripCharts, marks: Marks) -> None:
         """Send rows that are new; all of them, with their description, to a new run."""
         if self.generation != strips.generation:
             self.generation, self.stretch = strips.generation, -1
@@ -98,7 +110,7 @@ class Chart:
         self.stretch = rows[-1][0] if rows else self.stretch
         self.marks = marks
         self.element.run_method(
-            "push", rows, [{"at": at / self._stretch_ns, "kind": "detected"} for at in marks]
+            "push", rows, [{"at": at / self._stretch_ns, "kind": kind} for at, kind in marks]
         )
 
     @property
@@ -141,11 +153,12 @@ class Page:
             self._chips = PanelBody()
             ui.element("span").classes("room")
             with ui.element("div").classes("actions"):
-                _button("Acknowledge", "a", self._acknowledge_latest).classes("primary")
-                _button("Comment", "c", self._comment_latest)
-                _button("Mark", "m", self._mark)
-                _button("Light / dark", "d", self._turn)
-                _button("Keys", "?", self._keys)
+                button("Acknowledge", "a", self._acknowledge_latest).classes("primary")
+                button("Comment", "c", self._comment_latest)
+                button("Mark", "m", self._mark)
+                self._injection = Injection(self._desk)
+                button("Light / dark", "d", self._turn)
+                button("Keys", "?", self._keys)
 
     def _panel(self, panel: Panel, key: str) -> None:
         with _section(panel.name, panel.css, key, panel.title):
@@ -164,17 +177,18 @@ class Page:
             self._said = ui.textarea().props("autofocus outlined").classes("said")
             self._said.on("keydown.enter.prevent", self._say)
             with ui.element("div").classes("actions"):
-                _button("Save", "Enter", self._say).classes("primary")
-                _button("Leave", "Esc", self._dialog.close)
+                button("Save", "Enter", self._say).classes("primary")
+                button("Leave", "Esc", self._dialog.close)
         with ui.dialog() as self._help, ui.card().classes("flea"):
             rows = "".join(f"<kbd>{key}</kbd><span>{words}</span>" for key, words in KEYS)
             ui.html(f"<div class=keys>{rows}</div>", sanitize=False)
 
     # -- what is sent to it
 
-    def show(self, view: View, strips: StripCharts, marks: tuple[int, ...]) -> None:
+    def show(self, view: View, strips: StripCharts, marks: Marks) -> None:
         """Send what changed."""
-        self._watch.run_method("beat")
+        self._watch.run_method("beat", sum(alarm.rings for alarm in self._desk.state.alarms))
+        self._injection.offer()
         self.fill(view)
         for chart in self._charts:
             chart.show(strips, marks)
@@ -221,7 +235,8 @@ class Page:
         self._ask("Comment on the episode", "", lambda text: self._desk.comment(alarm.key, text))
 
     def _mark(self) -> None:
-        self._ask("Mark this moment", "mark", self._desk.mark)
+        moment_ns = self._desk.moment_ns()
+        self._ask("Mark this moment", "mark", lambda text: self._desk.mark(text, moment_ns))
 
     def _ask(self, words: str, text: str, done: Callable[[str], None]) -> None:
         self._asked.set_content(words)
@@ -247,12 +262,6 @@ class Page:
 
     def _keys(self) -> None:
         self._help.open()
-
-
-def _button(words: str, key: str, call: Callable[[], None]) -> ui.element:
-    with ui.element("button").props(f'type=button data-key="{key}"').on("click", call) as button:
-        ui.html(f"{words}<kbd>{key}</kbd>", sanitize=False, tag="span")
-    return button
 
 
 def _section(name: str, css: str, key: str, title: str) -> ui.element:

@@ -26,6 +26,7 @@ SHAPE = {Level.OK: "✓", Level.WARN: "▲", Level.ERROR: "✖", Level.STALE: "�
 CLASS = {Level.OK: "ok", Level.WARN: "warn", Level.ERROR: "error", Level.STALE: "stale"}
 TOTAL = "samples"
 """This counter is of the moment when the record was sent: a channel that is good sends none."""
+MOST_MARKS = 20
 NODE_NUMBERS = ("cpu_percent", "memory_mb", "worst_lag_ms")
 
 
@@ -161,10 +162,19 @@ def _feature(entry: object) -> tuple[object, ...]:
 def episodes(state: OperatorState) -> Markup:
     """All episodes that are kept, the latest first; those not acknowledged stay on top."""
     if not state.alarms:
-        return tag("p", "No episode so far.", class_="soft")
+        return joined(tag("p", "No episode so far.", class_="soft"), _marks(state))
     order = sorted(state.alarms, key=lambda alarm: (not alarm.standing, -alarm.detected_ns))
     rows = [_episode(alarm) for alarm in order]
-    return ledger(("detected, UTC", "by", "verdict", "said to it", ""), rows)
+    heads = ("detected, UTC", "by", "verdict", "said to it", "")
+    return joined(ledger(heads, rows), _marks(state))
+
+
+def _marks(state: OperatorState) -> Markup | None:
+    """Moments that people marked, the latest first."""
+    if not state.marks:
+        return None
+    rows = [(clock(mark.stamp_ns), mark.author, mark.text) for mark in reversed(state.marks)]
+    return joined(Markup("<br>"), ledger(("marked, UTC", "by", "words"), rows[:MOST_MARKS]))
 
 
 def _episode(alarm: Alarm) -> tuple[object, ...]:

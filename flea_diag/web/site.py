@@ -16,6 +16,8 @@ from flea_diag.web.strips import StripCharts
 from flea_diag.web.view import View
 
 PERIOD_S = 0.1
+MOST_MARKS = 8
+"""Moments of a kind that strip charts show."""
 
 
 class Site:
@@ -52,7 +54,10 @@ class Site:
     def _update(self) -> None:
         state = self.desk.state
         self._view.update(state, self.desk.now_ns())
-        marks = tuple(alarm.detected_ns for alarm in state.alarms[-8:])
+        marks = (
+            *((alarm.detected_ns, "detected") for alarm in state.alarms[-MOST_MARKS:]),
+            *((mark.stamp_ns, "mark") for mark in state.marks[-MOST_MARKS:]),
+        )
         for page in tuple(self._pages.values()):
             if page.client.has_socket_connection:
                 with page.client:

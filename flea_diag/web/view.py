@@ -135,13 +135,17 @@ def _episode_and_features(shown: Shown) -> object:
     return _episode(shown), shown.state.features
 
 
+def _said_by_people(shown: Shown) -> object:
+    return shown.state.alarms, shown.state.marks
+
+
 PANELS = (
     Panel("answer", "", "", _answer, _answered),
     Panel("group", "Ambiguity group, step by step", "two-thirds scroll", _flow, _episode),
     Panel("symbols", "Symbols over time", "third scroll", _symbols, _episode_and_names),
     Panel("causes", "Temporal causal graph", "scroll", _paths, _episode),
     Panel("tree", "Diagnosis tree and features", "half", _tree, _episode_and_features),
-    Panel("episodes", "Episodes", "half scroll", _episodes, lambda s: s.state.alarms),
+    Panel("episodes", "Episodes", "half scroll", _episodes, _said_by_people),
     Panel("quality", "Data quality", "half scroll", _quality, lambda s: s.state.quality),
     Panel("streams", "Streams and nodes", "half scroll", _streams, _second),
 )

@@ -99,6 +99,7 @@ _TEXT: dict[Any, tuple[Callable[[Any], str], Callable[[str], Any]]] = {
     bool: (lambda value: "true" if value else "false", {"true": True, "false": False}.__getitem__),
     r.Outcome: (lambda value: str(value.value), r.Outcome),
     r.Quality: (lambda value: str(value.value), r.Quality),
+    r.RemarkKind: (lambda value: str(value.value), r.RemarkKind),
     tuple[str, ...]: (_json_text, _strings),
 }
 """Type of a field -> how it is written and how it is read back."""
@@ -143,6 +144,7 @@ _KINDS = (
     r.FeatureRequest,
     r.FeatureValue,
     r.Truth,
+    r.Remark,
     r.ChannelInfo,
     r.ChannelQuality,
     r.Symbol,

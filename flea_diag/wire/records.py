@@ -51,6 +51,14 @@ OUTCOME_LEVEL: dict[Outcome, Level] = {
 }
 
 
+class RemarkKind(str, Enum):
+    """What somebody at the stand did with words or without."""
+
+    MARK = "mark"
+    COMMENT = "comment"
+    ACKNOWLEDGED = "acknowledged"
+
+
 class Quality(str, Enum):
     """State of one channel."""
 
@@ -353,6 +361,22 @@ class Health:
     values: tuple[tuple[str, str], ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """What somebody at the stand said: a mark of a moment, or a word to an episode.
+
+    The stamp of a mark is the moment that is marked, by the stand's own stamps. A comment and
+    an acknowledgement name their episode by ``source`` and the stamp of its detection.
+    """
+
+    stamp_ns: int
+    kind: RemarkKind
+    author: str
+    text: str = ""
+    source: str = ""
+    detected_ns: int = NEVER_NS
+
+
 Record = (
     Scan
     | ChannelTable
@@ -367,4 +391,5 @@ Record = (
     | FeatureValue
     | Truth
     | Health
+    | Remark
 )

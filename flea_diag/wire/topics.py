@@ -42,6 +42,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(r.FeatureValue, "feature", DIAGNOSTIC_ARRAY, 50, False, 10),
     Topic(r.AmbiguityGroup, "ambiguity_group", DIAGNOSTIC_ARRAY, 1, True, 11),
     Topic(r.Health, "/diagnostics", DIAGNOSTIC_ARRAY, 10, False, 12),
+    Topic(r.Remark, "remark", DIAGNOSTIC_ARRAY, 50, True, 13),
 )
 
 TOPIC_OF: dict[type, Topic] = {topic.record: topic for topic in TOPICS}

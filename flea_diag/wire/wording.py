@@ -124,6 +124,12 @@ def _truth(truth: r.Truth, _: None) -> Words:
     return Words(level, "truth", truth.fault)
 
 
+def _remark(remark: r.Remark, _: None) -> Words:
+    episode = "" if remark.kind is r.RemarkKind.MARK else " on an episode"
+    said = f": {remark.text}" if remark.text else ""
+    return Words(Level.OK, "remark", f"{remark.kind.value} by {remark.author}{episode}{said}")
+
+
 _WORDS: dict[type, Any] = {
     r.ChannelTable: _channel_table,
     r.ChannelInfo: _channel_info,
@@ -137,4 +143,5 @@ _WORDS: dict[type, Any] = {
     r.FeatureRequest: _feature_request,
     r.FeatureValue: _feature_value,
     r.Truth: _truth,
+    r.Remark: _remark,
 }

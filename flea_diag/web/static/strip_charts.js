@@ -55,7 +55,7 @@ class Chart {
       c.fillStyle = mark.kind === "detected" ? colours.limit : colours.mark;
       if (x(mark.at) < 0 || x(mark.at) > width) continue;
       c.fillRect(x(mark.at), 0, ratio, height);
-      c.fillText("▼", x(mark.at) - 4 * ratio, 9 * ratio);
+      c.fillText(mark.kind === "detected" ? "▼" : "◆", x(mark.at) - 4 * ratio, 9 * ratio);
     }
     if (this.estimate !== undefined) this.band(c, x, y, first, last, colours.estimate);
     this.trace(c, x, y, first, last, colours.trace, ratio);

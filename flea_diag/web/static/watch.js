@@ -1,19 +1,44 @@
-// Says when the server is gone, and passes keys to the buttons that carry their letter.
-const LOST_MS = 2000;
+// Says when the server is gone, rings while an alarm stands, and passes keys to the buttons that
+// carry their letter.
+const LOST_MS = 2000, RING_MS = 5000, TONES = [880, 660];
+
+// Two tones. A browser lets a page sound only after somebody has touched it; until then it is mute.
+const bell = {
+  rung: 0, context: null,
+  ring() {
+    this.context ??= new AudioContext();
+    if (this.context.state !== "running") { this.context.resume().catch(() => {}); return false; }
+    this.rung += 1;
+    TONES.forEach((hertz, k) => {
+      const tone = this.context.createOscillator(), volume = this.context.createGain();
+      const from = this.context.currentTime + 0.25 * k;
+      tone.frequency.value = hertz;
+      volume.gain.setValueAtTime(0.2, from);
+      volume.gain.exponentialRampToValueAtTime(0.001, from + 0.24);
+      tone.connect(volume).connect(this.context.destination);
+      tone.start(from); tone.stop(from + 0.25);
+    });
+    return true;
+  },
+};
+window.fleaBell = bell;
 
 export default {
   template: "<div class='lost-banner' role='alert'></div>",
   mounted() {
-    this.beat();
+    this.title = document.title; this.ringing = 0; this.rang = 0;
+    this.beat(0);
     this.timer = setInterval(() => {
       const lost = Date.now() - this.last > LOST_MS;
       if (lost) this.$el.textContent = `✕ DISCONNECTED since ${new Date(this.last).toISOString().slice(11, 19)} UTC: what stands below is old. Connecting again …`;
       document.body.classList.toggle("lost", lost);
+      if (this.ringing && Date.now() - this.rang >= RING_MS) this.rang = bell.ring() ? Date.now() : 0;
+      document.body.classList.toggle("muted", this.ringing > 0 && bell.context?.state !== "running");
     }, 250);
     this.keyed = (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey || /INPUT|TEXTAREA|SELECT/.test(event.target.tagName)) return;
       const target = document.querySelector(`[data-key="${CSS.escape(event.key)}"]`);
-      if (!target) return;
+      if (!target || !target.offsetParent) return;
       event.preventDefault();
       if (target.matches("button")) target.click();
       else { target.scrollIntoView({ block: "start" }); target.focus({ preventScroll: true }); }
@@ -21,5 +46,15 @@ export default {
     document.addEventListener("keydown", this.keyed);
   },
   unmounted() { clearInterval(this.timer); document.removeEventListener("keydown", this.keyed); },
-  methods: { beat() { this.last = Date.now(); } },
+  methods: {
+    // The server lives, and so many alarms wait to be acknowledged.
+    beat(ringing) {
+      this.last = Date.now();
+      if (ringing === this.ringing) return;
+      if (ringing > this.ringing) this.rang = 0;
+      this.ringing = ringing;
+      document.title = ringing ? `▲ ${ringing} not acknowledged · ${this.title}` : this.title;
+      document.body.classList.toggle("ringing", ringing > 0);
+    },
+  },
 };

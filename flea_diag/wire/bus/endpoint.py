@@ -14,6 +14,7 @@ from typing import Any, Generic, TypeVar
 from flea_diag.errors import FleaError, InputError, WireError
 from flea_diag.wire import codec
 from flea_diag.wire.bus.declared import Declared
+from flea_diag.wire.bus.remote_parameter import RemoteParameter
 from flea_diag.wire.records import Record
 from flea_diag.wire.topics import TOPIC_OF, Topic
 
@@ -23,8 +24,6 @@ WARN_EVERY_S = 5.0
 """A warning that repeats is logged at most this often; the counters miss none."""
 
 POLL_S = 0.02
-ASK_AGAIN_S = 0.5
-ANSWER_S = 8.0
 
 READER_DEPTH = 100
 """Samples of a latched topic that may wait for their reader. The writer keeps one for those who
@@ -205,40 +204,9 @@ class Bus(Generic[P]):
 
         self._node.create_service(Trigger, name, respond)
 
-    def set_parameter(
-        self, node: str, name: str, value: str, told: Callable[[str], None], wait_s: float = 2.0
-    ) -> None:
-        """Set a parameter of another node of this namespace; ``told`` hears why not, or ""."""
-        from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-        from rcl_interfaces.srv import SetParameters
-
-        client = self._node.create_client(SetParameters, f"{node}/set_parameters")
-        began = time.monotonic()
-        request = SetParameters.Request()
-        content = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
-        request.parameters = [Parameter(name=name, value=content)]
-        asked: list[Any] = []
-
-        def watch() -> None:
-            waited_s = time.monotonic() - began
-            answers = [future.result() for future in asked if future.done()]
-            if answers:
-                result = answers[0].results[0]
-                settle("" if result.successful else result.reason or f"{node} refuses")
-            elif not asked and waited_s > wait_s:
-                settle(f"there is no node {node} here")
-            elif waited_s > wait_s + ANSWER_S:
-                settle(f"node {node} does not answer")
-            elif waited_s >= ASK_AGAIN_S * len(asked) and client.service_is_ready():
-                # An answer to a client that its server has not found yet is lost.
-                asked.append(client.call_async(request))
-
-        def settle(reason: str) -> None:
-            timer.cancel()
-            self._node.destroy_client(client)
-            told(reason)
-
-        timer = self._timer(POLL_S, watch)
+    def remote_parameter(self, node: str, name: str) -> RemoteParameter:
+        """A parameter of text of another node of this namespace."""
+        return RemoteParameter(self._node, self._timer, node, name)
 
     def info(self, text: str) -> None:
         """Log a line."""

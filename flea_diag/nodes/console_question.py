@@ -1,0 +1,31 @@
+"""What the console asks people: one line of text."""
+
+from __future__ import annotations
+
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.screen import ModalScreen
+from textual.widgets import Input, Label
+
+
+class Ask(ModalScreen[str]):
+    """One line of text, or nothing with Escape."""
+
+    BINDINGS = (Binding("escape", "leave", "Cancel"),)
+
+    def __init__(self, question: str, example: str) -> None:
+        super().__init__()
+        self._question, self._example = question, example
+
+    def compose(self) -> ComposeResult:
+        """Question and field."""
+        yield Label(self._question)
+        yield Input(placeholder=self._example)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Enter gives the text."""
+        self.dismiss(event.value)
+
+    def action_leave(self) -> None:
+        """Escape gives none."""
+        self.dismiss(None)

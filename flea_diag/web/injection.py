@@ -1,0 +1,66 @@
+"""Putting a fault into a simulated stand: a button that is there while such a stand is."""
+
+from __future__ import annotations
+
+from functools import partial
+from queue import SimpleQueue
+from typing import Protocol
+
+from nicegui import ui
+
+from flea_diag.operator.fault_entry import FaultEntry
+from flea_diag.web.button import button
+
+WORDS = "Inject a fault into the simulated stand"
+EXAMPLE = "jam, or with a size jam:0.5"
+
+
+class Stand(Protocol):
+    """What has the entry."""
+
+    faults: FaultEntry
+
+
+class Injection:
+    """Button and dialog in one browser; the stand itself judges what is asked of it."""
+
+    def __init__(self, stand: Stand) -> None:
+        self._stand = stand
+        self._answers: SimpleQueue[tuple[str, str]] = SimpleQueue()
+        self._button = button("Inject", "i", self._open)
+        self._button.set_visibility(False)
+        with ui.dialog() as self._dialog, ui.card().classes("flea"):
+            ui.html(WORDS, sanitize=False, tag="h3")
+            self._fault = ui.input(placeholder=EXAMPLE).props("autofocus outlined").classes("said")
+            self._fault.on("keydown.enter.prevent", self._put_in)
+            with ui.element("div").classes("actions"):
+                button("Inject", "Enter", self._put_in).classes("primary")
+                button("Clear all faults", "", partial(self._ask, ""))
+                button("Leave", "Esc", self._dialog.close)
+
+    def offer(self) -> None:
+        """Show the button where a stand takes faults, and what the stand answered."""
+        if self._button.visible != self._stand.faults.present:
+            self._button.set_visibility(self._stand.faults.present)
+        while not self._answers.empty():
+            fault, why_not = self._answers.get()
+            done = f"The stand took: {fault}." if fault else "The stand cleared all faults."
+            ui.notify(
+                f"Not injected: {why_not}" if why_not else done,
+                type="negative" if why_not else None,
+            )
+
+    def _open(self) -> None:
+        if self._stand.faults.present:
+            self._fault.set_value("")
+            self._dialog.open()
+
+    def _put_in(self) -> None:
+        fault = str(self._fault.value or "").strip()
+        if fault:
+            self._ask(fault)
+
+    def _ask(self, fault: str) -> None:
+        self._dialog.close()
+        # The answer comes in the thread of the node and is told with the next drawing.
+        self._stand.faults.set(fault, lambda why_not: self._answers.put((fault, why_not)))

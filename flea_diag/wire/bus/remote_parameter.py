@@ -1,0 +1,85 @@
+"""A parameter of text of another node of this namespace: whether it is there, and setting it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+LOOK_EVERY_S = 1.0
+POLL_S = 0.02
+ASK_AGAIN_S = 0.5
+FIND_S = 2.0
+ANSWER_S = 8.0
+
+Every = Callable[[float, Callable[[], None]], Any]
+
+
+class RemoteParameter:
+    """One parameter of one other node, which may come and go.
+
+    Parameters
+    ----------
+    ros_node
+        Of rclpy: who asks.
+    every
+        Starts a timer that calls at a steady period.
+    node, name
+        The other node, relative to this one's namespace, and its parameter.
+    """
+
+    def __init__(self, ros_node: Any, every: Every, node: str, name: str) -> None:
+        from rcl_interfaces.srv import GetParameterTypes
+
+        self._ros_node, self._every = ros_node, every
+        self._node, self._name = node, name
+        self.present = False
+        """Whether the node is there and has declared the parameter as text."""
+        self._types = ros_node.create_client(GetParameterTypes, f"{node}/get_parameter_types")
+        self._request = GetParameterTypes.Request(names=[name])
+        self._asked: Any = None
+        every(LOOK_EVERY_S, self._look)
+
+    def _look(self) -> None:
+        from rcl_interfaces.msg import ParameterType
+
+        if not self._types.service_is_ready():
+            self.present, self._asked = False, None
+            return
+        if self._asked is not None and self._asked.done():
+            types = getattr(self._asked.result(), "types", ())
+            self.present = list(types) == [ParameterType.PARAMETER_STRING]
+        if not self.present:  # an answer to a client that its server has not found yet is lost
+            self._asked = self._types.call_async(self._request)
+
+    def set(self, value: str, told: Callable[[str], None]) -> None:
+        """Set it; ``told`` hears why it could not be, or ""."""
+        from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+        from rcl_interfaces.srv import SetParameters
+
+        node, began = self._node, time.monotonic()
+        client = self._ros_node.create_client(SetParameters, f"{node}/set_parameters")
+        content = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+        request = SetParameters.Request(parameters=[Parameter(name=self._name, value=content)])
+        asked: list[Any] = []
+
+        def watch() -> None:
+            waited_s = time.monotonic() - began
+            answers = [future.result() for future in asked if future.done()]
+            if answers:
+                result = answers[0].results[0]
+                settle("" if result.successful else result.reason or f"{node} refuses")
+            elif not asked and waited_s > FIND_S:
+                settle(f"there is no node {node} here")
+            elif waited_s > FIND_S + ANSWER_S:
+                settle(f"node {node} does not answer")
+            elif waited_s >= ASK_AGAIN_S * len(asked) and client.service_is_ready():
+                # An answer to a client that its server has not found yet is lost.
+                asked.append(client.call_async(request))
+
+        def settle(reason: str) -> None:
+            timer.cancel()
+            self._ros_node.destroy_client(client)
+            told(reason)
+
+        timer = self._every(POLL_S, watch)
