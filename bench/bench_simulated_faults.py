@@ -15,15 +15,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
 from simulated_faults import Judged, judged, table
 
+from flea_diag.tools.interval import wilson
+
 FIRST_SEED = 500
 WORKERS = 2
-
-
-def wilson(hits: int, n: int, z: float = 1.96) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share."""
-    p, q = hits / n, z * z / n
-    middle, half = p + q / 2.0, z * (p * (1.0 - p) / n + q / (4.0 * n)) ** 0.5
-    return (middle - half) / (1.0 + q), (middle + half) / (1.0 + q)
 
 
 def main() -> int:

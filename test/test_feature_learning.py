@@ -18,7 +18,7 @@ from flea_diag.core.nominal_range import OperatingPoint
 from flea_diag.errors import CalibrationError, ConfigurationError, RecordingError
 from flea_diag.tools import feature_bearing as bearing
 from flea_diag.tools import features as tool
-from flea_diag.tools.feature_judge import Walk, report, wilson
+from flea_diag.tools.feature_judge import Walk, report
 from flea_diag.tools.feature_samples import Grid, label, run_of, run_of_bag
 from flea_diag.tools.feature_stand import drawn_scenario, stand_run
 from flea_diag.wire.bag import BagWriter
@@ -228,13 +228,6 @@ def test_bad_arguments_are_refused_by_name(tmp_path: Path) -> None:
         command("study", "--stand", "0:1", "--faults", "rust")
     with pytest.raises(ConfigurationError, match="no such"):
         command("tree", str(tmp_path / "absent.yaml"))
-
-
-def test_wilson_interval_of_published_values() -> None:
-    """13 of 21: 40.9 to 79.2 %; 10 of 15: 41.7 to 84.8 %; 15 of 15: 79.6 to 100 %."""
-    assert wilson(13, 21) == pytest.approx((0.409, 0.792), abs=6e-4)
-    assert wilson(10, 15) == pytest.approx((0.417, 0.848), abs=6e-4)
-    assert wilson(15, 15) == pytest.approx((0.796, 1.0), abs=6e-4)
 
 
 def test_report_counts_what_was_resolved_and_kept() -> None:

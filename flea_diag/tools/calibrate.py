@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import CalibrationError, ConfigurationError, FleaError
 from flea_diag.tools import calibration_plots, calibration_report
+from flea_diag.tools.terminal import make_folder, write_text
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration import Calibration, Run
@@ -300,8 +300,5 @@ def _check_alike(first: _Recording, other: _Recording) -> None:
 def _write(path: Path, calibration: Calibration) -> None:
     import yaml
 
-    text = yaml.safe_dump(calibration.to_mapping(), sort_keys=False, width=100)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".part")
-    partial.write_text(text, encoding="utf-8")
-    os.replace(partial, path)
+    make_folder(path.parent)
+    write_text(path, yaml.safe_dump(calibration.to_mapping(), sort_keys=False, width=100))

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.terminal import make_folder, writing
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration import Calibration
@@ -43,7 +44,7 @@ def draw(calibration: Calibration, traces: Sequence[Trace], folder: Path, kind: 
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     limits = [limit for limit in calibration.limits if limit.windows[0].window > 1]
     rows = math.ceil(len(limits) / COLUMNS)
     made = []
@@ -63,7 +64,8 @@ def draw(calibration: Calibration, traces: Sequence[Trace], folder: Path, kind: 
             panel.tick_params(labelbottom=True)
             panel.set_xlabel("time [s]", fontsize=7, labelpad=0)
         target = folder / f"{trace.name}.{kind}"
-        figure.savefig(target, dpi=80)
+        with writing(target):
+            figure.savefig(target, dpi=80)
         made.append(target)
     return made
 

@@ -232,8 +232,8 @@ def _verdict(summary: dict[str, Any], onset_s: float | None, start_ns: int) -> d
 
 
 def _write_detail(path: Path, case: Case, result: RunResult, summary: dict[str, Any]) -> None:
-    from flea_diag.tools.terminal import write_json
+    from flea_diag.tools.terminal import make_folder, write_json
 
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     said = {**summary, "words": result.words}
     write_json(str(path), {"case": asdict(case), "result": asdict(result), "summary": said})

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.tools.terminal import IN_PART, warn
+from flea_diag.tools.terminal import IN_PART, warn, write_json, write_text
 
 if TYPE_CHECKING:
     from flea_diag.tools.campaign import Campaign
@@ -137,7 +137,6 @@ def _keep(results: Iterator[RunResult], log: ResultLog, bar: Any) -> None:
 
 def _score(campaign: Campaign, results: Iterable[RunResult], folder: Path, *, quiet: bool) -> int:
     from flea_diag.tools.score_summary import summarise, tables
-    from flea_diag.tools.terminal import write_json
 
     known = tuple(results)
     summary = summarise(campaign, known)
@@ -166,4 +165,4 @@ def _report(
         summary,
         lambda result: read_trace(folder / result.detail) if result.detail else None,
     )
-    (folder / REPORT_FILE).write_text(text, encoding="utf-8")
+    write_text(folder / REPORT_FILE, text)

@@ -15,8 +15,9 @@ import numpy as np
 from flea_diag.core.classifier import Classifier, Perceptron, scaled, standardised
 from flea_diag.core.feature_learning import Sample
 from flea_diag.errors import CalibrationError, ConfigurationError
-from flea_diag.tools.feature_judge import wilson
 from flea_diag.tools.feature_samples import Run
+from flea_diag.tools.interval import wilson
+from flea_diag.tools.terminal import write_text
 
 HIDDEN = (32, 16)
 SEED = 7
@@ -70,10 +71,7 @@ def write_classifier(path: Path, network: Perceptron) -> None:
     ConfigurationError
         When the file cannot be written.
     """
-    try:
-        path.write_text(json.dumps(network.as_mapping()) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from error
+    write_text(path, json.dumps(network.as_mapping()) + "\n")
 
 
 def read_classifier(path: Path) -> Perceptron:

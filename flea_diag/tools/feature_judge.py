@@ -13,6 +13,7 @@ from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.feature_learning import Sample
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.tools.feature_samples import Run
+from flea_diag.tools.interval import wilson
 
 
 @dataclass(frozen=True)
@@ -87,16 +88,6 @@ def pair_report(
             interval = f"{low:.3f} to {high:.3f}"
             lines.append(f"{' | '.join(pair):48s}{n:5d}{hits / n:10.3f}{interval:>17s}{kept:7.3f}")
     return "\n".join(lines)
-
-
-def wilson(hits: int, count: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share."""
-    if count == 0:
-        return 0.0, 1.0
-    z, p = 1.959964, hits / count
-    centre = p + z * z / (2.0 * count)
-    half = z * math.sqrt(p * (1.0 - p) / count + z * z / (4.0 * count * count))
-    return (centre - half) / (1.0 + z * z / count), (centre + half) / (1.0 + z * z / count)
 
 
 def report(walks: Sequence[Walk]) -> str:

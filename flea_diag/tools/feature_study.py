@@ -6,7 +6,6 @@ size of the fault that are drawn from its seed. It goes through the same stages 
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -27,8 +26,9 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.stages.extractor import ExtractorStage
 from flea_diag.stages.scan_ring import SECOND_NS
 from flea_diag.stages.windows import Windows
-from flea_diag.tools.feature_judge import wilson
 from flea_diag.tools.feature_stand import drawn_scenario
+from flea_diag.tools.interval import wilson
+from flea_diag.tools.terminal import write_json
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
@@ -175,10 +175,7 @@ def write_study(path: Path, runs: Sequence[Study]) -> None:
         When the file cannot be written.
     """
     rows = [{**asdict(run), "resolved": run.resolved, "kept": run.kept} for run in runs]
-    try:
-        path.write_text(json.dumps({"schema_version": 1, "runs": rows}, indent=1) + "\n")
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from error
+    write_json(str(path), {"schema_version": 1, "runs": rows})
 
 
 def draw_study(path: Path, runs: Sequence[Study]) -> None:

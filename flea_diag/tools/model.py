@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.terminal import write_text
 
 if TYPE_CHECKING:
     from flea_diag.core.actuator_model import Actuator
@@ -321,10 +322,7 @@ def _draw(dot: str, target: Path) -> None:
     if drawn.returncode:
         reason = (drawn.stderr.strip().splitlines() or ["no reason given"])[0]
         raise ConfigurationError(f"{target}: Graphviz could not draw it: {reason}")
-    try:
-        target.write_text(drawn.stdout, encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"{target}: cannot be written, {error.strerror}") from error
+    write_text(target, drawn.stdout)
 
 
 def _indent(lines: Any) -> list[str]:

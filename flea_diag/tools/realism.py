@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from dataclasses import asdict
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.terminal import write_json
 
 if TYPE_CHECKING:
     from flea_sim_driver.realism import Comparison, Summary
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     if album:
         album.finish()
     if arguments.json:
-        _write_json(arguments.json, rows, table)
+        _write(arguments.json, rows, table)
     skipped = len(arguments.runs) - len(paths)
     if skipped:
         print(f"{skipped} files of other kinds left out", file=sys.stderr)
@@ -82,16 +82,13 @@ def as_text(table: list[Summary]) -> str:
     return "\n".join(lines).lstrip("\n")
 
 
-def _write_json(path: Path, rows: list[Comparison], table: list[Summary]) -> None:
+def _write(path: Path, rows: list[Comparison], table: list[Summary]) -> None:
     content = {
         "schema_version": 1,
         "summaries": [_finite(asdict(row)) for row in table],
         "runs": [_finite({**asdict(row), "distance": row.distance}) for row in rows],
     }
-    try:
-        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {path}: {error.strerror}") from error
+    write_json(str(path), content)
 
 
 def _finite(row: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.terminal import make_folder
 
 if TYPE_CHECKING:
     from flea_sim_driver.recording import Recording
@@ -38,10 +39,7 @@ class Album:
         except ImportError as error:
             raise ConfigurationError("--plots needs matplotlib: pip install matplotlib") from error
         matplotlib.use("Agg")
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigurationError(f"cannot write pictures to {folder}: {error}") from error
+        make_folder(folder)
         self._folder = folder
         self._held_out: Pairs = []
 

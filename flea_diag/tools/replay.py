@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flea_diag.errors import FleaError, RecordingError
+from flea_diag.errors import ConfigurationError, FleaError, RecordingError
 from flea_diag.tools.numeric_backend import numeric_backend
-from flea_diag.tools.terminal import IN_PART, progress, warn, write_json
+from flea_diag.tools.terminal import IN_PART, make_folder, progress, warn, write_json
 
 if TYPE_CHECKING:
     from flea_diag.stages.pipeline import Pipeline
@@ -49,6 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Replay every bag; one that is refused does not stop the others."""
     from flea_diag.configuration import make_pipeline
 
+    _check_names(arguments.json, arguments.bags)
     # The first pipeline is built before any bag: a wrong calibration is no fault of a bag.
     fresh = chain((make_pipeline(arguments.calibration),), _pipelines(arguments.calibration))
     summaries: list[dict[str, Any]] = []
@@ -132,9 +134,26 @@ def _say(summary: dict[str, Any], arguments: argparse.Namespace) -> None:
         print(in_words(summary), file=sys.stderr if arguments.json == "-" else sys.stdout)
 
 
+def _check_names(target: str | None, bags: Sequence[Path]) -> None:
+    """In a folder each bag has a file of its own, named like it."""
+    if target is None or not _is_folder(target):
+        return
+    names = Counter(bag.resolve().name for bag in bags)
+    double = next((name for name, count in names.items() if count > 1), None)
+    if double is not None:
+        raise ConfigurationError(
+            f"--json {target}: {names[double]} bags are named {double!r} and would share one file: "
+            "give one file for all (--json results.json)"
+        )
+
+
+def _is_folder(target: str) -> bool:
+    return target.endswith("/") or Path(target).is_dir()
+
+
 def _write(target: str, summaries: list[dict[str, Any]], several: bool) -> None:
-    if target.endswith("/") or Path(target).is_dir():
-        Path(target).mkdir(parents=True, exist_ok=True)
+    if _is_folder(target):
+        make_folder(Path(target))
         for summary in summaries:
             name = Path(summary["bag"]).resolve().name
             write_json(str(Path(target) / f"{name}.json"), summary)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.terminal import make_folder, write_text
 
 if TYPE_CHECKING:
     from flea_sim_driver.scenario import Scenario
@@ -58,13 +59,10 @@ def write_files(scenarios: tuple[Scenario, ...], folder: Path) -> None:
 
     from flea_sim_driver.scenario import scenario_to_mapping
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for scenario in scenarios:
-            text = yaml.safe_dump(scenario_to_mapping(scenario), sort_keys=False)
-            (folder / f"{scenario.run.name}.yaml").write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"cannot write scenarios to {folder}: {error}") from error
+    make_folder(folder)
+    for scenario in scenarios:
+        text = yaml.safe_dump(scenario_to_mapping(scenario), sort_keys=False)
+        write_text(folder / f"{scenario.run.name}.yaml", text)
 
 
 def _write_bags(scenarios: tuple[Scenario, ...], folder: Path, *, vibration: bool) -> None:

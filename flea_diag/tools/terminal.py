@@ -1,9 +1,11 @@
-"""What every command says to the person at the terminal."""
+"""What every command says to the person at the terminal, and how it writes files for them."""
 
 from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +28,40 @@ def progress(number: int, count: int, name: str) -> None:
         print(f"\r\x1b[K[{number}/{count}] {name}", end=end, file=sys.stderr, flush=True)
 
 
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Whatever keeps a file or a folder from being written, as one line that names it.
+
+    Raises
+    ------
+    ConfigurationError
+        For every OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file, which is replaced in one step: a reader finds the old one or the new one.
+
+    Raises
+    ------
+    ConfigurationError
+        When the file cannot be written.
+    """
+    with writing(path):
+        # A pipe or a device is written to; a file in its place would take it from everybody.
+        in_place = path.exists() and not path.is_file()
+        fresh = path if in_place else path.with_name(f".{path.name}.new")
+        fresh.write_text(text, encoding="utf-8")
+        if not in_place:
+            fresh.replace(path)
+
+
 def write_json(target: str, content: Any) -> None:
-    """Write JSON to a file, which is replaced in one step, or to standard output for ``-``.
+    """Write JSON to a file, or to standard output for ``-``.
 
     Raises
     ------
@@ -37,11 +71,17 @@ def write_json(target: str, content: Any) -> None:
     text = json.dumps(content, indent=2, allow_nan=False) + "\n"
     if target == "-":
         sys.stdout.write(text)
-        return
-    path = Path(target)
-    fresh = path.with_name(f".{path.name}.new")
-    try:
-        fresh.write_text(text, encoding="utf-8")
-        fresh.replace(path)
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {path}: {error.strerror or error}") from error
+    else:
+        write_text(Path(target), text)
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder with its parents, where it is not there yet.
+
+    Raises
+    ------
+    ConfigurationError
+        When it cannot be made.
+    """
+    with writing(path):
+        path.mkdir(parents=True, exist_ok=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 from flea_diag.core.diagnosis_tree import Node, leaves, words
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.terminal import writing
 
 FORMATS = (".svg", ".png", ".pdf")
 COLUMN_INCH, LINE_INCH = 3.4, 0.34
@@ -45,12 +46,9 @@ def draw_tree(node: Node, path: Path) -> None:
         _place(axes, node, 0, 0)
         axes.set_xlim(-0.1, _depth(node) + 0.9)
         axes.set_ylim(count - 0.5, -0.8)
-        try:
+        with writing(path):
             figure.savefig(path, bbox_inches="tight", metadata=_undated(path))
-        except OSError as error:
-            raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from error
-        finally:
-            pyplot.close(figure)
+        pyplot.close(figure)
 
 
 def _undated(path: Path) -> dict[str, Any]:

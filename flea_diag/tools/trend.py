@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 import csv
+import io
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flea_diag.errors import ConfigurationError, FleaError
-from flea_diag.tools.terminal import IN_PART, progress, warn, write_json
+from flea_diag.errors import FleaError
+from flea_diag.tools.terminal import IN_PART, progress, warn, write_json, write_text
 
 if TYPE_CHECKING:
     from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Record
@@ -202,10 +203,8 @@ def _words(entry: dict[str, Any]) -> str:
 
 
 def _write_csv(path: Path, found: Sequence[Estimate]) -> None:
-    try:
-        with path.open("w", encoding="utf-8", newline="") as stream:
-            rows = csv.DictWriter(stream, [entry.name for entry in fields(Estimate)])
-            rows.writeheader()
-            rows.writerows(map(asdict, found))
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {path}: {error.strerror or error}") from error
+    text = io.StringIO()
+    rows = csv.DictWriter(text, [entry.name for entry in fields(Estimate)], lineterminator="\n")
+    rows.writeheader()
+    rows.writerows(map(asdict, found))
+    write_text(path, text.getvalue())
