@@ -9,8 +9,8 @@ from scipy import stats
 from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS
 from flea_diag.core.thresholds import Trace, limits
 
-SHARE = 0.9 / sum(row.gate != "sensor" for row in RESIDUALS)
-"""Of the rate of false alarms, for one residual: single sensors have the rest."""
+SHARE = 0.8 / sum(row.gate != "sensor" for row in RESIDUALS)
+"""Of the rate of false alarms, for one residual: single sensors and shifts have the rest."""
 
 RATE_PER_HOUR = 3600.0
 

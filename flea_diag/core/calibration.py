@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.detection import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
+from flea_diag.core.level_shift import ShiftLimit
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residual import UNIT_PARAMETERS
@@ -83,6 +84,7 @@ class Calibration:
     observer_noise: ObserverNoise = field(default_factory=ObserverNoise)
     sensors: tuple[SensorLimit, ...] = ()
     covariance: tuple[CovarianceBlock, ...] = ()
+    shifts: tuple[ShiftLimit, ...] = ()
 
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
@@ -305,7 +307,8 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "bad_stretches": _stretches,
     "sensors": lambda value: tuple(SensorLimit.from_mapping(entry) for entry in _list(value)),
     "covariance": _covariance,
+    "shifts": lambda value: tuple(ShiftLimit.from_mapping(entry) for entry in _list(value)),
     "observer_noise": _numbers_of(ObserverNoise, [f.name for f in fields(ObserverNoise)]),
 }
-LATER = ("observer_noise", "sensors", "covariance")
+LATER = ("observer_noise", "sensors", "covariance", "shifts")
 """Entries that files of this schema may lack."""

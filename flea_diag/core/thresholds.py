@@ -23,6 +23,7 @@ from flea_diag.core.detection import (
     WindowLimit,
 )
 from flea_diag.core.identification import Identified
+from flea_diag.core.level_shift import SHIFT_WINDOWS, LevelShift, ShiftLimit, limit_of
 from flea_diag.core.plausibility import ENTER_SAMPLES, usable
 from flea_diag.core.residual_bank import (
     INDEX,
@@ -33,11 +34,14 @@ from flea_diag.core.residual_bank import (
     ResidualRow,
 )
 from flea_diag.core.sensor_limits import SENSOR_SHARE
+from flea_diag.core.shift_test import SHIFTING
 
 Array = npt.NDArray[np.float64]
 
 GUARD = 1.25
 PIECE_S = 10.0
+SHIFT_SHARE = 0.1
+"""Of the rate of false alarms, for the shifts of levels."""
 REGIONS = len(SPEED_REGIONS_M_S) + 1
 NEED_VOLTAGE = np.array(["motor_voltage" in row.needs for row in RESIDUALS])
 
@@ -102,7 +106,7 @@ def limits(
     """
     found = []
     tests = sum(row.gate != "sensor" for row in RESIDUALS)
-    rate = (1.0 - SENSOR_SHARE) * false_alarms_per_hour / tests
+    rate = (1.0 - SENSOR_SHARE - SHIFT_SHARE) * false_alarms_per_hour / tests
     for index, row in enumerate(RESIDUALS):
         if row.gate == "sensor":
             continue
@@ -114,6 +118,30 @@ def limits(
         if limit is not None:
             found.append(replace(limit, spread=spread.get(row.name, ())))
     return tuple(found)
+
+
+def shift_limits(
+    traces: Sequence[Trace], false_alarms_per_hour: float, period_s: float
+) -> tuple[ShiftLimit, ...]:
+    """Limits of what a level changes by within a recording, of each residual that units differ in.
+
+    They share ``SHIFT_SHARE`` of the rate of false alarms.
+    """
+    rate = SHIFT_SHARE * false_alarms_per_hour / (len(SHIFTING) * len(SHIFT_WINDOWS))
+    pieces = sum(len(entry.values) for entry in traces) * period_s / PIECE_S
+    found = []
+    for name in SHIFTING:
+        column = RESIDUAL_INDEX[name]
+        shifts = [_shifts(RESIDUALS[column], column, entry) for entry in traces]
+        for index, window in enumerate(SHIFT_WINDOWS):
+            k = _student(rate * window * period_s / 3600.0, max(pieces - 1.0, 2.0))
+            found.append(limit_of(name, window, [each[:, index] for each in shifts], k, GUARD))
+    return tuple(limit for limit in found if limit is not None)
+
+
+def _shifts(row: ResidualRow, column: int, entry: Trace) -> Array:
+    moves = entry.moving | (row.gate != "moving")
+    return LevelShift().step(entry.values[:, [column]], moves)[:, :, 0]
 
 
 def _gated(row: ResidualRow, index: int, entry: Trace) -> tuple[Array, Array]:

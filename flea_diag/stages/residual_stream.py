@@ -27,6 +27,7 @@ from flea_diag.core.residual_bank import (
     ResidualRows,
 )
 from flea_diag.core.sensor_tests import SensorTests
+from flea_diag.core.shift_test import ShiftTest
 from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.core.unit_offsets import OffsetLearning
 from flea_diag.stages.state_estimate import StateEstimate, Told
@@ -95,6 +96,7 @@ class ResidualStream:
         self._speed_wait = 0
         self._filled_wait = 0
         self._sensors = SensorTests(c.sensors, CHANNELS)
+        self._shifts = ShiftTest(c.shifts, c.tolerances())
         self._period_ns = round(c.period_s * 1e9)
         self._last_ns = start_ns
         self._last_rows: Array = np.empty((0, len(CHANNELS)))
@@ -121,6 +123,7 @@ class ResidualStream:
     def turn(self, opened: bool) -> None:
         """An episode has opened: frozen innovations say nothing. Or closed: arm anew."""
         self._detector.forget(INNOVATION_COLUMNS if opened else range(len(RESIDUALS)))
+        self._shifts.turn(opened)
 
     def step(self, stamps_ns: Stamps, rows: Array, frozen: bool) -> Tested:
         """Take n scans, rows of usable values; ``frozen`` stops thermal corrections."""
@@ -169,6 +172,7 @@ class ResidualStream:
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;
         # what alternates with the motion (direction-normalised) still is one.
         results.z[alone, ELECTRICAL] = np.nan
+        self._shifts.step(residuals, results, alone)
         found = self._regressors(rows, residuals)
         return Tested(residuals, results, found, trusted, turned, told)
 
@@ -262,6 +266,7 @@ class ResidualStream:
         self._p = replace(self._p, **offsets)
         self._bank.adopt(self._p)
         self._estimate.adopt(self._p)
+        self._shifts.adopt(list(change.values()))
         self._detector.adopt(list(change.values()), list(tolerance.values()))
         # How an innovation moves with a parameter is known in size alone.
         self._detector.forget(INNOVATION_COLUMNS)

@@ -247,6 +247,7 @@ def learn(recordings: list[_Recording], actuator: str, false_alarms_per_hour: fl
             first.period_s,
         ),
         covariance=tuple(found.covariance),
+        shifts=thresholds.shift_limits(traces, false_alarms_per_hour, first.period_s),
     )
     return Learned(calibration, tuple(traces))
 

@@ -1,0 +1,157 @@
+"""Relations held against themselves: how the level of a residual changes within a run.
+
+What healthy units differ by, a zero that nothing corroborates or a resistance that nobody
+measured, stays what it is throughout a run. So the mean of the last w samples less the mean
+of those before them knows nothing of it, and what is left to be told from a fault is a
+fraction of what the calibration must allow any unit:
+
+    d = mean(last w) - mean(up to REFERENCE before them),   |d| > k sigma   ->  symbol
+
+A step or a drift of a sensor shows, wherever the level of its relation was; what was there
+from the start does not, and is left to the tests against the calibration (``detection``). From
+a detection on, the earlier level is frozen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+SHIFT_WINDOWS = (200, 400)
+REFERENCE, LEAST = 2000, 300
+"""Most and fewest samples that an earlier level is the mean of."""
+_KEPT = REFERENCE + max(SHIFT_WINDOWS) + 1
+
+
+@dataclass(frozen=True, slots=True)
+class ShiftLimit:
+    """Scatter of the shift of one residual over ``window`` samples, and its limit in sigmas."""
+
+    name: str
+    window: int
+    sigma: float
+    k: float
+
+    @classmethod
+    def from_mapping(cls, value: Any) -> ShiftLimit:
+        """Limit from its plain mapping.
+
+        Raises
+        ------
+        ValueError
+            An entry that is missing, unknown, of the wrong kind or out of its range.
+        """
+        names = [entry.name for entry in fields(cls)]
+        if not isinstance(value, Mapping) or set(value) != set(names):
+            raise ValueError(f"a limit of shifts has {', '.join(names)}")
+        if value["window"] not in SHIFT_WINDOWS:
+            raise ValueError(f"{value['name']}: window {value['window']!r}, known {SHIFT_WINDOWS}")
+        for name in ("sigma", "k"):
+            number = value[name]
+            good = isinstance(number, (int, float)) and not isinstance(number, bool)
+            if not good or not math.isfinite(number) or not number > 0.0:
+                raise ValueError(f"{value['name']}: {name} = {number!r} must be above 0")
+        return cls(**value)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Plain mapping of numbers and strings."""
+        return asdict(self)
+
+
+class LevelShift:
+    """Shifts of one residual, constant memory; scans singly or in blocks, to the same last bit.
+
+    ``columns`` shift together: the residual, and what its level may follow in a healthy unit.
+    """
+
+    def __init__(self, windows: Sequence[int] = SHIFT_WINDOWS, columns: int = 1) -> None:
+        self._windows = tuple(windows)
+        self._columns = columns
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._sums = np.zeros((1, self._columns))
+        self._last = np.full((1, len(self._windows), self._columns), np.nan)
+        self._frozen: list[Array] = []
+
+    def freeze(self) -> None:
+        """From now on every window is held against the earlier level of now."""
+        self._frozen = [self._earlier(self._sums, w, 1)[0] for w in self._windows]
+
+    def step(self, values: Array, use: Flags) -> Array:
+        """Shifts after each of n scans, shape (n, windows, columns).
+
+        ``values`` has shape (n, columns). ``use`` says which of them count; after the others
+        the last shift stands, NaN before the first.
+        Where a value is missing its channel was not to be trusted: a new level begins after it.
+        """
+        missing = np.isnan(values[:, 0])
+        if not missing.any():
+            return self._follow(values, use)
+        edges = np.flatnonzero(missing[1:] != missing[:-1]) + 1
+        parts = zip(np.split(values, edges), np.split(use, edges), strict=True)
+        return np.concatenate([self._part(*part) for part in parts])
+
+    def _part(self, values: Array, use: Flags) -> Array:
+        """Scans with all values, or with none."""
+        if np.isnan(values[0, 0]):
+            self.clear()
+            return np.repeat(self._last, len(values), axis=0)
+        return self._follow(values, use)
+
+    def _follow(self, values: Array, use: Flags) -> Array:
+        taken = values[use]
+        if not len(taken):
+            return np.repeat(self._last, len(values), axis=0)
+        sums = np.concatenate((self._sums, taken))
+        start = len(self._sums)
+        # One after the other, however many come at once.
+        sums[start - 1 :] = np.add.accumulate(sums[start - 1 :], axis=0)
+        shifts = np.concatenate((self._last, np.empty((len(taken), *self._last.shape[1:]))))
+        for number, window in enumerate(self._windows):
+            shifts[1:, number] = self._shift(sums, window, len(taken), number)
+        self._sums, self._last = sums[-_KEPT:], shifts[-1:]
+        return np.asarray(shifts[np.cumsum(use)])
+
+    def _shift(self, sums: Array, window: int, count: int, number: int) -> Array:
+        """Shifts at the last ``count`` sums."""
+        now = np.arange(len(sums) - count, len(sums))
+        mean = (sums[now] - sums[np.maximum(now - window, 0)]) / window
+        if self._frozen:
+            return np.where((now >= window)[:, None], mean - self._frozen[number], np.nan)
+        return np.asarray(mean - self._earlier(sums, window, count))
+
+    @staticmethod
+    def _earlier(sums: Array, window: int, count: int) -> Array:
+        """Mean of what lies before the window at the last sums, NaN while too little does."""
+        end = np.arange(len(sums) - count, len(sums)) - window
+        start = np.maximum(end - REFERENCE, 0)
+        samples = np.where(end - start >= LEAST, end - start, np.nan)
+        return np.asarray((sums[np.maximum(end, 0)] - sums[start]) / samples[:, None])
+
+
+def limit_of(
+    name: str, window: int, shifts: Sequence[Array], least_k: float, guard: float
+) -> ShiftLimit | None:
+    """Limit of one window from its shifts in nominal recordings, None where too few have any.
+
+    The limit is ``least_k`` sigmas, and at least ``guard`` times the largest shift seen.
+    """
+    known = [column[np.isfinite(column)] for column in shifts]
+    known = [column for column in known if len(column)]
+    if len(known) < 2:
+        return None
+    sigma = float(np.mean([np.mean(np.square(column)) for column in known])) ** 0.5
+    if not sigma > 0.0:
+        return None
+    largest = max(float(np.abs(column).max()) for column in known)
+    return ShiftLimit(name, window, sigma, max(least_k, guard * largest / sigma))

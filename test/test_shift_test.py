@@ -1,0 +1,82 @@
+"""Shift tests on a stream of residuals: units, offsets learned, and a voltage that stands alone."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from flea_diag.core import detection
+from flea_diag.core.level_shift import ShiftLimit
+from flea_diag.core.residual import UNIT_PARAMETERS
+from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS, SPREAD_ROWS, ResidualRows
+from flea_diag.core.shift_test import ShiftTest
+
+UNITS = len(UNIT_PARAMETERS)
+ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
+PLACE = SPREAD_ROWS.index(ELECTRICAL)
+LIMIT = ShiftLimit("parity_electrical", 200, 0.2, 5.0)
+VOLTAGE = UNIT_PARAMETERS.index("voltage_offset_v")
+
+
+def rows(volts: np.ndarray, spread: np.ndarray | None = None) -> ResidualRows:
+    values = np.zeros((len(volts), len(RESIDUALS)))
+    values[:, ELECTRICAL] = volts
+    table = np.zeros((len(volts), len(SPREAD_ROWS), UNITS))
+    if spread is not None:
+        table[:, PLACE] = spread
+    signals = SimpleNamespace()
+    return ResidualRows(values, table, signals, np.zeros(len(volts), dtype=bool))
+
+
+def step(test: ShiftTest, made: ResidualRows, alone: bool = False) -> detection.TestResults:
+    results = detection.TestResults.untested(len(made))
+    test.step(made, results, np.full(len(made), alone))
+    return results
+
+
+def test_a_step_at_rest_deviates_with_the_shift_as_its_statistic():
+    results = step(ShiftTest([LIMIT], [0.0] * UNITS), rows(np.repeat([3.0, 4.5], [800, 300])))
+    deviating = results.deviating()
+    assert not deviating[:800].any()
+    assert set(np.flatnonzero(deviating.any(axis=0))) == {ELECTRICAL}
+    assert results.mean[-101, ELECTRICAL] == pytest.approx(1.5)
+    assert results.z[-101, ELECTRICAL] == pytest.approx(1.5 / 0.2)
+
+
+def test_what_a_healthy_unit_may_differ_by_widens_the_limit():
+    moved = np.zeros((1100, UNITS))
+    moved[800:, 0] = 1.0
+    volts = np.repeat([3.0, 4.5], [800, 300])
+    results = step(ShiftTest([LIMIT], [1.0] + [0.0] * (UNITS - 1)), rows(volts, moved))
+    assert not results.deviating().any()
+
+
+def test_an_offset_that_is_learned_is_no_shift():
+    spread = np.zeros((600, UNITS))
+    spread[:, VOLTAGE] = -1.0
+    change = [0.0] * UNITS
+    change[VOLTAGE] = 2.0
+    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    step(test, rows(np.full(600, 3.0), spread))
+    test.adopt(change)
+    assert not step(test, rows(np.full(600, 1.0), spread)).deviating().any()
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_the_zero_of_a_voltage_alone_says_nothing(alone):
+    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    step(test, rows(np.zeros(800)), alone)
+    found = step(test, rows(np.full(300, 2.0)), alone).deviating()
+    assert bool(found.any()) is not alone
+
+
+def test_in_an_open_episode_the_level_before_it_counts_and_not_what_follows():
+    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    step(test, rows(np.zeros(800)))
+    test.turn(opened=True)
+    later = step(test, rows(np.full(3000, 2.0)))
+    assert later.deviating()[-1, ELECTRICAL]
+    test.turn(opened=False)
+    assert not step(test, rows(np.full(1000, 2.0)), alone=False).deviating().any()
