@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,22 @@ class Scenario:
     structure: StructureSpread = field(default_factory=StructureSpread)
     faults: tuple[FaultSetting, ...] = ()
     flight: Flight | None = None
+
+    def unit_at(self, time_s: float) -> str:
+        """The test actuator in use at a time."""
+        switched = 0.0 <= self.switch.at_s <= time_s + 1e-9
+        return self.switch.to if switched else self.run.active_unit
+
+    def serial(self, unit: str) -> str:
+        """Serial number of a test actuator; the same physical unit has the same in every run.
+
+        A unit is what its seed and the spread draw.
+        """
+        run = self.run
+        if run.serial and unit == run.active_unit:
+            return run.serial
+        drawn = (run.seed, unit, run.unit_spread, sorted(asdict(self.spread).items()))
+        return f"SIM-{sha256(repr(drawn).encode()).hexdigest()[:8].upper()}"
 
 
 SECTIONS: dict[str, type] = {

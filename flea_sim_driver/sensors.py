@@ -69,15 +69,19 @@ LOAD_CURRENT_OFFSET_A = 0.33
 POT_NONLINEARITY_M = 0.04e-3
 HOMING_ERROR_M = 0.05e-3
 ACCELEROMETER_AXES = tuple(f"accelerometer_{number}_{axis}" for number in (1, 2) for axis in "xyz")
+ON_ACTUATOR = ("motor controller", "motor shaft", "motor housing", "ball screw nut")
+"""Mounts that belong to the test actuator and go with it."""
 ACCELEROMETER_MOUNT = {"1": "motor housing", "2": "ball screw nut"}
 
 
-def channel_infos(voltage: str, vibration_rate_hz: float | None) -> tuple[ChannelInfo, ...]:
-    """Rows of the channel table; nothing in them depends on the unit in use."""
+def channel_infos(
+    voltage: str, vibration_rate_hz: float | None, serial: str = ""
+) -> tuple[ChannelInfo, ...]:
+    """Rows of the channel table; what sits on the test actuator has its serial number."""
     slow = tuple(
         ChannelInfo(
             row.channel, row.unit, row.minimum, row.maximum, SCAN_RATE_HZ,
-            mount=row.mount, note=row.note,
+            mount=row.mount, note=row.note, serial=serial if row.mount in ON_ACTUATOR else "",
             sampling=voltage if row.channel in ("motor_voltage", "motor_current") else "mean",
         )
         for row in INSTRUMENTS
@@ -85,7 +89,7 @@ def channel_infos(voltage: str, vibration_rate_hz: float | None) -> tuple[Channe
     if vibration_rate_hz is None:
         return slow
     return slow + tuple(
-        ChannelInfo(axis, "m/s^2", -500.0, 500.0, vibration_rate_hz, sampling="instant",
+        ChannelInfo(axis, "m/s^2", -500.0, 500.0, vibration_rate_hz, serial, sampling="instant",
                     mount=ACCELEROMETER_MOUNT[axis.split("_")[1]])
         for axis in ACCELEROMETER_AXES
     )  # fmt: skip

@@ -114,6 +114,9 @@ class Run:
     unit_spread: float = parameter(
         1.0, "scale of the differences between units, 0: all nominal", minimum=0.0, maximum=3.0
     )
+    serial: str = parameter(
+        "", "serial number of the test actuator of the start; empty: one that follows from its seed"
+    )
     active_unit: str = parameter("Y", "test actuator in use at the start", choices=("X", "Y"))
     ambient_degc: float = parameter(23.6, "room", unit="degC", minimum=-40.0, maximum=60.0)
     warm_degc: float = parameter(

@@ -95,9 +95,7 @@ class Stand:
     def advance(self) -> tuple[Record, ...]:
         """Records of the next block of 0.1 s, in stamp order."""
         records = self._opening() + self._truths()
-        switch = self.scenario.switch
-        if 0.0 <= switch.at_s <= self.time_s + 1e-9:
-            self.unit_in_use = switch.to
+        self.unit_in_use = self.scenario.unit_at(self.time_s)
         before = self._temperatures[self.unit_in_use]
         block = self._run()
         after = self._warm(block)
@@ -220,9 +218,11 @@ class Stand:
     def _opening(self) -> list[Record]:
         if self._block > 0:
             return []
-        sensors = self.scenario.sensors
+        # The table names the actuator of the start: another number later would betray a switch.
+        sensors, serial = self.scenario.sensors, self.scenario.serial(self.unit_in_use)
         rate = sensors.vibration_rate_hz if sensors.vibration else None
-        return [ChannelTable(self.start_ns, "flea_sim", channel_infos(sensors.voltage, rate))]
+        rows = channel_infos(sensors.voltage, rate, serial)
+        return [ChannelTable(self.start_ns, "flea_sim", rows)]
 
     def _truths(self) -> list[Record]:
         """What is wrong now: at the start, at each onset, and when all is cleared."""
@@ -247,6 +247,10 @@ class Stand:
         setting = episode.setting
         details = (
             *self._details(),
+            (
+                "serial",
+                self.scenario.serial(setting.unit or self.scenario.unit_at(episode.onset_s)),
+            ),
             ("size", repr(setting.size)),
             ("size_unit", episode.row.size_unit),
             ("where", setting.where),

@@ -26,6 +26,7 @@ from flea_diag.tools.flea_run import (
     label_of,
 )
 from flea_diag.tools.main import main
+from flea_diag.tools.trend import serial_of
 from flea_diag.wire import records as r
 from flea_diag.wire.bag import read_bag
 
@@ -233,6 +234,21 @@ def test_two_imports_are_equal_byte_for_byte(tmp_path: Path) -> None:
         assert main(["import", str(file), "-o", str(tmp_path / name)]) == 0
     bags = [next((tmp_path / name).rglob("*.mcap")).read_bytes() for name in ("a", "b")]
     assert bags[0] == bags[1]
+
+
+def test_a_serial_number_that_is_given_is_that_of_the_test_actuator(tmp_path: Path) -> None:
+    file = write(tmp_path, [line(number) for number in range(50)])
+    assert main(["import", str(file), "-o", str(tmp_path / "a"), "--serial", "X-1"]) == 0
+    assert main(["import", str(file), "-o", str(tmp_path / "b")]) == 0
+    (one,), (other,) = (
+        [t for _, t in read_bag(tmp_path / name / NAME.removesuffix(".data"), [r.ChannelTable])]
+        for name in "ab"
+    )
+    assert serial_of(one) == "X-1"  # type: ignore[arg-type]
+    assert serial_of(other) == ""  # type: ignore[arg-type]
+    numbers = {row.name: row.serial for row in one.channels}  # type: ignore[union-attr]
+    assert numbers["nut_temperature"] == "X-1"
+    assert numbers["load_force"] == numbers["ambient_temperature"] == ""
 
 
 @pytest.mark.parametrize(

@@ -258,3 +258,30 @@ def test_sensors_show_noise_resolution_and_offsets_of_the_real_ones() -> None:
 def test_a_resting_stand_is_quiet_on_all_axes() -> None:
     run = vibration(records(motion={"kind": "hold"}, sensors={}, duration_s=3.0))
     assert np.all(np.std(run[20000:], axis=0) < 0.4)
+
+
+def serials(**values: object) -> dict[str, str]:
+    """Serial number of each channel."""
+    table = records(duration_s=0.1, **values)[0]
+    assert isinstance(table, ChannelTable)
+    return {row.name: row.serial for row in table.channels}
+
+
+def test_one_physical_unit_has_one_serial_number_and_no_other_has_it() -> None:
+    plain = serials()["motor_current"]
+    assert plain.startswith("SIM-")
+    same = ({"load": {"constant_n": 50.0}}, fault("jam", 0.0), {"start_s": 2e9})
+    assert {serials(**values)["motor_current"] for values in same} == {plain}
+    others = ({"seed": 2}, {"active_unit": "X"}, {"unit_spread": 2.0})
+    assert len({plain, *(serials(**values)["motor_current"] for values in others)}) == 4
+    given = serials(serial="EMA-007", sensors={})
+    assert given["accelerometer_2_z"] == given["motor_speed"] == "EMA-007"
+    assert given["load_force"] == given["ambient_temperature"] == "", "these stay with the stand"
+
+
+def test_after_a_switch_the_truth_and_nothing_else_names_the_other_unit() -> None:
+    told = records(**fault("jam", 0.2, unit="X"), switch={"at_s": 0.1, "to": "X"}, duration_s=0.4)
+    (jam,) = (r for r in told if isinstance(r, Truth) and r.fault == "jam")
+    assert dict(jam.details)["serial"] == serials(active_unit="X")["motor_current"]
+    (table,) = (r for r in told if isinstance(r, ChannelTable))
+    assert table.info("motor_current").serial == serials()["motor_current"]  # type: ignore[union-attr]

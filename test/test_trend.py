@@ -124,6 +124,18 @@ def test_a_recording_without_a_serial_or_a_verdict_is_diagnosed_and_kept_apart()
     assert all(entry.size_sigma > 0.0 for entry in found)
 
 
+def test_a_fault_belongs_to_the_unit_that_was_switched_in(tmp_path: Path) -> None:
+    made = Path(bag(tmp_path, "switched", "EMA-7", 0, 10.0))
+    records = [record for _, record in read_bag(made)]
+    with BagWriter(tmp_path / "told") as writer:
+        writer.write(records[0])
+        writer.write(Truth(START, "jam", START, (("serial", "EMA-9"),)))
+        for record in records[1:]:
+            writer.write(record)
+    assert {entry.serial for entry in estimates(made)} == {"EMA-7"}
+    assert {entry.serial for entry in estimates(tmp_path / "told")} == {"EMA-9"}
+
+
 def test_a_recorded_verdict_is_taken_as_it_is() -> None:
     (entry,) = estimates(ROOT / "bags" / "live_motor_current_bias")
     truth = [r for _, r in read_bag(ROOT / "bags" / "live_motor_current_bias", (Truth,))][-1]

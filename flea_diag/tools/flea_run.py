@@ -74,6 +74,15 @@ SOURCES: tuple[Source, ...] = (
 CHANNELS = tuple(source.channel for source in SOURCES)
 
 
+TEST_ACTUATOR = "test actuator"
+MOUNTS = {"load_": "load actuator", "ambient_": "stand"}
+"""Where channels of these names sit; all others sit on the test actuator."""
+
+
+def _mount(source: Source) -> str:
+    return next((m for name, m in MOUNTS.items() if source.channel.startswith(name)), TEST_ACTUATOR)
+
+
 @dataclass(frozen=True)
 class Label:
     """What the name of a run says: the fault, and for a position fault its injection."""
@@ -178,13 +187,17 @@ class FleaRun:
     label: Label | None
     onset: int | None
     onset_from: str
+    serial: str = ""
 
     @classmethod
-    def of(cls, data: FleaData) -> FleaRun:
-        """Find out the motor in use and, from the name, what was wrong and since when."""
+    def of(cls, data: FleaData, serial: str = "") -> FleaRun:
+        """Find out the motor in use and, from the name, what was wrong and since when.
+
+        ``serial`` is the test actuator's number, which the recordings do not tell.
+        """
         label = label_of(data.path.name.removesuffix(".data"))
         onset, onset_from = _onset(data, label)
-        return cls(data, active_motor(data), label, onset, onset_from)
+        return cls(data, active_motor(data), label, onset, onset_from, serial)
 
     def channel_table(self) -> ChannelTable:
         """Units, ranges and signs; the same for every run, whichever unit is in use."""
@@ -195,7 +208,8 @@ class FleaRun:
                 -math.inf,
                 source.maximum,
                 RATE_HZ,
-                mount="load actuator" if source.channel.startswith("load_") else "test actuator",
+                serial=self.serial if _mount(source) == TEST_ACTUATOR else "",
+                mount=_mount(source),
                 sampling=source.sampling,
                 note=source.note,
             )

@@ -21,6 +21,7 @@ EXAMPLES = """\
 examples:
   flea import FLEA/*.data -o bags              one bag for each run, under bags/
   flea import run_Low.data -o bags --force     replace the bag of an earlier import
+  flea import FLEA/*_Jam_* -o bags --serial X-1    the actuator's number, for `flea trend`
 """
 
 
@@ -47,6 +48,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", required=True, type=Path, metavar="BAGDIR", help="folder for the bags"
     )
+    parser.add_argument(
+        "--serial",
+        default="",
+        help="serial number of the test actuator in these recordings, which do not tell it; "
+        "`flea trend` puts bags of one number together",
+    )
     parser.add_argument("--force", action="store_true", help="replace bags that are there already")
     parser.add_argument("--json", action="store_true", help="report as JSON on standard output")
 
@@ -58,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     for number, file in enumerate(arguments.files, 1):
         progress(number, len(arguments.files), file.name)
         try:
-            done.append(import_run(file, arguments.output, arguments.force))
+            done.append(import_run(file, arguments.output, arguments.force, arguments.serial))
         except FleaError as error:
             refused.append(str(error))
             warn(str(error))
@@ -76,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     return IN_PART
 
 
-def import_run(file: Path, output: Path, force: bool = False) -> Imported:
+def import_run(file: Path, output: Path, force: bool = False, serial: str = "") -> Imported:
     """Write the bag of one file, under ``output`` and named like the file.
 
     Raises
@@ -87,7 +94,7 @@ def import_run(file: Path, output: Path, force: bool = False) -> Imported:
     from flea_diag.tools.flea_data import read_flea_data
     from flea_diag.tools.flea_run import FleaRun
 
-    flea_run = FleaRun.of(read_flea_data(file))
+    flea_run = FleaRun.of(read_flea_data(file), serial)
     directory = output / file.name.removesuffix(".data")
     _make_room(directory, force)
     _write(flea_run, directory)

@@ -26,9 +26,10 @@ examples:
   flea trend bags/* --serial EMA-007               of one actuator alone
   flea trend bags/* --json trend.json --csv trend.csv
 
-The serial number is that of the test actuator's channels in the channel table; bags without
-one are kept apart as 'unknown'. In the JSON file `times` (s) and `data` of each trend are what
-progpy's SimResult takes; `sigmas` are the standard errors beside them.
+The serial number is that of the test actuator's channels in the channel table, or, where a
+simulated stand has switched to its other unit, that of the unit that has the fault; bags
+without one are kept apart as 'unknown'. In the JSON file `times` (s) and `data` of each trend
+are what progpy's SimResult takes; `sigmas` are the standard errors beside them.
 """
 OF_ACTUATOR = ("motor_current", "motor_voltage", "motor_speed", "actuator_position")
 """Channels whose serial number is the test actuator's, the first that has one."""
@@ -100,39 +101,44 @@ def estimates(bag: Path, calibration: Path | None = None) -> list[Estimate]:
     RecordingError
         When there is no bag of ours.
     """
-    from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, ChannelTable
+    from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, ChannelTable, Truth
 
-    table: ChannelTable | None = None
-    last: dict[int, AmbiguityGroup] = {}
+    mounted = owner = ""
+    last: dict[int, tuple[AmbiguityGroup, str]] = {}
     for record in _said(bag, calibration):
         if isinstance(record, ChannelTable):
-            table = record
+            mounted = serial_of(record)
+        elif isinstance(record, Truth):
+            owner = dict(record.details).get("serial", "")
         elif isinstance(record, AmbiguityGroup) and record.detected_stamp_ns != NEVER_NS:
-            last[record.detected_stamp_ns] = record
-    return [entry for group in last.values() for entry in _of_group(group, serial_of(table), bag)]
+            last[record.detected_stamp_ns] = record, owner or mounted or UNKNOWN
+    return [entry for group, serial in last.values() for entry in _of_group(group, serial, bag)]
 
 
 def _said(bag: Path, calibration: Path | None) -> Iterator[Record]:
-    """Channel table and verdicts: those recorded, or new ones."""
+    """Channel table, truth and verdicts: those recorded, or new ones."""
     from flea_diag.configuration import make_pipeline
     from flea_diag.wire.bag import read_bag
-    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan, VibrationBlock
+    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan, Truth, VibrationBlock
 
     if calibration is None:
-        recorded = [r for _, r in read_bag(bag, (ChannelTable, AmbiguityGroup))]
+        recorded = [r for _, r in read_bag(bag, (ChannelTable, Truth, AmbiguityGroup))]
         if any(isinstance(record, AmbiguityGroup) for record in recorded):
             yield from recorded
             return
     pipeline = make_pipeline(calibration)
-    for _, record in read_bag(bag, (ChannelTable, VibrationBlock, Scan)):
-        yield from (record, *pipeline.handle(record))
+    for _, record in read_bag(bag, (ChannelTable, Truth, VibrationBlock, Scan)):
+        if isinstance(record, Truth):
+            yield record  # for the serial number; no stage sees it
+        else:
+            yield from (record, *pipeline.handle(record))
     yield from pipeline.finish()
 
 
-def serial_of(table: ChannelTable | None) -> str:
-    """Serial number of the test actuator, or ``unknown``."""
-    rows = (table.info(channel) for channel in OF_ACTUATOR) if table is not None else ()
-    return next((row.serial for row in rows if row is not None and row.serial), UNKNOWN)
+def serial_of(table: ChannelTable) -> str:
+    """Serial number of the test actuator, empty where the table tells none."""
+    rows = map(table.info, OF_ACTUATOR)
+    return next((row.serial for row in rows if row is not None and row.serial), "")
 
 
 def _of_group(group: AmbiguityGroup, serial: str, bag: Path) -> Iterator[Estimate]:
