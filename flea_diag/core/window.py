@@ -59,9 +59,8 @@ class Window:
     @cached_property
     def centred(self) -> npt.NDArray[np.float32]:
         """Samples without their mean, one contiguous row an axis, shape (axes, n)."""
-        rows = np.array(self.samples.T, dtype=np.float32, order="C")
-        rows -= rows.mean(axis=1, keepdims=True)
-        return rows
+        rows = np.ascontiguousarray(self.samples.T, dtype=np.float32)
+        return np.asarray(rows - rows.mean(axis=1, keepdims=True))
 
     @cached_property
     def std(self) -> Floats:

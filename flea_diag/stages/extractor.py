@@ -103,10 +103,10 @@ class ExtractorStage:
     def handle(self, record: Record) -> tuple[Record, ...]:
         """Answers and levels that a record causes."""
         levels: tuple[Record, ...] = ()
-        if isinstance(record, VibrationBlock):
+        if isinstance(record, Scan):
+            self.windows.scans.add(record)
+        elif isinstance(record, VibrationBlock):
             levels = self._level(record)
-        elif isinstance(record, Scan):
-            self.windows.add(record)
         elif isinstance(record, FeatureRequest):
             self._accept(record)
         elif isinstance(record, ChannelTable):
@@ -128,7 +128,7 @@ class ExtractorStage:
 
     def _level(self, block: VibrationBlock) -> tuple[Record, ...]:
         """Take a block in; the sentinel's record is stamped with the end of the block."""
-        if not self.windows.add(block) or not self.parameters.sentinel:
+        if not self.windows.vibration.add(block) or not self.parameters.sentinel:
             return ()
         if not self._is_rate_known(self.windows.vibration.rate_hz):
             return ()  # its range was learned on another band

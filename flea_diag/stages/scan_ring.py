@@ -18,38 +18,39 @@ SECOND_NS = 1_000_000_000
 
 
 class ScanRing:
-    """Bounded store of scans in order of time; repeated and older ones are left out."""
+    """Bounded store of scans in order of time; repeated and older ones are left out.
+
+    ``end_ns`` is the stamp of the newest scan, -1 without any.
+    """
 
     def __init__(self, history_s: float, gap_limit_s: float) -> None:
         self.history_ns = round(history_s * SECOND_NS)
         self.gap_limit_s = gap_limit_s
-        self._scans: deque[Scan | ScanBlock] = deque()
-
-    @property
-    def end_ns(self) -> int:
-        """Stamp of the newest scan; -1 without any."""
-        return _end_ns(self._scans[-1]) if self._scans else -1
+        self.end_ns = -1
+        self._scans: deque[tuple[int, Scan | ScanBlock]] = deque()
 
     def add(self, scan: Scan) -> bool:
         """Keep a scan and forget what is too old; a jump back in time starts afresh."""
-        if self._scans and scan.stamp_ns <= self.end_ns:
-            if self.end_ns - scan.stamp_ns <= self.history_ns:
+        stamp_ns = scan.stamp_ns
+        if stamp_ns <= self.end_ns:
+            if self.end_ns - stamp_ns <= self.history_ns:
                 return False
             self._scans.clear()
-        self._keep(scan)
+        self._keep(stamp_ns, scan)
         return True
 
     def add_block(self, block: ScanBlock) -> None:
         """Keep scans that come in order, all at once; they are parted when they are needed."""
-        if self._scans and block.stamps_ns[0] <= self.end_ns:
+        if block.stamps_ns[0] <= self.end_ns:
             for scan in block.records():
                 self.add(scan)
         else:
-            self._keep(block)
+            self._keep(int(block.stamps_ns[-1]), block)
 
-    def _keep(self, scans: Scan | ScanBlock) -> None:
-        self._scans.append(scans)
-        while _end_ns(self._scans[0]) < self.end_ns - self.history_ns:
+    def _keep(self, end_ns: int, scans: Scan | ScanBlock) -> None:
+        self.end_ns = end_ns
+        self._scans.append((end_ns, scans))
+        while self._scans[0][0] < end_ns - self.history_ns:
             self._scans.popleft()
 
     def columns(self, start_ns: int, end_ns: int) -> tuple[dict[str, Doubles], Doubles]:
@@ -57,7 +58,11 @@ class ScanRing:
         scans = self._inside(start_ns, end_ns)
         times_s = np.array([(scan.stamp_ns - start_ns) / SECOND_NS for scan in scans])
         names = scans[-1].channels if scans else ()
-        return {name: np.array([scan.value(name) for scan in scans]) for name in names}, times_s
+        rows = [
+            scan.values if scan.channels == names else [scan.value(name) for name in names]
+            for scan in scans
+        ]
+        return dict(zip(names, np.array(rows, order="F").T, strict=True)), times_s
 
     def operating_point(self, start_ns: int, end_ns: int) -> OperatingPoint:
         """Root mean square of speed and load over the scans inside a window."""
@@ -67,33 +72,32 @@ class ScanRing:
             _rms([scan.value("load_force") for scan in scans]),
         )
 
-    def speed(self, start_ns: int, end_ns: int, times_s: Doubles) -> Doubles | None:
-        """Motor speed at ``times_s`` after ``start_ns``; None where scans leave a long break."""
-        slow, at_s = self.columns(start_ns, end_ns)
-        values = slow.get("motor_speed", np.empty(0))
-        known = np.isfinite(values)
-        if not known.any() or not len(times_s):
-            return None
-        breaks_s = np.diff([times_s[0], *at_s[known], times_s[-1]])
-        if breaks_s.max() > self.gap_limit_s:
-            return None
-        return np.interp(times_s, at_s[known], values[known])
-
     def _inside(self, start_ns: int, end_ns: int) -> list[Scan]:
         # A block may hold some that are too old by now.
         start_ns = max(start_ns, self.end_ns - self.history_ns)
-        return [scan for scan in self._parted() if start_ns <= scan.stamp_ns <= end_ns]
+        return [scan for scan in self._since(start_ns) if start_ns <= scan.stamp_ns <= end_ns]
 
-    def _parted(self) -> Iterator[Scan]:
-        for scans in self._scans:
+    def _since(self, start_ns: int) -> Iterator[Scan]:
+        for last_ns, scans in self._scans:
+            if last_ns < start_ns:
+                continue
             if isinstance(scans, ScanBlock):
                 yield from scans.records()
             else:
                 yield scans
 
 
-def _end_ns(scans: Scan | ScanBlock) -> int:
-    return int(scans.stamps_ns[-1]) if isinstance(scans, ScanBlock) else scans.stamp_ns
+def interpolated(
+    values: Doubles, at_s: Doubles, times_s: Doubles, gap_limit_s: float
+) -> Doubles | None:
+    """A channel at ``times_s``; None where its readings leave a break longer than the limit."""
+    known = np.isfinite(values)
+    if not known.any() or not len(times_s):
+        return None
+    breaks_s = np.diff([times_s[0], *at_s[known], times_s[-1]])
+    if breaks_s.max() > gap_limit_s:
+        return None
+    return np.interp(times_s, at_s[known], values[known])
 
 
 def _rms(values: list[float]) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from flea_diag.core.features import FeatureId, Scope
 from flea_diag.core.nominal_range import OperatingPoint
 from flea_diag.core.window import NotComputableError, Window
-from flea_diag.stages.scan_ring import SECOND_NS, ScanRing
+from flea_diag.stages.scan_ring import SECOND_NS, ScanRing, interpolated
 from flea_diag.stages.vibration_ring import VibrationRing
 from flea_diag.wire.records import Scan, VibrationBlock
 
@@ -79,11 +79,12 @@ class Windows:
         shift_s = (stretch.start_ns - start_ns) / SECOND_NS
         sample_times_s = shift_s + np.arange(len(stretch.samples)) / stretch.rate_hz
         slow, times_s = self.scans.columns(start_ns, end_ns)
+        speed = slow.get("motor_speed", np.empty(0))
         return Window(
             stretch.samples,
             stretch.rate_hz,
             stretch.axes,
-            self.scans.speed(start_ns, end_ns, sample_times_s),
+            interpolated(speed, times_s, sample_times_s, self.scans.gap_limit_s),
             slow,
             times_s - shift_s,
             self.orders,
