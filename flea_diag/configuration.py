@@ -84,7 +84,10 @@ def load_yaml(name_or_path: str | Path) -> Any:
         No such file, too large, or not YAML.
     """
     path = found_file(name_or_path)
-    text = _text(path)
+    return _parsed(_text(path), path)
+
+
+def _parsed(text: str, path: Path) -> Any:
     try:
         return yaml.safe_load(text)
     except _UNREADABLE as error:
@@ -127,7 +130,13 @@ _UNREADABLE = (yaml.YAMLError, ValueError, LookupError, AttributeError, Recursio
 def load_calibration(path: str | Path) -> Calibration:
     """Calibration of a file; an empty path is the one shipped for the simulated stand."""
     name = str(path) or CALIBRATION
-    return calibrations.from_mapping(load_yaml(name), name)
+    return _calibration(name, _text(found_file(name)))
+
+
+@lru_cache(maxsize=8)
+def _calibration(name: str, text: str) -> Calibration:
+    """Parsing takes longer than diagnosing for minutes: the same text is parsed once."""
+    return calibrations.from_mapping(_parsed(text, Path(name)), name)
 
 
 def calibration_sha256(calibration: Calibration) -> str:
@@ -161,7 +170,7 @@ def knowledge(
             f"the calibration is of actuator {calibration.actuator!r}, {actuator} describes "
             f"{name!r}: name the description that belongs to it, or calibrate this actuator"
         )
-    table = load_features(features)
+    table = load_features(features).of_vibration()
     return Knowledge(calibration, calibration_sha256(calibration), rows, tables, table)
 
 
@@ -307,5 +316,5 @@ def load_causal_map(actuator: str = "actuator.yaml") -> CausalMap:
 
 def tree_planner(features: str = "feature_table.yaml", strategy: str = "optimal") -> Planner:
     """What draws up the diagnosis tree of a group, given the features asked so far."""
-    chooser = FeatureChooser(load_features(features), strategy)
+    chooser = FeatureChooser(load_features(features).of_vibration(), strategy)
     return partial(asked_tree, chooser=chooser)

@@ -43,7 +43,7 @@ def test_shipped_table_splits_every_pair_of_the_papers_faults_but_unaffected_one
     paper, shipped = table("feature_table_paper.yaml"), table("feature_table.yaml")
     assert all(len(group) == 1 for group in shipped.inseparable(paper.faults))
     assert set(shipped.nominal.ranges) == set(shipped.features)
-    assert len(shipped.nominal.levels) == 6
+    assert len(shipped.nominal.levels) == len(shipped.nominal.resting_levels) == 6
     for feature in shipped.features:
         FeatureId.parse(feature)
     for fault in shipped.faults:

@@ -4,13 +4,17 @@ import pytest
 
 from flea_diag.core.feature_table import NominalRanges
 from flea_diag.core.nominal_range import NominalRange
-from flea_diag.core.sentinel import BLOCKS, RAISED, Sentinel
+from flea_diag.core.sentinel import BLOCKS, RAISED, SCANS, Sentinel
 
 AXIS = "accelerometer_2_z"
 
 
 def sentinel(limit: float = 2.0) -> Sentinel:
-    return Sentinel(NominalRanges(levels={AXIS: NominalRange((1.0,), -1.0, limit - 1.0)}))
+    """One that hears the same level in motion and at rest."""
+    nominal = {AXIS: NominalRange((1.0,), -1.0, limit - 1.0)}
+    watch = Sentinel(NominalRanges(levels=nominal, resting_levels=nominal))
+    watch.motion(100.0, 50.0)
+    return watch
 
 
 def alarms(watch: Sentinel, levels: list[float]) -> list[str | None]:
@@ -26,7 +30,7 @@ def test_the_alarm_says_level_range_and_how_often():
     watch = sentinel()
     alarms(watch, [1.0, *[3.0] * RAISED])
     assert watch.words(AXIS) == (
-        f"{AXIS}: level 3 m/s^2, nominal 0 to 2, outside in {RAISED} of the last 7 blocks"
+        f"{AXIS}: level 3 m/s^2, nominal 0 to 2, outside in {RAISED} of the last 7 blocks in motion"
     )
 
 
@@ -53,7 +57,20 @@ def test_what_was_never_learned_is_silent():
     assert [watch.step(("other",), (99.0,)) for _ in range(BLOCKS)] == [None] * BLOCKS
 
 
-@pytest.mark.parametrize(("speed", "alarm"), [(100.0, None), (10.0, AXIS)])
+def test_loud_blocks_count_however_long_the_actuator_rests_between_them():
+    watch = sentinel()
+    found = []
+    for _ in range(RAISED):
+        found += alarms(watch, [3.0])
+        for _ in range(SCANS):
+            watch.motion(0.0, 50.0)
+        found += alarms(watch, [1.0] * BLOCKS)
+        for _ in range(SCANS):
+            watch.motion(100.0, 50.0)
+    assert [k for k, axis in enumerate(found) if axis] == [(RAISED - 1) * (BLOCKS + 1)]
+
+
+@pytest.mark.parametrize(("speed", "alarm"), [(100.0, None), (16.0, AXIS)])
 def test_the_range_follows_the_speed(speed, alarm):
     # Centre ln(0.1 + speed / 100): a level of 1.1 is nominal at full speed, loud at low speed.
     nominal = NominalRange((0.0, 1.0), -9.0, 0.2, logarithmic=True, speed_rad_s=(0.0, 200.0))

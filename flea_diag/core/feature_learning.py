@@ -20,8 +20,6 @@ from flea_diag.errors import CalibrationError
 
 NOMINAL = "nominal"
 SYMBOLS = ("--", "-", "0", "+", "++")
-MOVING_RAD_S = 15.0
-"""Root mean square speed from which on a window counts as one that shows mechanical faults."""
 
 Ends = tuple[float, float]
 WIDTHS = (1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0)
@@ -47,7 +45,7 @@ class Sample:
     @property
     def moving(self) -> bool:
         """Whether the shaft turned enough to show a mechanical fault."""
-        return self.point.speed_rad_s >= MOVING_RAD_S
+        return self.point.moving
 
 
 @dataclass(frozen=True)

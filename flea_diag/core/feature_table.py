@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -34,12 +34,14 @@ KEYS = frozenset(
     }
 )
 FEATURE_KEYS = frozenset({"cost", "note"})
-NOMINAL_KEYS = frozenset({"rate_hz", "window_s", "false_alarm_rate", "ranges", "levels", "orders"})
+NOMINAL_KEYS = frozenset(
+    {"rate_hz", "window_s", "false_alarm_rate", "ranges", "levels", "resting_levels", "orders"}
+)
 
 
 @dataclass(frozen=True)
 class NominalRanges:
-    """Nominal ranges of all features, and of the level of each axis (the sentinel).
+    """Nominal ranges of all features, and of the level of each axis, in motion and at rest.
 
     They hold for windows of ``window_s`` sampled at ``rate_hz``; ``orders`` are the ball-pass
     orders that the order-tracked features look at.
@@ -50,6 +52,7 @@ class NominalRanges:
     false_alarm_rate: float = math.nan
     ranges: Mapping[str, NominalRange] = field(default_factory=dict)
     levels: Mapping[str, NominalRange] = field(default_factory=dict)
+    resting_levels: Mapping[str, NominalRange] = field(default_factory=dict)
     orders: Mapping[str, float] = field(default_factory=dict)
 
     def symbol(self, feature: str, value: float, point: OperatingPoint) -> str:
@@ -111,6 +114,11 @@ class FaultFeatureTable:
         """Most probable symbol; ``?`` where the table knows nothing."""
         entry = self.entries.get((fault, feature))
         return self.alphabet[entry.index(max(entry))] if entry else "?"
+
+    def of_vibration(self) -> FaultFeatureTable:
+        """The same without features of the scans, for those who weigh the scans by likelihood."""
+        costs = {f: cost for f, cost in self.costs.items() if f.startswith("accelerometer")}
+        return replace(self, costs=costs)
 
     def inseparable(self, faults: Iterable[str]) -> tuple[tuple[str, ...], ...]:
         """Groups of faults whose symbols are alike in every column: no tree can split them."""
@@ -216,18 +224,24 @@ def _nominal(mapping: Any, costs: Mapping[str, float], where: str) -> NominalRan
     where = f"{where}: nominal"
     mapping = _mapping(mapping, where, empty=True)
     _known(mapping, NOMINAL_KEYS, where)
-    ranges = _mapping(mapping.get("ranges", {}), f"{where}: ranges", empty=True)
-    _known(ranges, frozenset(costs), f"{where}: ranges")
-    levels = _mapping(mapping.get("levels", {}), f"{where}: levels", empty=True)
+    known = _mapping(mapping.get("ranges", {}), f"{where}: ranges", empty=True)
+    _known(known, frozenset(costs), f"{where}: ranges")
     orders = _mapping(mapping.get("orders", {}), f"{where}: orders", empty=True)
     return NominalRanges(
         _number(mapping.get("rate_hz", 0.0), f"{where}: rate_hz", 0.0, 1e6),
         _number(mapping.get("window_s", 1.0), f"{where}: window_s", 0.01, 60.0),
         _rate(mapping.get("false_alarm_rate", math.nan), f"{where}: false_alarm_rate"),
-        {k: NominalRange.from_mapping(v, f"{where}: {k}") for k, v in ranges.items()},
-        {k: NominalRange.from_mapping(v, f"{where}: {k}") for k, v in levels.items()},
+        _ranges(mapping, "ranges", where),
+        _ranges(mapping, "levels", where),
+        _ranges(mapping, "resting_levels", where),
         {k: _number(v, f"{where}: orders: {k}", 0.01, 1000.0) for k, v in orders.items()},
     )
+
+
+def _ranges(mapping: Mapping[str, Any], key: str, where: str) -> dict[str, NominalRange]:
+    """Nominal ranges of one section by feature or axis."""
+    section = _mapping(mapping.get(key, {}), f"{where}: {key}", empty=True)
+    return {str(k): NominalRange.from_mapping(v, f"{where}: {k}") for k, v in section.items()}
 
 
 def _rate(value: Any, where: str) -> float:

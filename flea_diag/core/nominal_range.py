@@ -18,6 +18,9 @@ from flea_diag.errors import CalibrationError, ConfigurationError
 
 SPEED_UNIT_RAD_S = 100.0
 LOAD_UNIT_N = 100.0
+MOVING_RAD_S = 15.0
+"""Root mean square speed from which on mechanical faults show."""
+
 KEYS = frozenset(
     {"logarithmic", "coefficients", "low", "high", "much", "count", "speed_rad_s", "load_n"}
 )
@@ -29,6 +32,11 @@ class OperatingPoint:
 
     speed_rad_s: float = math.nan
     load_n: float = math.nan
+
+    @property
+    def moving(self) -> bool:
+        """Whether the shaft turned enough to show a mechanical fault; not where it is unknown."""
+        return self.speed_rad_s >= MOVING_RAD_S
 
 
 @dataclass(frozen=True)
@@ -52,14 +60,18 @@ class NominalRange:
 
     def at(self, point: OperatingPoint) -> tuple[float, float]:
         """Lowest and highest nominal value at an operating point; NaN where it is unknown."""
+        centre = self.centre(point)
+        low, high = centre + self.low, centre + self.high
+        return (math.exp(low), math.exp(high)) if self.logarithmic else (low, high)
+
+    def centre(self, point: OperatingPoint) -> float:
+        """Expected value, or its logarithm, at an operating point; NaN where it is unknown."""
         speed = min(max(point.speed_rad_s, self.speed_rad_s[0]), self.speed_rad_s[1])
         load = min(max(point.load_n, self.load_n[0]), self.load_n[1])
         if self.depends_on_motion and math.isnan(point.speed_rad_s):
-            return math.nan, math.nan
+            return math.nan
         row = _row(speed, 0.0 if math.isnan(point.load_n) else load)
-        centre = sum(a * b for a, b in zip(self.coefficients, row, strict=False))
-        low, high = centre + self.low, centre + self.high
-        return (math.exp(low), math.exp(high)) if self.logarithmic else (low, high)
+        return sum(a * b for a, b in zip(self.coefficients, row, strict=False))
 
     def symbol(self, value: float, point: OperatingPoint) -> str:
         """``--`` much below, ``-`` below, ``0`` inside, ``+`` above, ``++`` much above, ``?``."""
@@ -180,13 +192,28 @@ def learn_nominal(
     side = false_alarm_rate / 2.0 if two_sided else false_alarm_rate
     return NominalRange(
         coefficients,
-        -_end(-rest, side),
-        _end(rest, side),
+        -tail_end(-rest, side),
+        tail_end(rest, side),
         logarithmic,
         len(found),
         _span([point.speed_rad_s for point in known]),
         _span([point.load_n for point in known]),
     )
+
+
+def tail_end(values: npt.NDArray[np.float64], rate: float) -> float:
+    """Upper end that a new value passes with probability ``rate`` (Weibull plotting position).
+
+    values : (n,), two at least
+    """
+    ordered = np.sort(values)
+    place = (1.0 - rate) * (len(ordered) + 1) - 1.0
+    if place <= len(ordered) - 1:
+        return float(np.interp(place, np.arange(len(ordered)), ordered))
+    outer = max(2, len(ordered) // 10)
+    spacing = float(np.mean(ordered[-outer:] - ordered[-outer]))
+    # The outermost tenth is taken as exponential: its mean excess is the scale of the tail.
+    return float(ordered[-1] + spacing * math.log((1.0 / (len(ordered) + 1)) / rate))
 
 
 def _row(speed_rad_s: float, load_n: float) -> tuple[float, ...]:
@@ -210,18 +237,6 @@ def _fit(
     penalty = np.diag([0.0, 1.0, 1.0, 1.0]) * 1e-3 * len(design)
     solution = np.linalg.solve(design.T @ design + penalty, design.T @ values)
     return tuple(float(c) for c in solution), values - design @ solution
-
-
-def _end(rest: npt.NDArray[np.float64], rate: float) -> float:
-    """Upper end that a new value passes with probability ``rate`` (Weibull plotting position)."""
-    ordered = np.sort(rest)
-    place = (1.0 - rate) * (len(ordered) + 1) - 1.0
-    if place <= len(ordered) - 1:
-        return float(np.interp(place, np.arange(len(ordered)), ordered))
-    outer = max(2, len(ordered) // 10)
-    spacing = float(np.mean(ordered[-outer:] - ordered[-outer]))
-    # The outermost tenth is taken as exponential: its mean excess is the scale of the tail.
-    return float(ordered[-1] + spacing * math.log((1.0 / (len(ordered) + 1)) / rate))
 
 
 def _span(values: Sequence[float]) -> tuple[float, float]:

@@ -2,7 +2,8 @@
 
 A level is held against its nominal range at the operating point of the block. ``RAISED`` of
 the last ``BLOCKS`` blocks on the same side of the range raise the alarm: above it something
-shakes, below it a sensor is dying. One loud block does not.
+shakes, below it a sensor is dying. One loud block does not. Blocks in motion and at rest are
+counted apart: a pit is heard in motion alone, however long the actuator rests in between.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ class Sentinel:
     """Streams block levels; silent where no nominal level was ever learned."""
 
     def __init__(self, nominal: NominalRanges) -> None:
-        self._levels = nominal.levels
+        self._levels = {True: nominal.levels, False: nominal.resting_levels}
         self._speed: deque[float] = deque(maxlen=SCANS)
         self._load: deque[float] = deque(maxlen=SCANS)
-        self._sides: dict[str, deque[int]] = {}
-        self._judged: dict[str, tuple[float, float, float]] = {}
+        self._sides: dict[tuple[str, bool], deque[int]] = {}
+        self._judged: dict[str, tuple[bool, float, float, float]] = {}
 
     def motion(self, speed: float, load_n: float) -> None:
         """Speed and load of one scan."""
@@ -42,14 +43,15 @@ class Sentinel:
     def step(self, axes: Sequence[str], std: Sequence[float]) -> str | None:
         """The axis that raises the alarm with this block, or None."""
         point = OperatingPoint(_rms(self._speed), _rms(self._load))
+        moving = point.moving
         alarm = None
         for axis, level in zip(axes, std, strict=True):
-            nominal = self._levels.get(axis)
+            nominal = self._levels[moving].get(axis)
             if nominal is None:
                 continue
             low, high = nominal.at(point)
-            self._judged[axis] = level, low, high
-            recent = self._sides.setdefault(axis, deque(maxlen=BLOCKS))
+            self._judged[axis] = moving, level, low, high
+            recent = self._sides.setdefault((axis, moving), deque(maxlen=BLOCKS))
             recent.append(int(level > high) - int(level < low))
             if max(recent.count(1), recent.count(-1)) >= RAISED:
                 alarm = alarm or axis
@@ -57,12 +59,12 @@ class Sentinel:
 
     def words(self, axis: str) -> str:
         """Level of an axis in its last block against its range, and how often it left that."""
-        level, low, high = self._judged[axis]
-        recent = self._sides[axis]
+        moving, level, low, high = self._judged[axis]
+        recent = self._sides[axis, moving]
         out = max(recent.count(1), recent.count(-1))
         return (
-            f"{axis}: level {level:.3g} m/s^2, nominal {low:.3g} to {high:.3g}, "
-            f"outside in {out} of the last {len(recent)} blocks"
+            f"{axis}: level {level:.3g} m/s^2, nominal {low:.3g} to {high:.3g}, outside in {out} "
+            f"of the last {len(recent)} blocks {'in motion' if moving else 'at rest'}"
         )
 
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from flea_diag.core.feature_choice import FeatureChooser
-from flea_diag.core.feature_learning import MOVING_RAD_S
+from flea_diag.core.nominal_range import MOVING_RAD_S
 from flea_diag.wire.records import FeatureRequest, FeatureValue
 
 

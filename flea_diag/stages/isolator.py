@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
@@ -61,10 +60,7 @@ class IsolatorStage:
     def __init__(self, knowledge: Knowledge, parameters: IsolatorParameters) -> None:
         self._k = knowledge
         self._p = parameters
-        # Features of the scans say what the likelihoods have weighed already.
-        costs = {f: c for f, c in knowledge.features.costs.items() if f.startswith("accelerometer")}
-        vibration = replace(knowledge.features, costs=costs)
-        self._chooser = FeatureChooser(vibration, parameters.strategy)
+        self._chooser = FeatureChooser(knowledge.features, parameters.strategy)
         self._merge = Merge(
             Residual, round(parameters.watermark_s * 1e9), round(parameters.answer_limit_s * 1e9)
         )

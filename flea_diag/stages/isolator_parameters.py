@@ -79,7 +79,7 @@ class IsolatorParameters:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What the isolator knows before the first record."""
+    """What the isolator knows before the first record; ``features``: what it may ask for."""
 
     calibration: Calibration
     calibration_sha256: str

@@ -24,7 +24,9 @@ from flea_diag.core.feature_learning import (
     select,
 )
 from flea_diag.core.features import FEATURES, FeatureId
-from flea_diag.core.nominal_range import NominalRange, learn_nominal
+from flea_diag.core.level_learning import LEAST_RUNS, learn_levels
+from flea_diag.core.nominal_range import NominalRange
+from flea_diag.core.sentinel import BLOCKS, RAISED
 from flea_diag.errors import CalibrationError, ConfigurationError, FleaError
 from flea_diag.tools import feature_bearing as bearing
 from flea_diag.tools import feature_bench as bench
@@ -42,6 +44,10 @@ POINT_CHANNELS = ("motor_speed_", "load_force_")
 
 LEFT_OUT = ("mean", "rms", "skewness", "kurtogram_band", "motor_heating", "nut_heating")
 """Not learned from: offset and polarity of a sensor, a band's name, slopes over one second."""
+
+
+LEVEL_ALARM_RATE = 1e-4
+"""Share of healthy runs in which one axis raises the sentinel's alarm in motion, or at rest."""
 
 
 def _list(_: argparse.Namespace) -> int:
@@ -258,20 +264,16 @@ def _one_rate(runs: Sequence[Run]) -> float:
     return float(round(rates[len(rates) // 2]))
 
 
-def _levels(runs: Sequence[Run], false_alarm_rate: float = 1e-3) -> dict[str, NominalRange]:
-    """Nominal range of the level of each axis, for the sentinel."""
-    rows = [row for run in runs for row in run.levels]
-    axes = dict.fromkeys(axis for _, values in rows for axis in values)
-    points = [point for point, _ in rows]
-    return {
-        axis: learn_nominal(
-            [values.get(axis, math.nan) for _, values in rows],
-            false_alarm_rate,
-            points,
-            logarithmic=True,
-        )
-        for axis in axes
+def _levels(runs: Sequence[Run]) -> dict[str, dict[str, NominalRange]]:
+    """Nominal range of the level of each axis, in motion and at rest, for the sentinel."""
+    healthy = [run.levels for run in runs]
+    found = {
+        "levels": learn_levels(healthy, LEVEL_ALARM_RATE, moving=True),
+        "resting_levels": learn_levels(healthy, LEVEL_ALARM_RATE, moving=False),
     }
+    for section in (name for name, ranges in found.items() if not ranges):
+        print(f"{section}: none, they need {LEAST_RUNS} healthy runs; the sentinel stays silent")
+    return found
 
 
 def _header(arguments: argparse.Namespace, making: Making, learned: Learned) -> list[str]:
@@ -290,7 +292,9 @@ def _header(arguments: argparse.Namespace, making: Making, learned: Learned) -> 
         f"Windows: {counts}.",
         "Nominal ranges follow the operating point: centre = coefficients . (1, ln(0.1 + w/100),",
         "w/100, ln(0.5 + F/100)) with the rms speed w (rad/s) and load F (N) of the window.",
-        "levels: the same for the standard deviation of blocks (vibration_level), rate 0.001.",
+        "levels, resting_levels: the same for the standard deviation of blocks (vibration_level),",
+        f"in motion and at rest, so wide that {RAISED} of {BLOCKS} in a row lie beyond in a share",
+        f"of {LEVEL_ALARM_RATE:g} of healthy runs, for each axis.",
     ]
 
 

@@ -31,13 +31,14 @@ def table_mapping(
     learned: Learned,
     features: Mapping[str, Ends],
     costs: Mapping[str, float],
-    levels: Mapping[str, NominalRange],
+    levels: Mapping[str, Mapping[str, NominalRange]],
     unaffected: Iterable[str],
     making: Making,
 ) -> dict[str, Any]:
     """Plain values of a learned table with chosen features and the ends of their ranges.
 
-    ``unaffected`` faults read as nominal windows do.
+    ``levels``: section of the file to the range of each axis; ``unaffected`` faults read as
+    nominal windows do.
     """
     rows: dict[str, Any] = {
         fault: {
@@ -67,7 +68,10 @@ def table_mapping(
                 f: _rounded_range(replace(learned.ranges[f], much=ends))
                 for f, ends in features.items()
             },
-            "levels": {axis: _rounded_range(found) for axis, found in levels.items()},
+            **{
+                section: {axis: _rounded_range(found) for axis, found in ranges.items()}
+                for section, ranges in levels.items()
+            },
         },
     }
 

@@ -1,0 +1,64 @@
+"""Nominal ranges of the level of vibration, learned for the rule by which the sentinel calls.
+
+What is beyond its range in one block is nothing yet: `sentinel.RAISED` of `sentinel.BLOCKS` raise
+the alarm. So the ends of a range are not those that single blocks keep to, but those that this
+rule keeps to, over whole runs: units differ, and a unit is as loud in its next block as in this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.nominal_range import NominalRange, OperatingPoint, learn_nominal, tail_end
+from flea_diag.core.sentinel import BLOCKS, RAISED
+
+Levels = Sequence[tuple[OperatingPoint, Mapping[str, float]]]
+"""Blocks of one healthy run in order of time: operating point, and level by axis in m/s^2."""
+
+LEAST_RUNS = 20
+LEAST_HALF_WIDTH = 0.3
+"""Of a range, in the logarithm: sensors that were not learned from may differ by a third."""
+
+
+def learn_levels(
+    runs: Sequence[Levels], false_alarm_rate: float, moving: bool
+) -> dict[str, NominalRange]:
+    """Range of each axis that raises an alarm in a share of ``false_alarm_rate`` of healthy runs.
+
+    Of blocks in motion, or of those at rest. Axes with fewer than ``LEAST_RUNS`` runs that could
+    raise an alarm at all are left out.
+    """
+    kept = [[row for row in run if row[0].moving == moving] for run in runs]
+    kept = [run for run in kept if len(run) >= RAISED]
+    axes = dict.fromkeys(axis for run in kept for _, levels in run for axis in levels)
+    by_axis = {axis: [run for run in kept if axis in run[0][1]] for axis in axes}
+    return {
+        axis: _range(axis, found, false_alarm_rate)
+        for axis, found in by_axis.items()
+        if len(found) >= LEAST_RUNS
+    }
+
+
+def _range(axis: str, runs: Sequence[Levels], rate: float) -> NominalRange:
+    """Centre fitted to single blocks, ends to what the rule saw of each run at most."""
+    blocks = [(point, levels[axis]) for run in runs for point, levels in run]
+    points, values = [point for point, _ in blocks], [level for _, level in blocks]
+    centred = learn_nominal(values, rate, points, logarithmic=True)
+    rests = [
+        np.array([np.log(levels[axis]) - centred.centre(point) for point, levels in run])
+        for run in runs
+    ]
+    above, below = (np.array([held(sign * rest) for rest in rests]) for sign in (1.0, -1.0))
+    low, high = (max(tail_end(ends, rate / 2.0), LEAST_HALF_WIDTH) for ends in (below, above))
+    return replace(centred, low=-low, high=high, count=len(runs))
+
+
+def held(values: npt.NDArray[np.float64]) -> float:
+    """Highest limit that ``RAISED`` of some ``BLOCKS`` values in a row come up to."""
+    size = min(BLOCKS, len(values))
+    rows = np.sort(np.lib.stride_tricks.sliding_window_view(values, size), axis=1)
+    return float(rows[:, size - RAISED].max())
