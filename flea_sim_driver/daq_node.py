@@ -7,9 +7,9 @@ import sys
 import time
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from statistics import median
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.wire.bus import Bus, Program, run
@@ -23,6 +23,9 @@ from flea_diag.wire.records import (
     Truth,
     VibrationBlock,
 )
+
+if TYPE_CHECKING:
+    from flea_sim_driver.scenario import Scenario
 
 TICK_S = 0.01
 PHASE = 0.3
@@ -107,14 +110,10 @@ class Daq:
     """
 
     def __init__(self, bus: Bus[DaqParameters], parameters: DaqParameters) -> None:
-        from flea_sim_driver.feasibility import checked_scenario
-        from flea_sim_driver.library import find_scenario
         from flea_sim_driver.stand import Stand
 
         self._bus, self._parameters = bus, parameters
-        scenario = checked_scenario(
-            _overridden(find_scenario(parameters.scenario), parameters), parameters.scenario
-        )
+        scenario = _scenario(parameters)
         bus.advertise(*PUBLISHES)
         self._warm_up(Stand(scenario))
         self._wait()
@@ -229,21 +228,23 @@ class Daq:
         return apart[int(0.99 * (len(apart) - 1))]
 
 
-def _overridden(scenario: Any, parameters: DaqParameters) -> Any:
+def _scenario(parameters: DaqParameters) -> Scenario:
     """The scenario with what the parameters say instead."""
-    from flea_sim_driver.settings import FaultSetting
+    from flea_sim_driver.library import find_scenario
+    from flea_sim_driver.scenario import overridden
 
-    changes: dict[str, Any] = {}
+    run: dict[str, Any] = {}
     if parameters.duration_s > 0.0:
-        changes["duration_s"] = parameters.duration_s
+        run["duration_s"] = parameters.duration_s
     if parameters.seed >= 0:
-        changes["seed"] = parameters.seed
-    changed = replace(scenario, run=replace(scenario.run, **changes))
-    if not parameters.fault:
-        return changed
-    size = parameters.fault_size or math.nan
-    extra = FaultSetting(parameters.fault, parameters.fault_onset_s, size)
-    return replace(changed, faults=(*changed.faults, extra))
+        run["seed"] = parameters.seed
+    fault = {
+        "fault": parameters.fault,
+        "onset_s": parameters.fault_onset_s,
+        "size": parameters.fault_size or math.nan,
+    }
+    found = find_scenario(parameters.scenario)
+    return overridden(found, parameters.scenario, run, fault if parameters.fault else None)
 
 
 def program() -> Program:

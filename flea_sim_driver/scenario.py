@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -98,6 +98,32 @@ def _mapping(value: Any, where: str, name: str) -> Mapping[str, Any]:
             f"{where}: {name} = {value!r} must be a mapping, not a {type(value).__name__}"
         )
     return value
+
+
+def overridden(
+    scenario: Scenario,
+    where: str,
+    run: Mapping[str, Any],
+    fault: Mapping[str, Any] | None = None,
+) -> Scenario:
+    """A checked scenario with other plain values, and with one fault more.
+
+    Parameters
+    ----------
+    run
+        Fields of ``Run`` that are to be others.
+    fault
+        Fields of the ``FaultSetting`` to be added.
+
+    Raises
+    ------
+    ConfigurationError
+        As for ``scenario_from_mapping``: what is given here has the same limits.
+    """
+    plain = build(Run, {**asdict(scenario.run), **run}, where)
+    more = () if fault is None else (build(FaultSetting, fault, where),)
+    faults = (*scenario.faults, *more)
+    return checked_scenario(replace(scenario, run=plain, faults=faults), where)
 
 
 def scenario_to_mapping(scenario: Scenario) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
 
@@ -24,6 +24,8 @@ examples:
   flea simulate nominal -o bags/short --fault winding_short --at 12 --size 0.3
 """
 
+ONSET_S = 10.0
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``flea simulate``."""
@@ -32,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, help="seed of units and noise")
     parser.add_argument("--duration", type=float, metavar="S", help="length in s")
     parser.add_argument("--fault", help="fault to add, for example jam")
-    parser.add_argument("--at", type=float, default=10.0, metavar="S", help="its onset (10 s)")
+    parser.add_argument("--at", type=float, metavar="S", help=f"its onset ({ONSET_S:g} s)")
     parser.add_argument("--size", type=float, help="its size, default: the catalogue's")
     parser.add_argument("--no-vibration", action="store_true", help="slow channels alone")
     parser.add_argument(
@@ -70,30 +72,28 @@ def configured(arguments: argparse.Namespace) -> Scenario:
     ConfigurationError
         Unknown scenario or fault, or a value out of its limits.
     """
-    from flea_sim_driver.feasibility import checked_scenario
     from flea_sim_driver.library import find_scenario
-    from flea_sim_driver.settings import FaultSetting
+    from flea_sim_driver.scenario import overridden
 
     scenario = find_scenario(arguments.scenario)
-    changes = {
-        key: value
-        for key, value in (("seed", arguments.seed), ("duration_s", arguments.duration))
-        if value is not None
-    }
-    if arguments.seed is not None and arguments.seed < 0:
-        raise ConfigurationError(f"simulate: --seed = {arguments.seed} is below its limit 0")
-    if arguments.duration is not None and not arguments.duration >= 0.1:
-        raise ConfigurationError(
-            f"simulate: --duration = {arguments.duration} s is below its limit 0.1 s"
-        )
-    scenario = replace(scenario, run=replace(scenario.run, **changes))
     if arguments.no_vibration:
         scenario = replace(scenario, sensors=replace(scenario.sensors, vibration=False))
+    run = _given(seed=arguments.seed, duration_s=arguments.duration)
+    return overridden(scenario, "simulate", run, _fault(arguments))
+
+
+def _fault(arguments: argparse.Namespace) -> dict[str, Any] | None:
+    """The fault to be added; when and how large belong to it."""
+    told = _given(onset_s=arguments.at, size=arguments.size)
     if arguments.fault:
-        size = float("nan") if arguments.size is None else arguments.size
-        extra = FaultSetting(arguments.fault, arguments.at, size)
-        scenario = replace(scenario, faults=(*scenario.faults, extra))
-    return checked_scenario(scenario, "simulate")
+        return {"fault": arguments.fault, "onset_s": ONSET_S, **told}
+    if told:
+        raise ConfigurationError("simulate: --at and --size are of a fault: name it with --fault")
+    return None
+
+
+def _given(**options: Any) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def write_bag(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
