@@ -16,7 +16,7 @@ from live import Process
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.children import Children
 from flea_diag.nodes.domain import reserved_domain
-from flea_diag.nodes.live_run import parsed
+from flea_diag.nodes.live_run import main, parsed
 from flea_diag.wire.bag import read_bag
 from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan, Truth
 
@@ -119,7 +119,7 @@ def test_a_node_that_cannot_start_ends_the_run(domain: int, tmp_path: Path) -> N
     [
         (["--at", "40"], "--at 40 is not within the run"),
         (["--for", "-1"], "not within 0 to 86400 s"),
-        (["--for", "soon"], "invalid"),
+        (["--for", "soon"], "invalid number of seconds: 'soon'"),
         (["--speed", "2"], "unrecognized"),
     ],
 )
@@ -130,6 +130,14 @@ def test_bad_options_are_refused(
         parsed(arguments)
     assert ended.value.code == 2
     assert word in capsys.readouterr().err
+
+
+def test_a_log_that_cannot_be_written_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    assert main(["--headless", "--bag", str(tmp_path / "file" / "run")]) == 2
+    assert "run.log: cannot be written" in capsys.readouterr().err
 
 
 def test_defaults_are_a_jam_at_eight_seconds() -> None:

@@ -184,7 +184,10 @@ def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _seconds(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"invalid number of seconds: {text!r}") from None
     if not 0.0 <= value <= 86400.0:
         raise argparse.ArgumentTypeError(f"{text} s is not within 0 to 86400 s")
     return value
@@ -223,9 +226,8 @@ def _recorded(bags: Iterable[Path]) -> Iterator[Record]:
 
 def live(options: argparse.Namespace) -> int:
     """Run, then read the bag just written; the exit status."""
-    options.bag.parent.mkdir(parents=True, exist_ok=True)
     log_path = options.bag.with_name(options.bag.name + ".log")
-    with _domain() as domain, log_path.open("wb") as log:
+    with _domain() as domain, _opened(log_path) as log:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         os.environ["PYTHONUNBUFFERED"] = "1"
@@ -238,6 +240,15 @@ def live(options: argparse.Namespace) -> int:
     if run.interrupted:
         say("interrupted: the summary is of what there was")
     return 1 if summary.failures or run.interrupted else 0
+
+
+def _opened(log: Path) -> IO[bytes]:
+    """The log of a run, in a folder that is made where it is missing."""
+    try:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        return log.open("wb")
+    except OSError as error:
+        raise ConfigurationError(f"{log}: cannot be written: {error.strerror}") from error
 
 
 @contextmanager
