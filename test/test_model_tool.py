@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from flea_diag.configuration import load_yaml
-from flea_diag.tools import model as tool
+from flea_diag.tools import model_views as tool
 from flea_diag.tools.main import main
 
 ONE = ["--fault", "jam", "--fault", "winding_short"]
@@ -169,7 +169,7 @@ def test_a_wrong_description_is_refused_by_every_view_with_element_and_remedy(
     edit, element, remedy = REFUSED[case]
     described = wrong(edit, tmp_path)
     # What has a graph is shown, see below.
-    for view in tool.VIEWS[case in DRAWN :]:
+    for view in tuple(tool.VIEWS)[case in DRAWN :]:
         said = refused(capsys, view, "--actuator", described)
         assert element in said, view
         assert remedy in said, view

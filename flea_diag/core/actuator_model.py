@@ -156,7 +156,7 @@ class Actuator:
         unknown = sorted(set(channels) - set(self.sensors))
         if unknown:
             raise ConfigurationError(
-                f"{self.name}: there is no sensor {unknown[0]!r},"
+                f"actuator {self.name!r} has no sensor {unknown[0]!r},"
                 f" known are {', '.join(self.sensors)}"
             )
         kept = {name: sensor for name, sensor in self.sensors.items() if name in channels}
