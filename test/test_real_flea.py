@@ -135,6 +135,8 @@ def test_a_spall_is_not_observable_without_vibration(found: dict[Path, Diagnosis
         assert row.episodes == 0, name
         assert row.outcomes[-1] is Outcome.NOMINAL, name
         assert "spall" in row.not_observable, name
+        # One position sensor and no encoder: its slope is the only speed.
+        assert "actuator_position_drift" in row.not_observable, name
 
 
 def test_every_jam_is_detected_and_isolated(found: dict[Path, Diagnosis]) -> None:

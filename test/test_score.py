@@ -155,3 +155,23 @@ def test_a_summary_never_adds_real_and_simulated_up() -> None:
         "s/j/5": "failed",
     }
     assert "lost: s, Jam" in tables(summary)
+
+
+def test_what_the_verdict_says_it_cannot_show_is_counted_apart() -> None:
+    unseen = replace(MISSED, not_observable=("jam",))
+    found = scores((NOMINAL, JAM, unseen))
+    assert (found["right"]["right"], found["right"]["count"]) == (2, 2)
+    assert (found["unseen"]["right"], found["unseen"]["count"]) == (1, 2)
+    assert found["false_negatives"]["count"] == 1
+    assert found["detection_accuracy"]["percent"] == 100.0
+    # One that raised an alarm all the same is judged by it, and one expected to be silent is right.
+    assert not replace(unseen, alarms_s=(12.0,)).unseen
+    assert not replace(unseen, expected=()).unseen
+    campaign = campaign_from_mapping(
+        {"schema_version": 1, "name": "c", "limit_percent": 100.0,
+         "sources": [{"kind": "recordings", "files": "x"}]}, "c.yaml"
+    )  # fmt: skip
+    summary = summarise(campaign, (unseen,))
+    assert summary["lost_rows"] == []
+    assert summary["parts"][0]["not_right"] == []
+    assert "1 not observable, as the verdict says" in tables(summary)

@@ -12,6 +12,7 @@ from collections.abc import Collection, Sequence
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.fault_models import FaultModel
 from flea_diag.core.isolation import Hypothesis
+from flea_diag.core.observability import unseen
 from flea_diag.stages.advice import Advice
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
@@ -32,6 +33,10 @@ LOST = (
     "the state observer has lost its track and no relation says why: the calibration does not "
     "fit this actuator, calibrate on its own recordings"
 )
+UNSEEN = (
+    "even at its largest it moves no residual of this stand beyond its limit; a second sensor of "
+    "the same quantity would show it"
+)
 NEEDED = ("motor_current", "load_force", "actuator_position")
 """Without these the stand shows too little of the actuator to say anything."""
 
@@ -50,6 +55,9 @@ class Verdict:
         self._p = parameters
         self._models = tuple(models)
         self._weighed = weighed
+        self._unseen = tuple(
+            (name, UNSEEN) for name in unseen(knowledge.faults, self._models, knowledge.calibration)
+        )
         self._advice = Advice(knowledge, parameters, self._models)
 
     def outcome(
@@ -163,13 +171,14 @@ class Verdict:
     def _not_observable(self, standing: Standing) -> tuple[tuple[str, str], ...]:
         """Faults that this stand cannot show, with the reason."""
         if standing.axes:
-            return ()
+            return self._unseen
         reason = "shows only in vibration, and this stand has no accelerometer"
-        return tuple(
+        unheard = tuple(
             (name, reason)
             for name, fault in self._k.faults.items()
             if fault.vibration and fault.approach == "data"
         )
+        return unheard + self._unseen
 
 
 def mismatch(calibration: Calibration, table: ChannelTable) -> str:

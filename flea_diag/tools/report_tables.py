@@ -98,6 +98,7 @@ _SHARES = (
     ("false positives", "false_positives"),
     ("false negatives", "false_negatives"),
     ("detection accuracy", "detection_accuracy"),
+    ("not observable, as the verdict says", "unseen"),
 )
 _SPREADS = (
     ("detection time", "detection_time_s", "s"),

@@ -133,6 +133,12 @@ class RunResult:
             and known <= set(self.expected)
         )
 
+    @property
+    def unseen(self) -> bool:
+        """Whether a fault that was to be found is one that the verdict says it cannot show."""
+        silent = not self.alarms_s and not self.failure
+        return silent and bool(self.expected) and self.truth in self.not_observable
+
     def to_line(self) -> str:
         """The result as one line of JSON."""
         return json.dumps(asdict(self), allow_nan=False, separators=(",", ":"))

@@ -83,8 +83,11 @@ def component_right(result: RunResult) -> bool:
 
 
 def missed(result: RunResult) -> bool:
-    """False negative: a faulty run that was to be detected, and never was after the onset."""
-    return result.faulty and bool(result.expected) and not result.detected
+    """False negative: a faulty run that was to be detected, and never was after the onset.
+
+    What the verdict says it cannot show is counted apart.
+    """
+    return result.faulty and bool(result.expected) and not (result.detected or result.unseen)
 
 
 def by_component(diagnosis: Candidates) -> Candidates:
@@ -114,12 +117,20 @@ def share(right: int, count: int) -> dict[str, Any]:
     }
 
 
+def right_share(runs: Sequence[RunResult]) -> dict[str, Any]:
+    """Share of right answers among runs whose fault the stand can show."""
+    counted = [result for result in runs if not result.unseen]
+    return share(sum(result.right for result in counted), len(counted))
+
+
 def scores(results: Sequence[RunResult]) -> dict[str, Any]:
     """All metrics of runs of one kind; each run once, times as medians and means."""
     every = once(results)
     runs = [result for result in every if not result.failure]
     faulty = [result for result in runs if result.faulty]
-    expected = [result for result in faulty if result.expected]
+    sought = [result for result in faulty if result.expected]
+    expected = [result for result in sought if not result.unseen]
+    unseen = len(sought) - len(expected)
     false = sum(1 for result in runs if result.false_alarms)
     absent = sum(1 for result in runs if missed(result))
     either = sum(1 for result in runs if result.false_alarms or missed(result))
@@ -130,13 +141,14 @@ def scores(results: Sequence[RunResult]) -> dict[str, Any]:
     return {
         "runs": len(runs),
         "failed": len(every) - len(runs),
-        "right": share(sum(result.right for result in every), len(every)),
+        "right": right_share(every),
+        "unseen": share(unseen, len(sought)),
         "component_right": share(
             sum(component_right(result) for result in expected), len(expected)
         ),
         "false_positives": share(false, len(runs)),
         "false_negatives": share(absent, len(expected)),
-        "detection_accuracy": share(len(runs) - either, len(runs)),
+        "detection_accuracy": share(len(runs) - unseen - either, len(runs) - unseen),
         "detection_time_s": _spread([r.detection_time_s for r in grouped]),
         "detection_motion_s": _spread([r.detection_motion_s for r in grouped]),
         "isolation_time_s": _spread([r.isolation_time_s for r in grouped]),

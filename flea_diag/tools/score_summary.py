@@ -7,7 +7,7 @@ from typing import Any
 
 from flea_diag.tools.campaign import Campaign
 from flea_diag.tools.run_result import KINDS, RunResult
-from flea_diag.tools.score import component_right, confusion, once, scores, share
+from flea_diag.tools.score import component_right, confusion, once, right_share, scores, share
 from flea_diag.tools.severity import ladder
 
 SCHEMA_VERSION = 1
@@ -48,6 +48,7 @@ def summarise(campaign: Campaign, results: Iterable[RunResult]) -> dict[str, Any
         for part in parts
         for row in part["rows"]
         if part["configuration"] == campaign.configurations[0]
+        and row["count"]
         and (row["percent"] or 0.0) < campaign.limit_percent
     ]
     return {
@@ -76,7 +77,7 @@ def _part(
     rows: dict[str, list[RunResult]] = {}
     for result in results:
         rows.setdefault(result.row, []).append(result)
-    wrong = [result for result in once(results) if not result.right]
+    wrong = [result for result in once(results) if not result.right and not result.unseen]
     return {
         "configuration": configuration,
         "kind": kind,
@@ -92,10 +93,11 @@ def _row(title: str, results: Sequence[RunResult]) -> dict[str, Any]:
     runs = once(results)
     found = scores(results)
     paper = PAPER.get(title)
-    faulty = [result for result in runs if result.faulty]
+    faulty = [result for result in runs if result.faulty and not result.unseen]
     return {
         "row": title,
-        **share(sum(result.right for result in runs), len(runs)),
+        **right_share(runs),
+        "unseen": found["unseen"],
         "component": share(sum(component_right(r) for r in faulty), len(faulty)),
         "detected": share(sum(r.detected for r in faulty), len(faulty)),
         "paper": None if paper is None else share(*paper),
@@ -186,4 +188,6 @@ def _line(row: dict[str, Any]) -> str:
     paper = f"{row['paper']['percent']:.1f}" if row["paper"] else ""
     times = [row["scores"][key] for key in ("detection_time_s", "isolation_time_s")]
     after = ", ".join(f"{each['median']:.2f} s" for each in times if each)
+    if row["unseen"]["right"]:
+        after += f"{row['unseen']['right']} not observable, as the verdict says"
     return f"{row['row']:28} {_counted(row)} {inside:>10} {paper:>8}  {after}"
