@@ -123,6 +123,22 @@ def test_another_campaign_does_not_mix_in(
     assert "holds no evaluation" in capsys.readouterr().err
 
 
+def test_a_run_that_failed_is_tried_again_and_its_last_line_counts(
+    evaluated: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "again"
+    shutil.copytree(evaluated, output)
+    whole = read_results(output)
+    (nominal,) = (r for r in whole if r.id == "kept/nominal")
+    failed = RunResult(nominal.id, nominal.kind, nominal.row, failure="the disk was full")
+    with (output / RESULTS).open("a", encoding="utf-8") as file:
+        file.write(failed.to_line() + "\n")
+    assert next(r for r in read_results(output) if r.id == nominal.id).failure
+    assert main(["evaluate", str(written(evaluated.parent)), "-o", str(output), "-q"]) == 0
+    again = {r.id: r.digest for r in read_results(output)}
+    assert again == {r.id: r.digest for r in whole}
+
+
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
     campaign, output = written(tmp_path), tmp_path / "out"
     process = subprocess.Popen(

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import Any
 
+import browser as browsers
 import pytest
 
 from flea_diag.tools.campaign import Campaign
 from flea_diag.tools.report import page, to_draw
-from flea_diag.tools.report_charts import WIDTH, group_steps, strip, symbol_matrix
+from flea_diag.tools.report_charts import WIDTH, group_steps, strip, symbol_matrix, time_axis
 from flea_diag.tools.report_tables import report_tables
 from flea_diag.tools.run_result import RunResult
 from flea_diag.tools.score_summary import summarise
@@ -21,6 +23,7 @@ TRACE: dict[str, Any] = {
     "duration_s": 20.0,
     "traces": {
         "motor_current": {"stretch_s": 10.0, "unit": "A", "low": [0.0, 1.0], "high": [0.5, 2.0]},
+        "motor_current/band": {"stretch_s": 10.0, "unit": "", "low": [0.1] * 2, "high": [1.0] * 2},
         "parity/limit": {"stretch_s": 10.0, "unit": "", "low": [0.0, 0.0], "high": [0.1, 9.0]},
         "quiet/limit": {"stretch_s": 10.0, "unit": "", "low": [-0.4, 0.0], "high": [0.1, 0.2]},
     },
@@ -106,6 +109,19 @@ def test_the_markup_is_whole_and_asks_for_nothing_from_outside(made: str) -> Non
     assert not re.search(r"https?://|@import|url\(", made)
 
 
+def test_it_fits_a_phone(made: str, tmp_path: Path) -> None:
+    if browsers.missing():
+        pytest.skip(browsers.missing())
+    (tmp_path / "report.html").write_text(made, encoding="utf-8")
+    with browsers.chromium(390, 844) as phone:
+        phone.open((tmp_path / "report.html").as_uri())
+        phone.run("document.querySelectorAll('details').forEach(d => { d.open = true; })")
+        assert phone.run("document.documentElement.scrollWidth <= innerWidth")
+        heights = phone.run("[...document.querySelectorAll('svg.strip')].map(s => s.clientHeight)")
+        assert set(heights) == {64}
+        assert phone.run("document.querySelectorAll('.estimate').length") > 0
+
+
 def test_names_from_files_are_shown_not_run(made: str) -> None:
     assert "<script>alert" not in made
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in made
@@ -121,9 +137,12 @@ def test_every_run_is_a_line_and_the_table_stands_beside_the_paper(made: str) ->
     assert '<td class="n faint">66.7 %</td>' in made  # the paper's 10 of 15
 
 
-def test_wrong_runs_are_drawn_first_then_a_few_right_ones_of_each_row() -> None:
+def test_wrong_runs_are_drawn_first_then_of_each_row_in_turn() -> None:
     results = [result(f"{k}", right=k != 4) for k in range(5)] + [result("f", failure="broken")]
-    assert [r.id for r in to_draw(results)] == ["drawn/4", "drawn/0", "drawn/1"]
+    results += [result(f"s{k}", row="Spall") for k in range(2)]
+    order = ["4", "0", "s0", "1", "s1", "2", "3"]
+    assert [r.id.removeprefix("drawn/") for r in to_draw(results)] == order
+    assert [r.id.removeprefix("drawn/") for r in to_draw(results, 3)] == order[:3]
 
 
 def test_two_diagnosers_of_the_same_runs_stand_side_by_side() -> None:
@@ -141,6 +160,31 @@ def test_two_diagnosers_of_the_same_runs_stand_side_by_side() -> None:
 def test_only_residuals_near_their_limits_are_drawn(made: str) -> None:
     assert ">parity<" in made
     assert "quiet" not in made
+
+
+def test_the_estimate_lies_over_its_signal_with_its_band(made: str) -> None:
+    signals = made.partition("<h3>Signals")[2]
+    assert "bands of two standard deviations" in signals.partition("</h3>")[0]
+    assert signals.count('class="estimate"') == signals.count('class="middle"') > 0
+
+
+def test_an_estimate_is_drawn_on_the_scale_of_its_signal() -> None:
+    signal = {"stretch_s": 1.0, "unit": "A", "low": [0.0, 0.0], "high": [10.0, 10.0]}
+    near = {"stretch_s": 1.0, "unit": "", "low": [4.0, 4.0], "high": [6.0, 6.0]}
+    (middle,) = re.findall(r'class="middle" d="M([^"]+)"', strip(signal, 2.0, estimate=near))
+    assert {float(point.split(",")[1]) for point in middle.split("L")} == {32.0}
+    # One that runs away widens the chart by 30 % of the signal and no further: 10 of 13 are left.
+    far = {**near, "low": [900.0, 900.0], "high": [901.0, 901.0]}
+    (band,) = re.findall(r'class="band" d="M([^"]+)Z"', strip(signal, 2.0, estimate=far))
+    heights = [float(point.split(",")[1]) for point in band.split("L")]
+    assert max(heights) - min(heights) == pytest.approx(56.0 * 10.0 / 13.0 + 1.2, abs=0.11)
+
+
+def test_the_axis_has_round_seconds_where_they_are() -> None:
+    ticks = re.findall(r'left:([\d.]+)%">([\d.]+) s', time_axis(20.0))
+    assert [at for _, at in ticks] == ["0", "5", "10", "15", "20"]
+    assert float(ticks[-1][0]) == pytest.approx(100.0 * (WIDTH - 8.0) / WIDTH, abs=0.01)
+    assert len(re.findall("<span", time_axis(36_000.0))) <= 9
 
 
 def coordinates(svg: str, kind: str) -> list[tuple[float, float]]:

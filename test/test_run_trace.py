@@ -97,6 +97,16 @@ def test_a_run_as_plain_data() -> None:
     assert told["truth"] == [["jam", 8.0]]
 
 
+def test_an_estimate_is_kept_as_its_band_of_two_standard_deviations() -> None:
+    trace = RunTrace()
+    estimated = {"estimated": ("motor_current",), "estimates": (1.0,), "estimate_sigmas": (0.25,)}
+    trace.add(Residual(10 * S, ("parity",), (0.2,), (6.0,), (3.0,), **estimated))  # type: ignore[arg-type]
+    estimated["estimates"] = (1.1,)
+    trace.add(Residual(10 * S + 1, ("parity",), (0.2,), (6.0,), (3.0,), **estimated))  # type: ignore[arg-type]
+    band = trace.to_mapping()["traces"]["motor_current/band"]
+    assert (band["low"], band["high"]) == ([0.5], [1.6])
+
+
 def test_a_trace_is_read_back_and_what_is_none_is_not_drawn(tmp_path: Path) -> None:
     trace = RunTrace()
     trace.add(Scan(10 * S, ("motor_current",), (1.5,)))

@@ -30,8 +30,9 @@ examples:
   flea evaluate bags/ -o results/bags                every bag of a folder
   flea evaluate real.yaml -o results/real --dask tcp://10.0.0.5:8786
 
-A campaign goes on where it was stopped when the same command is given again. Real recordings
-are looked for from the campaign's folder and from the folder that FLEA_DATA_DIR names.
+A campaign goes on where it was stopped when the same command is given again; runs that failed
+are tried again. Real recordings are looked for from the campaign's folder and from the folder
+that FLEA_DATA_DIR names.
 Exit status: 0 done, 1 done and a row fell below the campaign's limit or a run failed,
 2 refused, 130 interrupted.
 """
@@ -49,6 +50,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-j", "--jobs", type=int, help="processes (default: one a core)")
     parser.add_argument("--dask", metavar="ADDRESS", help="run on the Dask cluster there")
+    parser.add_argument(
+        "--drawn",
+        type=int,
+        default=400,
+        metavar="N",
+        help="runs drawn in the report, those that are wrong first (default: 400, about 30 MB)",
+    )
     parser.add_argument("--force", action="store_true", help="begin anew, forget earlier results")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
 
@@ -71,17 +79,18 @@ def run(arguments: argparse.Namespace) -> int:
     cases = plan(campaign, recordings)
     work = partial(run_case, expect=dict(campaign.expect), folder=folder)
     with ResultLog(folder, plan_sha256(campaign, cases)) as log:
-        left = [case for case in cases if case.key not in log.done]
+        left = [case for case in cases if case.key not in log.done or log.done[case.key].failure]
         try:
             if left:
                 recordings.prepare()
                 results = _results(left, work, jobs, arguments.dask)
                 _keep(results, log, _bar(len(cases), len(left), arguments.quiet))
         except KeyboardInterrupt:
-            _score(campaign, log.done.values(), folder, quiet=True)
+            _score(campaign, log.done.values(), folder, arguments.drawn, quiet=True)
             warn(f"{len(log.done)} of {len(cases)} runs are kept; the same command goes on")
             raise
-        return _score(campaign, log.done.values(), folder, quiet=arguments.quiet)
+        done = log.done.values()
+        return _score(campaign, done, folder, arguments.drawn, quiet=arguments.quiet)
 
 
 def _jobs(given: int | None) -> int:
@@ -135,13 +144,15 @@ def _keep(results: Iterator[RunResult], log: ResultLog, bar: Any) -> None:
                 bar.write(f"flea: {result.id}: {result.failure}", file=sys.stderr)
 
 
-def _score(campaign: Campaign, results: Iterable[RunResult], folder: Path, *, quiet: bool) -> int:
+def _score(
+    campaign: Campaign, results: Iterable[RunResult], folder: Path, drawn: int, *, quiet: bool
+) -> int:
     from flea_diag.tools.score_summary import summarise, tables
 
     known = tuple(results)
     summary = summarise(campaign, known)
     write_json(str(folder / SUMMARY_FILE), summary)
-    _report(campaign, known, summary, folder)
+    _report(campaign, known, summary, folder, drawn)
     if not quiet:
         print(tables(summary))
         print(f"results in {folder}, report in {folder / REPORT_FILE}")
@@ -149,9 +160,13 @@ def _score(campaign: Campaign, results: Iterable[RunResult], folder: Path, *, qu
 
 
 def _report(
-    campaign: Campaign, results: Sequence[RunResult], summary: dict[str, Any], folder: Path
+    campaign: Campaign,
+    results: Sequence[RunResult],
+    summary: dict[str, Any],
+    folder: Path,
+    drawn: int,
 ) -> None:
-    """The page for people: every run a line, those that are wrong drawn."""
+    """The page for people: every run a line, and drawn."""
     from datetime import datetime, timezone
 
     from flea_diag.tools.report import page
@@ -164,5 +179,6 @@ def _report(
         results,
         summary,
         lambda result: read_trace(folder / result.detail) if result.detail else None,
+        drawn,
     )
     write_text(folder / REPORT_FILE, text)

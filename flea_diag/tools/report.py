@@ -6,13 +6,22 @@ What is read: the results, one a run, and the traces of those runs that are to b
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.resources import files
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.tools.report_charts import Mark, group_steps, range_words, strip, symbol_matrix
+from flea_diag.tools.report_charts import (
+    NAMES,
+    Mark,
+    group_steps,
+    range_words,
+    strip,
+    symbol_matrix,
+    time_axis,
+)
 from flea_diag.tools.report_tables import report_tables
 from flea_diag.tools.run_result import NOMINAL, RunResult
 
@@ -30,9 +39,8 @@ COLUMNS = (
 )
 WIDE = ("kind", "diagnoser", "features", "CPU (s)")
 """Columns that a phone leaves out."""
-DRAWN_RIGHT = 2
-"""Right runs drawn for each row, next to all that are wrong."""
 MOST_DRAWN = 400
+"""Runs drawn; each is about 70 kB of the page."""
 RESIDUAL_SHOWN = 0.5
 """A residual that stays below this share of its limit is not drawn."""
 MOST_RESIDUALS = 10
@@ -53,21 +61,26 @@ Summary = Mapping[str, Any]
 Traces = Callable[[RunResult], Mapping[str, Any] | None]
 
 
-def to_draw(results: Sequence[RunResult]) -> list[RunResult]:
-    """Runs worth a picture: all that are wrong, then a few right ones of each row."""
-    wrong = [r for r in results if not r.right and not r.failure]
-    seen: dict[tuple[str, str, str], int] = {}
-    right = []
+def to_draw(results: Sequence[RunResult], most: int = MOST_DRAWN) -> list[RunResult]:
+    """Runs that get a picture: those that are wrong first, then of each row in turn."""
+    seen: Counter[tuple[str, str, str]] = Counter()
+    ranked = []
     for result in results:
-        row = result.kind, result.row, result.configuration
-        if result.right and seen.setdefault(row, 0) < DRAWN_RIGHT:
-            seen[row] += 1
-            right.append(result)
-    return (wrong + right)[:MOST_DRAWN]
+        if not result.failure:
+            row = result.kind, result.row, result.configuration
+            seen[row] += result.right
+            ranked.append((seen[row] if result.right else 0, result))
+    ranked.sort(key=lambda entry: entry[0])
+    return [result for _, result in ranked[:most]]
 
 
 def page(
-    title: str, made: str, results: Sequence[RunResult], summary: Summary, traces: Traces
+    title: str,
+    made: str,
+    results: Sequence[RunResult],
+    summary: Summary,
+    traces: Traces,
+    most: int = MOST_DRAWN,
 ) -> str:
     """The whole page.
 
@@ -79,6 +92,8 @@ def page(
         As ``score_summary.summarise`` gives it.
     traces
         Gives what ``run_trace`` kept of a run, None where nothing was kept.
+    most
+        Runs drawn at most.
 
     Raises
     ------
@@ -93,7 +108,7 @@ def page(
         ) from error
     environment = Environment(autoescape=True, trim_blocks=True)
     source = files("flea_diag.tools").joinpath("templates/report.html").read_text("utf-8")
-    drawn = [(r, trace) for r in to_draw(results) if (trace := traces(r)) is not None]
+    drawn = [(r, trace) for r in to_draw(results, most) if (trace := traces(r)) is not None]
     return environment.from_string(source).render(
         title=title,
         made=made,
@@ -103,10 +118,7 @@ def page(
         wide=WIDE,
         results=[_line(result) for result in results],
         drawn={anchor(result) for result, _ in drawn},
-        drawn_words=(
-            f"{len(drawn)} of {len(results)} runs are drawn: those judged wrong, and up to "
-            f"{DRAWN_RIGHT} right ones of each row."
-        ),
+        drawn_words=f"{len(drawn)} of {len(results)} runs are drawn, those judged wrong first.",
         pictures=(picture(result, trace) for result, trace in drawn),
     )
 
@@ -153,10 +165,13 @@ def picture(result: RunResult, trace: Mapping[str, Any]) -> dict[str, Any]:
         "signals": [
             (
                 f"{name}: {range_words(traces[name])}",
-                Markup(strip(traces[name], duration_s, marks)),
+                Markup(strip(traces[name], duration_s, marks, estimate=traces.get(f"{name}/band"))),
             )
             for name in ordered
         ],
+        "estimated": any(f"{name}/band" in traces for name in ordered),
+        "axis": Markup(time_axis(duration_s)),
+        "named_axis": Markup(time_axis(duration_s, NAMES)),
     }
 
 

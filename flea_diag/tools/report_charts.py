@@ -6,6 +6,7 @@ meaning has a shape or a word besides its colour.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
@@ -19,30 +20,36 @@ ROW_HEIGHT = 16.0
 NAMES = 190.0
 LIMIT_SHOWN = 3.0
 """Residuals are drawn up to so many times their limit."""
-PIXEL_DIGITS = 1
+ESTIMATE_ROOM = 0.3
+"""An estimate may widen a chart by this share of the signal's range; beyond, it is cut."""
+MOST_TICKS = 8
 
 Trace = Mapping[str, Any]
 Mark = tuple[float, str, str]
 """Time (s), words, style class."""
 
 
-def strip(trace: Trace, duration_s: float, marks: Iterable[Mark] = (), limit: bool = False) -> str:
+def strip(
+    trace: Trace,
+    duration_s: float,
+    marks: Iterable[Mark] = (),
+    limit: bool = False,
+    estimate: Trace | None = None,
+) -> str:
     """Extremes of one trace over time as a band.
 
     Parameters
     ----------
     limit
         The trace is a share of its limit: lines at 1 and -1, clipped at ``LIMIT_SHOWN``.
+    estimate
+        Band of the estimate, drawn over the trace with a line through its middle.
     """
-    low, high = _joined(trace["low"], min), _joined(trace["high"], max)
-    known = [v for v in (*low, *high) if v is not None]
-    bottom, top = (min(known), max(known)) if known else (0.0, 1.0)
-    if limit:
-        top = min(max(top, 1.2), LIMIT_SHOWN)
-        bottom = max(min(bottom, -1.2), -LIMIT_SHOWN)
-    if top - bottom < 1e-12:
-        bottom, top = bottom - 0.5, top + 0.5
-    stretch_s = trace["stretch_s"] * len(trace["low"]) / max(len(low), 1)
+    bottom, top = _range(trace, limit)
+    if estimate is not None:
+        room = ESTIMATE_ROOM * (top - bottom)
+        low, high = _range(estimate, False)
+        bottom, top = max(min(bottom, low), bottom - room), min(max(top, high), top + room)
 
     def x(time_s: float) -> float:
         return _across(time_s, duration_s, LEFT)
@@ -55,10 +62,48 @@ def strip(trace: Trace, duration_s: float, marks: Iterable[Mark] = (), limit: bo
         f'<line class="limit" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y(at):.1f}" y2="{y(at):.1f}"/>'
         for at in ((1.0, -1.0) if limit else ())
     )
-    bands = "".join(
-        f'<path class="band" d="{_band(run, stretch_s, x, y)}"/>' for run in _runs(low, high)
+    drawn = _bands(trace, "band", x, y)
+    if estimate is not None:
+        drawn += _bands(estimate, "estimate", x, y)
+    marked = _marks(marks, duration_s, LEFT, STRIP_HEIGHT)
+    return _svg(STRIP_HEIGHT, lines + drawn + marked, 'class="strip" preserveAspectRatio="none"')
+
+
+def time_axis(duration_s: float, left: float = LEFT) -> str:
+    """Seconds below a block of charts that begin at ``left``; words, since charts are stretched."""
+    raw = max(duration_s, 1e-9) / MOST_TICKS
+    size = 10.0 ** math.floor(math.log10(raw))
+    step = next(size * k for k in (1, 2, 5, 10) if size * k >= raw * (1.0 - 1e-9))
+    ticks = (k * step for k in range(int(duration_s / step + 1e-9) + 1))
+    drawn = "".join(
+        f'<span style="left:{100.0 * x / WIDTH:.2f}%">{at_s:g} s</span>'
+        for at_s in ticks
+        for x in (_across(at_s, duration_s, left),)
     )
-    return _svg(STRIP_HEIGHT, lines + bands + _marks(marks, duration_s, LEFT, STRIP_HEIGHT))
+    return f'<div class="axis">{drawn}</div>'
+
+
+def _range(trace: Trace, limit: bool) -> tuple[float, float]:
+    """Least and greatest value that a chart of this trace shows."""
+    known = [v for key in ("low", "high") for v in trace[key] if v is not None]
+    bottom, top = (min(known), max(known)) if known else (0.0, 1.0)
+    if limit:
+        top = min(max(top, 1.2), LIMIT_SHOWN)
+        bottom = max(min(bottom, -1.2), -LIMIT_SHOWN)
+    return (bottom, top) if top - bottom >= 1e-12 else (bottom - 0.5, top + 0.5)
+
+
+def _bands(trace: Trace, kind: str, x: Any, y: Any) -> str:
+    """Each stretch without a hole as an area, an estimate with a line through its middle."""
+    low, high = _joined(trace["low"], min), _joined(trace["high"], max)
+    stretch_s = trace["stretch_s"] * len(trace["low"]) / max(len(low), 1)
+    drawn = []
+    for run in _runs(low, high):
+        drawn.append(f'<path class="{kind}" d="{_band(run, stretch_s, x, y)}"/>')
+        if kind == "estimate":
+            line = (f"{x((k + 0.5) * stretch_s):.0f},{y((a + b) / 2):.1f}" for k, a, b in run)
+            drawn.append(f'<path class="middle" d="M{"L".join(line)}"/>')
+    return "".join(drawn)
 
 
 def range_words(trace: Trace) -> str:
@@ -152,8 +197,8 @@ def _runs(
 
 
 def _band(run: Sequence[tuple[int, float, float]], stretch_s: float, x: Any, y: Any) -> str:
-    there = [f"{x((k + 0.5) * stretch_s):.1f},{y(high) - 0.6:.1f}" for k, _, high in run]
-    back = [f"{x((k + 0.5) * stretch_s):.1f},{y(low) + 0.6:.1f}" for k, low, _ in reversed(run)]
+    there = [f"{x((k + 0.5) * stretch_s):.0f},{y(high) - 0.6:.1f}" for k, _, high in run]
+    back = [f"{x((k + 0.5) * stretch_s):.0f},{y(low) + 0.6:.1f}" for k, low, _ in reversed(run)]
     return "M" + "L".join([*there, *back]) + "Z"
 
 
@@ -175,5 +220,5 @@ def _text(x: float, y: float, words: str, kind: str) -> str:
     return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{escape(words)}</text>'
 
 
-def _svg(height: float, content: str) -> str:
-    return f'<svg viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img">{content}</svg>'
+def _svg(height: float, content: str, given: str = "") -> str:
+    return f'<svg viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" {given}>{content}</svg>'

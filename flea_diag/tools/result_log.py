@@ -42,7 +42,8 @@ class ResultLog:
             _claim(folder, plan_sha256)
             if self.path.exists():
                 _drop_half_a_line(self.path)
-            self.done = {r.key: r for r in read_results(self.path)} if self.path.exists() else {}
+            kept = read_results(self.path) if self.path.exists() else ()
+            self.done = {result.key: result for result in kept}
             self._file = self.path.open("a", encoding="utf-8")
         except OSError as error:
             raise ConfigurationError(f"cannot write {self.path}: {error.strerror}") from error
@@ -61,7 +62,7 @@ class ResultLog:
 
 
 def read_results(path: Path) -> tuple[RunResult, ...]:
-    """All whole lines of a file, or of the file in an evaluation's folder.
+    """Runs of a file, or of the file in an evaluation's folder; of a repeated run the last line.
 
     Raises
     ------
@@ -69,7 +70,7 @@ def read_results(path: Path) -> tuple[RunResult, ...]:
         There is none, or a line is no result.
     """
     file = path / RESULTS if path.is_dir() else path
-    return tuple(_read(file))
+    return tuple({result.key: result for result in _read(file)}.values())
 
 
 def _read(file: Path) -> Iterator[RunResult]:

@@ -31,6 +31,9 @@ SUFFIX = ".trace.json.gz"
 LARGEST_BYTES = 16 << 20
 """Unpacked; a trace of ours is a tenth of that at most."""
 
+BAND = 2.0
+"""Standard deviations from an estimate to an edge of its band."""
+
 Array = npt.NDArray[Any]
 
 
@@ -90,6 +93,16 @@ class RunTrace:
         limits = np.where(block.thresholds > 0.0, block.thresholds, np.nan)
         names = tuple(f"{name}/limit" for name in block.names)
         self._draw(block.stamps_ns, names, block.z / limits)
+        self._estimates(block)
+
+    def _estimates(self, block: ResidualBlock) -> None:
+        """Each estimate as its band: from BAND standard deviations below it to as many above."""
+        if not block.estimated:
+            return
+        names = tuple(f"{name}/band" for name in block.estimated)
+        reach = BAND * block.estimate_sigmas
+        edges = np.concatenate((block.estimates - reach, block.estimates + reach))
+        self._draw(np.tile(block.stamps_ns, 2), names, edges)
 
     def _draw(self, stamps_ns: Array, names: tuple[str, ...], values: Array) -> float:
         """Take samples into the trace of these names; the time of the last one."""
