@@ -132,6 +132,15 @@ def test_a_detection_without_any_isolator_is_an_alarm_after_a_while() -> None:
     assert aged(state, START + 2000 * MS).alarms[0].value == 6.5
 
 
+def test_such_an_alarm_comes_beside_older_ones_and_once() -> None:
+    older = replace(shown(NOMINAL, FLAG).alarms[0], detected_ns=START - 10**12)
+    state = aged(with_journal(shown(FLAG), (older,)), START + 2000 * MS)
+    assert [alarm.detected_ns for alarm in state.alarms] == [older.detected_ns, START]
+    said = replace(state.alarms[-1], acknowledged_ns=START + 1, acknowledged_by="me")
+    after = aged(with_journal(state, (older, said)), START + 9000 * MS)
+    assert not after.alarms[-1].standing, "what was acknowledged does not ring again"
+
+
 def test_what_the_journal_knows_joins_what_the_records_say() -> None:
     said = replace(shown(NOMINAL, FLAG).alarms[0], acknowledged_ns=START + 1, acknowledged_by="me")
     older = replace(said, detected_ns=START - 10**12)

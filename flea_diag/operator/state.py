@@ -128,11 +128,14 @@ def fold(state: OperatorState, record: Record, arrived_ns: int) -> OperatorState
 
 def aged(state: OperatorState, now_ns: int) -> OperatorState:
     """State after time alone has passed: a detection that no verdict follows is an alarm."""
-    flag, since_ns = state.detection, state.detection_arrived_ns
-    alone = flag is not None and flag.detected and state.group is None and since_ns != NEVER_NS
-    if not alone or now_ns - since_ns < ALONE_NS or state.alarms:
+    flag = state.detection
+    if flag is None or not flag.detected or state.group is not None:
         return state
-    return _with_alarm(state, alarms_of.of_detection(flag, "live"))  # type: ignore[arg-type]
+    alarm = alarms_of.of_detection(flag, "live")
+    known = any(entry.key == alarm.key for entry in state.alarms)
+    if known or now_ns - state.detection_arrived_ns < ALONE_NS:
+        return state
+    return _with_alarm(state, alarm)
 
 
 def with_losses(state: OperatorState, lost: Mapping[str, int]) -> OperatorState:

@@ -67,12 +67,12 @@ def before_features(group: AmbiguityGroup) -> dict[str, float]:
     The weights of that time are not in the record.
     """
     asked = set(group.features_computed)
+    if not asked:
+        return {candidate.fault: candidate.probability for candidate in group.members}
     names = [candidate.fault for candidate in group.members]
     for drop in drops(group):
         if drop.source in asked:
             names += [candidate.fault for candidate in drop.candidates]
-    if not asked:
-        return {candidate.fault: candidate.probability for candidate in group.members}
     return dict.fromkeys(names, 1.0 / max(len(names), 1))
 
 

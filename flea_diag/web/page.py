@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from nicegui import Client, ui
 
 from flea_diag.operator.alarm import Alarm, Key
+from flea_diag.operator.alarm_view import key_text
 from flea_diag.operator.fault_entry import FaultEntry
 from flea_diag.operator.state import OperatorState
 from flea_diag.web.button import button
@@ -209,7 +210,7 @@ class Page:
 
     def _act(self, event: Any) -> None:
         act, _, name = event.args.partition(" ")
-        alarm = next((a for a in self._desk.state.alarms if _name(a) == name), None)
+        alarm = next((a for a in self._desk.state.alarms if key_text(a.key) == name), None)
         if alarm is not None:
             {"ack": self._acknowledge, "comment": self._comment}[act](alarm)
 
@@ -281,7 +282,3 @@ SPANS = (
     )
     + "<button type=button data-all aria-pressed=false>all</button></span>"
 )
-
-
-def _name(alarm: Alarm) -> str:
-    return f"{alarm.source}:{alarm.detected_ns}"

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable
 
 from flea_diag.operator.alarm import Alarm
-from flea_diag.operator.alarm_view import cause
-from flea_diag.operator.state import OperatorState
+from flea_diag.operator.alarm_view import cause, key_text
+from flea_diag.operator.state import Feature, OperatorState
 from flea_diag.operator.stream import Stream
 from flea_diag.web.markup import Markup, clock, joined, number, tag
 from flea_diag.wire.records import (
@@ -140,9 +140,8 @@ def features(state: OperatorState) -> Markup:
     return joined(ledger(("feature", "value", "nominal", "cost"), rows) if rows else None, line)
 
 
-def _feature(entry: object) -> tuple[object, ...]:
-    value = entry.value  # type: ignore[attr-defined]
-    name = entry.name  # type: ignore[attr-defined]
+def _feature(entry: Feature) -> tuple[object, ...]:
+    name, value = entry.name, entry.value
     if value is None:
         return (name, "asked for, not answered yet", "", "")
     if math.isnan(value.value):
@@ -204,7 +203,7 @@ def _standing(alarm: Alarm) -> str:
 
 
 def _buttons(alarm: Alarm) -> Markup:
-    name = f"{alarm.source}:{alarm.detected_ns}"
+    name = key_text(alarm.key)
     said = tag("button", "Comment", type="button", data_act="comment", data_alarm=name)
     if not alarm.standing:
         return tag("div", said, class_="actions")

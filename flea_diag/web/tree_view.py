@@ -29,7 +29,7 @@ def diagnosis_tree(planner: Callable[..., Any], group: AmbiguityGroup) -> Markup
 def _node(node: Any, asked: list[tuple[str, str]], final: tuple[str, ...], depth: int) -> Markup:
     """``asked`` are the answers that are still to be followed from here."""
     if node.feature is None:
-        return _leaf(final if not asked and depth >= 0 else node.faults, taken=depth >= 0)
+        return _leaf(node.faults if asked else final, taken=True)
     done = bool(asked)
     words = "computed" if done else "next" if depth == 0 else "then"
     head = joined(
