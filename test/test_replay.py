@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from decisions import BAGS
 
 from flea_diag.configuration import config_path
 from flea_diag.errors import ConfigurationError, RecordingError
@@ -16,9 +17,9 @@ from flea_diag.stages.digest import digest
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.main import main
 from flea_diag.tools.replay import replay
-from flea_diag.tools.replay_summary import in_words, summarise
+from flea_diag.tools.replay_summary import in_words, summarise, without_values
 from flea_diag.wire import records as r
-from flea_diag.wire.bag import BagWriter
+from flea_diag.wire.bag import BagReader, BagWriter
 from flea_diag.wire.records import Outcome, Quality
 
 START_NS = 1_283_500_000 * 10**9
@@ -54,6 +55,16 @@ def group(seconds: float, outcome: Outcome, *members: str, **changes: Any) -> r.
 def quality(seconds: float, state: Quality, since: float, reason: str = "") -> r.DataQuality:
     row = r.ChannelQuality("motor_voltage", state, at(since), reason, (("samples", 7),))
     return r.DataQuality(at(seconds), (row,))
+
+
+def test_scans_are_summarised_by_their_stamps_alone() -> None:
+    """A day of scans: eight bytes of each are kept, not all channels."""
+    bag = BAGS / "nominal"
+    blocks = list(BagReader(bag).blocks((r.Scan,)))
+    light = [without_values(block) for block in blocks]
+    assert sum(block.values.nbytes for block in light) == 0
+    assert summarise(light) == summarise(blocks)
+    assert summarise(light)["scans"] == 1600
 
 
 def test_a_quiet_run() -> None:

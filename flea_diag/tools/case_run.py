@@ -16,18 +16,11 @@ from flea_diag.errors import FleaError, RecordingError
 from flea_diag.tools.case import Case
 from flea_diag.tools.motion_time import moving_s
 from flea_diag.tools.peak_memory import forget_peak, peak_bytes
+from flea_diag.tools.replay_summary import BULK, summarise
 from flea_diag.tools.run_result import NOMINAL, RunResult
 from flea_diag.tools.run_trace import RunTrace, write_trace
-from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
-from flea_diag.wire.records import (
-    NEVER_NS,
-    Record,
-    Residual,
-    Scan,
-    Truth,
-    VibrationBlock,
-    VibrationLevel,
-)
+from flea_diag.wire.blocks import Block, ScanBlock
+from flea_diag.wire.records import NEVER_NS, Record, Scan, Truth
 
 if TYPE_CHECKING:
     from flea_diag.stages import Stage
@@ -35,8 +28,6 @@ if TYPE_CHECKING:
 DETAILS = "runs"
 """Folder of the replay summaries, below the evaluation's."""
 
-BULK = (Residual, ResidualBlock, VibrationLevel, VibrationBlock)
-"""Records that no score needs."""
 MOST_SCANS = 1024
 """In a block."""
 
@@ -148,7 +139,6 @@ def _layout(record: Record) -> tuple[str, ...] | None:
 
 def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dict[str, Any]]:
     from flea_diag.tools.numeric_backend import numeric_backend
-    from flea_diag.tools.replay_summary import summarise
     from flea_diag.wire.records import AmbiguityGroup
 
     summary = summarise(done.kept)

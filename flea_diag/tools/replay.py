@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,8 @@ from flea_diag.tools.terminal import IN_PART, make_folder, progress, warn, write
 
 if TYPE_CHECKING:
     from flea_diag.stages.pipeline import Pipeline
+    from flea_diag.wire.blocks import Block, ScanBlock
+    from flea_diag.wire.records import Record
 
 NAME = "replay"
 SUMMARY = "run the diagnosis over bags, faster than real time and without ROS"
@@ -86,33 +88,25 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
         When there is no bag of ours, or no scan in it.
     """
     from flea_diag.stages.digest import DECISIONS, Digest
-    from flea_diag.tools.replay_summary import summarise
+    from flea_diag.tools.replay_summary import BULK, summarise, without_values
     from flea_diag.wire.bag import BagReader
-    from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
-    from flea_diag.wire.records import (
-        AmbiguityGroup,
-        ChannelTable,
-        Record,
-        Residual,
-        Scan,
-        VibrationBlock,
-        VibrationLevel,
-    )
+    from flea_diag.wire.records import AmbiguityGroup
 
-    source = (ChannelTable, VibrationBlock, Scan)
-    bulk = (Residual, ResidualBlock, VibrationLevel, VibrationBlock)
     reader = BagReader(bag)
-    kept: list[Record | Block] = []
     recorded, published = Digest(), False
-    for record in reader.blocks((*source, *DECISIONS), namespace):
-        if isinstance(record, DECISIONS):
-            published = published or isinstance(record, AmbiguityGroup)
-            recorded.add(record)
-            continue
-        by_block = isinstance(record, ScanBlock)
-        caused = pipeline.handle_block(record) if by_block else pipeline.handle(record)
-        kept += [each for each in (record, *caused) if not isinstance(each, bulk)]
-    kept += [each for each in pipeline.finish() if not isinstance(each, bulk)]
+
+    def sent() -> Iterator[Record | ScanBlock]:
+        """What the stand said; what was decided back then goes into a digest of its own."""
+        nonlocal published
+        for record in reader.blocks((*sources(), *DECISIONS), namespace):
+            if isinstance(record, DECISIONS):
+                published = published or isinstance(record, AmbiguityGroup)
+                recorded.add(record)
+            else:
+                yield record
+
+    said = diagnosed(sent(), pipeline)
+    kept = [without_values(each) for each in said if not isinstance(each, BULK)]
     summary = summarise(kept)
     if not summary["scans"]:
         raise RecordingError(f"{bag}: no scan in it (topic sensors/slow), nothing to diagnose")
@@ -123,6 +117,26 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
         "recorded_digest": recorded.hexdigest() if published else None,
         "losses": reader.losses,
     }
+
+
+def sources() -> tuple[type, ...]:
+    """Records that a diagnosis starts from."""
+    from flea_diag.wire.records import ChannelTable, Scan, VibrationBlock
+
+    return (ChannelTable, VibrationBlock, Scan)
+
+
+def diagnosed(
+    records: Iterable[Record | ScanBlock], pipeline: Pipeline
+) -> Iterator[Record | Block]:
+    """Each record, followed by what it caused; at the end what was still held back."""
+    from flea_diag.wire.blocks import ScanBlock
+
+    for record in records:
+        yield record
+        by_block = isinstance(record, ScanBlock)
+        yield from pipeline.handle_block(record) if by_block else pipeline.handle(record)
+    yield from pipeline.finish()
 
 
 def _say(summary: dict[str, Any], arguments: argparse.Namespace) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 from flea_diag.stages.digest import digest
-from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
+from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, Stamps
 from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
@@ -17,11 +19,23 @@ from flea_diag.wire.records import (
     Outcome,
     Quality,
     Record,
+    Residual,
     Scan,
+    VibrationBlock,
+    VibrationLevel,
 )
 
 SCHEMA_VERSION = 1
 _SOUND = (Quality.GOOD, Quality.ABSENT)
+BULK = (Residual, ResidualBlock, VibrationLevel, VibrationBlock)
+"""Records that no summary needs, and of which there are many."""
+
+
+def without_values(record: Record | Block) -> Record | Block:
+    """What a summary needs of a record: of scans their stamps alone, for a day of them is long."""
+    if isinstance(record, ScanBlock):
+        return ScanBlock(record.stamps_ns, (), np.empty((len(record), 0)))
+    return record
 
 
 def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
@@ -31,9 +45,9 @@ def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
     are those of the first episode; without any, ``outcome`` is the last verdict's.
     """
     whole = list(records)
-    scans = list(_stamps_ns(whole))
+    scans = _stamps_ns(whole)
     known = [record for record in whole if not isinstance(record, (ScanBlock, ResidualBlock))]
-    start_ns = scans[0] if scans else 0
+    start_ns = int(scans[0]) if len(scans) else 0
     groups = [record for record in known if isinstance(record, AmbiguityGroup)]
     episodes = [_episode(part, start_ns) for part in _by_episode(groups)]
     last = groups[-1] if groups else None
@@ -53,16 +67,17 @@ def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
         "data_quality": _data_quality(known, start_ns),
         "digest": digest(known),
         "scans": len(scans),
-        "duration_s": _seconds(max(scans), start_ns) if scans else 0.0,
+        "duration_s": _seconds(int(scans.max()), start_ns) if len(scans) else 0.0,
     }
 
 
-def _stamps_ns(records: Sequence[Record | Block]) -> Iterator[int]:
-    for record in records:
-        if isinstance(record, ScanBlock):
-            yield from record.stamps_ns.tolist()
-        elif isinstance(record, Scan):
-            yield record.stamp_ns
+def _stamps_ns(records: Sequence[Record | Block]) -> Stamps:
+    parts = [
+        record.stamps_ns if isinstance(record, ScanBlock) else np.array([record.stamp_ns])
+        for record in records
+        if isinstance(record, (Scan, ScanBlock))
+    ]
+    return np.concatenate(parts) if parts else np.array([], dtype=np.int64)
 
 
 def _seconds(stamp_ns: int, start_ns: int) -> float | None:

@@ -6,7 +6,7 @@ import argparse
 import csv
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from flea_diag.errors import FleaError
 from flea_diag.tools.terminal import IN_PART, progress, warn, write_json, write_text
 
 if TYPE_CHECKING:
+    from flea_diag.wire.blocks import Block
     from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Record
 
 NAME = "trend"
@@ -115,24 +116,20 @@ def estimates(bag: Path, calibration: Path | None = None) -> list[Estimate]:
     return [entry for group, serial in last.values() for entry in _of_group(group, serial, bag)]
 
 
-def _said(bag: Path, calibration: Path | None) -> Iterator[Record]:
+def _said(bag: Path, calibration: Path | None) -> Iterable[Record | Block]:
     """Channel table, truth and verdicts: those recorded, or new ones."""
     from flea_diag.configuration import make_pipeline
-    from flea_diag.wire.bag import read_bag
-    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan, Truth, VibrationBlock
+    from flea_diag.tools.replay import diagnosed, sources
+    from flea_diag.wire.bag import BagReader
+    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Truth
 
+    reader = BagReader(bag)
     if calibration is None:
-        recorded = [r for _, r in read_bag(bag, (ChannelTable, Truth, AmbiguityGroup))]
+        recorded = [r for _, r in reader.records((ChannelTable, Truth, AmbiguityGroup))]
         if any(isinstance(record, AmbiguityGroup) for record in recorded):
-            yield from recorded
-            return
-    pipeline = make_pipeline(calibration)
-    for _, record in read_bag(bag, (ChannelTable, Truth, VibrationBlock, Scan)):
-        if isinstance(record, Truth):
-            yield record  # for the serial number; no stage sees it
-        else:
-            yield from (record, *pipeline.handle(record))
-    yield from pipeline.finish()
+            return recorded
+    # The truth is here for the serial number: no stage consumes it.
+    return diagnosed(reader.blocks((*sources(), Truth)), make_pipeline(calibration))
 
 
 def serial_of(table: ChannelTable) -> str:
