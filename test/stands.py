@@ -13,7 +13,8 @@ from flea_diag.core.calibration import Calibration, Run
 from flea_diag.stages.isolator import IsolatorParameters, IsolatorStage, Knowledge
 from flea_diag.stages.observer import ObserverParameters, ObserverStage
 from flea_diag.stages.pipeline import Pipeline
-from flea_diag.tools.calibrate import _Recording, calibrate
+from flea_diag.tools.calibrate import calibrate
+from flea_diag.tools.nominal_recording import NominalRecording
 from flea_diag.wire.records import AmbiguityGroup, ChannelInfo, ChannelTable, Record, Scan
 
 PERIOD_NS = 10_000_000
@@ -25,7 +26,7 @@ FEATURES = "feature_table_paper.yaml"
 def calibration(channels: tuple[str, ...] = ema.STAND) -> Calibration:
     """Learned from the healthy runs, for a stand with these channels."""
     recordings = [
-        _Recording(Run(f"run{n}", ema.rows(columns, channels)), "s", channels, "mean", 0.01)
+        NominalRecording(Run(f"run{n}", ema.rows(columns, channels)), "s", channels, "mean", 0.01)
         for n, columns in enumerate(ema.nominal_runs())
     ]
     return calibrate(recordings, "actuator.yaml", 0.1)

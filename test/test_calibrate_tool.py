@@ -16,8 +16,8 @@ from flea_diag.configuration import load_calibration
 from flea_diag.core.residual_bank import CHANNELS, RESIDUAL_INDEX, RESIDUALS
 from flea_diag.core.thresholds import Trace
 from flea_diag.tools import calibration_plots
-from flea_diag.tools.calibrate import UNITS
 from flea_diag.tools.main import main
+from flea_diag.tools.nominal_recording import UNITS
 from flea_diag.wire.bag import BagWriter
 from flea_diag.wire.records import NEVER_NS, ChannelInfo, ChannelTable, Scan, Truth
 
@@ -212,6 +212,14 @@ def test_bags_of_another_actuator_than_described_are_refused(bags, tmp_path, cap
     assert "is no sensor of actuator" in told
     assert "--actuator" in told
     assert not target.exists()
+
+
+def test_a_bag_counts_once_however_often_it_is_given(bags, tmp_path, capsys):
+    again = bags[0].parent / "." / ".." / bags[0].parent.name / bags[0].name
+    assert main(["calibrate", str(bags[0]), str(again), "-o", str(tmp_path / "c.yaml")]) == 2
+    said = capsys.readouterr().err
+    assert "is given twice" in said
+    assert "1 usable recordings, at least 2 are needed" in said
 
 
 def test_a_rate_of_no_false_alarms_is_refused(bags, tmp_path, capsys):

@@ -23,7 +23,7 @@ def mapping() -> dict:
 
 def test_a_file_gives_back_what_was_written(tmp_path):
     path = tmp_path / "new" / "calibration.yaml"
-    tool._write(path, stands.calibration())
+    tool.write_calibration(path, stands.calibration())
     found = configuration.load_calibration(path)
     assert found == stands.calibration()
     assert configuration.calibration_sha256(found) == configuration.calibration_sha256(

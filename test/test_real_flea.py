@@ -20,6 +20,7 @@ from flea_diag.tools import calibrate as tool
 from flea_diag.tools.flea_data import read_flea_data
 from flea_diag.tools.flea_run import FleaRun
 from flea_diag.tools.importer import import_run
+from flea_diag.tools.nominal_recording import read_nominal
 from flea_diag.wire.records import AmbiguityGroup, DataQuality, Detection, Outcome, Quality
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -86,9 +87,11 @@ Said = (AmbiguityGroup, DataQuality, Detection)
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("flea")
     bags = [Path(import_run(file, folder / "bags").bag) for file in LEARNED]
-    recordings, refused = tool._read_all(bags)
+    recordings, refused = read_nominal(bags)
     assert not refused
-    tool._write(folder / "calibration.yaml", tool.calibrate(recordings, "actuator.yaml", 0.1))
+    tool.write_calibration(
+        folder / "calibration.yaml", tool.calibrate(recordings, "actuator.yaml", 0.1)
+    )
     return folder / "calibration.yaml"
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flea_diag.errors import CalibrationError, ConfigurationError, FleaError
+from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools import calibration_plots, calibration_report
-from flea_diag.tools.terminal import make_folder, write_text
+from flea_diag.tools.nominal_recording import NominalRecording, check_alike, read_nominal
+from flea_diag.tools.terminal import IN_PART, make_folder, warn, write_text
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration import Calibration, Run
@@ -27,18 +27,6 @@ examples:
 """
 
 FALSE_ALARMS_PER_HOUR = 0.1
-NOMINAL = ("", "nominal")
-
-
-@dataclass(frozen=True)
-class _Recording:
-    """What was read of one bag."""
-
-    run: Run
-    stand: str
-    channels: tuple[str, ...]
-    sampling: str
-    period_s: float
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,97 +66,17 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(f"{arguments.output}: exists already, use --force to replace it")
     if arguments.plots is not None:
         calibration_plots.require()
-    recordings, refused = _read_all(arguments.bags)
+    recordings, refused = read_nominal(arguments.bags)
     found = learn(recordings, arguments.actuator, arguments.false_alarms)
     calibration = found.calibration
-    _write(arguments.output, calibration)
+    write_calibration(arguments.output, calibration)
     if arguments.plots is not None:
         calibration_plots.draw(calibration, found.traces, arguments.plots, arguments.plot_format)
     report = json.dumps(calibration.to_mapping(), indent=2) if arguments.json else None
     print(report or calibration_report.words(calibration))
     if refused:
-        print(f"flea: {len(refused)} of {len(arguments.bags)} bags left out", file=sys.stderr)
-    return 1 if refused else 0
-
-
-def _read_all(bags: list[Path]) -> tuple[list[_Recording], list[str]]:
-    recordings, refused = [], []
-    for number, bag in enumerate(bags, 1):
-        if sys.stderr.isatty():
-            print(f"\r\033[Kreading {number} of {len(bags)}: {bag.name}", end="", file=sys.stderr)
-        try:
-            recordings.append(_read(bag))
-        except FleaError as error:
-            refused.append(str(error))
-            print(f"flea: {error}", file=sys.stderr)
-    if sys.stderr.isatty():
-        print("\r\033[K", end="", file=sys.stderr)
-    return recordings, refused
-
-
-def _read(bag: Path) -> _Recording:
-    """Rows, channels and period of one bag; a bag with a fault in it is refused."""
-    import numpy as np
-
-    from flea_diag.core.calibration import Run
-    from flea_diag.core.residual_bank import CHANNELS, INDEX
-    from flea_diag.wire.bag import read_bag
-    from flea_diag.wire.records import ChannelTable, Scan, Truth
-
-    rows: list[Any] = []
-    stamps: list[int] = []
-    table: ChannelTable | None = None
-    for _, record in read_bag(bag, (ChannelTable, Scan, Truth)):
-        if isinstance(record, ChannelTable):
-            table = record
-        elif isinstance(record, Truth) and record.fault not in NOMINAL:
-            raise CalibrationError(
-                f"{bag}: its truth says {record.fault!r}, calibration needs nominal runs"
-            )
-        elif isinstance(record, Scan):
-            row = np.full(len(CHANNELS), np.nan)
-            for name, value in zip(record.channels, record.values, strict=True):
-                if name in INDEX:
-                    row[INDEX[name]] = value
-            rows.append(row)
-            stamps.append(record.stamp_ns)
-    if len(rows) < 2 or table is None:
-        missing = "channel table" if table is None else "scans"
-        raise CalibrationError(f"{bag}: no {missing} in it, {len(rows)} scans")
-    measured = np.array(rows)
-    present = tuple(c for c in CHANNELS if np.isfinite(measured[:, INDEX[c]]).any())
-    voltage = table.info("motor_voltage")
-    _check_units(bag, table)
-    return _Recording(
-        Run(bag.name, measured),
-        table.stand,
-        present,
-        voltage.sampling if voltage is not None else "",
-        float(np.median(np.diff(stamps))) / 1e9,
-    )
-
-
-UNITS = {
-    "motor_current": "A",
-    "motor_voltage": "V",
-    "commanded_voltage": "V",
-    "motor_speed": "rad/s",
-    "actuator_position": "m",
-    "load_position": "m",
-    "load_force": "N",
-    "motor_temperature": "degC",
-    "nut_temperature": "degC",
-    "ambient_temperature": "degC",
-}
-
-
-def _check_units(bag: Path, table: Any) -> None:
-    for channel, unit in UNITS.items():
-        info = table.info(channel)
-        if info is not None and info.unit != unit:
-            raise CalibrationError(
-                f"{bag}: {channel} is in {info.unit!r}, it must be in {unit!r}: import it anew"
-            )
+        warn(f"{len(refused)} of {len(arguments.bags)} bags left out")
+    return IN_PART if refused else 0
 
 
 @dataclass(frozen=True)
@@ -180,13 +88,15 @@ class Learned:
 
 
 def calibrate(
-    recordings: list[_Recording], actuator: str, false_alarms_per_hour: float
+    recordings: list[NominalRecording], actuator: str, false_alarms_per_hour: float
 ) -> Calibration:
     """Calibration from recordings of one stand, see ``learn``."""
     return learn(recordings, actuator, false_alarms_per_hour).calibration
 
 
-def learn(recordings: list[_Recording], actuator: str, false_alarms_per_hour: float) -> Learned:
+def learn(
+    recordings: list[NominalRecording], actuator: str, false_alarms_per_hour: float
+) -> Learned:
     """Calibration from recordings of one stand, with what its limits were fitted to.
 
     Raises
@@ -211,7 +121,7 @@ def learn(recordings: list[_Recording], actuator: str, false_alarms_per_hour: fl
     described = load_yaml(actuator)
     _check_described(first, described, actuator)
     for other in recordings[1:]:
-        _check_alike(first, other)
+        check_alike(first, other)
     runs = [recording.run for recording in recordings]
     found = identification.identify(runs, KERNEL_LENGTH, first.period_s)
     traces = [thresholds.trace(run, found, KERNEL_LENGTH, first.period_s) for run in runs]
@@ -261,7 +171,7 @@ def _trusted(run: Run, seen: Trace) -> Any:
     return rows
 
 
-def _check_described(first: _Recording, described: Any, actuator: str) -> None:
+def _check_described(first: NominalRecording, described: Any, actuator: str) -> None:
     """Channels that the diagnosis reads must be sensors or inputs of the described actuator."""
     if not isinstance(described, dict) or "name" not in described:
         raise ConfigurationError(f"{actuator}: no actuator description: it has no 'name'")
@@ -274,31 +184,14 @@ def _check_described(first: _Recording, described: Any, actuator: str) -> None:
         )
 
 
-def _check_alike(first: _Recording, other: _Recording) -> None:
-    if other.stand != first.stand:
-        raise CalibrationError(
-            f"{other.run.name}: recorded on stand {other.stand!r}, {first.run.name} on "
-            f"{first.stand!r}: one calibration is of one actuator, calibrate each on its own"
-        )
-    if abs(other.period_s - first.period_s) > 0.01 * first.period_s:
-        raise CalibrationError(
-            f"{other.run.name}: scans every {other.period_s} s, {first.run.name} every "
-            f"{first.period_s} s: calibrate from recordings of one stand"
-        )
-    if other.sampling != first.sampling:
-        raise CalibrationError(
-            f"{other.run.name}: motor_voltage sampled as {other.sampling!r}, {first.run.name} as "
-            f"{first.sampling!r}: calibrate from recordings of one stand"
-        )
-    if other.channels != first.channels:
-        odd = sorted(set(first.channels) ^ set(other.channels))
-        raise CalibrationError(
-            f"{other.run.name}: {odd[0]} is not in both it and {first.run.name}: "
-            "calibrate from recordings of one stand"
-        )
+def write_calibration(path: Path, calibration: Calibration) -> None:
+    """Write a calibration file, in a folder that is made where it is missing.
 
-
-def _write(path: Path, calibration: Calibration) -> None:
+    Raises
+    ------
+    ConfigurationError
+        When it cannot be written.
+    """
     import yaml
 
     make_folder(path.parent)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError
-from flea_diag.tools.campaign import HALVES, Campaign
+from flea_diag.tools.campaign import HALVES, LISTS, Campaign, Injections, Recordings, Switches
 from flea_diag.tools.terminal import progress, warn
 
 NOMINAL = "nominal"
@@ -57,8 +57,8 @@ class RecordingSet:
         self._output = output
         self._known: dict[Path, Run] = {}
         for source in campaign.sources:
-            for key in ("files", "nominal", "faulty"):
-                if type(source).__name__ != "Scenarios":
+            if isinstance(source, Recordings | Injections | Switches):
+                for key in LISTS:
                     self.matching(getattr(source, key, ()), campaign.folder)
 
     def matching(self, patterns: Sequence[str], folder: Path) -> tuple[Run, ...]:
@@ -133,6 +133,7 @@ class RecordingSet:
 
     def _calibrate(self, fold: str, half: Sequence[Run]) -> None:
         from flea_diag.tools import calibrate as tool
+        from flea_diag.tools.nominal_recording import read_nominal
 
         if self._file_of(fold).is_file():
             return
@@ -141,9 +142,9 @@ class RecordingSet:
                 f"{self._campaign.name}: {len(half)} nominal recordings in half {fold}, each half "
                 "needs 2 at least: name more, or give a calibration file"
             )
-        recordings, _ = tool._read_all([run.bag for run in half])
+        recordings, _ = read_nominal([run.bag for run in half])
         made = tool.calibrate(recordings, "actuator.yaml", tool.FALSE_ALARMS_PER_HOUR)
-        tool._write(self._file_of(fold), made)
+        tool.write_calibration(self._file_of(fold), made)
 
 
 def _by_name(run: Run) -> str:
