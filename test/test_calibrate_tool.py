@@ -15,7 +15,7 @@ import stands
 from flea_diag.configuration import load_calibration
 from flea_diag.core.residual_bank import CHANNELS, RESIDUAL_INDEX, RESIDUALS
 from flea_diag.core.thresholds import Trace
-from flea_diag.tools import calibration_plots
+from flea_diag.tools import calibration_plots, extra
 from flea_diag.tools.main import main
 from flea_diag.tools.nominal_recording import UNITS
 from flea_diag.wire.bag import BagWriter
@@ -229,7 +229,7 @@ def test_a_rate_of_no_false_alarms_is_refused(bags, tmp_path, capsys):
 
 
 def test_pictures_without_matplotlib_are_refused_before_any_work(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(calibration_plots, "find_spec", lambda name: None)
+    monkeypatch.setattr(extra, "find_spec", lambda name: None)
     arguments = ["nothing", "-o", str(tmp_path / "c.yaml"), "--plots", str(tmp_path)]
     assert main(["calibrate", *arguments]) == 2
     assert "pip install 'flea_diag[plot]'" in capsys.readouterr().err

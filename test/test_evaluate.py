@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -13,10 +14,10 @@ from typing import Any
 
 import pytest
 import yaml
-from decisions import BAGS, expected
+from decisions import BAGS, ROOT, expected
 from evaluations import SHORT, case, until
 
-from flea_diag.tools import case_run
+from flea_diag.tools import case_run, extra
 from flea_diag.tools.case_run import run_case
 from flea_diag.tools.main import main
 from flea_diag.tools.result_log import RESULTS, ResultLog, read_results
@@ -189,6 +190,31 @@ def test_what_cannot_be_run_is_refused(
 ) -> None:
     assert main(["evaluate", *arguments]) == 2
     assert words in capsys.readouterr().err
+
+
+def test_an_empty_folder_and_a_missing_package_are_said_before_any_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "empty").mkdir()
+    assert main(["evaluate", str(tmp_path / "empty"), "-o", str(tmp_path / "out")]) == 2
+    assert "empty': neither a bag nor a .data file" in capsys.readouterr().err
+    monkeypatch.setattr(extra, "find_spec", lambda name: None)
+    assert main(["evaluate", "small.yaml", "-o", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "evaluate needs jinja2 and tqdm" in said
+    assert "pip install 'flea_diag[evaluate]'" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_extra_that_is_asked_for_is_one_that_can_be_installed() -> None:
+    """Import names against the packages that setup.py lists under the extra."""
+    text = (ROOT / "setup.py").read_text(encoding="utf-8").lower()
+    distributions = {"sklearn": "scikit-learn"}
+    for name, modules in extra.PACKAGES.items():
+        listed = re.search(rf'"{name}": \[(.*?)\]', text, re.DOTALL)
+        assert listed is not None, name
+        for module in modules:
+            assert f'"{distributions.get(module, module)}>=' in listed[1], module
 
 
 def test_the_shipped_small_campaign_loses_no_row(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools import calibration_plots, calibration_report
+from flea_diag.tools.extra import require
 from flea_diag.tools.nominal_recording import NominalRecording, check_alike, read_nominal
 from flea_diag.tools.terminal import IN_PART, make_folder, warn, write_text
 
@@ -65,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output.exists() and not arguments.force:
         raise ConfigurationError(f"{arguments.output}: exists already, use --force to replace it")
     if arguments.plots is not None:
-        calibration_plots.require()
+        require("plot", "--plots")
     recordings, refused = read_nominal(arguments.bags)
     found = learn(recordings, arguments.actuator, arguments.false_alarms)
     calibration = found.calibration

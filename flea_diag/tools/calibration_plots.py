@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.errors import ConfigurationError
 from flea_diag.tools.terminal import make_folder, writing
 
 if TYPE_CHECKING:
@@ -25,18 +23,6 @@ COLUMNS = 3
 PANEL_IN = (5.2, 1.7)
 RESIDUAL, LIMIT, OUTSIDE = "#0072b2", "#d55e00", "#999999"
 """Blue, vermilion and grey: told apart by the colour-blind."""
-
-
-def require() -> None:
-    """See that pictures can be drawn, before any work is done.
-
-    Raises
-    ------
-    ConfigurationError
-        matplotlib is not installed.
-    """
-    if find_spec("matplotlib") is None:
-        raise ConfigurationError("--plots needs matplotlib: pip install 'flea_diag[plot]'")
 
 
 def draw(calibration: Calibration, traces: Sequence[Trace], folder: Path, kind: str) -> list[Path]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -83,9 +84,9 @@ def plan(campaign: Campaign, recordings: RecordingSet) -> tuple[Case, ...]:
     once = [case for source in campaign.sources for case in _of(source, campaign, recordings)]
     if not once:
         raise ConfigurationError(f"{campaign.name}: the campaign has no run")
-    double = _first_double([case.key for case in once])
-    if double:
-        raise ConfigurationError(f"{campaign.name}: two runs are named {double[0]!r}")
+    (name, _, _), count = Counter(case.key for case in once).most_common(1)[0]
+    if count > 1:
+        raise ConfigurationError(f"{campaign.name}: {count} runs are named {name!r}")
     return tuple(
         replace(case, configuration=name) for name in campaign.configurations for case in once
     )
@@ -96,11 +97,6 @@ def plan_sha256(campaign: Campaign, cases: Sequence[Case]) -> str:
     content = [{**asdict(case), "calibration": ""} for case in cases]
     text = json.dumps([content, {k: list(v) for k, v in campaign.expect.items()}], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _first_double(keys: Sequence[tuple[str, str, str]]) -> tuple[str, str, str] | None:
-    seen: set[tuple[str, str, str]] = set()
-    return next((key for key in keys if key in seen or seen.add(key)), None)  # type: ignore[func-returns-value]
 
 
 def _of(source: Any, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:

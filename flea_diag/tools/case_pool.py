@@ -16,6 +16,7 @@ from typing import Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.case import Case
+from flea_diag.tools.extra import require
 from flea_diag.tools.run_result import RunResult
 
 Work = Callable[[Case], RunResult]
@@ -43,7 +44,7 @@ def _until_it_breaks(
         try:
             while True:
                 for case in islice(cases, 2 * jobs - len(running)):
-                    suspects.append(case)
+                    suspects.append(case)  # a pool that is broken by now takes none
                     running[pool.submit(work, case)] = suspects.pop()
                 if not running:
                     return
@@ -101,7 +102,9 @@ def run_on_dask(
     ConfigurationError
         Dask is not installed, or nobody answers at the address.
     """
-    distributed = _distributed()
+    require("dask", "--dask")
+    import distributed
+
     try:
         client = distributed.Client(address, timeout=timeout_s)
     except (OSError, ValueError, TimeoutError) as error:
@@ -124,13 +127,3 @@ def _as_they_come(futures: Iterable[Any], by_key: dict[str, Case]) -> Iterator[R
         case = by_key[future.key]
         yield future.result() if error is None else failed(case, f"{DIED} ({error!r:.200})")
         future.release()
-
-
-def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError as error:
-        raise ConfigurationError(
-            "--dask needs Dask, which is not installed: pip install 'flea_diag[dask]'"
-        ) from error
-    return distributed

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.extra import require
 from flea_diag.tools.terminal import IN_PART, warn, write_json, write_text
 
 if TYPE_CHECKING:
@@ -69,6 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
     from flea_diag.tools.recording_set import RecordingSet
     from flea_diag.tools.result_log import ResultLog
 
+    # The report is made at the very end: what it needs is missed now, not after hours.
+    require("evaluate", "evaluate")
     jobs = _jobs(arguments.jobs)
     campaign = load_campaign(arguments.campaign)
     folder: Path = arguments.output or Path("evaluations") / campaign.name
@@ -122,12 +125,8 @@ def _results(left: Sequence[Case], work: Work, jobs: int, dask: str | None) -> I
 
 def _bar(count: int, left: int, quiet: bool) -> Any:
     """Progress with rate and time left, where somebody can see it."""
-    try:
-        from tqdm import tqdm
-    except ImportError as error:
-        raise ConfigurationError(
-            "evaluate needs tqdm, which is not installed: pip install 'flea_diag[evaluate]'"
-        ) from error
+    from tqdm import tqdm
+
     shown = None if not quiet else True
     return tqdm(total=count, initial=count - left, unit="run", smoothing=0.05, disable=shown)
 

@@ -30,6 +30,7 @@ from flea_diag.core.sentinel import BLOCKS, RAISED
 from flea_diag.errors import CalibrationError, ConfigurationError, FleaError
 from flea_diag.tools import feature_bearing as bearing
 from flea_diag.tools import feature_bench as bench
+from flea_diag.tools.extra import require
 from flea_diag.tools.feature_judge import judge, pair_report, report
 from flea_diag.tools.feature_samples import Grid, Run, run_of_bag
 from flea_diag.tools.feature_stand import LARGEST_LOAD_N, SEVERITIES, stand_runs
@@ -156,6 +157,8 @@ def _study(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(
             f"study: fault {unknown[0]!r} is unknown, known are {', '.join(SEVERITIES)}"
         )
+    if arguments.draw:
+        require("plot", "--draw")
     runs = study.study(faults, _seeds(arguments.stand), arguments.table, arguments.jobs)
     print(study.study_report(runs))
     if arguments.json:

@@ -15,6 +15,7 @@ import numpy as np
 from flea_diag.core.classifier import Classifier, Perceptron, scaled, standardised
 from flea_diag.core.feature_learning import Sample
 from flea_diag.errors import CalibrationError, ConfigurationError
+from flea_diag.tools.extra import require
 from flea_diag.tools.feature_samples import Run
 from flea_diag.tools.interval import wilson
 from flea_diag.tools.terminal import write_text
@@ -34,13 +35,10 @@ def train(samples: Sequence[Sample], features: Sequence[str], source: str) -> Pe
     CalibrationError
         With fewer than two classes.
     """
-    try:
-        from sklearn.exceptions import ConvergenceWarning
-        from sklearn.neural_network import MLPClassifier
-    except ImportError as error:
-        raise ConfigurationError(
-            "training a classifier needs scikit-learn: pip install 'flea_diag[classifier]'"
-        ) from error
+    require("classifier", "training a classifier")
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.neural_network import MLPClassifier
+
     moving = [sample for sample in samples if sample.moving]
     labels = [sample.fault for sample in moving]
     if len(set(labels)) < 2:

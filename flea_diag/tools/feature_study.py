@@ -26,6 +26,7 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.stages.extractor import ExtractorStage
 from flea_diag.stages.scan_ring import SECOND_NS
 from flea_diag.stages.windows import Windows
+from flea_diag.tools.extra import require
 from flea_diag.tools.feature_stand import drawn_scenario
 from flea_diag.tools.interval import wilson
 from flea_diag.tools.terminal import write_json
@@ -186,10 +187,9 @@ def draw_study(path: Path, runs: Sequence[Study]) -> None:
     ConfigurationError
         Without matplotlib, or where the file cannot be written.
     """
-    try:
-        import matplotlib
-    except ImportError as error:
-        raise ConfigurationError(f"{path} needs matplotlib: pip install matplotlib") from error
+    require("plot", str(path))
+    import matplotlib
+
     matplotlib.use("Agg")
     from matplotlib import pyplot
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.tools.extra import require
 from flea_diag.tools.terminal import make_folder
 
 if TYPE_CHECKING:
@@ -34,10 +34,9 @@ class Album:
     """
 
     def __init__(self, folder: Path) -> None:
-        try:
-            import matplotlib
-        except ImportError as error:
-            raise ConfigurationError("--plots needs matplotlib: pip install matplotlib") from error
+        require("plot", "--plots")
+        import matplotlib
+
         matplotlib.use("Agg")
         make_folder(folder)
         self._folder = folder

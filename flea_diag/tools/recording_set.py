@@ -166,6 +166,8 @@ def _paths(pattern: str, folder: Path) -> list[Path]:
         recordings = [path for each in found for path in _recordings(each)]
         if recordings:
             return recordings
+    if pattern.startswith("/"):
+        raise ConfigurationError(f"no recording fits {pattern!r}: neither a bag nor a .data file")
     where = f"{folder} or {data}" if data else f"{folder}; {DATA_FOLDER} names no data folder"
     raise ConfigurationError(f"no recording fits {pattern!r} in {where}")
 

@@ -12,7 +12,7 @@ from dataclasses import asdict
 from importlib.resources import files
 from typing import Any
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.tools.extra import require
 from flea_diag.tools.report_charts import (
     NAMES,
     Mark,
@@ -100,12 +100,9 @@ def page(
     ConfigurationError
         Jinja2 is not installed.
     """
-    try:
-        from jinja2 import Environment
-    except ImportError as error:
-        raise ConfigurationError(
-            "the report needs Jinja2: pip install 'flea_diag[evaluate]'"
-        ) from error
+    require("evaluate", "the report")
+    from jinja2 import Environment
+
     environment = Environment(autoescape=True, trim_blocks=True)
     source = files("flea_diag.tools").joinpath("templates/report.html").read_text("utf-8")
     drawn = [(r, trace) for r in to_draw(results, most) if (trace := traces(r)) is not None]

@@ -7,6 +7,7 @@ from typing import Any
 
 from flea_diag.core.diagnosis_tree import Node, leaves, words
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.extra import require
 from flea_diag.tools.terminal import writing
 
 FORMATS = (".svg", ".png", ".pdf")
@@ -31,10 +32,9 @@ def draw_tree(node: Node, path: Path) -> None:
             f"{path}: a tree of {count} leaves is no picture, the limit is {MOST_LEAVES}: name "
             "fewer faults, or raise --rarest"
         )
-    try:
-        import matplotlib
-    except ImportError as error:
-        raise ConfigurationError(f"{path} needs matplotlib: pip install matplotlib") from error
+    require("plot", str(path))
+    import matplotlib
+
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
