@@ -11,8 +11,13 @@ import numpy as np
 import pytest
 import stands
 
-from flea_diag.core import innovation_residual
-from flea_diag.core.residual_bank import CHANNELS, INNOVATION_CHANNELS, INNOVATION_INDEX, RESIDUALS
+from flea_diag.core.residual_bank import (
+    CHANNELS,
+    INNOVATION_CHANNELS,
+    INNOVATION_COLUMNS,
+    INNOVATION_INDEX,
+    RESIDUALS,
+)
 from flea_diag.stages.state_estimate import StateEstimate
 from flea_diag.wire.records import Detection, Outcome, Residual, Scan, Symbols
 
@@ -104,7 +109,7 @@ def innovations(row: np.ndarray) -> list[float]:
     estimate = ESTIMATES.setdefault(0, StateEstimate(stands.calibration(), "particle", 1, "numpy"))
     values = np.full((1, len(RESIDUALS)), np.nan)
     estimate.step(row[None], USABLE, False, values)
-    return values[0, innovation_residual.COLUMNS].tolist()
+    return values[0, INNOVATION_COLUMNS].tolist()
 
 
 def test_innovations_are_silent_once_frozen_and_begin_anew_afterwards():
@@ -113,7 +118,7 @@ def test_innovations_are_silent_once_frozen_and_begin_anew_afterwards():
     table = open_loop(healthy(6.0))
     for k, row in enumerate(table):
         told = estimate.step(row[None], USABLE, 200 <= k < 300, values)
-        seen = np.isfinite(values[0, innovation_residual.COLUMNS])
+        seen = np.isfinite(values[0, INNOVATION_COLUMNS])
         assert seen[0] == (not 200 <= k < 300)
         assert told.estimates.shape == (1, len(told.channels))
     assert told.health[0, 2] == 0.0
@@ -126,7 +131,7 @@ def test_a_voltage_that_nothing_corroborates_tests_nothing():
     table[:, CHANNELS.index("commanded_voltage")] = np.nan
     for row in table:
         estimate.step(row[None], USABLE, False, values)
-        assert np.isnan(values[:, innovation_residual.COLUMNS]).all()
+        assert np.isnan(values[:, INNOVATION_COLUMNS]).all()
 
 
 def test_innovations_detect_but_make_no_symbol():

@@ -19,7 +19,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residual_bank import RESIDUALS, SPREAD_ROWS, ResidualRow, ResidualRows
+from flea_diag.core.residual_bank import (
+    RESIDUALS,
+    SPREAD_ROWS,
+    ResidualRow,
+    ResidualRows,
+    together,
+)
 from flea_diag.core.running_mean import WindowedMeans
 from flea_diag.core.thermal import CORRECTION_S
 
@@ -172,7 +178,7 @@ class _Group:
         self._windows = sorted({window for row in rows for window in row.windows}) or [1]
         # Where healthy units differ: their columns here, and their places in a row's spread.
         self._spread = [c for c, j in enumerate(columns) if j in SPREAD_ROWS]
-        self._spreading = _together(self._spread)
+        self._spreading = together(self._spread)
         self._places = [SPREAD_ROWS.index(columns[c]) for c in self._spread]
         self._tolerance = tolerance
         self._fixed = np.zeros((len(rows), len(tolerance)))
@@ -273,10 +279,3 @@ class _Group:
         mine = [int(np.flatnonzero(self._columns == c)[0]) for c in columns if c in self._columns]
         self._means.clear(mine)
         self._held.z[:, mine] = np.nan
-
-
-def _together(columns: list[int]) -> slice:
-    """Columns that lie side by side in a group, as a slice: those of one kind do."""
-    start = columns[0] if columns else 0
-    assert columns == list(range(start, start + len(columns)))
-    return slice(start, start + len(columns))

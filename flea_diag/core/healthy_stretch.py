@@ -59,6 +59,15 @@ class HealthyStretch:
             self._scans += count
             start += count
 
+    @property
+    def keeps_next(self) -> bool:
+        """Whether the next scan will be kept: only those need to be added."""
+        return self._scans % EVERY == 0
+
+    def pass_over(self) -> None:
+        """A scan that is not kept; a piece begins with one that is."""
+        self._scans += 1
+
     def _next_piece(self) -> None:
         self._recent.append(Evidence(self._residuals))
         if len(self._recent) > LEFT_OUT + 1:

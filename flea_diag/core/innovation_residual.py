@@ -32,8 +32,6 @@ Array = npt.NDArray[np.float64]
 MakeObserver = Callable[[ActuatorParameters], StateObserver]
 """A fresh observer of an actuator with these parameters, always of the same seed."""
 
-COLUMNS = np.array(list(INNOVATION_INDEX.values()))
-"""Where they stand among all residuals."""
 _AT = [PREDICTED.index(channel) for channel in INNOVATION_CHANNELS]
 _SPEED = STATES.index("speed_m_s")
 
@@ -46,11 +44,11 @@ SETTLE_SCANS = 50
 def normalised(told: Innovations) -> Array:
     """Innovations over their sigmas, each as it is and times the sign of the estimated speed.
 
-    Shape (scans, columns), order of ``COLUMNS``; NaN where nothing was measured.
+    Shape (scans, columns), order of ``INNOVATION_INDEX``; NaN where nothing was measured.
     """
     sigma = told.sigmas.take(_AT, axis=1)
     sigma[~(sigma > 0.0)] = math.nan
-    found = np.empty((len(sigma), len(COLUMNS)))
+    found = np.empty((len(sigma), len(INNOVATION_INDEX)))
     np.divide(told.residuals.take(_AT, axis=1), sigma, out=found[:, ::2])
     sign = np.copysign(1.0, told.means[:, _SPEED, None])
     np.multiply(found[:, ::2], sign, out=found[:, 1::2])
@@ -121,7 +119,7 @@ def unit_spread(
     chosen = recordings[:: max(1, len(recordings) // PIECES)][:PIECES]
     pieces = [rows[:PIECE_SCANS] for rows in chosen]
     nominal = [trace(make(parameters), rows) for rows in pieces]
-    spread = np.zeros((len(COLUMNS), len(UNIT_PARAMETERS)))
+    spread = np.zeros((len(INNOVATION_INDEX), len(UNIT_PARAMETERS)))
     for k, name in enumerate(UNIT_PARAMETERS):
         step = getattr(tolerance, name)
         other = replace(parameters, **{name: getattr(parameters, name) + step})

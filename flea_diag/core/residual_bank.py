@@ -75,6 +75,13 @@ def _innovation_rows(channel: str) -> tuple[ResidualRow, ResidualRow]:
     return raw, ResidualRow(f"{raw.name}_dn", "1", needs, "moving", PARITY_WINDOWS, False)
 
 
+def together(columns: list[int]) -> slice:
+    """Columns that lie side by side, as those of one kind do, as a slice."""
+    start = columns[0] if columns else 0
+    assert columns == list(range(start, start + len(columns)))
+    return slice(start, start + len(columns))
+
+
 RESIDUALS: tuple[ResidualRow, ...] = (
     *(_parity_row(row) for row in PARITIES),
     ResidualRow("motor_temperature", "K", ("motor_temperature",), "always", THERMAL_WINDOWS),
@@ -84,10 +91,11 @@ RESIDUALS: tuple[ResidualRow, ...] = (
     *(row for channel in INNOVATION_CHANNELS for row in _innovation_rows(channel)),
 )
 RESIDUAL_INDEX = {row.name: index for index, row in enumerate(RESIDUALS)}
-SENSOR_COLUMNS = [j for j, row in enumerate(RESIDUALS) if row.gate == "sensor"]
+SENSOR_COLUMNS = together([j for j, row in enumerate(RESIDUALS) if row.gate == "sensor"])
 """Filled by ``sensor_tests``, in its own order."""
 INNOVATION_INDEX = {name: at for name, at in RESIDUAL_INDEX.items() if name.startswith("innov")}
 """Filled by the state observer, not by the bank."""
+INNOVATION_COLUMNS = together(list(INNOVATION_INDEX.values()))
 SPREAD_ROWS = tuple(RESIDUAL_INDEX[row.name] for row in PARITIES if row.sensitivity is not None)
 """Residuals in which healthy units differ, in the order of ``ResidualRows.spread``."""
 

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numpy.lib.stride_tricks import sliding_window_view
+
+from flea_diag.core.smoothing import sliding
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 BEFORE, AFTER = 100, 12
 """Scans that a step is measured between: medians, for thermocouples spike."""
+LENGTH = BEFORE + AFTER
 PERIOD = 4
 """Every so many scans are judged."""
 LIMIT = 6.0
@@ -37,32 +39,32 @@ class UnitChange:
 
     def forget(self) -> None:
         """A stream begins."""
-        self._tail: Array | None = None
+        self._rows: list[Array] = []
         self._count = 0
 
     def follow(self, temperatures: Array) -> int:
         """Take n scans; the first with which another unit is seen to be in use, or n."""
-        n, length = len(temperatures), BEFORE + AFTER
-        tail = temperatures[:0] if self._tail is None else self._tail
-        rows = np.concatenate((tail, temperatures))
+        n = len(temperatures)
         # Whichever way scans are dealt into blocks, the same ones are judged.
         first = (-self._count - 1) % PERIOD
         self._count += n
-        self._tail = rows[-(length - 1) :]
+        self._rows.append(temperatures)
         if first >= n:
             return n
-        due = np.arange(first, n, PERIOD)
-        due = due[due + len(tail) + 1 >= length]
+        rows = np.ascontiguousarray(np.concatenate(self._rows))
+        self._rows = [rows[1 - LENGTH :]]
+        # Where the window begins that ends with each scan that is due.
+        due, back = np.arange(first, n, PERIOD), len(rows) - n + 1 - LENGTH
+        due = due[due >= -back]
         if not len(due):
             return n
-        windows = sliding_window_view(rows, length, axis=0)[due + len(tail) + 1 - length]
-        seen = _together(windows)
+        seen = _together(sliding(rows, LENGTH)[due + back])
         return int(due[seen.argmax()]) if seen.any() else n
 
 
 def _together(windows: Array) -> Flags:
-    """Whether enough channels step at the end of each window, shape (m, channels, scans)."""
-    step = windows[..., BEFORE:].mean(axis=-1) - windows[..., :BEFORE].mean(axis=-1)
+    """Whether enough channels step at the end of each window, shape (m, scans, channels)."""
+    step = windows[:, BEFORE:].mean(axis=1) - windows[:, :BEFORE].mean(axis=1)
     seen = _enough(np.abs(step) > 0.5 * LEAST_STEP_K)
     # Means are cheap, but a spike moves them: medians of those few windows decide.
     if seen.any():
@@ -71,10 +73,10 @@ def _together(windows: Array) -> Flags:
 
 
 def _surely(windows: Array) -> Flags:
-    before = windows[..., :BEFORE]
-    middle = np.median(before, axis=-1)
-    sigma = MAD_SIGMA * np.median(np.abs(before - middle[..., None]), axis=-1)
-    step = np.abs(np.median(windows[..., BEFORE:], axis=-1) - middle)
+    before = windows[:, :BEFORE]
+    middle = np.median(before, axis=1)
+    sigma = MAD_SIGMA * np.median(np.abs(before - middle[:, None]), axis=1)
+    step = np.abs(np.median(windows[:, BEFORE:], axis=1) - middle)
     return _enough(step > np.maximum(LIMIT * MEDIAN_ERROR * sigma, LEAST_STEP_K))
 
 

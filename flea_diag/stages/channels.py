@@ -4,18 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.quality import BEYOND_BOUNDS, ChannelMonitor
 from flea_diag.core.residual_bank import CHANNELS, INDEX
+from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import ChannelQuality, ChannelTable, Quality
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 VOLTAGE = INDEX["motor_voltage"]
+
+
+class Reading(NamedTuple):
+    """What n scans say of ``CHANNELS``, shape (n, channels), NaN = not measured.
+
+    ``raw`` as it was read; ``usable`` is NaN where a value is out of its range, too; ``steady``
+    whether each value leaves its channel as it is, None where all of them do.
+    """
+
+    raw: Array
+    usable: Array
+    steady: Flags | None
 
 
 class Channels:
@@ -43,34 +57,38 @@ class Channels:
             monitor.minimum, monitor.maximum = ranges.get(monitor.channel, (-math.inf, math.inf))
         self._look()
 
-    def rows(self, layout: tuple[str, ...], values: Array) -> Array:
-        """Rows of ``CHANNELS``, shape (n, channels), of scans that are laid out like this."""
+    def read(self, block: ScanBlock) -> Reading:
+        """What n scans say of ``CHANNELS``."""
+        layout = block.channels
         if layout != self._layout:
             places = {INDEX[name]: k for k, name in enumerate(layout) if name in INDEX}
             self._to = [column for column in places if column in self._monitors]
             self._from = [places[column] for column in self._to]
             self._layout = layout
-        rows = np.full((len(values), len(CHANNELS)), np.nan)
-        rows[:, self._to] = values[:, self._from]
-        return rows
+        raw = np.empty((len(block), len(CHANNELS)))
+        raw.fill(np.nan)
+        raw[:, self._to] = block.values.take(self._from, axis=1)
+        steady = (raw > self._low) & (raw < self._high)
+        steady |= np.isnan(raw) & self._lacking
+        if steady.all():
+            return Reading(raw, raw, None)
+        inside = (raw >= self._least) & (raw <= self._most)
+        return Reading(raw, np.where(inside, raw, np.nan), steady)
 
-    def usable(self, rows: Array) -> Array:
-        """The same rows, NaN where a value is out of its range."""
-        return np.where((rows >= self._least) & (rows <= self._most), rows, np.nan)
-
-    def judge(self, stamps_ns: npt.NDArray[np.int64], rows: Array, trusted: Flags) -> int:
+    def judge(self, stamps_ns: npt.NDArray[np.int64], reading: Reading, trusted: Flags) -> int:
         """Follow the channels through n scans; the first that changes what is to be said, or n.
 
         ``trusted`` is what a cross-check of several channels says of the voltage.
         """
-        steady = (rows > self._low) & (rows < self._high)
-        steady |= np.isnan(rows) & self._lacking
+        rows, steady = reading.raw, reading.steady
         believed = bool(trusted.all())
-        if believed and self._said and steady.all():
+        if believed and self._said and steady is None:
             self._steady_scans += len(rows)
             return len(rows)
         self._count()
-        as_before: Flags = np.all(steady, axis=0)
+        as_before: Flags = np.ones(len(CHANNELS), dtype=bool)
+        if steady is not None:
+            as_before = np.all(steady, axis=0)
         as_before[VOLTAGE] &= believed
         first = len(rows) if self._said else 0
         for column, monitor in self._monitors.items():

@@ -194,7 +194,7 @@ class IsolatorStage:
         self._motion.step(record.stamp_ns, record.regressors, moving)
         raised = self._level(record.stamp_ns)
         if self._episode is None:
-            self._weighing.show(alone(record))
+            self._weighing.see(record)
         if self._episode is None or raised:
             return raised or self._say(record.stamp_ns)
         self._episode.learn(alone(record), self._onset_ns)

@@ -17,7 +17,7 @@ from flea_diag.core.calibration import Calibration
 from flea_diag.core.regressors import TEMPERATURES
 from flea_diag.core.residual_bank import INDEX, RESIDUALS, ResidualRow
 from flea_diag.core.unit_change import UnitChange
-from flea_diag.stages.channels import Channels
+from flea_diag.stages.channels import Channels, Reading
 from flea_diag.stages.deviation import Deviation
 from flea_diag.stages.residual_stream import REGRESSOR_NAMES, ResidualStream, Tested
 from flea_diag.stages.state_estimate import KINDS, NONE, StateEstimate
@@ -145,26 +145,21 @@ class ObserverStage:
     def _try(self, block: ScanBlock) -> tuple[int, ResidualBlock]:
         """Residuals of scans in order, and the first scan that causes more, or their number."""
         self._order.follow(block.stamps_ns)
-        raw, usable = self._read(block)
-        tested, changed = self._test(block, raw, usable)
+        reading = self._channels.read(block)
+        tested, changed = self._test(block, reading)
         happens = self._deviation.follow(block.stamps_ns, tested.results)
-        other = self._other_unit(usable)
+        other = self._other_unit(reading)
         residuals = self._residuals(block, tested)
         return min(changed, tested.turned, happens, other), residuals
 
-    def _read(self, block: ScanBlock) -> tuple[Array, Array]:
-        """Rows of all channels as they were read, and with what may be used of them."""
-        raw = self._channels.rows(block.channels, block.values)
-        return raw, self._channels.usable(raw)
-
-    def _other_unit(self, usable: Array) -> int:
+    def _other_unit(self, reading: Reading) -> int:
         """The first scan with which another unit is in use, or n."""
-        return self._unit.follow(usable[:, TEMPERATURE_COLUMNS])
+        return self._unit.follow(reading.usable.take(TEMPERATURE_COLUMNS, axis=1))
 
-    def _test(self, block: ScanBlock, raw: Array, usable: Array) -> tuple[Tested, int]:
+    def _test(self, block: ScanBlock, reading: Reading) -> tuple[Tested, int]:
         """Residuals and tests; and the first scan with which a channel changes, or n."""
-        tested = self._stream.step(block.stamps_ns, usable, self._deviation.is_open)
-        return tested, self._channels.judge(block.stamps_ns, raw, tested.trusted)
+        tested = self._stream.step(block.stamps_ns, reading.usable, self._deviation.is_open)
+        return tested, self._channels.judge(block.stamps_ns, reading, tested.trusted)
 
     def _scan(self, scan: Scan) -> tuple[Record, ...]:
         place = self._order.step(scan.stamp_ns)
@@ -175,10 +170,10 @@ class ObserverStage:
         elif place is Place.AFTER_GAP:
             self._stream.interrupt()
         block = ScanBlock(np.array([scan.stamp_ns]), scan.channels, np.array([scan.values]))
-        raw, usable = self._read(block)
-        if self._other_unit(usable) == 0:
+        reading = self._channels.read(block)
+        if self._other_unit(reading) == 0:
             return self._go_over(block, scan.stamp_ns)
-        tested, changed = self._test(block, raw, usable)
+        tested, changed = self._test(block, reading)
         was_open = self._deviation.is_open
         said = self._deviation.step(scan.stamp_ns, tested.results)
         if self._deviation.is_open != was_open:
@@ -191,7 +186,7 @@ class ObserverStage:
         """Another unit is in use: what was found on the last one ends, and all begins anew."""
         closed = self._deviation.close(stamp_ns, ANOTHER_UNIT)
         self._start(stamp_ns)
-        tested, _ = self._test(block, *self._read(block))
+        tested, _ = self._test(block, self._channels.read(block))
         residuals = self._residuals(block, tested).records()
         return (self._say_quality(stamp_ns), *residuals, closed)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,7 +43,6 @@ SPEED_SCANS = KERNEL_LENGTH + SPAN
 ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
 POSITION = RESIDUAL_INDEX["actuator_position"]
 VOLTAGE_COLUMNS = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
-INNOVATION_COLUMNS = list(INNOVATION_INDEX.values())
 SPEED_COLUMNS = [j for j, row in enumerate(RESIDUALS) if SPEED in row.needs]
 FINE_COLUMNS = [RESIDUAL_INDEX["parity_speed"]]
 LEARNED = {
@@ -99,7 +99,7 @@ class ResidualStream:
         self._shifts = ShiftTest(c.shifts, c.tolerances())
         self._period_ns = round(c.period_s * 1e9)
         self._last_ns = start_ns
-        self._last_rows: Array = np.empty((0, len(CHANNELS)))
+        self._last_rows: list[Array] = []
 
     def take_ranges(self, table: ChannelTable) -> None:
         """A reading that stands at the end of its range is clipped, not held."""
@@ -115,41 +115,38 @@ class ResidualStream:
 
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
-        self._last_rows = self._last_rows[:0]
+        self._last_rows = []
         self._bank.interrupt()
         self._sensors.interrupt()
         self._estimate.interrupt()
 
     def turn(self, opened: bool) -> None:
         """An episode has opened: frozen innovations say nothing. Or closed: arm anew."""
-        self._detector.forget(INNOVATION_COLUMNS if opened else range(len(RESIDUALS)))
+        self._detector.forget(list(INNOVATION_INDEX.values()) if opened else range(len(RESIDUALS)))
         self._shifts.turn(opened)
 
     def step(self, stamps_ns: Stamps, rows: Array, frozen: bool) -> Tested:
         """Take n scans, rows of usable values; ``frozen`` stops thermal corrections."""
         before_ns = self._last_ns
         rows, sensors = self._test_sensors(stamps_ns, rows)
-        lost_ns, lost = self._lost(before_ns, int(stamps_ns[0]), rows[0])
-        if len(lost):
-            self._filled_wait = KERNEL_LENGTH + len(lost)
-            nothing = np.full((len(lost), sensors.shape[1]), np.nan)
-            self._follow(lost_ns, lost, nothing, frozen, read=False)
-        self._last_rows = np.vstack([self._last_rows, rows[-2:]])[-2:]
+        lost = round((int(stamps_ns[0]) - before_ns) / self._period_ns) - 1
+        if lost > 0 and len(self._last_rows) == 2:
+            self._fill(before_ns, lost, rows[0], frozen)
+        self._last_rows = [*self._last_rows, *rows[-2:]][-2:]
         return self._follow(stamps_ns, rows, sensors, frozen)
 
-    def _lost(self, before_ns: int, stamp_ns: int, row: Array) -> tuple[Stamps, Array]:
-        """Rows for the scans lost before this one, on the parabola through their neighbours.
+    def _fill(self, before_ns: int, count: int, row: Array, frozen: bool) -> None:
+        """Put so many lost scans on the parabola through their neighbours.
 
         A kernel knows no time: without them it would read a lost scan as a faster motion. They
         fill memories, and nothing is told of them.
         """
-        count = round((stamp_ns - before_ns) / self._period_ns) - 1
-        if len(self._last_rows) < 2 or count < 1:
-            return np.empty(0, dtype=np.int64), np.empty((0, len(row)))
         steps = np.arange(1.0, count + 1.0)
-        rows = (self._last_rows[0], self._last_rows[1], row)
-        filled = _parabola(steps[:, None], count + 1, rows)
-        return before_ns + steps.astype(np.int64) * self._period_ns, filled
+        filled = _parabola(steps[:, None], count + 1, (*self._last_rows, row))
+        self._filled_wait = KERNEL_LENGTH + count
+        nothing = np.full((count, len(self._sensors.k)), np.nan)
+        stamps_ns = before_ns + steps.astype(np.int64) * self._period_ns
+        self._follow(stamps_ns, filled, nothing, frozen, read=False)
 
     def _follow(
         self, stamps_ns: Stamps, rows: Array, sensors: Array, frozen: bool, read: bool = True
@@ -269,7 +266,7 @@ class ResidualStream:
         self._shifts.adopt(list(change.values()))
         self._detector.adopt(list(change.values()), list(tolerance.values()))
         # How an innovation moves with a parameter is known in size alone.
-        self._detector.forget(INNOVATION_COLUMNS)
+        self._detector.forget(list(INNOVATION_INDEX.values()))
 
     def _regressors(self, rows: Array, residuals: ResidualRows) -> Array:
         """Columns of ``REGRESSOR_NAMES``, shape (n, regressors)."""
@@ -294,7 +291,7 @@ def _leave_out(residuals: ResidualRows, scans: Flags, columns: list[int]) -> Non
         residuals.values[scans, column] = np.nan
 
 
-def _parabola(at: Array, ahead: int, rows: tuple[Array, Array, Array]) -> Array:
+def _parabola(at: Array, ahead: int, rows: Sequence[Array]) -> Array:
     """Values at ``at`` of the parabola through rows at -1, 0 and ``ahead`` (Lagrange)."""
     before, last, following = rows
     return np.asarray(

@@ -17,7 +17,7 @@ from flea_diag.core import innovation_residual
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.observer_block import PREDICTED, Innovations
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual_bank import INDEX
+from flea_diag.core.residual_bank import INDEX, INNOVATION_COLUMNS
 from flea_diag.core.state_observer import StateObserver
 
 Array = npt.NDArray[np.float64]
@@ -97,12 +97,12 @@ class StateEstimate:
         read as an innovation. Raw PWM is a measurement among others.
         """
         if frozen:
-            values[:, innovation_residual.COLUMNS] = math.nan
+            values[:, INNOVATION_COLUMNS] = math.nan
             return
         tested = innovation_residual.normalised(found)
         if not self._pwm:
             tested[np.isnan(rows[:, _COMMAND])] = math.nan
-        values[:, innovation_residual.COLUMNS] = tested
+        values[:, INNOVATION_COLUMNS] = tested
 
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Go on with other parameters (the offsets of this unit, once they are learned)."""

@@ -14,7 +14,8 @@ from flea_diag.core.healthy_stretch import HealthyStretch
 from flea_diag.core.likelihood import Evidence
 from flea_diag.core.sensor_models import sensor_models
 from flea_diag.stages.episode import Episode
-from flea_diag.wire.blocks import ResidualBlock
+from flea_diag.wire.blocks import ResidualBlock, alone
+from flea_diag.wire.records import Residual
 
 Stamps = npt.NDArray[np.int64]
 
@@ -63,6 +64,13 @@ class Weighing:
         """An episode begins: what the unit shows from now on is not its healthy self."""
         self._healthy.interrupt()
         return Evidence(self.names)
+
+    def see(self, record: Residual) -> None:
+        """``show`` for one scan; most scans are passed over, and need no block."""
+        if self._healthy.keeps_next:
+            self.show(alone(record))
+        else:
+            self._healthy.pass_over()
 
     def show(self, block: ResidualBlock) -> None:
         """What the unit shows of itself while nothing deviates."""
