@@ -6,15 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flea_diag.core.detection import (
-    Detector,
-    ResidualLimit,
-    TestResults,
-    WindowLimit,
-    speed_region,
-)
+from flea_diag.core.detection import Detector, TestResults
 from flea_diag.core.residual import UNIT_PARAMETERS, Signals
 from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS, SPREAD_ROWS, ResidualRows
+from flea_diag.core.window_limit import ResidualLimit, WindowLimit, speed_region
 
 TestResults.__test__ = False  # a class of the package, not a test
 NONE = (1e-9,) * len(UNIT_PARAMETERS)

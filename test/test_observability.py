@@ -8,9 +8,9 @@ import pytest
 
 from flea_diag import configuration
 from flea_diag.core.calibration import Calibration
-from flea_diag.core.detection import ResidualLimit, WindowLimit
 from flea_diag.core.level_shift import ShiftLimit
 from flea_diag.core.observability import least_constants, unseen
+from flea_diag.core.window_limit import ResidualLimit, WindowLimit
 from flea_diag.stages.weighing import Weighing
 
 SECOND = ("motor_speed", "load_position", "commanded_voltage")

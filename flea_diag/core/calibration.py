@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.detection import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.level_shift import ShiftLimit
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residual import UNIT_PARAMETERS
 from flea_diag.core.residual_bank import RESIDUALS
 from flea_diag.core.sensor_limits import SensorLimit
+from flea_diag.core.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.errors import CalibrationError
 
 Array = npt.NDArray[np.float64]

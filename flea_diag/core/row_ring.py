@@ -21,22 +21,26 @@ class RowRing:
     def __init__(self, columns: int, windows: Sequence[int], dtype: type = float) -> None:
         self.size = max(windows)
         self.most = (ROOM - 1) * self.size
-        self._rows: npt.NDArray[Any] = np.zeros((ROOM * self.size, columns), dtype=dtype)
+        self.store: npt.NDArray[Any] = np.zeros((ROOM * self.size, columns), dtype=dtype)
         self._end = self.size
         self._leaving = np.arange(self.most)[:, None] - np.array(windows)
 
     def push(self, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Take rows, shape (n, columns); those that leave, shape (n, windows, columns)."""
         count = len(rows)
-        if self._end + count > len(self._rows):
-            self._rows[: self.size] = self.last(self.size)
-            self._end = self.size
-        start = self._end
-        self._end += count
-        self._rows[start : self._end] = rows
-        leaving: npt.NDArray[Any] = self._rows[self._leaving[:count] + start]
+        start = self.place(count)
+        self.store[start : self._end] = rows
+        leaving: npt.NDArray[Any] = self.store[self._leaving[:count] + start]
         return leaving
+
+    def place(self, count: int) -> int:
+        """Make room for so many rows; where in ``store`` they are to be put."""
+        if self._end + count > len(self.store):
+            self.store[: self.size] = self.last(self.size)
+            self._end = self.size
+        self._end += count
+        return self._end - count
 
     def last(self, count: int) -> npt.NDArray[Any]:
         """The last rows themselves, not a copy."""
-        return self._rows[self._end - count : self._end]
+        return self.store[self._end - count : self._end]

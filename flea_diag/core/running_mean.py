@@ -10,6 +10,8 @@ import numpy.typing as npt
 from flea_diag.core.row_ring import RowRing
 
 Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 
 class WindowedMeans:
@@ -65,6 +67,18 @@ class WindowedMeans:
         else:
             self._run += len(rows)
         return means
+
+    def room(self, count: int) -> tuple[tuple[Array, Flags, Array], int, int, Counts]:
+        """Memory in which ``window_loops`` puts so many rows, no more than the longest window.
+
+        Stores of values and of validity, and the sums; where in them the rows begin; rows of
+        this lap until now; how many rows in a row were valid.
+        """
+        start, lap = self._rows.place(count), self._lap
+        self._valid.place(count)
+        self._lap = (lap + count) % self._size
+        self._full_for = 0
+        return (self._rows.store, self._valid.store, self._sums), start, lap, self._run
 
     def _runs(self, valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
         """How many rows in a row were valid, after each row; shape (n, columns)."""

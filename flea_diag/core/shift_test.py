@@ -73,5 +73,4 @@ class ShiftTest:
             beyond = quiet & (np.abs(z) > limit.k)
             if beyond.any():
                 results.z[beyond, column], results.k[beyond, column] = z[beyond], limit.k
-                results.mean[beyond, column] = shift[beyond]
                 results.window[beyond, column] = limit.window

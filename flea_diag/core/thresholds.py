@@ -17,11 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration import BadStretch, Run
-from flea_diag.core.detection import (
-    SPEED_REGIONS_M_S,
-    ResidualLimit,
-    WindowLimit,
-)
 from flea_diag.core.identification import Identified
 from flea_diag.core.level_shift import SHIFT_WINDOWS, LevelShift, ShiftLimit, limit_of
 from flea_diag.core.plausibility import ENTER_SAMPLES, usable
@@ -35,6 +30,7 @@ from flea_diag.core.residual_bank import (
 )
 from flea_diag.core.sensor_limits import SENSOR_SHARE
 from flea_diag.core.shift_test import SHIFTING
+from flea_diag.core.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 
 Array = npt.NDArray[np.float64]
 

@@ -97,7 +97,7 @@ class Deviation:
             RESIDUALS[first].name,
             float(z[first]),
             float(k[first]),
-            f"mean of {results.window[0, first]} samples",
+            f"mean of {int(results.window[0, first])} samples",
         )
         # An innovation detects and has no symbol: those of the relations follow.
         return (detection, self._symbol_record(stamp_ns)) if self._symbols else (detection,)

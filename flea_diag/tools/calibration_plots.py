@@ -14,8 +14,8 @@ from flea_diag.tools.terminal import make_folder, writing
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration import Calibration
-    from flea_diag.core.detection import ResidualLimit, WindowLimit
     from flea_diag.core.thresholds import Trace
+    from flea_diag.core.window_limit import ResidualLimit, WindowLimit
 
 Array = npt.NDArray[np.float64]
 
@@ -79,8 +79,8 @@ def windowed(limit: ResidualLimit, window: WindowLimit, trace: Trace) -> tuple[A
     NaN where nothing was tested. The limits are those of nominal scatter alone; what healthy
     units differ by comes on top in a diagnosis.
     """
-    from flea_diag.core.detection import SPEED_REGIONS_M_S
     from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS
+    from flea_diag.core.window_limit import SPEED_REGIONS_M_S
 
     index = RESIDUAL_INDEX[limit.name]
     values = trace.values[:, index]

@@ -1,0 +1,42 @@
+"""Limits of the tests on windowed means: what nominal recordings showed of each residual."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+SPEED_REGIONS_M_S = (0.025, 0.060)
+"""Upper edges of the slow and the medium region of the mean |speed| in a window."""
+
+
+def speed_region(mean_speed_m_s: float) -> int:
+    """0 slow, 1 medium, 2 fast."""
+    return sum(mean_speed_m_s > edge for edge in SPEED_REGIONS_M_S)
+
+
+@dataclass(frozen=True, slots=True)
+class WindowLimit:
+    """Nominal statistics of one residual's mean over ``window`` samples, per speed region.
+
+    ``k`` is the limit of |z|; ``centre`` and ``sigma`` are in the residual's unit.
+    """
+
+    window: int
+    centre: tuple[float, ...]
+    sigma: tuple[float, ...]
+    k: float
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualLimit:
+    """Limits of one residual; ``sigma`` is the scatter of single samples, per region.
+
+    ``correlation_samples`` is the number of samples that carry as much news as one independent
+    sample. ``spread`` is d r / d theta of healthy units (order of ``UNIT_PARAMETERS``) where the
+    residual itself does not tell it scan by scan, and empty elsewhere.
+    """
+
+    name: str
+    windows: tuple[WindowLimit, ...]
+    sigma: tuple[float, ...]
+    correlation_samples: float = 1.0
+    spread: tuple[float, ...] = ()
