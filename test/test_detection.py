@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import importlib.util
 import math
 
 import numpy as np
@@ -133,3 +134,36 @@ def test_what_was_never_tested_or_is_forgotten_deviates_not():
     assert results.deviating()[0].nonzero()[0].tolist() == [THERMAL]
     test.clear()
     assert not test.step(sample({"motor_temperature": 99.0})).deviating().any()
+
+
+@pytest.mark.skipif(importlib.util.find_spec("numba") is None, reason="numba is an extra")
+def test_compiled_loops_give_the_bits_of_numpy_whatever_blocks_come():
+    random, scans = np.random.default_rng(5), 2500
+    tested = [row.name for row in RESIDUALS if row.gate in ("moving", "always")]
+    windows, centre = {50: 0.2, 100: 0.1, 400: 0.05}, (0.1, 0.2, 0.3)
+    limits = [limit(name, windows, centre=centre) for name in tested]
+    tolerance = random.uniform(0.1, 1.0, len(UNIT_PARAMETERS))
+    values = random.standard_normal((scans, len(RESIDUALS)))
+    values[random.random(values.shape) < 0.001] = math.nan
+    spread = random.standard_normal((scans, len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
+    speed = 0.09 * np.sin(np.arange(scans) / 150.0)
+    spread[700:710], speed[900:905] = math.nan, math.nan
+
+    def run(backend: str, lengths: list[int]) -> np.ndarray:
+        test, found, start = Detector(limits, tolerance, 1e-3, backend), [], 0
+        for length in lengths:
+            part = slice(start, start + length)
+            moving = np.abs(speed[part]) > 0.01
+            rows = ResidualRows(values[part], spread[part], signals(speed[part]), moving)
+            found.append(test.step(rows).table)
+            start += length
+            if start == 1000:
+                test.adopt([0.1] * len(tolerance), tolerance / 2.0)
+            if start == 1500:
+                test.forget([MECHANICAL, THERMAL])
+        return np.concatenate(found, axis=1)
+
+    numpy = run("numpy", [1000, 500, 1000])
+    assert np.isfinite(numpy).mean() > 0.2
+    np.testing.assert_array_equal(run("numba", [1000, 500, 1000]), numpy)
+    np.testing.assert_array_equal(run("numba", [1] * scans), numpy)

@@ -56,8 +56,11 @@ def _compiled(
     import numba
     from numba.extending import register_jitable
 
+    # Parts are inlined for certain. Called, they are symbols that a program which has just
+    # compiled them may share among functions and one which loads them from disk may not, and
+    # sums reordered in different ways differ in their last bits.
     for part in parts:
-        register_jitable(**options)(part)
+        register_jitable(forceinline=True, **options)(part)
     try:
         result: Callable[..., Any] = numba.njit(cache=True, **options)(_named(function, parts))
     except (RuntimeError, OSError):  # nowhere to keep a cache: a read-only installation

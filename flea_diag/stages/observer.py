@@ -60,7 +60,7 @@ class ObserverParameters:
         choices=(*KINDS, NONE),
     )
     observer_backend: str = parameter(
-        "auto", "what computes the particle filter", choices=("auto", "numpy", "numba")
+        "auto", "what computes particle filter and tests", choices=("auto", "numpy", "numba")
     )
     observer_seed: int = parameter(
         1, "seed of the particle filter's random numbers", minimum=0, maximum=2**31 - 1
@@ -97,7 +97,7 @@ class ObserverStage:
             self._channels.take_ranges(self._table)
         p = self._parameters
         estimate = StateEstimate(c, p.state_observer, p.observer_seed, p.observer_backend)
-        self._stream = ResidualStream(c, estimate, p.warm_up_s, stamp_ns)
+        self._stream = ResidualStream(c, estimate, p.warm_up_s, stamp_ns, p.observer_backend)
         if self._table is not None:
             self._stream.take_ranges(self._table)
         self._deviation.forget()

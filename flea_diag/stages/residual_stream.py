@@ -77,7 +77,12 @@ class ResidualStream:
     """Bank, cross-checks, this unit's offsets and tests; takes scans singly or in blocks."""
 
     def __init__(
-        self, calibration: Calibration, estimate: StateEstimate, warm_up_s: float, start_ns: int
+        self,
+        calibration: Calibration,
+        estimate: StateEstimate,
+        warm_up_s: float,
+        start_ns: int,
+        backend: str,
     ) -> None:
         c = self._calibration = calibration
         self._p = c.parameters
@@ -86,7 +91,8 @@ class ResidualStream:
         limits = [
             limit for limit in c.limits if estimate.runs or limit.name not in INNOVATION_INDEX
         ]
-        self._detector = Detector(limits, c.tolerances(), c.tolerance.thermal_rate_k_per_s)
+        thermal = c.tolerance.thermal_rate_k_per_s
+        self._detector = Detector(limits, c.tolerances(), thermal, backend)
         self._estimate = estimate
         self._plausible = VoltagePlausibility(c.voltage_limit_v)
         self._learning = {
