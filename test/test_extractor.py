@@ -141,6 +141,21 @@ def test_nothing_is_decoded_until_a_window_is_named_and_then_only_that() -> None
     assert lazy.windows.vibration.decoded_bytes == 3 * one_axis
 
 
+def test_a_window_that_is_asked_about_again_is_not_decoded_again() -> None:
+    once, anew = stage(), stage()
+    asked = [
+        request(feature, 2.0, 2.5, step=step)
+        for step, feature in enumerate(("accelerometer_1_std", "accelerometer_1_crest"), start=1)
+    ]
+    fed(once, merged(blocks(3.0), scans(3.0)))
+    first, second = answers(fed(once, asked))
+    assert once.windows.vibration.decoded_bytes == 4 * 2 * round(0.5 * RATE)
+    fed(anew, merged(blocks(3.0), scans(3.0)))
+    assert second.value == answers(fed(anew, asked[1:]))[0].value
+    third = answers(once.handle(request("accelerometer_1_std", 1.0, 1.5, step=3)))[0]
+    assert third.value != first.value
+
+
 def test_memory_is_bounded() -> None:
     small = stage(history_s=0.5)
     fed(small, merged(blocks(5.0), scans(5.0)))

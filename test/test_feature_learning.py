@@ -19,7 +19,7 @@ from flea_diag.errors import CalibrationError, ConfigurationError, RecordingErro
 from flea_diag.tools import feature_bearing as bearing
 from flea_diag.tools import features as tool
 from flea_diag.tools.feature_judge import Walk, report
-from flea_diag.tools.feature_samples import Grid, label, run_of, run_of_bag
+from flea_diag.tools.feature_samples import Grid, Run, label, run_of, run_of_bag
 from flea_diag.tools.feature_stand import drawn_scenario, stand_run
 from flea_diag.wire.bag import BagWriter
 from flea_diag.wire.records import NEVER_NS, Scan, Truth, VibrationBlock
@@ -96,6 +96,16 @@ def test_probabilities_are_counts_with_half_a_count_added() -> None:
     assert sum(found) == pytest.approx(1.0)
     assert min(found) >= 0.5 / 102.5
     assert outside < 10.0
+
+
+def test_features_are_asked_on_windows_in_motion_with_a_reversal_if_there_are_any() -> None:
+    turning, straight = Sample("jam", POINT, {}), Sample("jam", POINT, {}, reverses=False)
+    rest = Sample("jam", OperatingPoint(1.0, 50.0), {})
+    run = Run("made up", 1.0, (rest, straight, turning, turning))
+    assert run.asked(["jam"], 1) == [turning]
+    assert run.asked(["jam"], 3) == [turning, turning]
+    assert Run("made up", 1.0, (rest, straight)).asked(["jam"], 3) == [straight]
+    assert run.asked(["spall"], 3) == []
 
 
 def test_table_needs_nominal_and_faulty_windows_in_motion() -> None:

@@ -32,11 +32,23 @@ def answer(request: FeatureRequest, value: float = 1.0) -> FeatureValue:
     )  # fmt: skip
 
 
-def ask(inquiry: Inquiry, stamp_ns: int, step: int) -> FeatureRequest | None:
+def pace(*scans: tuple[float, float]) -> Pace:
+    """Speed and load over the last second."""
+    made = Pace(S)
+    for number, scan in enumerate(scans):
+        made.add(number * S // len(scans), *scan)
+    return made
+
+
+TURNING = pace((60.0, 40.0), (-60.0, 40.0))
+ONE_WAY = pace((60.0, 40.0), (60.0, 40.0))
+
+
+def ask(
+    inquiry: Inquiry, stamp_ns: int, step: int, motion: Pace = TURNING
+) -> FeatureRequest | None:
     inquiry.plan(PAIR, CHOOSER)
-    if not inquiry.wanted or not inquiry.is_fresh(stamp_ns):
-        return None
-    return inquiry.ask(stamp_ns, 1, step)
+    return inquiry.ask(stamp_ns, 1, step) if inquiry.is_due(stamp_ns, motion) else None
 
 
 def test_windows_begin_after_the_detection_and_follow_each_other_up_to_their_number() -> None:
@@ -50,10 +62,33 @@ def test_windows_begin_after_the_detection_and_follow_each_other_up_to_their_num
     assert [request.feature for request in asked] == ["f", "g"] * 3
     starts = [request.window_start_ns for request in asked]
     assert starts[0] == 10 * S
+    for place in (0, 2, 4):
+        assert starts[place] == starts[place + 1]
     for place in (2, 4):  # nothing of the window before
         assert starts[place] >= asked[place - 1].window_end_ns
     assert inquiry.computed == ("f", "g")
     assert not inquiry.is_open(10 * S, 0)
+
+
+def test_a_window_with_a_reversal_is_waited_for_but_not_for_ever() -> None:
+    """All fall silent but play at a reversal: a window without says the same of a worn nut."""
+    inquiry = Inquiry(10 * S, S, most_windows=1)
+    assert ask(inquiry, 12 * S, 1, ONE_WAY) is None
+    assert ask(inquiry, 12 * S, 1, TURNING) is not None
+    patient = Inquiry(10 * S, S, most_windows=1)
+    assert ask(patient, 13 * S - 1, 1, ONE_WAY) is None
+    assert ask(patient, 13 * S, 1, ONE_WAY) is not None
+    assert ask(Inquiry(10 * S, S, most_windows=1), 13 * S, 1, pace((0.0, 9.0), (0.0, -9.0))) is None
+
+
+def test_what_one_window_does_not_give_the_next_one_may() -> None:
+    inquiry = Inquiry(0, S, most_windows=1)
+    first = ask(inquiry, 2 * S, 1)
+    assert first is not None
+    assert inquiry.take(answer(first, math.nan))
+    second = ask(inquiry, 3 * S, 2)
+    assert second is not None
+    assert (second.feature, second.window_end_ns) == ("g", 3 * S)
 
 
 def test_a_lost_answer_is_not_asked_for_anew() -> None:
@@ -92,7 +127,19 @@ def test_patience_for_a_window_ends() -> None:
      ([60.0] * 100 + [0.0] * 100, False), ([0.0] * 90 + [60.0] * 10, True)],
 )  # fmt: skip
 def test_the_last_window_moved_or_not(speeds: list[float], moving: bool) -> None:
-    pace = Pace(S)
+    last = Pace(S)
     for number, speed in enumerate(speeds):
-        pace.add(number * S // 100, speed)
-    assert pace.is_moving is moving
+        last.add(number * S // 100, speed, 0.0)
+    assert last.is_moving is moving
+
+
+@pytest.mark.parametrize(
+    ("scans", "turns"),
+    [([(30.0, 9.0), (-30.0, 9.0)], True), ([(30.0, 9.0), (-1.0, 9.0)], False),
+     ([(30.0, 9.0), (30.0, -9.0)], True), ([(30.0, 9.0), (30.0, -4.0)], False),
+     ([(math.nan, math.nan)], False), ([], False)],
+)  # fmt: skip
+def test_the_last_window_holds_a_reversal_of_motion_or_load(
+    scans: list[tuple[float, float]], turns: bool
+) -> None:
+    assert pace(*scans).reverses is turns

@@ -36,11 +36,15 @@ REDUNDANT = 0.9
 
 @dataclass(frozen=True)
 class Sample:
-    """Feature values of one window of a run in which ``fault`` was present throughout."""
+    """Feature values of one window of a run in which ``fault`` was present throughout.
+
+    ``reverses``: motion or load reverses in it.
+    """
 
     fault: str
     point: OperatingPoint
     values: Mapping[str, float]
+    reverses: bool = True
 
     @property
     def moving(self) -> bool:

@@ -24,6 +24,16 @@ WORST_CONDITION = 50.0
 """Of the scaled regression; beyond it the coefficients are noise."""
 
 
+def reverses(speed_rad_s: npt.ArrayLike, load_n: npt.ArrayLike) -> bool:
+    """Whether motion or load turns from beyond one side of its band to beyond the other.
+
+    Play, if there is any, is taken up then: in a window without a reversal a worn nut is silent.
+    """
+    turning = ((speed_rad_s, REVERSAL_RAD_S), (load_n, REVERSAL_N))
+    rows = [(np.asarray(values, float), band) for values, band in turning]
+    return any((row > band).any() and (row < -band).any() for row, band in rows)
+
+
 def rest_moving_ratio(window: Window) -> Floats:
     """Ratio of the standard deviation at rest to that in motion.
 

@@ -41,7 +41,7 @@ class ExtractorParameters:
     """What the extractor may be told."""
 
     history_s: float = parameter(
-        6.0, "vibration and scans kept for requests", unit="s", minimum=0.5, maximum=60.0
+        10.0, "vibration and scans kept for requests", unit="s", minimum=0.5, maximum=60.0
     )
     answer_budget_s: float = parameter(
         0.15, "stamp of an answer after that of its request", unit="s", minimum=0.0, maximum=5.0
@@ -95,6 +95,8 @@ class ExtractorStage:
         self.parameters = p = parameters or ExtractorParameters()
         self.windows = Windows(p.history_s, p.gap_limit_s, p.scan_gap_limit_s, table.nominal.orders)
         self.duplicates = 0
+        self._span = 0, 0
+        self._cut: dict[tuple[str, bool], Window] = {}
         self._stopwatch = stopwatch
         self._full_scale: dict[str, float] = {}
         self._pending: deque[FeatureRequest] = deque()
@@ -201,18 +203,24 @@ class ExtractorStage:
         return "motor_speed is not measured in the window, so the nominal range is not known"
 
     def _window(self, request: FeatureRequest, wanted: FeatureId) -> Window:
-        """Decode what one feature needs, and nothing else."""
+        """Decode what one feature needs, and nothing else; the next one finds it decoded."""
         start_ns, end_ns = request.window_start_ns, request.window_end_ns
         shortest_s = self.parameters.shortest_window_s
         if end_ns - start_ns < shortest_s * SECOND_NS:
             raise NotComputableError(
                 f"window of {(end_ns - start_ns) / 1e9:.3f} s is shorter than {shortest_s:g} s"
             )
-        window = self.windows.cut_for(wanted, start_ns, end_ns)
-        if wanted.feature.scope is not Scope.SCANS:
+        if wanted.feature.scope is Scope.SCANS:
+            return self.windows.cut_for(wanted, start_ns, end_ns)
+        if self._span != (start_ns, end_ns):
+            self._span, self._cut = (start_ns, end_ns), {}
+        kind = wanted.accelerometer, wanted.feature.needs_scans
+        if kind not in self._cut:
+            window = self.windows.cut_for(wanted, start_ns, end_ns)
             self._check_rate(window.rate_hz)
             self._check_saturation(window)
-        return window
+            self._cut[kind] = window
+        return self._cut[kind]
 
     def _is_rate_known(self, rate_hz: float) -> bool:
         learned_hz = self.table.nominal.rate_hz

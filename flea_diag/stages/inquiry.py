@@ -1,8 +1,9 @@
 """What an episode asks of vibration: which feature next, on which window, and how long.
 
 What a fault does to a feature was learned on windows in motion with the fault there throughout.
-So a window begins after the detection and holds motion. When all features of one window are
-used up and several faults are left, they are asked for anew on the next window.
+So a window begins after the detection and holds motion, with a reversal, in which play shows.
+All features are asked of the same window; when they are used up and several faults are left,
+they are asked for anew on the next.
 """
 
 from __future__ import annotations
@@ -13,8 +14,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from flea_diag.core.feature_choice import FeatureChooser
+from flea_diag.core.features_motion import reverses
 from flea_diag.core.nominal_range import MOVING_RAD_S
 from flea_diag.wire.records import FeatureRequest, FeatureValue
+
+REVERSAL_NS = 2_000_000_000
+"""So long a window with a reversal is waited for; half a period of the slowest usual motion."""
 
 
 @dataclass
@@ -37,6 +42,7 @@ class Inquiry:
     _answered: bool = False
     _windows: int = 1
     _until_ns: int = 0
+    _end_ns: int | None = None
 
     def plan(self, group: Mapping[str, float], chooser: FeatureChooser) -> None:
         """Choose what to ask for next, of this window or of a fresh one; `wanted` holds it."""
@@ -47,18 +53,22 @@ class Inquiry:
         if self.wanted:
             self._tried, self._answered = (), False
             self._windows += 1
-            self.since_ns = self._until_ns
+            self.since_ns, self._end_ns = self._until_ns, None
 
     def ask(self, stamp_ns: int, episode: int, step: int) -> FeatureRequest:
-        """Request what is wanted, of the window that ends now."""
+        """Request what is wanted, of the window in use or of the one that ends now."""
         assert self.wanted is not None
-        start_ns = stamp_ns - self.window_ns
-        self.request = FeatureRequest(stamp_ns, episode, step, self.wanted, start_ns, stamp_ns)
+        end_ns = self._end_ns = stamp_ns if self._end_ns is None else self._end_ns
+        start_ns = end_ns - self.window_ns
+        self.request = FeatureRequest(stamp_ns, episode, step, self.wanted, start_ns, end_ns)
         return self.request
 
-    def is_fresh(self, stamp_ns: int) -> bool:
-        """Whether the window that ends now may be asked about."""
-        return stamp_ns - self.window_ns >= self.since_ns
+    def is_due(self, stamp_ns: int, pace: Pace) -> bool:
+        """Whether something is wanted, and there is a window to ask about."""
+        if self.wanted is None or self._end_ns is not None:
+            return self.wanted is not None
+        waited_ns = stamp_ns - self.window_ns - self.since_ns
+        return waited_ns >= 0 and pace.is_moving and (waited_ns >= REVERSAL_NS or pace.reverses)
 
     def is_open(self, stamp_ns: int, patience_ns: int) -> bool:
         """Whether an answer, or a window to ask about, is still waited for."""
@@ -72,7 +82,9 @@ class Inquiry:
             return False
         self.give_up()
         self._answered = True
-        if not math.isnan(answer.value) and answer.feature not in self.computed:
+        if math.isnan(answer.value):
+            self._end_ns = None  # the next feature on another window: this one may be spoilt
+        elif answer.feature not in self.computed:
             self.computed += (answer.feature,)
         return True
 
@@ -86,19 +98,24 @@ class Inquiry:
 
 @dataclass
 class Pace:
-    """Speeds of the shaft over the last window."""
+    """Speed of the shaft and load over the last window."""
 
     window_ns: int
-    _speeds: deque[tuple[int, float]] = field(default_factory=deque)
+    _scans: deque[tuple[int, float, float]] = field(default_factory=deque)
 
-    def add(self, stamp_ns: int, speed_rad_s: float) -> None:
-        """Speed of one scan; not a number where it is not measured."""
-        self._speeds.append((stamp_ns, speed_rad_s))
-        while self._speeds[0][0] <= stamp_ns - self.window_ns:
-            self._speeds.popleft()
+    def add(self, stamp_ns: int, speed_rad_s: float, load_n: float) -> None:
+        """One scan; not a number what is not measured."""
+        self._scans.append((stamp_ns, speed_rad_s, load_n))
+        while self._scans[0][0] <= stamp_ns - self.window_ns:
+            self._scans.popleft()
 
     @property
     def is_moving(self) -> bool:
         """Whether the shaft turned as in the windows learned from; true where nothing says."""
-        known = [speed * speed for _, speed in self._speeds if math.isfinite(speed)]
+        known = [speed * speed for _, speed, _ in self._scans if math.isfinite(speed)]
         return not known or math.fsum(known) / len(known) >= MOVING_RAD_S**2
+
+    @property
+    def reverses(self) -> bool:
+        """Whether motion or load reverses in it."""
+        return reverses([row[1] for row in self._scans], [row[2] for row in self._scans])

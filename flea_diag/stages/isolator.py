@@ -275,7 +275,7 @@ class IsolatorStage:
             return ()
         group = {h.name: h.probability for h in episode.isolation.alive()}
         inquiry.plan(group, self._chooser)
-        if not inquiry.wanted or not inquiry.is_fresh(stamp_ns) or not self._motion.pace.is_moving:
+        if not inquiry.is_due(stamp_ns, self._motion.pace):
             return ()
         episode.step += 1
         self._merge.hold(stamp_ns + round(self._p.answer_budget_s * 1e9))

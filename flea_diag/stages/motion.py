@@ -41,7 +41,7 @@ class Motion:
         """Take one scan."""
         speed = regressors[SPEED]
         screw_rad_s = speed / self._lead if self._lead else math.nan
-        self.pace.add(stamp_ns, screw_rad_s)
+        self.pace.add(stamp_ns, screw_rad_s, regressors[LOAD])
         self._sentinel.motion(screw_rad_s, regressors[LOAD])
         if moving:
             self._visited.append((regressors[CURRENT], speed))

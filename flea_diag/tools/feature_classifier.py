@@ -114,7 +114,7 @@ def call(
     """
     called: list[Called] = []
     for run in runs:
-        samples = run.moving(group, windows)
+        samples = run.asked(group, windows)
         if samples:
             called.append(_call(samples, classifier, group))
     return called

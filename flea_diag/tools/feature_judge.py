@@ -43,11 +43,11 @@ def judge(
     strategy: str = "optimal",
     windows: int = 1,
 ) -> list[Walk]:
-    """One walk a run whose fault is of the group, on its first moving windows."""
+    """One walk a run whose fault is of the group, on the first windows that show its fault."""
     chooser = FeatureChooser(table, strategy)
     walks: list[Walk] = []
     for run in runs:
-        samples = run.moving(group, windows)
+        samples = run.asked(group, windows)
         if samples:
             walks.append(walk(samples, chooser, group))
     return walks

@@ -10,6 +10,7 @@ import numpy as np
 
 from flea_diag.core.feature_learning import NOMINAL, Sample
 from flea_diag.core.features import all_ids, compute_all
+from flea_diag.core.features_motion import reverses
 from flea_diag.core.nominal_range import OperatingPoint
 from flea_diag.core.smoothing import KERNEL_LENGTH, hann_kernels
 from flea_diag.core.window import NotComputableError
@@ -41,9 +42,13 @@ class Run:
     samples: tuple[Sample, ...]
     levels: tuple[tuple[OperatingPoint, Mapping[str, float]], ...] = ()
 
-    def moving(self, group: Sequence[str], windows: int) -> list[Sample]:
-        """The first windows in motion under a fault of the group, no more than ``windows``."""
-        return [s for s in self.samples if s.moving and s.fault in group][:windows]
+    def asked(self, group: Sequence[str], windows: int) -> list[Sample]:
+        """The first windows under a fault of the group that features would be asked on.
+
+        In motion with a reversal; in motion alone where there are no others.
+        """
+        moving = [s for s in self.samples if s.moving and s.fault in group]
+        return [s for s in moving if s.reverses][:windows] or moving[:windows]
 
 
 def run_of_bag(directory: Path, grid: Grid) -> Run:
@@ -110,7 +115,8 @@ def _samples(windows: Windows, start_ns: int, end_ns: int, fault: str) -> Iterat
     except NotComputableError:
         return
     point = windows.operating_point(start_ns, end_ns)
-    yield Sample(fault, point, compute_all(all_ids(window.axes), window))
+    turns = reverses(window.slow.get("motor_speed", ()), window.slow.get("load_force", ()))
+    yield Sample(fault, point, compute_all(all_ids(window.axes), window), turns)
 
 
 @dataclass(frozen=True)
