@@ -98,7 +98,13 @@ def test_evaluations_say_who_is_no_longer_right(
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [("{", "cannot be read as JSON"), ("[1]", "not the JSON of a replay"), (None, "cannot be")],
+    [
+        ("{", "cannot be read as JSON"),
+        ("[1]", "not the JSON of a replay"),
+        ('{"episodes": [1]}', "not the JSON of a replay"),
+        ('{"episodes": [{"outcome": "ISOLATED", "detected_at_s": null}]}', "make it with flea"),
+        (None, "cannot be"),
+    ],
 )
 def test_what_cannot_be_compared_ends_with_2(
     tmp_path: Path, content: str | None, words: str, capsys: pytest.CaptureFixture[str]

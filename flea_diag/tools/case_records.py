@@ -9,6 +9,7 @@ import numpy as np
 
 from flea_diag.errors import RecordingError
 from flea_diag.tools.case import Recipe
+from flea_diag.tools.motion import POSITION
 from flea_diag.wire.records import ChannelTable, Record, Scan, Truth, VibrationBlock
 
 SENT = (ChannelTable, Truth, VibrationBlock, Scan)
@@ -65,7 +66,7 @@ def _injected(recipe: Recipe) -> Iterable[Record]:
     if not scans or table is None:
         raise RecordingError(f"{recipe.recording}: no scans or no channel table in it")
     times = np.array([(scan.stamp_ns - scans[0].stamp_ns) / 1e9 for scan in scans])
-    position = np.array([scan.value("actuator_position") for scan in scans])
+    position = np.array([scan.value(POSITION) for scan in scans])
     row = injection.row_of(*recipe.fault.split())
     possible = injection.onsets(times, position)
     made = injection.draw(row, possible, recipe.seed, recipe.number, recipe.size)

@@ -14,7 +14,7 @@ import numpy as np
 
 from flea_diag.errors import FleaError, RecordingError
 from flea_diag.tools.case import Case
-from flea_diag.tools.motion_time import moving_s
+from flea_diag.tools.motion import moving_s
 from flea_diag.tools.peak_memory import forget_peak, peak_bytes
 from flea_diag.tools.replay_summary import BULK, summarise
 from flea_diag.tools.run_result import NOMINAL, RunResult

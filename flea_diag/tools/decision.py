@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,10 @@ from flea_diag.tools.result_log import RESULTS, read_results
 from flea_diag.tools.run_result import RunResult
 
 LARGEST_JSON_BYTES = 64 << 20
+
+Episode = Mapping[str, Any]
+"""One episode of a replay's summary, of which ``_episodes`` has made sure what is in it."""
+ABSENT: Episode = {}
 
 
 @dataclass(frozen=True)
@@ -23,7 +29,7 @@ class Decision:
     outcome: str
     group: tuple[str, ...]
     alarms_s: tuple[float, ...]
-    episodes: tuple[Mapping[str, Any], ...] = ()
+    episodes: tuple[Episode, ...] = ()
     digest: str = ""
     backend: str = ""
     right: bool | None = None
@@ -32,7 +38,7 @@ class Decision:
     @property
     def verdict(self) -> tuple[Any, ...]:
         """What must be equal for two runs to be decided alike."""
-        said = [(e.get("outcome"), sorted(e.get("ambiguity_group", ()))) for e in self.episodes]
+        said = [(e["outcome"], sorted(e["ambiguity_group"])) for e in self.episodes]
         return self.outcome, self.group, self.alarms_s, said, bool(self.failure)
 
     def words(self) -> str:
@@ -70,7 +76,7 @@ def _of_files(paths: list[Path]) -> dict[str, Decision]:
     for path in paths:
         content = _json(path)
         for summary in content if isinstance(content, list) else [content]:
-            decision = _of_summary(summary, str(path))
+            decision = _of_summary(summary, path)
             found[decision.name] = decision
     return found
 
@@ -78,15 +84,14 @@ def _of_files(paths: list[Path]) -> dict[str, Decision]:
 def _of_results(results: tuple[RunResult, ...], folder: Path) -> Iterator[Decision]:
     for result in results:
         name = "/".join(part for part in (result.configuration, result.id, result.fold) if part)
-        episodes: tuple[Mapping[str, Any], ...] = ()
-        if result.detail and (folder / result.detail).is_file():
-            episodes = tuple(_json(folder / result.detail)["summary"]["episodes"])
+        detail = folder / result.detail
+        told = bool(result.detail) and detail.is_file()
         yield Decision(
             name,
             result.outcome,
             tuple(sorted(result.group)),
             result.alarms_s,
-            episodes,
+            _of_detail(detail) if told else (),
             result.digest,
             result.backend,
             result.right,
@@ -94,21 +99,52 @@ def _of_results(results: tuple[RunResult, ...], folder: Path) -> Iterator[Decisi
         )
 
 
-def _of_summary(summary: Any, where: str) -> Decision:
-    try:
-        episodes = tuple(summary["episodes"])
+def _of_detail(path: Path) -> tuple[Episode, ...]:
+    with _shaped(path):
+        return _episodes(_json(path)["summary"])
+
+
+def _of_summary(summary: Any, path: Path) -> Decision:
+    with _shaped(path):
+        episodes = _episodes(summary)
         return Decision(
             Path(summary["bag"]).name,
             str(summary["outcome"]),
-            tuple(sorted(summary["ambiguity_group"])),
+            tuple(sorted(map(str, summary["ambiguity_group"]))),
             tuple(episode["detected_at_s"] for episode in episodes),
             episodes,
-            summary["digest"],
-            summary.get("backend", ""),
+            str(summary["digest"]),
+            str(summary.get("backend", "")),
         )
-    except (TypeError, KeyError) as error:
+
+
+def _episodes(summary: Mapping[str, Any]) -> tuple[Episode, ...]:
+    """What is compared of each episode; older files lack evidence and steps."""
+    return tuple(
+        {
+            "outcome": str(row["outcome"]),
+            "detected_at_s": float(row["detected_at_s"]),
+            "detected_by": str(row.get("detected_by", "")),
+            "ambiguity_group": [str(fault) for fault in row["ambiguity_group"]],
+            "kept": dict(row.get("kept", {})),
+            "dropped": dict(row.get("dropped", {})),
+            "steps": [
+                {"at_s": float(s["at_s"]), "outcome": str(s["outcome"]), "members": [*s["members"]]}
+                for s in row.get("steps", ())
+            ],
+        }
+        for row in summary["episodes"]
+    )
+
+
+@contextmanager
+def _shaped(path: Path) -> Iterator[None]:
+    """JSON of another shape is refused, wherever it differs."""
+    try:
+        yield
+    except (TypeError, KeyError, ValueError, AttributeError) as error:
         raise RecordingError(
-            f"{where}: not the JSON of a replay ({error!r}): make it with flea replay --json"
+            f"{path}: not the JSON of a replay ({error!r}): make it with flea replay --json"
         ) from error
 
 
@@ -127,30 +163,18 @@ def _json(path: Path) -> Any:
 def differences(a: Decision, b: Decision) -> list[str]:
     """Lines that say what changed, when, and by which evidence."""
     lines = [f"{a.words()}  ->  {b.words()}"]
-    for number, (one, other) in enumerate(_paired(a, b), 1):
+    for number, (one, other) in enumerate(zip_longest(a.episodes, b.episodes, fillvalue=ABSENT), 1):
         lines += [f"episode {number}: {line}" for line in _of_episodes(one, other)]
     return lines
 
 
-Episode = Mapping[str, Any]
-
-
-def _paired(a: Decision, b: Decision) -> Iterator[tuple[Episode | None, Episode | None]]:
-    for k in range(max(len(a.episodes), len(b.episodes))):
-        yield (
-            a.episodes[k] if k < len(a.episodes) else None,
-            b.episodes[k] if k < len(b.episodes) else None,
-        )
-
-
-def _of_episodes(a: Episode | None, b: Episode | None) -> Iterator[str]:
-    if a is None or b is None:
-        there, which = (b, "B") if a is None else (a, "A")
-        yield f"in {which} alone, {_opened(there or {})}"
+def _of_episodes(a: Episode, b: Episode) -> Iterator[str]:
+    if ABSENT in (a, b):
+        yield f"in {'A' if a else 'B'} alone, {_opened(a or b)}"
         return
     if _opened(a) != _opened(b):
         yield f"{_opened(a)}  ->  {_opened(b)}"
-    parting = _parting(a.get("steps", ()), b.get("steps", ()))
+    parting = _parting(a["steps"], b["steps"])
     if parting:
         yield parting
     for fault in sorted(set(a["ambiguity_group"]) ^ set(b["ambiguity_group"])):
@@ -158,10 +182,8 @@ def _of_episodes(a: Episode | None, b: Episode | None) -> Iterator[str]:
 
 
 def _opened(episode: Episode) -> str:
-    return (
-        f"detected at {episode.get('detected_at_s')} s by "
-        f"{episode.get('detected_by') or 'what is not known'}"
-    )
+    by = episode["detected_by"] or "what is not known"
+    return f"detected at {episode['detected_at_s']} s by {by}"
 
 
 def _parting(a: Any, b: Any) -> str:
@@ -185,5 +207,5 @@ def _step(step: Mapping[str, Any]) -> str:
 
 def _held(episode: Episode, fault: str) -> str:
     if fault in episode["ambiguity_group"]:
-        return f"kept it ({episode.get('kept', {}).get(fault, 'no reason written')})"
-    return f"dropped it ({episode.get('dropped', {}).get(fault, 'never considered')})"
+        return f"kept it ({episode['kept'].get(fault, 'no reason written')})"
+    return f"dropped it ({episode['dropped'].get(fault, 'never considered')})"

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.motion import MOVING_M_S, speed
 from flea_diag.wire.records import Scan
 
 Array = npt.NDArray[np.float64]
@@ -23,9 +24,6 @@ Bools = npt.NDArray[np.bool_]
 
 CLEAR_S = 8.0
 """No onset nearer than this to either end of a recording."""
-MOVING_M_S = 0.010
-SPEED_SPAN = 10
-"""Scans to either side over which the speed at an onset is taken."""
 GAP_S = 0.05
 """Length of a drop-out: the reading is zero for so long."""
 
@@ -212,14 +210,8 @@ def row_of(channel: str, mode: str) -> Row:
 
 def onsets(times_s: Array, position_m: Array) -> Array:
     """Times at which a fault may set in: in motion, and well away from either end."""
-    span = SPEED_SPAN
-    speed = np.full(len(times_s), np.nan)
-    if len(times_s) > 2 * span:
-        apart = position_m[2 * span :] - position_m[: -2 * span]
-        speed[span:-span] = apart / (times_s[2 * span :] - times_s[: -2 * span])
     inside: Bools = (times_s >= times_s[0] + CLEAR_S) & (times_s <= times_s[-1] - CLEAR_S)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(times_s[inside & (np.abs(speed) > MOVING_M_S)])
+    return np.asarray(times_s[inside & (np.abs(speed(times_s, position_m)) > MOVING_M_S)])
 
 
 def draw(

@@ -15,13 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import RecordingError
+from flea_diag.tools.motion import POSITION, SPAN, speed
 from flea_diag.wire.records import ChannelTable, Record, Scan, Truth
 
 Array = npt.NDArray[np.float64]
 
-POSITION = "actuator_position"
-SPEED_SPAN = 10
-"""Scans to either side over which a speed is taken."""
 SPEED_WEIGHT_S = 0.05
 """A difference in speed counts as the way that it makes in this time."""
 LARGEST_STEP_M = 1e-3
@@ -70,7 +68,7 @@ def splice(
 
 def _scans(records: Sequence[Record]) -> list[Scan]:
     scans = [record for record in records if isinstance(record, Scan)]
-    if len(scans) <= 4 * SPEED_SPAN:
+    if len(scans) <= 4 * SPAN:
         raise RecordingError(f"{len(scans)} scans, a run to be joined needs more")
     return scans
 
@@ -86,8 +84,8 @@ def find_join(before: Sequence[Scan], after: Sequence[Scan], margin_s: float) ->
     x, v = _motion(before)
     y, w = _motion(after)
     start = int(np.searchsorted(_times(before), margin_s))
-    rows = np.arange(max(start, SPEED_SPAN), len(x) - SPEED_SPAN)
-    columns = np.arange(SPEED_SPAN, max(SPEED_SPAN + 1, int(LATEST_SHARE * len(y))))
+    rows = np.arange(max(start, SPAN), len(x) - SPAN)
+    columns = np.arange(SPAN, max(SPAN + 1, int(LATEST_SHARE * len(y))))
     step = np.abs(x[rows, None] - y[columns])
     cost = step + SPEED_WEIGHT_S * np.abs(v[rows, None] - w[columns])
     cost[(np.sign(v[rows, None]) != np.sign(w[columns])) | (step > LARGEST_STEP_M)] = np.inf
@@ -108,8 +106,4 @@ def _times(scans: Sequence[Scan]) -> Array:
 def _motion(scans: Sequence[Scan]) -> tuple[Array, Array]:
     """Position (m) and its speed (m/s) over a short span, shape (n,) each."""
     position = np.array([scan.value(POSITION) for scan in scans])
-    times = _times(scans)
-    speed = np.full(len(scans), np.nan)
-    n = SPEED_SPAN
-    speed[n:-n] = (position[2 * n :] - position[: -2 * n]) / (times[2 * n :] - times[: -2 * n])
-    return position, speed
+    return position, speed(_times(scans), position)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flea_diag.tools.motion_time import moving_s
+from flea_diag.tools.motion import moving_s
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import Scan
 
