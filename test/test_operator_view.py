@@ -175,7 +175,7 @@ def test_symbols_of_the_open_episode() -> None:
     first = Symbols(NOON_NS, 1, (Symbol("a", "+", "?", NOON_NS),))
     later = Symbols(NOON_NS + SECOND_NS, 1, (Symbol("a", "+", "0", NOON_NS),))
     text = view(shown(flag, first, later))
-    assert "SYMBOLS  first a at 22:13:20.000 UTC: z 6.00, limit 5.00 (mean of 50 samples)" in text
+    assert "SYMBOLS  first a at 22:13:20.000 UTC: z 6, limit 5 (mean of 50 samples)" in text
     assert "+? → +0  since 22:13:20.000" in text
     assert "SYMBOLS" not in view(shown(flag, first, replace(flag, detected=False)))
 
@@ -290,5 +290,7 @@ def test_whatever_a_verdict_holds_is_shown_in_its_own_words() -> None:
             told = {name.value for name in Outcome if f" {name.value} " in title}
             assert told == {outcome.value}
             possible = outcome in OPEN and count > 0
-            assert (f"POSSIBLE ({count})" in text) == possible
+            unexplained = outcome is Outcome.UNEXPLAINED
+            heading = f"NOT RULED OUT ({count})" if unexplained else f"POSSIBLE ({count})"
+            assert (heading in text) == possible
             assert "nan" not in text

@@ -96,7 +96,7 @@ def the_detection_is_on_the_page_at_once(peer: Peer, browser: Browser) -> None:
 def the_pictures_show_it(peer: Peer, browser: Browser) -> None:
     last = peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.outcome is Outcome.ISOLATED)
     browser.until_text("#panel-answer", last.words)
-    browser.until_text("#panel-group", "jam 100%")
+    browser.until_text("#panel-group", "jam  left")
     browser.until_text("#panel-symbols", "parity_mechanical")
     browser.until_text("#panel-tree", last.features_computed[0])
     assert browser.run("document.querySelectorAll('#panel-causes .node.lit').length") >= 3

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from flea_diag.operator.panel import Line, Panel, bar, clock
+from flea_diag.operator.panel import Line, Panel, bar, clock, number
 from flea_diag.operator.state import OperatorState
 from flea_diag.wire.records import FeatureValue, Level, Symbol
 
@@ -48,8 +48,8 @@ def symbols(state: OperatorState) -> Panel | None:
             past.setdefault(change.symbol.residual, []).append(change.symbol)
     lines = tuple(_symbol(residual, rows) for residual, rows in past.items())
     first = (
-        f"SYMBOLS  first {flag.residual} at {clock(flag.stamp_ns)} UTC: z {flag.z:.2f}, "
-        f"limit {flag.threshold:.2f} ({flag.test})"
+        f"SYMBOLS  first {flag.residual} at {clock(flag.stamp_ns)} UTC: z {number(flag.z)}, "
+        f"limit {number(flag.threshold)} ({flag.test})"
     )
     return Panel("symbols", first, lines)
 
@@ -88,7 +88,8 @@ def features(state: OperatorState) -> Panel | None:
 def _feature(value: FeatureValue) -> Line:
     if math.isnan(value.value):
         return Line(f"{value.feature:28} not computable: {value.reason}", Level.WARN)
+    nominal = f"nominal {number(value.nominal_low)} to {number(value.nominal_high)}"
     return Line(
-        f"{value.feature:28} {value.value:.4g} {value.unit}  {value.symbol}"
-        f"  (nominal {value.nominal_low:.3g} to {value.nominal_high:.3g}, {value.cost_ms:.2f} ms)"
+        f"{value.feature:28} {number(value.value, value.unit)}  {value.symbol}"
+        f"  ({nominal}, {number(value.cost_ms, 'ms')})"
     )

@@ -15,6 +15,7 @@ from flea_diag.wire.records import (
     AmbiguityGroup,
     Candidate,
     Level,
+    Outcome,
 )
 
 MOST_STEPS_SHOWN = 12
@@ -94,15 +95,29 @@ def possible(state: OperatorState) -> Panel | None:
     for rank, entry in enumerate(group.members, 1):
         lines.append(Line(f"{rank}. {_candidate(entry, alone)}", level_of(group), entry.fault))
         lines.append(Line(f"     {'':24} {entry.reason}"))
-    return Panel("possible", f"POSSIBLE ({len(group.members)})", tuple(lines))
+    return Panel("possible", standing_of(group).upper(), tuple(lines))
+
+
+def standing_of(group: AmbiguityGroup) -> str:
+    """What the members of an open episode are, and how many."""
+    count = len(group.members)
+    if group.outcome is Outcome.UNEXPLAINED:
+        return f"not ruled out ({count}), but none explains it well"
+    return f"possible ({count})"
+
+
+def likely(entry: Candidate, alone: bool) -> str:
+    """How probable a fault is among those that are left; what is left alone has no rival.
+
+    Its probability is 1 among those considered, which is no certainty: no figure is shown.
+    """
+    return "left" if alone else share(entry.probability).strip()
 
 
 def _candidate(entry: Candidate, alone: bool) -> str:
-    # What is left alone has probability 1 among those considered: no figure to show.
-    likely = " left" if alone else share(entry.probability)
     known = not math.isnan(entry.size)
     size = f"  size {number(entry.size, entry.size_unit, entry.size_sigma)}" if known else ""
-    return f"{entry.fault:26} {likely}  {entry.hypothesis}{size}"
+    return f"{entry.fault:26} {likely(entry, alone):>5}  {entry.hypothesis}{size}"
 
 
 def why(candidate: Candidate) -> Panel:

@@ -7,7 +7,7 @@ import math
 from flea_diag.operator.advice_view import next_tests
 from flea_diag.operator.alarm import REPLAY
 from flea_diag.operator.state import OPEN, OperatorState
-from flea_diag.operator.verdict_view import level_of
+from flea_diag.operator.verdict_view import level_of, likely, standing_of
 from flea_diag.web.markup import Markup, clock, joined, number, tag
 from flea_diag.web.panels import CLASS, SHAPE
 from flea_diag.wire.records import (
@@ -23,6 +23,8 @@ from flea_diag.wire.records import (
 from flea_diag.wire.wording import words_of
 
 MOST_MEMBERS = 6
+SILENT = "NO VERDICT any more: the isolator is silent, and this is the last one."
+SILENT_ADVICE = "See why the isolator is silent."
 MUTE = "(the bell is mute until you touch the page)"
 LONG = 140
 """Words longer than that are set smaller."""
@@ -94,7 +96,7 @@ def fresh_detection(state: OperatorState) -> Detection | None:
     return None if taken_up else flag
 
 
-def answer(state: OperatorState) -> Markup:
+def answer(state: OperatorState, now_ns: int) -> Markup:
     """The large panel on top."""
     flag, group = fresh_detection(state), state.group
     if flag is not None:
@@ -105,10 +107,12 @@ def answer(state: OperatorState) -> Markup:
         head = _headline(Level.STALE, "NO VERDICT YET", "Nothing has come on ambiguity_group.")
         advice = "Start the diagnoser, or observer, isolator and extractor."
         return _card(Level.STALE, joined(head, _next(advice)), Markup())
-    level = level_of(group)
+    silent = state.silent(AmbiguityGroup, now_ns)
+    level = Level.STALE if silent else level_of(group)
     head = _headline(level, group.outcome.value, group.words)
-    advice = _next(_advice(state, group), _tests(state))
-    left = joined(head, *_proofs(state, group), advice)
+    advice = _next(SILENT_ADVICE if silent else _advice(state, group), _tests(state))
+    gone = tag("p", SILENT, class_="proof") if silent else None
+    left = joined(head, gone, *_proofs(state, group), advice)
     return _card(level, left, _right(group))
 
 
@@ -182,31 +186,30 @@ def _right(group: AmbiguityGroup) -> Markup:
 def _members(group: AmbiguityGroup) -> Markup:
     shown, rest = group.members[:MOST_MEMBERS], group.members[MOST_MEMBERS:]
     more = tag("p", f"and {len(rest)} more", class_="soft") if rest else None
-    title = f"Still possible ({len(group.members)}), the likeliest first"
-    if group.outcome is Outcome.UNEXPLAINED:
-        title = f"Not ruled out ({len(group.members)}), but none explains it well"
+    alone = len(group.members) == 1
     return joined(
-        tag("h2", title, class_="title"),
-        tag("table", *map(_member, shown), class_="members"),
+        tag("h2", f"Faults {standing_of(group)}", class_="title"),
+        tag("table", *(_member(candidate, alone) for candidate in shown), class_="members"),
         more,
     )
 
 
-def _member(candidate: Candidate) -> Markup:
+def _member(candidate: Candidate, alone: bool) -> Markup:
     size = ""
     if not math.isnan(candidate.size):
         known = not math.isnan(candidate.size_sigma)
         spread = f" ± {number(candidate.size_sigma)}" if known else ""
         unit = "" if candidate.size_unit in ("", "1") else f" {candidate.size_unit}"
         size = f"size {number(candidate.size)}{spread}{unit}, "
-    share = min(max(candidate.probability, 0.0), 1.0)
+    known = 0.0 <= candidate.probability <= 1.0
+    width = candidate.probability if known else 0.0
     return tag(
         "tr",
         tag(
             "td",
             tag("span", candidate.fault, class_="fault"),
-            tag("div", tag("i", style=f"width:{share:.1%}"), class_="meter"),
+            tag("div", tag("i", style=f"width:{width:.1%}"), class_="meter"),
             tag("span", f"{size}{candidate.hypothesis}: {candidate.reason}", class_="soft"),
         ),
-        tag("td", f"{share:.0%}", class_="share"),
+        tag("td", likely(candidate, alone), class_="share"),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
+from flea_diag.operator.verdict_view import likely, standing_of
 from flea_diag.web.history import Drop, drops
 from flea_diag.web.markup import Markup, joined, path, tag, text
 from flea_diag.wire.records import AmbiguityGroup
@@ -87,7 +88,7 @@ def group_flow(group: AmbiguityGroup) -> Markup:
 
 
 def _words(total: int, group: AmbiguityGroup) -> str:
-    return f"From {total} faults of the catalogue to {len(group.members)} still possible"
+    return f"From {total} faults of the catalogue to {standing_of(group)}"
 
 
 def _bar(x: float, count: int, unit: float) -> Markup:
@@ -133,7 +134,7 @@ def _fitting(label: str, room: float) -> str:
 def _names(x: float, group: AmbiguityGroup) -> Markup:
     shown = group.members[:NAMED]
     rows = [
-        text(x, TOP + 12 + 16 * k, f"{c.fault}  {c.probability:.0%}", "left")
+        text(x, TOP + 12 + 16 * k, f"{c.fault}  {likely(c, len(group.members) == 1)}", "left")
         for k, c in enumerate(shown)
     ]
     more = len(group.members) - len(shown)

@@ -17,6 +17,7 @@ from flea_diag.wire.records import (
     Candidate,
     Health,
     Level,
+    Outcome,
     Quality,
 )
 from flea_diag.wire.wording import QUALITY_LEVEL
@@ -98,9 +99,10 @@ def _node(health: Health) -> tuple[object, ...]:
 
 def dropped(group: AmbiguityGroup) -> Markup:
     """Every fault that was considered, with what kept or dropped it, step by step."""
+    stays = "not ruled out" if group.outcome is Outcome.UNEXPLAINED else "possible"
     rows = [
-        _considered(candidate, kept)
-        for candidates, kept in ((group.members, True), (group.dropped, False))
+        _considered(candidate, standing)
+        for candidates, standing in ((group.members, stays), (group.dropped, "dropped"))
         for candidate in candidates
     ]
     return tag(
@@ -111,14 +113,14 @@ def dropped(group: AmbiguityGroup) -> Markup:
     )
 
 
-def _considered(candidate: Candidate, kept: bool) -> tuple[object, ...]:
+def _considered(candidate: Candidate, standing: str) -> tuple[object, ...]:
     evidence = joined(
         *(
             tag("span", f"{clock(e.stamp_ns)} {e.source}: {e.verdict}", class_="comment")
             for e in candidate.evidence
         )
     )
-    return (candidate.fault, "possible" if kept else "dropped", candidate.reason, evidence)
+    return (candidate.fault, standing, candidate.reason, evidence)
 
 
 def features(state: OperatorState) -> Markup:
@@ -135,8 +137,9 @@ def features(state: OperatorState) -> Markup:
         if name not in seen
     ]
     done = len(group.features_computed)
-    words = f"{done} of {group.features_available} features computed, the others were not needed"
-    line = tag("p", f"{words} so far." if rows else f"{words}.", class_="soft")
+    rest = max(group.features_available - len(seen | set(group.features_computed)), 0)
+    words = f"{done} of {group.features_available} features computed, {rest} not asked for."
+    line = tag("p", words, class_="soft")
     return joined(ledger(("feature", "value", "nominal", "cost"), rows) if rows else None, line)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from flea_diag.operator.panel import share
 from flea_diag.web.history import answers, before_features
 from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.wire.records import AmbiguityGroup
@@ -48,11 +49,12 @@ def _branch(
     branch: Any, asked: list[tuple[str, str]], final: tuple[str, ...], depth: int
 ) -> Markup:
     taken = bool(asked) and branch.symbol == asked[0][1]
+    expected = share(branch.probability).strip()
     edge = tag(
         "span",
         f"{'✓ ' if taken else ''}{_symbol(branch.symbol)}",
         class_="edge",
-        title="the value that was found" if taken else f"expected in {branch.probability:.0%}",
+        title="the value that was found" if taken else f"expected in {expected}",
     )
     if taken:
         inner = _node(branch.node, asked[1:], final, 0)

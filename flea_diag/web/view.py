@@ -57,14 +57,15 @@ class Panel:
 
 
 def _answer(shown: Shown, _: Tools) -> Markup:
-    return answer(shown.state)
+    return answer(shown.state, shown.now_ns)
 
 
 def _answered(shown: Shown) -> object:
     state = shown.state
     group = state.group
     said = (_said(group), group.stale) if group is not None else ()
-    return said, state.detection, state.truth, state.features
+    silent = state.silent(AmbiguityGroup, shown.now_ns)
+    return said, silent, state.detection, state.truth, state.features
 
 
 def _flow(shown: Shown, _: Tools) -> Markup:

@@ -6,6 +6,7 @@ here is ever read back: the key/values beside it hold the record.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from flea_diag.wire import records as r
@@ -20,6 +21,7 @@ class Words(NamedTuple):
     message: str
 
 
+CERTAIN = 0.999
 QUALITY_LEVEL: dict[Quality, Level] = {
     Quality.GOOD: Level.OK,
     Quality.ABSENT: Level.OK,
@@ -64,12 +66,16 @@ def _channel_quality(row: r.ChannelQuality, _: r.DataQuality) -> Words:
     return Words(QUALITY_LEVEL[row.quality], f"data_quality/{row.channel}", sentence)
 
 
+def _known(value: float, digits: int = 4) -> str:
+    return "unknown" if math.isnan(value) else f"{value:.{digits}g}"
+
+
 def _detection(flag: r.Detection, _: None) -> Words:
     if not flag.detected:
         return Words(Level.OK, "fault_detected", "no fault detected")
     sentence = (
-        f"{flag.test} on {flag.residual}: z = {flag.z:.4g}, threshold {flag.threshold:.4g}, "
-        f"episode {flag.episode}"
+        f"{flag.test} on {flag.residual}: z = {_known(flag.z)}, "
+        f"threshold {_known(flag.threshold)}, episode {flag.episode}"
     )
     return Words(Level.WARN, "fault_detected", sentence)
 
@@ -95,7 +101,10 @@ def _candidate(candidate: r.Candidate, group: r.AmbiguityGroup) -> Words:
     name = f"ambiguity_group/{candidate.fault}"
     if not any(candidate is member for member in group.members):
         return Words(Level.OK, name, f"dropped: {candidate.reason}")
-    sentence = f"possible, probability {candidate.probability:.3g}: {candidate.reason}"
+    probability = candidate.probability
+    if CERTAIN < probability < 1.0:  # no rounding makes it certain
+        probability = CERTAIN
+    sentence = f"possible, probability {_known(probability, 3)}: {candidate.reason}"
     return Words(_verdict_level(group), name, sentence)
 
 
@@ -113,8 +122,8 @@ def _feature_value(value: r.FeatureValue, _: None) -> Words:
         sentence = f"{value.feature} not computable: {value.reason}"
         return Words(Level.WARN, "feature", sentence)
     sentence = (
-        f"{value.feature} = {value.value:.4g} {value.unit} ({value.symbol}), nominal "
-        f"{value.nominal_low:.4g} to {value.nominal_high:.4g}"
+        f"{value.feature} = {_known(value.value)} {value.unit} ({value.symbol}), nominal "
+        f"{_known(value.nominal_low)} to {_known(value.nominal_high)}"
     )
     return Words(Level.OK, "feature", sentence)
 
