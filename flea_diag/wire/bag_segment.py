@@ -96,7 +96,7 @@ class BagSegment:
         """Write metadata, summary and index, and put them on the disk."""
         self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata})
         self._writer.finish()
-        self._file.sync()
+        self._file.finish()
 
     def close(self) -> None:
         """Close the file."""
