@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import resource
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -141,3 +145,26 @@ def test_nothing_to_recover(tmp_path: Path) -> None:
     bag = write(tmp_path / "run")
     with pytest.raises(RecordingError, match="is not empty, choose another"):
         recover(bag, tmp_path / "run")
+
+
+def test_a_disk_that_fills_up_is_one_line(tmp_path: Path) -> None:
+    """A limit on the size of files stands for the disk's: the system refuses the write alike."""
+    bag = write(tmp_path / "run", 5000)
+
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
+
+    done = subprocess.run(
+        [sys.executable, "-m", "flea_diag.tools.main", "recover", str(bag)],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        preexec_fn=limited,
+    )
+    assert done.returncode == 2
+    assert done.stderr == f"flea: cannot write bag {tmp_path}/run_recovered: File too large\n"
+
+
+def test_what_is_not_there_is_said_to_be_so(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="absent: does not exist"):
+        recover(tmp_path / "absent", tmp_path / "copy")

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+import yaml
 
 from flea_diag.errors import RecordingError
 from flea_diag.tools.terminal import IN_PART, warn
 from flea_diag.wire import bag_layout as layout
-from flea_diag.wire.bag_layout import Span, TopicEntry
+from flea_diag.wire.bag_layout import TopicEntry
+from flea_diag.wire.bag_segment import BagSegment
 from flea_diag.wire.mcap_scan import Channel, McapScan, Message
 
 NAME = "recover"
@@ -60,17 +63,17 @@ def recover(source: Path, target: Path) -> Recovered:
         When there is no MCAP file, not one whole message, or the target is in use.
     """
     scans = [McapScan(file) for file in mcap_files(source)]
-    copy = _Copy(target)
-    for message in merged(scans):
-        copy.write(message)
+    with _Copy(target) as copy:
+        for message in merged(scans):
+            copy.write(message)
+        if not copy.counts:
+            raise RecordingError(f"{source}: not one whole message in it, nothing to recover")
+        for scan in scans:
+            for name, data in scan.attachments.items():
+                copy.attach(name, data)
+        copy.finish()
     losses = tuple(loss for scan in scans for loss in scan.losses)
-    if not copy.span.counts:
-        raise RecordingError(f"{source}: not one whole message in it, nothing to recover")
-    for scan in scans:
-        for name, data in scan.attachments.items():
-            copy.attach(name, data)
-    copy.close()
-    return Recovered(sum(copy.span.counts.values()), len(copy.span.counts), losses)
+    return Recovered(sum(copy.counts.values()), len(copy.counts), losses)
 
 
 def mcap_files(source: Path) -> list[Path]:
@@ -83,7 +86,8 @@ def mcap_files(source: Path) -> list[Path]:
     """
     files = [source] if source.is_file() else sorted(source.glob("*.mcap"))
     if not files:
-        raise RecordingError(f"{source}: no .mcap file there")
+        why = "no .mcap file there" if source.exists() else "does not exist"
+        raise RecordingError(f"{source}: {why}")
     return files
 
 
@@ -94,73 +98,66 @@ def merged(scans: list[McapScan]) -> Iterator[Message]:
     return heapq.merge(*(scan.messages() for scan in scans), key=lambda message: message.log_ns)
 
 
-@dataclass
 class _Copy:
     """A new bag, opened with its first message: a bag without one is none."""
 
-    directory: Path
-    span: Span = field(default_factory=lambda: Span({}, 0, 0))
-    _topics: dict[str, TopicEntry] = field(default_factory=dict)
-    _schemas: dict[str, int] = field(default_factory=dict)
-    _channels: dict[str, int] = field(default_factory=dict)
-    _stream: Any = None
-    _writer: Any = None
-
-    def _open(self) -> None:
-        from mcap.writer import Writer
-
-        try:
-            self.directory.mkdir(parents=True, exist_ok=True)
-            if any(self.directory.iterdir()):
-                raise RecordingError(f"{self.directory} is not empty, choose another with -o")
-            self._stream = (self.directory / self._file).open("xb")
-        except OSError as error:
-            words = error.strerror or error
-            raise RecordingError(f"cannot write bag {self.directory}: {words}") from error
-        self._writer = Writer(self._stream)
-        self._writer.start(profile="ros2", library="flea_diag recover")
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._topics: dict[str, TopicEntry] = {}
+        self._segment: BagSegment | None = None
 
     @property
-    def _file(self) -> str:
-        return f"{self.directory.resolve().name}_0.mcap"
+    def counts(self) -> dict[str, int]:
+        """Messages copied so far, by topic."""
+        return {} if self._segment is None else self._segment.span.counts
+
+    def _opened(self) -> BagSegment:
+        if self._segment is None:
+            self._directory.mkdir(parents=True, exist_ok=True)
+            if any(self._directory.iterdir()):
+                raise RecordingError(f"{self._directory} is not empty, choose another with -o")
+            name = f"{self._directory.resolve().name}_0.mcap"
+            self._segment = BagSegment(self._directory / name)
+        return self._segment
 
     def write(self, message: Message) -> None:
         """Copy one message."""
-        if self._writer is None:
-            self._open()
-        channel = message.channel
-        number = self._channels.get(channel.topic) or self._register(channel)
-        sequence = self.span.counts[channel.topic] & 0xFFFFFFFF
-        self._writer.add_message(number, message.log_ns, message.data, message.publish_ns, sequence)
-        self.span = self.span.with_message(channel.topic, message.log_ns)
-
-    def _register(self, channel: Channel) -> int:
-        name, encoding, data = channel.schema
-        if name not in self._schemas:
-            self._schemas[name] = self._writer.register_schema(name, encoding, data)
-        self._channels[channel.topic] = self._writer.register_channel(
-            channel.topic, channel.encoding, self._schemas[name], dict(channel.metadata)
-        )
-        self._topics[channel.topic] = _entry(channel)
-        self.span.counts[channel.topic] = 0
-        return self._channels[channel.topic]
+        if message.channel.topic not in self._topics:
+            self._topics[message.channel.topic] = _entry(message.channel)
+        with self._writing():
+            self._opened().copy(message)
 
     def attach(self, name: str, data: bytes) -> None:
         """Copy one attachment."""
-        self._writer.add_attachment(self.span.end_ns, self.span.end_ns, name, "text/plain", data)
+        with self._writing():
+            self._opened().attach(name, data)
 
-    def close(self) -> None:
+    def finish(self) -> None:
         """Write summary, index and metadata.yaml."""
-        self._writer.finish()
-        self._stream.close()
-        content = layout.metadata([(self._file, self.span)], self._topics)
-        layout.replace_metadata(self.directory, content)
+        with self._writing():
+            segment = self._opened()
+            content = layout.metadata([(segment.path.name, segment.span)], self._topics)
+            segment.finish(yaml.safe_dump(content, sort_keys=False))
+            layout.replace_metadata(self._directory, content)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            words = error.strerror or error
+            raise RecordingError(f"cannot write bag {self._directory}: {words}") from error
+
+    def __enter__(self) -> _Copy:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._segment is not None:
+            self._segment.close()
 
 
 def _entry(channel: Channel) -> TopicEntry:
     """What the channel says of its QoS and type hash, or what we know of them."""
-    import yaml
-
     known = dict(channel.metadata)
     ours = layout.split_name(channel.topic)
     if ours is not None and ours[1].message == channel.message:

@@ -12,6 +12,7 @@ from flea_diag.errors import RecordingError
 from flea_diag.wire import bag_layout as layout
 from flea_diag.wire.bag_layout import Span
 from flea_diag.wire.mcap_file import McapFile
+from flea_diag.wire.mcap_scan import Channel, Message, Schema
 from flea_diag.wire.topics import Topic
 
 CHUNK_BYTES = 1 << 20
@@ -19,7 +20,7 @@ CHUNK_BYTES = 1 << 20
 
 
 class BagSegment:
-    """A new MCAP file of our topics.
+    """A new MCAP file in rosbag2's layout.
 
     Raises
     ------
@@ -56,35 +57,39 @@ class BagSegment:
         return self._file.closed
 
     def add(self, name: str, topic: Topic, data: bytes, stamp_ns: int, log_ns: int) -> None:
-        """Write one message."""
-        channel = self._channels.get(name) or self._register(name, topic)
+        """Write one message of a topic of ours."""
+        if name not in self._channels:
+            self._register(_channel(name, topic))
+        self._put(name, data, stamp_ns, log_ns)
+
+    def copy(self, message: Message) -> None:
+        """Write one message as it lies in another file, of whatever topic."""
+        name = message.channel.topic
+        if name not in self._channels:
+            self._register(message.channel)
+        self._put(name, message.data, message.publish_ns, message.log_ns)
+
+    def _put(self, name: str, data: bytes, stamp_ns: int, log_ns: int) -> None:
         sequence = self.span.counts[name] & 0xFFFFFFFF
         before = self._file.tell()
-        self._writer.add_message(channel, log_ns, data, stamp_ns, sequence)
+        self._writer.add_message(self._channels[name], log_ns, data, stamp_ns, sequence)
         grown = self._file.tell() > before
         self._waiting_bytes = 0 if grown else self._waiting_bytes + len(data)
         self.span = self.span.with_message(name, log_ns)
 
-    def _register(self, name: str, topic: Topic) -> int:
-        entry = layout.entry_of(topic)
-        if topic.message not in self._schemas:
-            self._schemas[topic.message] = self._writer.register_schema(
-                topic.message, "ros2msg", layout.message_type(topic.message).definition.encode()
-            )
-        qos = yaml.safe_dump(entry.qos, sort_keys=False)
-        self._channels[name] = self._writer.register_channel(
-            name,
-            "cdr",
-            self._schemas[topic.message],
-            {"offered_qos_profiles": qos, "topic_type_hash": entry.type_hash},
+    def _register(self, channel: Channel) -> None:
+        schema, encoding, definition = channel.schema
+        if schema not in self._schemas:
+            self._schemas[schema] = self._writer.register_schema(schema, encoding, definition)
+        self._channels[channel.topic] = self._writer.register_channel(
+            channel.topic, channel.encoding, self._schemas[schema], dict(channel.metadata)
         )
-        self.span.counts[name] = 0
-        return self._channels[name]
+        self.span.counts[channel.topic] = 0
 
-    def attach(self, name: str, text: str) -> None:
+    def attach(self, name: str, data: bytes) -> None:
         """Keep a text beside the messages."""
         now_ns = self.span.end_ns
-        self._writer.add_attachment(now_ns, now_ns, name, "text/plain", text.encode())
+        self._writer.add_attachment(now_ns, now_ns, name, "text/plain", data)
 
     def make_whole(self) -> None:
         """Put everything so far on the disk, as a sound MCAP."""
@@ -106,3 +111,17 @@ class BagSegment:
         """Close the file and take it away."""
         self.close()
         self.path.unlink()
+
+
+def _channel(name: str, topic: Topic) -> Channel:
+    """Channel of a topic of ours, under its full name."""
+    entry = layout.entry_of(topic)
+    definition = layout.message_type(topic.message).definition.encode()
+    qos = yaml.safe_dump(entry.qos, sort_keys=False)
+    return Channel(
+        name,
+        topic.message,
+        "cdr",
+        Schema(topic.message, "ros2msg", definition),
+        (("offered_qos_profiles", qos), ("topic_type_hash", entry.type_hash)),
+    )

@@ -151,12 +151,12 @@ class BagWriter:
         self._full.append((full.path.name, full.span))
         self._segment = BagSegment(self.path)
         for name, text in self._attachments.items():
-            self._segment.attach(name, text)
+            self._segment.attach(name, text.encode())
 
     def attach(self, name: str, text: str) -> None:
         """Keep a text in each file of the bag (a calibration) as an MCAP attachment."""
         self._attachments[name] = text
-        self._segment.attach(name, text)
+        self._segment.attach(name, text.encode())
 
     def _due(self) -> bool:
         if self._whole_every_s is None:
