@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 
 import numpy as np
@@ -201,6 +202,23 @@ def test_spikes_are_no_noise_and_a_unit_that_was_always_louder_is_none(limits):
     assert called(limits, louder[600:]) == {}
     louder[1500:, 2] = 25.0 + 4.0 * (louder[1500:, 2] - 25.0)
     assert 1500 < called(limits, louder)["motor_temperature_noise"] < 2000
+
+
+@pytest.mark.skipif(importlib.util.find_spec("numba") is None, reason="numba is an extra")
+def test_compiled_loops_give_the_bits_of_numpy(limits):
+    rows = healthy(21)
+    rows[1500:, 0] += 0.6 * np.random.default_rng(3).standard_normal(1500)
+    rows[2000:, 2] = 25.0
+    rows[np.random.default_rng(4).random(rows.shape) < 0.01] = np.nan
+    noise = [NAMES.index(f"{channel}_noise") for channel in CHANNELS]
+    results = []
+    for backend, block in (("numpy", 700), ("numba", 700), ("numba", 1)):
+        tests = SensorTests(limits, CHANNELS, backend)
+        parts = [tests.step(rows[k : k + block]).z[:, noise] for k in range(0, SCANS, block)]
+        results.append(np.concatenate(parts))
+    assert (np.abs(results[0]) > 1.0).any(axis=0)[[0, 2]].all()
+    np.testing.assert_array_equal(results[1], results[0])
+    np.testing.assert_array_equal(results[2], results[0])
 
 
 @pytest.mark.parametrize("size", [0.001, -0.001, 0.006, -0.02])

@@ -26,6 +26,10 @@ from flea_diag.core.window_tests import WindowTests
 Array = npt.NDArray[np.float64]
 
 
+_UNTESTED = np.full((3, 1, len(RESIDUALS)), np.nan)
+_UNTESTED[2] = 0.0
+
+
 class TestResults:
     """The test nearest to its limit of each residual after each scan, shape (n, residuals).
 
@@ -42,9 +46,7 @@ class TestResults:
     @classmethod
     def untested(cls, scans: int = 1) -> TestResults:
         """No test has been made yet."""
-        table = np.empty((3, scans, len(RESIDUALS)))
-        table[:2], table[2] = np.nan, 0.0
-        return cls(table)
+        return cls(_UNTESTED.repeat(scans, axis=1))
 
     def deviating(self) -> npt.NDArray[np.bool_]:
         """Which residuals are beyond their limits; an untested one is not."""

@@ -32,7 +32,7 @@ Array = npt.NDArray[np.float64]
 MakeObserver = Callable[[ActuatorParameters], StateObserver]
 """A fresh observer of an actuator with these parameters, always of the same seed."""
 
-_AT = [PREDICTED.index(channel) for channel in INNOVATION_CHANNELS]
+_AT = np.array([PREDICTED.index(channel) for channel in INNOVATION_CHANNELS])
 _SPEED = STATES.index("speed_m_s")
 
 SEED = 1

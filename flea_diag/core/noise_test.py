@@ -12,6 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core import backend as backends
+from flea_diag.core.noise_loops import noise_loops
 from flea_diag.core.row_ring import RowRing
 from flea_diag.core.sensor_limits import NOISE_WINDOWS, RESOLUTIONS, SensorLimit, noise_logs
 
@@ -28,19 +30,23 @@ CLIP_LOG = 2.0
 """No single sample counts as louder than the loudest level by more than this (logarithm)."""
 
 
-WINDOWS = np.array(NOISE_WINDOWS)[:, None]
+LENGTHS = np.array(NOISE_WINDOWS)
+WINDOWS = LENGTHS[:, None]
 
 
 class NoiseTest:
     """Means of the logarithm of the noise, against the loudest and the quietest nominal level.
 
-    Sums are kept in whole millionths, so that they are exact in whatever order they are made.
+    Sums are kept in whole millionths, so that they are exact in whatever order they are made,
+    by numpy or by numba (``backend``).
     """
 
-    def __init__(self, limits: Sequence[SensorLimit]) -> None:
+    def __init__(self, limits: Sequence[SensorLimit], backend: str = "auto") -> None:
+        self._compiled = backends.chosen(backend) == "numba"
         count = len(limits)
         self._resolution = np.array([RESOLUTIONS[limit.channel] for limit in limits])
         self._loudest = np.array([limit.loudest for limit in limits])
+        self._most = self._loudest + CLIP_LOG
         self._floor = np.array([limit.quietest for limit in limits]) - QUIETER_LOG
         scatter = np.array([limit.scatter for limit in limits])
         self._sigma = scatter / np.sqrt(WINDOWS)
@@ -59,7 +65,28 @@ class NoiseTest:
             # What was learned holds from the next row on, in a block as row by row.
             parts = recent[: left + 3], recent[left:]
             return np.concatenate([self.step(part) for part in parts])
-        logs = np.minimum(noise_logs(recent, self._resolution), self._loudest + CLIP_LOG)
+        found = self._follow(recent, count) if self._compiled else self._judged(recent, count)
+        self._learn(count)
+        return found
+
+    def _follow(self, recent: Array, count: int) -> Array:
+        """All of it in one compiled loop."""
+        found = np.empty((count, len(self._resolution)))
+        backends.exact(noise_loops)(
+            recent,
+            (self._resolution, self._most, self._ceiling, self._floor),
+            self._sigma,
+            self._rows.store,
+            self._rows.place(count),
+            self._sums,
+            LENGTHS,
+            found,
+        )
+        return found
+
+    def _judged(self, recent: Array, count: int) -> Array:
+        """The same in numpy."""
+        logs = np.minimum(noise_logs(recent, self._resolution), self._most)
         valid = np.isfinite(logs)
         new = np.empty((count, 2 * logs.shape[1]), dtype=np.int64)
         new[:, : logs.shape[1]] = np.where(valid, np.rint(logs * 1e6), 0.0)
@@ -68,9 +95,7 @@ class NoiseTest:
         sums[0] += self._sums
         np.cumsum(sums, axis=0, out=sums)
         self._sums = sums[-1].copy()
-        found = self._z(sums[:, :, : logs.shape[1]], sums[:, :, logs.shape[1] :])
-        self._learn(new)
-        return found
+        return self._z(sums[:, :, : logs.shape[1]], sums[:, :, logs.shape[1] :])
 
     def _z(self, total: npt.NDArray[np.int64], samples: npt.NDArray[np.int64]) -> Array:
         """Z of each channel, that of the window farther from nominal; shape (n, channels)."""
@@ -84,12 +109,12 @@ class NoiseTest:
                 found = np.where(np.abs(z) > np.abs(found), z, found)
         return found
 
-    def _learn(self, new: npt.NDArray[np.int64]) -> None:
+    def _learn(self, count: int) -> None:
         """How much louder this unit is than any nominal recording, in its first seconds."""
         if self._scans >= WARM_UP_SCANS:
             return
-        self._first += new.sum(axis=0)
-        self._scans += len(new)
+        self._first += self._rows.last(count).sum(axis=0)
+        self._scans += count
         if self._scans >= WARM_UP_SCANS:
             total, samples = np.split(self._first, 2)
             louder = np.where(samples, 1e-6 * total / np.maximum(samples, 1) - self._loudest, 0.0)

@@ -60,7 +60,8 @@ def direction(parameters: ActuatorParameters, speed_m_s: Value) -> Value:
     """Smooth sign of the speed."""
     # numpy's, also for one number: that of the mathematics library differs in the last bit.
     sign: Value = np.tanh(speed_m_s / parameters.stribeck_speed_m_s)
-    return sign
+    # Numbers of numpy's own are ten times slower than Python's in all that follows.
+    return float(sign) if isinstance(speed_m_s, float) else sign
 
 
 def friction_n(p: ActuatorParameters, s: Signals) -> Value:

@@ -61,7 +61,9 @@ class SensorTests:
     channels : names of the columns of a row
     """
 
-    def __init__(self, limits: Sequence[SensorLimit], channels: Sequence[str]) -> None:
+    def __init__(
+        self, limits: Sequence[SensorLimit], channels: Sequence[str], backend: str = "auto"
+    ) -> None:
         self._limits = tuple(limit for limit in limits if limit.channel in channels)
         self._names = [limit.channel for limit in self._limits]
         self._columns = np.array([channels.index(name) for name in self._names], dtype=int)
@@ -69,7 +71,7 @@ class SensorTests:
         self._low = np.full(len(self._limits), -math.inf)
         self._high = np.full(len(self._limits), math.inf)
         self._guards = [ReadingGuard(limit) for limit in self._limits]
-        self._noise = NoiseTest(self._limits)
+        self._noise = NoiseTest(self._limits, backend)
         self._recent = np.full((2 * SPAN - 1, len(self._limits)), np.nan)
         self._scan = 0
         self._places = {

@@ -64,7 +64,8 @@ class UnitChange:
 
 def _together(windows: Array) -> Flags:
     """Whether enough channels step at the end of each window, shape (m, scans, channels)."""
-    step = windows[:, BEFORE:].mean(axis=1) - windows[:, :BEFORE].mean(axis=1)
+    after = np.add.reduce(windows[:, BEFORE:], axis=1) / AFTER
+    step = after - np.add.reduce(windows[:, :BEFORE], axis=1) / BEFORE
     seen = _enough(np.abs(step) > 0.5 * LEAST_STEP_K)
     # Means are cheap, but a spike moves them: medians of those few windows decide.
     if seen.any():

@@ -12,6 +12,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.window_limit import SPEED_REGIONS_M_S
+
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
@@ -43,9 +45,12 @@ def sum_loops(store: Array, at: int, lengths: Counts, sums: Array) -> None:
 
 
 def nearest_loops(
-    sums: Array, counts: tuple[Counts, Counts], bounds: Array, spread: tuple[int, int, Array],
-    edges: Array, held: Array,
-) -> None:  # fmt: skip
+    sums: Array,
+    counts: tuple[Counts, Counts],
+    bounds: Array,
+    spread: tuple[int, int, Array],
+    held: Array,
+) -> None:
     """Of each residual the test nearest to its limit goes into ``held``: z, limit, window."""
     lengths, run = counts
     start, spreading, tolerance = spread
@@ -55,7 +60,7 @@ def nearest_loops(
         length = lengths[w]
         region = 0
         if run[residuals] >= length:
-            for edge in edges:
+            for edge in SPEED_REGIONS_M_S:
                 region += sums[w, residuals] / length > edge
         for c in range(residuals):
             variance = bounds[1, region, w, c]
@@ -94,16 +99,16 @@ def row_loops(
 
 
 def window_loops(
-    rows: tuple[Array, Array, Array], taken: Flags, columns: Counts, places: Counts,
+    rows: tuple[Array, Array, Array], moving: Flags, gated: bool, columns: Counts, places: Counts,
     memory: tuple[Array, Flags, Array], start: int, lap: int, counts: tuple[Counts, Counts],
-    bounds: Array, spread: tuple[int, int, Array], edges: Array, held: Array, results: Array,
+    bounds: Array, spread: tuple[int, int, Array], held: Array, results: Array,
 ) -> None:  # fmt: skip
-    """Scan after scan; one that is not ``taken`` leaves the results as they were."""
+    """Scan after scan; where ``gated`` one at rest leaves the results as they were."""
     values, speeds, spreads = rows
     store, valid, sums = memory
     row, size = np.empty(store.shape[1]), counts[0][-1]
     for i in range(len(values)):
-        if taken[i]:
+        if moving[i] or not gated:
             row_loops(values[i], speeds[i], spreads[i], columns, places, row)
             push_loops(row, store, valid, start, counts, sums)
             lap += 1
@@ -111,7 +116,7 @@ def window_loops(
                 lap = 0
                 sum_loops(store, start, counts[0], sums)
             start += 1
-            nearest_loops(sums, counts, bounds, spread, edges, held)
+            nearest_loops(sums, counts, bounds, spread, held)
         for c in range(len(columns)):
             for part in range(3):
                 results[part, i, columns[c]] = held[part, c]

@@ -82,29 +82,29 @@ class WindowTests:
         """
         if not len(self._columns):
             return
-        taken = rows.moving if self._gated else np.ones(len(rows), dtype=bool)
         if self._compiled:
-            self._follow(rows, speeds, taken, results)
+            self._follow(rows, speeds, results)
             return
+        taken = rows.moving if self._gated else np.ones(len(rows), dtype=bool)
         found = self._held[:, None]
         if taken.any():
             found = np.concatenate((found, self._judge(self._table(rows, speeds)[taken])), axis=1)
         self._held = found[:, -1].copy()
         results[:, :, self._columns] = found.take(np.cumsum(taken), axis=1)
 
-    def _follow(
-        self, rows: ResidualRows, speeds: Array, taken: npt.NDArray[np.bool_], results: Array
-    ) -> None:
+    def _follow(self, rows: ResidualRows, speeds: Array, results: Array) -> None:
         """All of it in compiled loops, in pieces that the memory has room for."""
         loops = backends.exact(*WINDOWS)
         spread = self._spreading.start, len(self._spread), self._tolerance
         for start in range(0, len(rows), self._windows[-1]):
             piece = slice(start, start + self._windows[-1])
-            count = int(np.count_nonzero(taken[piece]))
+            moving = rows.moving[piece]
+            count = int(np.count_nonzero(moving)) if self._gated else len(moving)
             memory, at, lap, run = self._means.room(count)
             loops(
                 (rows.values[piece], speeds[piece], rows.spread[piece]),
-                taken[piece],
+                moving,
+                self._gated,
                 self._columns,
                 self._places,
                 memory,
@@ -113,7 +113,6 @@ class WindowTests:
                 (self._lengths, run),
                 self._bounds,
                 spread,
-                REGION_EDGES,
                 self._held,
                 results[:, piece],
             )

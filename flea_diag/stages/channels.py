@@ -43,8 +43,7 @@ class Channels:
         self._distrust = distrust
         self._monitors = {INDEX[name]: ChannelMonitor(name) for name in CHANNELS if name in known}
         self._layout: tuple[str, ...] = ()
-        self._from: list[int] = []
-        self._to: list[int] = []
+        self._from = self._to = np.empty(0, dtype=int)
         self._said: tuple[str, ...] = ()
         self._steady_scans = 0
         self._look()
@@ -62,8 +61,9 @@ class Channels:
         layout = block.channels
         if layout != self._layout:
             places = {INDEX[name]: k for k, name in enumerate(layout) if name in INDEX}
-            self._to = [column for column in places if column in self._monitors]
-            self._from = [places[column] for column in self._to]
+            to = [column for column in places if column in self._monitors]
+            self._to = np.array(to, dtype=int)
+            self._from = np.array([places[column] for column in to], dtype=int)
             self._layout = layout
         raw = np.empty((len(block), len(CHANNELS)))
         raw.fill(np.nan)

@@ -30,7 +30,7 @@ Array = npt.NDArray[np.float64]
 
 LEAST_SCANS, MOST_SCANS = 16, 1024
 """Scans that are worth a block, and that one may hold."""
-TEMPERATURE_COLUMNS = [INDEX[name] for name in TEMPERATURES]
+TEMPERATURE_COLUMNS = np.array([INDEX[name] for name in TEMPERATURES])
 
 
 @dataclass(frozen=True)

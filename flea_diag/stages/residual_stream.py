@@ -101,7 +101,7 @@ class ResidualStream:
         self._learn_until_ns = start_ns + round(warm_up_s * 1e9)
         self._speed_wait = 0
         self._filled_wait = 0
-        self._sensors = SensorTests(c.sensors, CHANNELS)
+        self._sensors = SensorTests(c.sensors, CHANNELS, backend)
         self._shifts = ShiftTest(c.shifts, c.tolerances())
         self._period_ns = round(c.period_s * 1e9)
         self._last_ns = start_ns

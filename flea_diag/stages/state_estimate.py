@@ -47,7 +47,7 @@ class StateEstimate:
 
     def __init__(self, calibration: Calibration, kind: str, seed: int, backend: str) -> None:
         self._channels = tuple(name for name in PREDICTED if name in calibration.channels)
-        self._at = [PREDICTED.index(name) for name in self._channels]
+        self._at = np.array([PREDICTED.index(name) for name in self._channels], dtype=int)
         self._frozen = False
         self._pwm = calibration.voltage_sampling == "instant_pwm"
         self._observer: StateObserver | None = None

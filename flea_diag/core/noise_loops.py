@@ -1,0 +1,53 @@
+"""``noise_test.NoiseTest`` as a loop, for numba to compile: the same sums and limits as in numpy.
+
+Logarithms of two libraries may differ in the last bit; rounded to whole millionths they do not.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+
+
+def noise_loops(
+    recent: Array,
+    levels: tuple[Array, Array, Array, Array],
+    sigma: Array,
+    store: Counts,
+    start: int,
+    sums: Counts,
+    lengths: Counts,
+    found: Array,
+) -> None:
+    """Row after row; ``recent`` begins three rows before the first, ``store`` at ``start``.
+
+    ``levels`` are resolution, largest, ceiling and floor of each channel.
+    """
+    resolution, most, ceiling, floor = levels
+    channels = len(resolution)
+    for i in range(len(found)):
+        at = start + i
+        for c in range(channels):
+            a, b, e, d = recent[i + 3, c], recent[i + 2, c], recent[i + 1, c], recent[i, c]
+            third = a - 3.0 * b + 3.0 * e - d
+            known = not math.isnan(third)
+            log = 0.0
+            if known:
+                log = min(math.log(max(abs(third) / math.sqrt(20.0), resolution[c])), most[c])
+            store[at, c], store[at, channels + c] = np.int64(np.rint(log * 1e6)), known
+            found[i, c] = 0.0
+            for w in range(len(lengths)):
+                gone = at - lengths[w]
+                sums[w, c] += store[at, c] - store[gone, c]
+                sums[w, channels + c] += store[at, channels + c] - store[gone, channels + c]
+                samples = sums[w, channels + c]
+                mean = 1e-6 * sums[w, c] / max(samples, 1)
+                if 2 * samples >= lengths[w] and not floor[c] <= mean <= ceiling[c]:
+                    z = (max(mean - ceiling[c], 0.0) + min(mean - floor[c], 0.0)) / sigma[w, c]
+                    if abs(z) > abs(found[i, c]):
+                        found[i, c] = z
