@@ -7,7 +7,7 @@ voltage and load as inputs these are exact consequences of the relations in ``re
 drag dfc, dB        mechanical  r = + dfc s(v) + dB v
 winding short       electrical  r = - dR i - dK v          mechanical  r = + dK i
 current  i = i' + b mechanical  r = + K b                  electrical  r = - R b
-current  i = g i'   the same with b = (1 - 1/g) i
+current  i = g i'   the same with b = (1 - 1/g) i, the reading with its zero i0
 load     F = F' + b mechanical  r = - b                    (g: b = (1 - 1/g) F)
 dead     y = c      the true signal, taken from the other relation's terms, is missing from r
 
@@ -66,6 +66,7 @@ REGRESSORS = (
     "direction",
     "speed_m_s",
     "current_a",
+    "motor_current_a",
     "load_n",
     "load_and_direction_n",
     "force_and_direction_n",
@@ -85,9 +86,11 @@ REGRESSORS = (
     "position_rate_m_s",
     "rate_direction",
 )
-"""Signals that fault models are made of. ``motor_force_n`` is K (i - i0), ``resisting_force_n``
-is load, friction and inertia, ``rate_force_n`` is B v + M a, ``emf_and_drop_v`` is
-R (i - i0) + Ke v and ``driving_voltage_v`` is V - V0 - Ke v, what is left to drive a current."""
+"""Signals that fault models are made of. ``current_a`` is i - i0 and ``motor_current_a`` the
+reading i itself, which is what a scale factor acts on. ``motor_force_n`` is K (i - i0),
+``resisting_force_n`` is load, friction and inertia, ``rate_force_n`` is B v + M a,
+``emf_and_drop_v`` is R (i - i0) + Ke v and ``driving_voltage_v`` is V - V0 - Ke v, what is left
+to drive a current."""
 
 MECHANICAL, ELECTRICAL, DRIVE = "parity_mechanical", "parity_electrical", "parity_drive"
 KINEMATIC, SPEED = "parity_kinematic", "parity_speed"

@@ -29,6 +29,7 @@ def regressors(
         "direction": sign,
         "speed_m_s": s.speed_m_s,
         "current_a": current,
+        "motor_current_a": s.current_a,
         "load_n": s.load_n,
         "load_and_direction_n": abs(s.load_n) * sign,
         "force_and_direction_n": abs(force) * sign,

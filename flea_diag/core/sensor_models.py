@@ -67,7 +67,7 @@ def readings(p: ActuatorParameters, commanded: bool = True) -> tuple[Reading, ..
             "A",
             3.0,
             0.5,
-            "current_a",
+            "motor_current_a",
             ((MECHANICAL, K), (ELECTRICAL, -R)),
             ((MECHANICAL, "resisting_force_n", -1.0), (ELECTRICAL, "driving_voltage_v", 1.0)),
         ),
