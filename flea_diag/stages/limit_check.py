@@ -12,16 +12,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from flea_diag.core.fault import Fault
+from flea_diag.stages.plain_verdict import plain_verdict
 from flea_diag.wire.blocks import ScanBlock
-from flea_diag.wire.records import (
-    NEVER_NS,
-    AmbiguityGroup,
-    Candidate,
-    Detection,
-    Outcome,
-    Record,
-    Scan,
-)
+from flea_diag.wire.records import Candidate, Detection, Outcome, Record, Scan
 
 Limits = Mapping[str, tuple[float, float]]
 
@@ -81,7 +74,7 @@ class LimitCheckStage:
         if self._began:
             return ()
         self._began = True
-        return (_group(record.stamp_ns, Outcome.NOMINAL, "every channel within its limits"),)
+        return (plain_verdict(record.stamp_ns, Outcome.NOMINAL, "every channel within its limits"),)
 
     def handle_block(self, block: ScanBlock) -> tuple[Record, ...]:
         """The same of many scans."""
@@ -112,30 +105,5 @@ class LimitCheckStage:
         outcome = Outcome.ISOLATED if len(members) == 1 else Outcome.INDISTINGUISHABLE
         return (
             Detection(stamp_ns, 1, True, channel, value, limit, "limit check"),
-            _group(stamp_ns, outcome, words, members, stamp_ns),
+            plain_verdict(stamp_ns, outcome, words, members, stamp_ns),
         )
-
-
-def _group(
-    stamp_ns: int,
-    outcome: Outcome,
-    words: str,
-    members: tuple[Candidate, ...] = (),
-    detected_ns: int = NEVER_NS,
-) -> AmbiguityGroup:
-    return AmbiguityGroup(
-        stamp_ns=stamp_ns,
-        outcome=outcome,
-        episode=1 if members else 0,
-        step=0,
-        seq=0,
-        members=members,
-        dropped=(),
-        detected_stamp_ns=detected_ns,
-        words=words,
-        calibration_sha256="",
-        source="replay",
-        not_observable=(),
-        features_computed=(),
-        features_available=0,
-    )

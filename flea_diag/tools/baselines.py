@@ -13,6 +13,7 @@ from typing import Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages import Stage
+from flea_diag.tools.campaign import CLASSIFIER
 from flea_diag.wire.blocks import Block, ScanBlock
 from flea_diag.wire.records import ChannelTable, Record, Scan, VibrationBlock
 
@@ -22,10 +23,11 @@ ACCELEROMETER = "accelerometer"
 
 @dataclass(frozen=True)
 class Setting:
-    """What a diagnoser may learn from: a calibration, and the nominal bags that made it."""
+    """What a diagnoser may learn from: a calibration, the nominal bags that made it, a network."""
 
     calibration: Path | None = None
     nominal: tuple[Path, ...] = ()
+    classifier: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,19 @@ def _limits(setting: Setting) -> Stage:
     return LimitCheckStage(_channel_limits(setting.nominal), known.faults)
 
 
+def _classifier(setting: Setting) -> Stage:
+    from flea_diag.stages.feature_classifier import FeatureClassifierStage
+    from flea_diag.tools.feature_bench import FLEA_SCREW
+    from flea_diag.tools.feature_classifier import read_classifier
+
+    if setting.classifier is None:
+        raise ConfigurationError(
+            "the feature-only classifier needs a network and none is named: make one with "
+            "`flea features train`, and name it as `classifier` in the campaign"
+        )
+    return FeatureClassifierStage(read_classifier(setting.classifier), FLEA_SCREW.orders())
+
+
 @cache
 def _channel_limits(bags: Sequence[Path]) -> dict[str, tuple[float, float]]:
     from flea_diag.stages.limit_check import learned_limits
@@ -141,6 +156,7 @@ BASELINES: dict[str, Baseline] = {
         ),
         Baseline("structural", "residuals that react, without signs or features", _structural),
         Baseline("limit_checks", "each channel against its nominal extremes", _limits),
+        Baseline(CLASSIFIER, "all vibration features into a network, no model", _classifier),
     )
 }
 

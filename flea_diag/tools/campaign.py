@@ -18,6 +18,8 @@ from flea_diag.wire.parameters import build, parameter
 SCHEMA_VERSION = 1
 HYBRID = "hybrid"
 """The diagnoser as `flea replay` runs it; others are baselines."""
+CLASSIFIER = "feature_classifier"
+"""The configuration that needs a network."""
 HALVES = "halves"
 """Calibration by the recordings themselves: each half of the nominal runs scores the other."""
 
@@ -119,6 +121,9 @@ class Campaign:
     name: str = parameter("campaign", "for people")
     calibration: str = parameter(
         "", "a file; empty: the simulated stand's; halves: of the recordings themselves"
+    )
+    classifier: str = parameter(
+        "", "network that `flea features train` made, for the configuration feature_classifier"
     )
     limit_percent: float = parameter(
         0.0, "share of right runs below which a row is lost", minimum=0.0, maximum=100.0

@@ -16,6 +16,7 @@ from typing import Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.campaign import (
+    CLASSIFIER,
     HALVES,
     HYBRID,
     Campaign,
@@ -55,7 +56,8 @@ class Recipe:
 class Case:
     """One line to be: a run, the row that it counts in, a configuration, its calibration.
 
-    ``learned_from`` are the nominal bags behind the calibration, for baselines that learn.
+    ``learned_from`` are the nominal bags behind the calibration, ``classifier`` is a network, for
+    baselines that learn.
     """
 
     id: str
@@ -66,6 +68,7 @@ class Case:
     fold: str = ""
     calibration: str = ""
     learned_from: tuple[str, ...] = ()
+    classifier: str = ""
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -87,14 +90,19 @@ def plan(campaign: Campaign, recordings: RecordingSet) -> tuple[Case, ...]:
     (name, _, _), count = Counter(case.key for case in once).most_common(1)[0]
     if count > 1:
         raise ConfigurationError(f"{campaign.name}: {count} runs are named {name!r}")
+    classifier = _found(campaign, campaign.classifier)
     return tuple(
-        replace(case, configuration=name) for name in campaign.configurations for case in once
+        replace(case, configuration=name, classifier=classifier if name == CLASSIFIER else "")
+        for name in campaign.configurations
+        for case in once
     )
 
 
 def plan_sha256(campaign: Campaign, cases: Sequence[Case]) -> str:
     """Digest of what is run and what is right: results of another plan are not mixed in."""
     content = [{**asdict(case), "calibration": ""} for case in cases]
+    for row in content:
+        del row["classifier"]  # a file, as the calibration; where it lies tells no runs apart
     text = json.dumps([content, {k: list(v) for k, v in campaign.expect.items()}], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -116,10 +124,13 @@ def _of(source: Any, campaign: Campaign, recordings: RecordingSet) -> Iterator[C
 
 def _calibration(campaign: Campaign) -> str:
     """The simulated stand has its own calibration unless the campaign names a file."""
-    if campaign.calibration in ("", HALVES):
-        return ""
-    path = campaign.folder / campaign.calibration
-    return str(path) if path.is_file() else campaign.calibration
+    return "" if campaign.calibration == HALVES else _found(campaign, campaign.calibration)
+
+
+def _found(campaign: Campaign, name: str) -> str:
+    """A file beside the campaign where there is one of this name."""
+    path = campaign.folder / name
+    return str(path) if path.is_file() else name
 
 
 def _drawn(source: Drawn, campaign: Campaign) -> Iterator[Case]:

@@ -97,7 +97,8 @@ def _stage(case: Case) -> Stage:
     from flea_diag.tools.baselines import Setting, baseline
 
     calibration = Path(case.calibration) if case.calibration else None
-    setting = Setting(calibration, tuple(Path(bag) for bag in case.learned_from))
+    bags = tuple(Path(bag) for bag in case.learned_from)
+    setting = Setting(calibration, bags, Path(case.classifier) if case.classifier else None)
     return baseline(case.configuration).make(setting)
 
 
