@@ -92,12 +92,14 @@ def report(peer: Peer, browser: Browser, pid: int) -> None:
             flush=True,
         )
     settled = [row for row in rows if row[0] >= SETTLE_S] or rows
-    _, shares, residents, heaps, rates = zip(*settled, strict=True)
+    _, shares, residents, heaps, counted = zip(*settled, strict=True)
+    rates = [rate for rate in counted if rate >= 0.0]
+    loads = len(counted) - len(rates)  # a page that is loaded anew counts its frames from 0
     print(
         f"over {rows[-1][0] / 60:.1f} min: server {statistics.mean(shares):.1%} of a core (worst "
         f"{max(shares):.1%}), memory {residents[0]:.1f} -> {residents[-1]:.1f} MB; page heap "
         f"{heaps[0]:.1f} -> {heaps[-1]:.1f} MB; {statistics.median(rates):.1f} frames/s "
-        f"(worst {min(rates):.1f})"
+        f"(worst {min(rates):.1f}), loaded anew {loads} times"
     )
 
 

@@ -24,8 +24,7 @@ def jam() -> dict[str, Any]:
     return {
         name: replay(BAGS / "jam", baseline(name).make(SETTING))
         for name in BASELINES
-        if name
-        != CLASSIFIER  # the bag has one second of vibration: test/test_feature_classifier.py
+        if name != CLASSIFIER  # of vibration the bag has one second: test_feature_classifier.py
     }
 
 
