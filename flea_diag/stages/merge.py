@@ -104,7 +104,7 @@ class Merge:
         if count < len(record):
             self._wait_again(record.part(slice(count, None)))
         self._released_ns = int(record.stamps_ns[count - 1])
-        return next(record.records()) if single else record.part(slice(count))
+        return next(record.part(slice(1)).records()) if single else record.part(slice(count))
 
     def _leading(self, block: ResidualBlock, everything: bool) -> int:
         """How many records of this block are due before whatever else waits; at least one."""

@@ -40,7 +40,7 @@ class Pipeline:
         while len(block):
             taken, made = self._quiet(block)
             if not taken:
-                taken, made = 1, self.handle(next(block.records()))
+                taken, made = 1, self.handle(next(block.part(slice(1)).records()))
             caused.extend(made)
             block = block.part(slice(taken, None))
         return tuple(caused)
