@@ -354,3 +354,12 @@ def test_a_chunk_that_claims_to_unpack_to_terabytes_is_refused(tmp_path: Path) -
         (tmp_path / "bomb.mcap").write_bytes(b"\x89MCAP0\r\n" + record)
         with pytest.raises(RecordingError, match="holds no topic"):
             records_of(tmp_path / "bomb.mcap", losses=losses)
+
+
+def test_a_packed_bag_without_its_unpacker_names_the_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_scans(tmp_path / "run")
+    monkeypatch.setitem(sys.modules, "zstandard", None)
+    with pytest.raises(RecordingError, match="pip install mcap"):
+        records_of(tmp_path / "run")

@@ -20,7 +20,7 @@ from flea_diag.wire.codec import decode
 from flea_diag.wire.mcap_scan import Channel, McapScan, Message
 from flea_diag.wire.records import Record, Scan
 from flea_diag.wire.scan_columns import scan_block
-from flea_diag.wire.topics import TOPICS, Topic
+from flea_diag.wire.topics import TOPIC_OF, Topic
 
 BLOCK_SCANS = 1024
 _METADATA_LIMIT_BYTES = 1 << 20
@@ -80,7 +80,7 @@ class BagReader:
 
     def _foreign(self) -> str:
         has = ", ".join(f"{name} ({kind})" for name, kind in sorted(self.topics.items())[:5])
-        scan = TOPICS[3]
+        scan = TOPIC_OF[Scan]
         return (
             f"{self.path} holds no topic of flea_diag, such as {scan.name} ({scan.message}); "
             f"it has {has or 'no topics at all'}"

@@ -6,6 +6,8 @@ import struct
 import zlib
 from collections.abc import Iterator
 
+from flea_diag.errors import RecordingError
+
 CHUNK_LIMIT_BYTES = 256 << 20
 """A chunk that would unpack to more is refused."""
 
@@ -71,6 +73,10 @@ def _decompress(compression: str, packed: bytes, size: int) -> bytes:
             import lz4.frame
 
             return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size))
+    except ImportError as error:
+        raise RecordingError(
+            f"a bag packed with {compression} needs the package mcap: pip install mcap ({error})"
+        ) from error
     except (RuntimeError, EOFError, ValueError, MemoryError) as error:
         raise DamageError(f"it does not unpack: {error}") from None
     raise DamageError(f"its compression {compression!r} is unknown")
