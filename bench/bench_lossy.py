@@ -19,8 +19,12 @@ FIRST_SEED = 1000
 def main() -> int:
     """One line for each disturbance, and one for each run that is not as it should be."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
+    names = sys.argv[2:] or list(lossy.DISTURBANCES)
+    unknown = [name for name in names if name not in lossy.DISTURBANCES]
+    if unknown:
+        sys.exit(f"{unknown[0]!r} is no disturbance, choose of {', '.join(lossy.DISTURBANCES)}")
     wrong = 0
-    for name in sys.argv[2:] or lossy.DISTURBANCES:
+    for name in names:
         runs = [lossy.passed(name, seed) for seed in range(FIRST_SEED, FIRST_SEED + count)]
         called = [run for run in runs if run.called]
         miscounted = [run for run in runs if run.miscounted]

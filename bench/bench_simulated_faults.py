@@ -24,7 +24,11 @@ WORKERS = 2
 def main() -> int:
     """Run and print; seeds from ``FIRST_SEED`` on."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 8
-    rows = sys.argv[2:] or list(table()["faults"])
+    known = list(table()["faults"])
+    rows = sys.argv[2:] or known
+    unknown = [row for row in rows if row not in known]
+    if unknown:
+        sys.exit(f"{unknown[0]!r} is no row, choose of {', '.join(known)}")
     pairs = list(product(rows, range(FIRST_SEED, FIRST_SEED + count)))
     with ProcessPoolExecutor(WORKERS) as pool:
         found = list(pool.map(judged, *zip(*pairs, strict=True), chunksize=4))

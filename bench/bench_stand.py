@@ -26,6 +26,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
 from live import Peer, Process, node
 
+from flea_diag.nodes.domain import reserved_domain
 from flea_diag.tools.simulate import write_bag
 from flea_diag.wire.records import Health, Scan
 from flea_sim_driver.library import find_scenario
@@ -35,7 +36,6 @@ from flea_sim_driver.scenario import Scenario
 RUN_S = 30.0
 REPEATS = 5
 LIVE_S = 30.0
-DOMAIN = 97
 LIMITS_S = {False: 0.3, True: 3.0}
 
 
@@ -77,10 +77,10 @@ def live() -> None:
                    "-p", "wait_for_subscribers:=1")  # fmt: skip
     if "--fifo" in sys.argv:
         command = ["chrt", "--fifo", "20", *command]
-    with Peer(DOMAIN) as peer:
+    with reserved_domain() as domain, Peer(domain) as peer:
         peer.bus.subscribe(Scan, peer.records.append)
         peer.bus.subscribe(Health, peer.records.append)
-        with Process(command, DOMAIN) as daq:
+        with Process(command, domain) as daq:
             peer.until(lambda: any(isinstance(r, Scan) for r in peer.records))
             started = time.monotonic()
             begin = cpu_s(daq.child.pid)

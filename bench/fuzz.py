@@ -29,11 +29,15 @@ def main() -> int:
     """Run and print; exit status 1 where anything but a FleaError came out."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("seconds", nargs="?", type=float, default=10.0)
-    parser.add_argument("readers", nargs="*")
+    known = {target.name: target for target in fuzzing.targets()}
+    parser.add_argument("readers", nargs="*", metavar="READER", help=f"of {', '.join(known)}")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--atheris", action="store_true", help="one reader, led by coverage")
     given = parser.parse_args()
-    chosen = [t for t in fuzzing.targets() if not given.readers or t.name in given.readers]
+    unknown = [name for name in given.readers if name not in known]
+    if unknown:
+        parser.error(f"{unknown[0]!r} is no reader, choose of {', '.join(known)}")
+    chosen = [known[name] for name in given.readers or known]
     if given.atheris:
         return led_by_coverage(chosen[0], given.seconds)
     inputs = failures = 0
