@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -114,6 +115,43 @@ def test_ctrl_c_in_mid_work_ends_with_130(tmp_path: Path) -> None:
     _, errors = process.communicate()
     assert process.returncode == 130
     assert errors == b"flea: interrupted\n"
+
+
+def without_privileges() -> list[str]:
+    """Before a command: root without its capabilities is refused like anybody else."""
+    if os.geteuid() != 0:
+        return []
+    if shutil.which("setpriv") is None:
+        pytest.skip("root may read everything, and there is no setpriv (util-linux)")
+    return ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]
+
+
+def test_a_folder_that_is_closed_is_said_to_be_so(tmp_path: Path) -> None:
+    """To most of what Python asks of a folder it looks like an empty one."""
+    closed = tmp_path / "closed"
+    with BagWriter(closed) as bag:
+        bag.write(Scan(10**18, ("a",), (1.0,)))
+    closed.chmod(0)
+    asked = [
+        ["replay", str(closed)],
+        ["trend", str(closed)],
+        ["recover", str(closed)],
+        ["bag", "check", str(closed)],
+        ["diff", str(closed), str(closed)],
+        ["evaluate", str(closed), "-o", str(tmp_path / "out")],
+    ]
+    code = f"from flea_diag.tools.main import main; print([main(a) for a in {asked!r}][-1])"
+    done = subprocess.run(
+        [*without_privileges(), sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env=ENVIRONMENT,
+    )
+    closed.chmod(0o700)
+    assert done.returncode == 0, done.stderr
+    said = (done.stdout + done.stderr).splitlines()
+    refusals = [line for line in said if line.endswith(f"cannot read {closed}: Permission denied")]
+    assert len(refusals) == len(asked), said
 
 
 def test_help_loads_nothing_slow() -> None:

@@ -13,6 +13,7 @@ from typing import Any
 from flea_diag.errors import RecordingError
 from flea_diag.tools.result_log import RESULTS, read_results
 from flea_diag.tools.run_result import RunResult
+from flea_diag.wire.bag_layout import refuse_closed
 
 LARGEST_JSON_BYTES = 64 << 20
 
@@ -60,6 +61,7 @@ def read_decisions(path: Path) -> dict[str, Decision]:
     RecordingError
         There is neither, or it cannot be read.
     """
+    refuse_closed(path)
     if path.is_dir() or path.suffix == ".jsonl":
         folder = path if path.is_dir() else path.parent
         if path.is_dir() and not (path / RESULTS).is_file():

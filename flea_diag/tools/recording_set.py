@@ -14,6 +14,7 @@ from pathlib import Path
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError
 from flea_diag.tools.campaign import HALVES, LISTS, Campaign, Injections, Recordings, Switches
 from flea_diag.tools.terminal import progress, warn
+from flea_diag.wire.bag_layout import refuse_closed
 
 NOMINAL = "nominal"
 DATA_FOLDER = "FLEA_DATA_DIR"
@@ -174,6 +175,7 @@ def _paths(pattern: str, folder: Path) -> list[Path]:
 
 def _recordings(path: Path) -> Iterator[Path]:
     """The path itself where it is a recording, else those directly below it."""
+    refuse_closed(path)
     if path.suffix in (".data", ".mcap") or (path / "metadata.yaml").is_file():
         yield path
     elif path.is_dir():

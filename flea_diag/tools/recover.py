@@ -84,6 +84,7 @@ def mcap_files(source: Path) -> list[Path]:
     RecordingError
         When there is none.
     """
+    layout.refuse_closed(source)
     files = [source] if source.is_file() else sorted(source.glob("*.mcap"))
     if not files:
         why = "no .mcap file there" if source.exists() else "does not exist"

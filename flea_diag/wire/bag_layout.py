@@ -52,6 +52,18 @@ def message_type(message: str) -> MessageType:
     return MessageType(definition, _typestore().hash_rihs01(message))
 
 
+def refuse_closed(folder: Path) -> None:
+    """See that a folder may be read: one that is closed looks like an empty one.
+
+    Raises
+    ------
+    RecordingError
+        Where it is there, and closed.
+    """
+    if folder.is_dir() and not os.access(folder, os.R_OK | os.X_OK):
+        raise RecordingError(f"cannot read {folder}: Permission denied")
+
+
 def absolute(topic: Topic, namespace: str) -> str:
     """Full name of a topic under a namespace (``/stand_b`` or empty)."""
     return topic.name if topic.name.startswith("/") else f"{namespace}/{topic.name}"

@@ -14,7 +14,12 @@ from typing import Any
 import yaml
 
 from flea_diag.errors import RecordingError, WireError
-from flea_diag.wire.bag_layout import METADATA_FILE, checked_namespace, split_name
+from flea_diag.wire.bag_layout import (
+    METADATA_FILE,
+    checked_namespace,
+    refuse_closed,
+    split_name,
+)
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.codec import decode
 from flea_diag.wire.mcap_scan import Channel, McapScan, Message
@@ -244,6 +249,7 @@ def _sources(path: Path, losses: list[str]) -> list[Any]:
         return [McapScan(path)]
     if not path.is_dir():
         raise RecordingError(f"{path} does not exist")
+    refuse_closed(path)
     known = described(path, losses)
     if known.get("storage_identifier") == "sqlite3":
         return [_SqliteSource(path)]
