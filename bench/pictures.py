@@ -1,0 +1,133 @@
+"""Makes the pictures of the screens in docs anew: a stand whose screw jams, live, on each of them.
+
+    .venv/bin/python bench/pictures.py            all of them, into docs
+
+Needs Chromium, as the tests of the page do. Look at what it made before it is kept.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "test"))
+
+from browser import Browser, chromium, missing
+from live import Peer, Process, node
+
+from flea_diag.nodes.alarm_journal import AlarmJournal
+from flea_diag.nodes.desk import Desk, connect
+from flea_diag.nodes.domain import reserved_domain
+from flea_diag.wire.records import Outcome
+
+DOCS = ROOT / "docs"
+SAYS_WHERE = "the page is at "
+PAST_S = 14.0
+"""So much is shown of what followed the verdict."""
+LIMIT_S = 120.0
+
+
+def console_picture(desk: Desk, peer: Peer, browser: Browser, target: Path) -> None:
+    """The console as Textual draws it, at a size at which most panels have room."""
+    from flea_diag.nodes.console_app import ConsoleApp
+
+    drawn: list[str] = []
+
+    async def draw() -> None:
+        app = ConsoleApp(desk)
+        async with app.run_test(size=(152, 51)) as pilot:
+            await pilot.pause(0.5)
+            app.screen_stack[0].redraw()  # type: ignore[attr-defined]
+            await pilot.pause(0.3)
+            drawn.append(app.export_screenshot())
+
+    painter = threading.Thread(target=lambda: asyncio.run(draw()))
+    painter.start()
+    peer.until(lambda: not painter.is_alive(), LIMIT_S)
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "console.html"
+        page.write_text(f"<style>* {{ margin: 0 }}</style>{drawn[0]}", encoding="utf-8")
+        browser.size(1300, 900)
+        browser.open(page.as_uri())
+        keep(browser, target)
+
+
+def keep(browser: Browser, target: Path) -> None:
+    """Save the window with as many colours as it needs."""
+    from PIL import Image
+
+    browser.shot(target)
+    Image.open(target).convert("RGB").quantize(256).save(target, optimize=True)
+    print(target)
+
+
+def page_pictures(browser: Browser, port: str, web: Process, peer: Peer, desk: Desk) -> None:
+    """The page on a desk and on a tablet, and what is left of it without its server."""
+    url = f"http://127.0.0.1:{port}/"
+    browser.size(1440, 1000)
+    browser.theme("light")
+    browser.open(url)
+    browser.until_text(".chips", "LIVE", LIMIT_S)
+    browser.until("'ISOLATED' in seen", LIMIT_S)
+    browser.press("m")
+    browser.until("document.activeElement.tagName === 'TEXTAREA'")
+    browser.press("load changed", "\ue007")
+    peer.until(lambda: _isolated(desk), LIMIT_S)
+    due_ns = desk.moment_ns() + round(PAST_S * 1e9)
+    peer.until(lambda: desk.moment_ns() > due_ns, LIMIT_S)
+    browser.until("!document.querySelector('.q-notification')")
+    keep(browser, DOCS / "page_diagnosed.png")
+    browser.size(820, 1180)
+    browser.theme("dark")
+    browser.until("document.body.classList.contains('body--dark')")
+    browser.run("scrollTo(0, 0)")
+    keep(browser, DOCS / "page_tablet.png")
+    browser.size(1440, 420)
+    browser.theme("light")
+    web.child.kill()
+    browser.until_text(".lost-banner", "DISCONNECTED")
+    keep(browser, DOCS / "page_disconnected.png")
+
+
+def _isolated(desk: Desk) -> bool:
+    return desk.state.group is not None and desk.state.group.outcome is Outcome.ISOLATED
+
+
+def make(domain: int, folder: Path) -> None:
+    """A live run, and what its screens show."""
+    journal = ("-p", f"journal:={folder / 'page.sqlite'}", "-p", "author:=Ada")
+    daq = node(
+        "flea_sim_driver.daq_node", "-p", "fault:=jam", "-p", "fault_onset_s:=12.0",
+        "-p", "duration_s:=600.0", "-p", "wait_for_subscribers:=3",
+    )  # fmt: skip
+    desk = Desk(AlarmJournal(folder / "console.sqlite"), "Ada")
+    with (
+        Peer(domain) as peer,
+        Process(node("flea_diag.nodes.diagnoser"), domain),
+        Process(node("flea_diag.nodes.web", "-p", "port:=0", *journal), domain) as web,
+        chromium() as browser,
+    ):
+        port = web.wait_for(SAYS_WHERE, LIMIT_S).partition(SAYS_WHERE)[2]
+        connect(peer.bus, desk)
+        with Process(daq, domain):
+            peer.until(lambda: _isolated(desk), LIMIT_S)
+            console_picture(desk, peer, browser, DOCS / "console.png")
+            page_pictures(browser, port.partition("/\n")[0].rpartition(":")[2], web, peer, desk)
+
+
+def main() -> int:
+    """Make them; the exit status."""
+    if missing():
+        print(missing(), file=sys.stderr)
+        return 2
+    with reserved_domain() as domain, tempfile.TemporaryDirectory() as folder:
+        make(domain, Path(folder))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
