@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from flea_diag.configuration import load_features
 from flea_diag.core.diagnosis_tree import Node, asked_tree, build, follow, leaves, render
-from flea_diag.core.fault_group import entropy, normalised, refine
+from flea_diag.core.fault_group import entropy, normalised, refine, refine_side
 from flea_diag.core.feature_choice import STRATEGIES, FeatureChooser, Rules, next_feature
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.errors import ConfigurationError
@@ -113,6 +113,21 @@ NOISY = FaultFeatureTable.from_mapping(
     },
     "noisy",
 )
+
+
+def test_a_side_is_worth_as_much_as_all_its_symbols_together() -> None:
+    """3/8 + 1/8 against 1/8 + 0: four to one."""
+    rows = {
+        "jam": {"f": {"0": 0.5, "+": 0.375, "++": 0.125}},
+        "spall": {"f": {"--": 0.125, "0": 0.75, "+": 0.125}},
+    }
+    table = FaultFeatureTable.from_mapping(
+        {"alphabet": ["--", "-", "0", "+", "++"], "features": {"f": {"cost": 1}}, "faults": rows},
+        "test",
+    )
+    even = {"jam": 0.5, "spall": 0.5}
+    assert refine_side(even, table, "f", "+") == pytest.approx({"jam": 0.8, "spall": 0.2})
+    assert refine_side(even, table, "f", "-") == {"spall": 1.0}
 
 
 def test_refine_is_bayes_worked_on_paper() -> None:

@@ -48,7 +48,9 @@ def test_the_alarm_ends_with_the_noise():
 
 
 def test_a_sensor_that_dies_is_an_alarm_too_but_both_sides_are_not_added_up():
-    assert alarms(sentinel(), [-1.0] * RAISED)[-1] == AXIS
+    loud, dead = sentinel(), sentinel()
+    assert alarms(loud, [3.0] * RAISED)[-1] == alarms(dead, [-1.0] * RAISED)[-1] == AXIS
+    assert (loud.side(AXIS), dead.side(AXIS)) == ("+", "-")
     assert alarms(sentinel(), [-1.0, 3.0] * (RAISED - 1)) == [None] * (2 * RAISED - 2)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from stand_runs import fault, records
 
-from flea_diag.configuration import EXTRACTOR, ISOLATOR, OBSERVER
+from flea_diag.configuration import EXTRACTOR, ISOLATOR, OBSERVER, make_pipeline
 from flea_diag.core.features_envelope import named_line
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.stages.windows import Windows
@@ -132,6 +132,23 @@ def test_a_saturated_sensor_is_passed_over_for_the_other() -> None:
     assert all("is saturated" in answer.reason for answer in second)
     assert any(answer.symbol != "?" for answer in found)
     assert "jam" in {member.fault for member in last(out).members}
+
+
+def test_the_level_that_opens_an_episode_is_an_answer_already() -> None:
+    """A dead sensor: the stand's noise is gone, which no fault of the machine does."""
+    made = records(
+        motion={"kind": "sine", "amplitude_m": 0.022, "frequency_hz": 0.6},
+        duration_s=11.0,
+        sensors={},
+        faults=[{"fault": "accelerometer_2_fault", "onset_s": 8.0, "size": 0.0}],
+    )
+    chain = make_pipeline(None)
+    kept = [r for r in made if isinstance(r, ChannelTable | Scan | VibrationBlock)]
+    group = last([caused for record in kept for caused in chain.handle(record)])
+    assert re.match("accelerometer_2_[xyz]: level", group.opened_by)
+    assert [member.fault for member in group.members] == ["accelerometer_2_fault"]
+    short = next(row for row in group.dropped if row.fault == "winding_short")
+    assert ("accelerometer_2_std", "-") in [(e.source, e.observed) for e in short.evidence]
 
 
 @pytest.mark.parametrize(("faults", "line"), [(fault("spall", 0.0), "nut"), ({}, "unclassified")])

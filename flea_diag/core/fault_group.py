@@ -40,6 +40,20 @@ def refine(
     )
 
 
+def refine_side(
+    group: Group,
+    table: FaultFeatureTable,
+    feature: str,
+    side: str,
+    drop_below: float = DROP_BELOW,
+) -> dict[str, float]:
+    """Group after a feature was seen above its range (``+``) or below (``-``), however far."""
+    places = {table.place(side), table.place(2 * side)}
+    rows = {fault: table.probabilities(fault, feature) for fault in group}
+    joint = {fault: p * sum(rows[fault][k] for k in places) for fault, p in group.items()}
+    return _after(joint, drop_below)
+
+
 def _after(joint: Group, drop_below: float) -> dict[str, float]:
     """Posterior of joint probabilities, without those below the limit."""
     posterior = normalised(joint)

@@ -195,7 +195,7 @@ def all_ids(axes: Iterable[str]) -> tuple[str, ...]:
 
 
 def _finite(feature: Feature, window: Window) -> float:
-    if feature.scope is not Scope.SCANS and not np.isfinite(window.samples).all():
+    if feature.scope is not Scope.SCANS and not window.is_finite:
         raise NotComputableError("the window holds samples that are not finite")
     value = float(feature.combine(np.asarray(feature.function(window), dtype=np.float64)))
     if not np.isfinite(value):

@@ -57,6 +57,11 @@ class Sentinel:
                 alarm = alarm or axis
         return alarm
 
+    def side(self, axis: str) -> str:
+        """``+`` where the level of an axis in its last blocks is above its range, else ``-``."""
+        recent = self._sides[axis, self._judged[axis][0]]
+        return "+" if sum(recent) > 0 else "-"
+
     def words(self, axis: str) -> str:
         """Level of an axis in its last block against its range, and how often it left that."""
         moving, level, low, high = self._judged[axis]

@@ -57,6 +57,11 @@ class Window:
         return self.count / self.rate_hz
 
     @cached_property
+    def is_finite(self) -> bool:
+        """Whether every sample is a number."""
+        return bool(np.isfinite(self.samples).all())
+
+    @cached_property
     def centred(self) -> npt.NDArray[np.float32]:
         """Samples without their mean, one contiguous row an axis, shape (axes, n)."""
         rows = np.ascontiguousarray(self.samples.T, dtype=np.float32)

@@ -50,6 +50,10 @@ class Episode:
     back: int = 0
     moved: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, dtype=np.int64))
 
+    def group(self) -> dict[str, float]:
+        """Faults still possible, each with its probability."""
+        return {h.name: h.probability for h in self.isolation.alive()}
+
     def learn(self, block: ResidualBlock, onset_ns: int) -> None:
         """Evidence of more scans, but for those that still show the onset."""
         late = block.stamps_ns - self.start_ns >= onset_ns

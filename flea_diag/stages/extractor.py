@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.core.features import FeatureId, Scope, evaluate
+from flea_diag.core.nominal_range import OperatingPoint
 from flea_diag.core.window import NotComputableError, Window
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages.scan_ring import SECOND_NS
@@ -74,6 +75,19 @@ class ExtractorParameters:
     sentinel: bool = parameter(True, "publish the level of every block on vibration_level")
 
 
+@dataclass(frozen=True)
+class _Cut:
+    """A window that was asked about: its operating point, and what is decoded of it.
+
+    ``windows``: by accelerometer, and whether the motion is in it.
+    """
+
+    start_ns: int
+    end_ns: int
+    point: OperatingPoint
+    windows: dict[tuple[str, bool], Window] = field(default_factory=dict)
+
+
 class ExtractorStage:
     """Keeps the raw blocks of the last seconds and computes single features on request.
 
@@ -95,8 +109,7 @@ class ExtractorStage:
         self.parameters = p = parameters or ExtractorParameters()
         self.windows = Windows(p.history_s, p.gap_limit_s, p.scan_gap_limit_s, table.nominal.orders)
         self.duplicates = 0
-        self._span = 0, 0
-        self._cut: dict[tuple[str, bool], Window] = {}
+        self._cut = _Cut(0, 0, OperatingPoint())
         self._stopwatch = stopwatch
         self._full_scale: dict[str, float] = {}
         self._pending: deque[FeatureRequest] = deque()
@@ -170,7 +183,7 @@ class ExtractorStage:
         """Value, symbol and nominal range, or NaN with the reason."""
         begun = self._stopwatch()
         value, unit, reason = math.nan, "", ""
-        point = self.windows.operating_point(request.window_start_ns, request.window_end_ns)
+        point = self._cut_of(request).point
         try:
             wanted = FeatureId.parse(request.feature)
             unit = wanted.feature.unit
@@ -212,15 +225,22 @@ class ExtractorStage:
             )
         if wanted.feature.scope is Scope.SCANS:
             return self.windows.cut_for(wanted, start_ns, end_ns)
-        if self._span != (start_ns, end_ns):
-            self._span, self._cut = (start_ns, end_ns), {}
+        windows = self._cut_of(request).windows
         kind = wanted.accelerometer, wanted.feature.needs_scans
-        if kind not in self._cut:
+        if kind not in windows:
             window = self.windows.cut_for(wanted, start_ns, end_ns)
             self._check_rate(window.rate_hz)
             self._check_saturation(window)
-            self._cut[kind] = window
-        return self._cut[kind]
+            windows[kind] = window
+        return windows[kind]
+
+    def _cut_of(self, request: FeatureRequest) -> _Cut:
+        """What is kept of the window of a request: that of the last one, if it is the same."""
+        start_ns, end_ns = request.window_start_ns, request.window_end_ns
+        if (self._cut.start_ns, self._cut.end_ns) != (start_ns, end_ns):
+            point = self.windows.operating_point(start_ns, end_ns)
+            self._cut = _Cut(start_ns, end_ns, point)
+        return self._cut
 
     def _is_rate_known(self, rate_hz: float) -> bool:
         learned_hz = self.table.nominal.rate_hz

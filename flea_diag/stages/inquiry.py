@@ -88,6 +88,10 @@ class Inquiry:
             self.computed += (answer.feature,)
         return True
 
+    def pass_over(self, feature: str) -> None:
+        """A feature of which the first window would tell nothing new."""
+        self._tried += (feature,)
+
     def give_up(self) -> None:
         """Close the open request: its feature is not asked for again on this window."""
         assert self.request is not None

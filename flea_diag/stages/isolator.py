@@ -12,7 +12,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from flea_diag.core.feature_choice import FeatureChooser, refine
+from flea_diag.core.fault_group import refine, refine_side
+from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.isolation import Isolation
 from flea_diag.core.operating_point import QUADRANTS
 from flea_diag.core.sentinel import Sentinel
@@ -256,7 +257,15 @@ class IsolatorStage:
                 )
         episode.settled = True
         episode.isolation.share_out()
+        self._believe_level(stamp_ns, episode, axis)
         return self._go_on(stamp_ns)
+
+    def _believe_level(self, stamp_ns: int, episode: Episode, axis: str) -> None:
+        """That a level left its range is an answer already: to the deviation of its sensor."""
+        feature, side = f"{axis.rsplit('_', 1)[0]}_std", self._sentinel.side(axis)
+        left = refine_side(episode.group(), self._k.features, feature, side)
+        episode.isolation.believe(stamp_ns, feature, side, left)
+        episode.inquiry.pass_over(feature)
 
     # --- features ---------------------------------------------------------------------
 
@@ -273,8 +282,7 @@ class IsolatorStage:
         inquiry = episode.inquiry
         if inquiry.request is not None:
             return ()
-        group = {h.name: h.probability for h in episode.isolation.alive()}
-        inquiry.plan(group, self._chooser)
+        inquiry.plan(episode.group(), self._chooser)
         if not inquiry.is_due(stamp_ns, self._motion.pace):
             return ()
         episode.step += 1
@@ -287,8 +295,7 @@ class IsolatorStage:
             return ()
         self._merge.hold(None)
         if record.symbol != "?":
-            group = {h.name: h.probability for h in episode.isolation.alive()}
-            left = refine(group, self._k.features, record.feature, record.symbol)
+            left = refine(episode.group(), self._k.features, record.feature, record.symbol)
             episode.isolation.believe(record.stamp_ns, record.feature, record.symbol, left)
         return self._go_on(record.stamp_ns)
 

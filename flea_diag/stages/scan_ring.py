@@ -75,14 +75,16 @@ class ScanRing:
     def _inside(self, start_ns: int, end_ns: int) -> list[Scan]:
         # A block may hold some that are too old by now.
         start_ns = max(start_ns, self.end_ns - self.history_ns)
-        return [scan for scan in self._since(start_ns) if start_ns <= scan.stamp_ns <= end_ns]
+        found = [s for s in self._backwards(start_ns) if start_ns <= s.stamp_ns <= end_ns]
+        return found[::-1]
 
-    def _since(self, start_ns: int) -> Iterator[Scan]:
-        for last_ns, scans in self._scans:
+    def _backwards(self, start_ns: int) -> Iterator[Scan]:
+        """Scans from the newest to the first before a time: windows are of late."""
+        for last_ns, scans in reversed(self._scans):
             if last_ns < start_ns:
-                continue
+                return
             if isinstance(scans, ScanBlock):
-                yield from scans.records()
+                yield from reversed(list(scans.records()))
             else:
                 yield scans
 

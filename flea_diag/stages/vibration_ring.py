@@ -166,6 +166,8 @@ def _part(kept: _Kept, start_ns: int, end_ns: int) -> tuple[int, npt.NDArray[np.
     """
     offset_ns, samples = kept.block.points()
     stamp_ns = kept.block.stamp_ns
+    if start_ns <= stamp_ns and kept.end_ns <= end_ns:
+        return stamp_ns + int(offset_ns[0]), samples
     first = int(np.searchsorted(offset_ns, max(start_ns - stamp_ns, 0)))
     last = int(np.searchsorted(offset_ns, min(end_ns - stamp_ns, 2**32 - 1)))
     return stamp_ns + int(offset_ns[min(first, kept.block.count - 1)]), samples[first:last]

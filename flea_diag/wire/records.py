@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -127,6 +128,7 @@ class VibrationBlock:
     data: bytes
 
     @staticmethod
+    @cache
     def point_dtype(axes: int) -> np.dtype[np.void]:
         """Layout of one point with so many axes."""
         return np.dtype([("t", "<u4"), ("a", "<f4", (axes,))])
