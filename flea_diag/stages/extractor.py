@@ -35,6 +35,8 @@ from flea_diag.wire.records import (
 )
 
 SENTINEL_POINTS = 256
+POINT = np.dtype("<f4")
+"""One number of a point of a block: its time, of the same size, and one value an axis."""
 
 
 @dataclass(frozen=True)
@@ -272,16 +274,23 @@ def block_std(block: VibrationBlock) -> npt.NDArray[np.float32]:
     From about ``SENTINEL_POINTS`` points spread over the block: the sentinel always runs, and
     its error of 4 % is small against the range that levels are held against.
     """
-    stride = max(block.count // SENTINEL_POINTS, 1)
+    shape, strides, weight = _spread(block.count, len(block.axes))
     # The time of a point comes first and is skipped, so that all else is one plain matrix.
-    rows = np.frombuffer(block.data, "<f4").reshape(block.count, -1)[::stride, 1:]
+    rows = np.ndarray(shape, POINT, block.data, POINT.itemsize, strides)
     shifted = rows - rows[0]  # gravity would cost float32 its digits
-    weight = _even_weights(len(shifted))
     mean = weight @ shifted
-    variance = weight @ (shifted * shifted) - mean * mean
+    shifted *= shifted
+    variance = weight @ shifted - mean * mean
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 @lru_cache(maxsize=8)
-def _even_weights(count: int) -> npt.NDArray[np.float32]:
-    return np.full(count, 1.0 / count, dtype=np.float32)
+def _spread(
+    count: int, axes: int
+) -> tuple[tuple[int, int], tuple[int, int], npt.NDArray[np.float32]]:
+    """Shape and strides of the points to take of a block, and equal weights that sum to 1."""
+    stride = max(count // SENTINEL_POINTS, 1)
+    points = len(range(0, count, stride))
+    size = POINT.itemsize
+    weight = np.full(points, 1.0 / points, dtype=np.float32)
+    return (points, axes), (stride * (1 + axes) * size, size), weight

@@ -6,10 +6,11 @@ size of the fault that are drawn from its seed. It goes through the same stages 
 
 from __future__ import annotations
 
+import gc
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import pairwise
@@ -108,27 +109,45 @@ def lazy_s(
     extractor = ExtractorStage(table)
     stream = [r for r in records if type(r) in extractor.consumes]
     merged = sorted([*stream, *requests], key=lambda record: record.stamp_ns)
-    begin = time.process_time_ns()
-    for record in merged:
-        extractor.handle(record)
-    return (time.process_time_ns() - begin) / 1e9
+    with _cpu() as spent:
+        for record in merged:
+            extractor.handle(record)
+    return spent.total_s
 
 
 def eager_s(records: Iterable[Record], table: FaultFeatureTable) -> float:
     """CPU time of all features of a table on every second of the same stream."""
     windows = Windows(2.0 * EVERY_S, 0.002, 0.05, table.nominal.orders)
     hop_ns, due_ns = round(EVERY_S * SECOND_NS), 0
+    stream = [record for record in records if isinstance(record, Scan | VibrationBlock)]
+    with _cpu() as spent:
+        for record in stream:
+            windows.add(record)
+            due_ns = due_ns or record.stamp_ns + hop_ns
+            if windows.scans.end_ns > 0 and windows.vibration.end_ns > 0 and windows.covers(due_ns):
+                with suppress(NotComputableError):
+                    compute_all(table.features, windows.cut(due_ns - hop_ns, due_ns))
+                due_ns += hop_ns
+    return spent.total_s
+
+
+@dataclass
+class _Spent:
+    total_s: float = 0.0
+
+
+@contextmanager
+def _cpu() -> Iterator[_Spent]:
+    """CPU time of a stretch of code; garbage of what ran before is collected before."""
+    spent = _Spent()
+    gc.collect()
+    gc.disable()
     begin = time.process_time_ns()
-    for record in records:
-        if not isinstance(record, Scan | VibrationBlock):
-            continue
-        windows.add(record)
-        due_ns = due_ns or record.stamp_ns + hop_ns
-        if windows.scans.end_ns > 0 and windows.vibration.end_ns > 0 and windows.covers(due_ns):
-            with suppress(NotComputableError):
-                compute_all(table.features, windows.cut(due_ns - hop_ns, due_ns))
-            due_ns += hop_ns
-    return (time.process_time_ns() - begin) / 1e9
+    try:
+        yield spent
+        spent.total_s = (time.process_time_ns() - begin) / 1e9
+    finally:
+        gc.enable()
 
 
 def study(faults: Iterable[str], seeds: Iterable[int], table: str, jobs: int = 1) -> list[Study]:
