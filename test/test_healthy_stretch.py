@@ -15,7 +15,7 @@ from flea_diag.core.sensor_models import sensor_models
 RESIDUALS = ("parity_mechanical", "parity_electrical")
 SIGMA = dict(zip(RESIDUALS, (20.0, 0.9), strict=True))
 SPACING = dict.fromkeys(RESIDUALS, 40.0)
-TOLERANCE = [getattr(UnitTolerance(), name) for name in UNIT_PARAMETERS]
+TOLERANCE = [*(getattr(UnitTolerance(), name) for name in UNIT_PARAMETERS), 0.03, 0.03, 0.03]
 P = ActuatorParameters()
 
 

@@ -15,12 +15,13 @@ from flea_diag.core.fault_models import (
     Term,
 )
 from flea_diag.core.likelihood import Evidence
-from flea_diag.core.residual import UNIT_PARAMETERS
+from flea_diag.core.unit_difference import UNIT_DIFFERENCES
 
 RESIDUALS = (MECHANICAL, ELECTRICAL)
 SIGMA = {MECHANICAL: 12.0, ELECTRICAL: 0.6}
 SPACING = {MECHANICAL: 4.0, ELECTRICAL: 2.0}
-TOLERANCE = (10.0, 125.0, 15.0, 0.3, 4.0, 0.5, 0.15)
+TOLERANCE = (10.0, 125.0, 15.0, 0.3, 4.0, 0.5, 0.15, 0.03, 0.03, 0.03)
+UNITS = len(TOLERANCE)
 INFINITE = float("inf")
 DRAG = FaultModel(
     "drag",
@@ -83,19 +84,19 @@ def reference(model: FaultModel | None, y, columns):
     weight = [1 / (SIGMA[r] * math.sqrt(SPACING[r])) for r in RESIDUALS]
     blocks, right = [], []
     for row in range(2):
-        A = np.zeros((y.shape[1], count + 7))
+        A = np.zeros((y.shape[1], count + UNITS))
         for k in range(count):
             A[:, k] = effect(model, np.eye(count)[k], columns)[row]
         for name, (where, regressor) in UNIT.items():
             if where == row:
-                A[:, count + UNIT_PARAMETERS.index(name)] = -columns[regressor]
+                A[:, count + UNIT_DIFFERENCES.index(name)] = -columns[regressor]
         use = np.isfinite(y[row])
         blocks.append(A[use] * weight[row])
         right.append(y[row, use] * weight[row])
-    blocks.append(np.hstack((np.zeros((7, count)), np.diag(1 / np.array(TOLERANCE)))))
-    A, b = np.vstack(blocks), np.concatenate([*right, np.zeros(7)])
-    low = [size.low for size in (model.sizes if model else ())] + [-np.inf] * 7
-    high = [size.high for size in (model.sizes if model else ())] + [np.inf] * 7
+    blocks.append(np.hstack((np.zeros((UNITS, count)), np.diag(1 / np.array(TOLERANCE)))))
+    A, b = np.vstack(blocks), np.concatenate([*right, np.zeros(UNITS)])
+    low = [size.low for size in (model.sizes if model else ())] + [-np.inf] * UNITS
+    high = [size.high for size in (model.sizes if model else ())] + [np.inf] * UNITS
     scale = np.linalg.norm(A, axis=0)
     found = optimize.lsq_linear(A / scale, b, (low * scale, high * scale), tol=1e-14)
     return 2 * found.cost, found.x[:count] / scale[:count]
@@ -209,3 +210,25 @@ def test_the_sizes_of_a_jam_are_held_to_their_bounds_at_the_optimum(seed):
     _, expected = reference(jam, y, columns)
     np.testing.assert_allclose(effect(jam, fit.sizes, columns), effect(jam, expected, columns),
                                atol=0.05)  # fmt: skip
+
+
+@pytest.mark.parametrize(("rise_k", "told_apart"), [(1.0, False), (12.0, True)])
+def test_a_bias_of_a_temperature_is_told_from_a_scaling_once_more_changes_than_a_unit_heats_by(
+    rise_k, told_apart
+):
+    node, count = "motor_temperature", 2000
+    bias = FaultModel("bias", (Size("b", "K", -60.0, 60.0),), (Term(node, "one", 1.0),))
+    scaled = (Term(node, "motor_temperature_degc", 1.0),)
+    scaling = FaultModel("scaling", (Size("g", "1", -0.7, 0.4),), scaled)
+    elapsed = 0.01 * np.arange(count)
+    columns = {name: np.zeros(count) for name in REGRESSORS}
+    # Not in step with time: a rate of heating could not be told from a straight line.
+    expected = 30.0 + rise_k * np.sqrt(elapsed / elapsed[-1])
+    columns |= {"one": np.ones(count), "elapsed_s": elapsed, "motor_temperature_degc": expected}
+    heated_k = 0.02 * (15.0 + elapsed)
+    y = 0.15 * expected + heated_k + 0.1 * np.random.default_rng(7).standard_normal(count)
+    found = Evidence((node,))
+    found.add(y[:, None], np.stack([columns[name] for name in REGRESSORS], axis=1))
+    one, other = found.fit((bias, scaling), {node: 0.5}, {node: 20.0}, TOLERANCE)
+    assert (other.log_likelihood - one.log_likelihood > 3.5) is told_apart
+    assert one.log_likelihood < 3.5 + other.log_likelihood

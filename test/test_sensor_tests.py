@@ -16,6 +16,7 @@ CHANNELS = ("motor_current", "actuator_position", "motor_temperature")
 SIGMA = np.array([0.2, 6e-5, 0.4])
 RESOLUTION = np.array([1e-3, 4e-6, 0.01])
 SCANS = 3000
+TIME = np.arange(SCANS) / 100.0
 MOVES = 0.03 * np.sin(2 * np.pi * 0.5 * np.arange(SCANS) / 100.0)
 
 
@@ -89,6 +90,62 @@ def test_an_encoder_that_holds_zero_at_rest_is_not_stuck_and_in_motion_it_is(blo
         tests = SensorTests(learned, names)
         z = np.concatenate([tests.step(rows[k : k + block]).z for k in range(0, SCANS, block)])
         assert (z[:, stuck] > tests.k[stuck]).any() == (not rests)
+
+
+def encoded(seed: int) -> np.ndarray:
+    """An encoder and a position that move, rest, and move on."""
+    draw = np.random.default_rng(seed)
+    motion = np.where(np.arange(SCANS) // 250 % 2, 0.03, 0.03 * np.cos(1.6 * np.pi * TIME))
+    position = 0.05 + motion + 6e-5 * draw.standard_normal(SCANS)
+    turning = np.gradient(motion, 0.01) / 5e-4
+    speed = turning + 0.5 * draw.standard_normal(SCANS) * (np.abs(turning) > 1e-9)
+    return np.round(np.stack((speed, position), axis=1) / [0.01, 4e-6]) * [0.01, 4e-6]
+
+
+@pytest.mark.parametrize(
+    ("kind", "spoil"),
+    [
+        ("noise", lambda v, k: v + 10.0 * np.random.default_rng(k).standard_normal()),
+        ("dropout", lambda v, k: v * (k % 60 >= 5)),
+    ],
+)
+def test_an_encoder_that_rests_half_of_the_time_is_tested_while_it_turns(kind, spoil):
+    names = ("motor_speed", "actuator_position")
+    runs = [dict(zip(names, encoded(seed).T, strict=True)) for seed in range(8)]
+    learned = sensor_limits(runs, 0.1, 0.01)
+    (limit,) = (limit for limit in learned if limit.channel == "motor_speed")
+    assert limit.scatter < 2.0
+    assert 0 < limit.repeats <= 4
+    at = NAMES.index(f"motor_speed_{kind}")
+    for wrong in (False, True):
+        rows = encoded(30)
+        if wrong:
+            rows[1500:, 0] = [spoil(v, k) for k, v in enumerate(rows[1500:, 0])]
+        tests = SensorTests(learned, names)
+        z = np.concatenate([tests.step(rows[k : k + 50]).z for k in range(0, SCANS, 50)])
+        first = int(np.argmax(z[:, at] > tests.k[at]))
+        assert (1500 < first < 1900) if wrong else first == 0
+
+
+@pytest.mark.parametrize("block", [1, 50])
+def test_a_step_of_both_positions_is_motion_and_one_of_either_is_the_sensors(block):
+    names = ("actuator_position", "load_position")
+
+    def readings(seed: int) -> np.ndarray:
+        noise = 6e-5 * np.random.default_rng(seed).standard_normal((SCANS, 2))
+        return 0.05 + MOVES[:, None] + noise
+
+    runs = [dict(zip(names, readings(seed).T, strict=True)) for seed in range(8)]
+    learned = sensor_limits(runs, 0.1, 0.01)
+    for stepped in ((0, 1), (0,), (1,)):
+        rows = readings(20)
+        rows[1500:, stepped] += 0.0012
+        tests = SensorTests(learned, names)
+        z = np.concatenate([tests.step(rows[k : k + block]).z for k in range(0, SCANS, block)])
+        seen = {
+            column for column in (0, 1) if np.nanmax(np.abs(z[:, NAMES.index(names[column])])) > 1.0
+        }
+        assert seen == (set(stepped) if len(stepped) == 1 else set())
 
 
 @pytest.mark.parametrize("size", [0.002, -0.002])

@@ -22,6 +22,7 @@ from flea_diag.core.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residual import UNIT_PARAMETERS
 from flea_diag.core.residual_bank import RESIDUALS
 from flea_diag.core.sensor_limits import SensorLimit
+from flea_diag.core.unit_difference import UNIT_DIFFERENCES
 from flea_diag.core.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.errors import CalibrationError
 
@@ -89,6 +90,11 @@ class Calibration:
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
         return tuple(getattr(self.tolerance, name) for name in UNIT_PARAMETERS)
+
+    def differences(self) -> tuple[float, ...]:
+        """The same with that of the heating rates, in the order of ``UNIT_DIFFERENCES``."""
+        rates = len(UNIT_DIFFERENCES) - len(UNIT_PARAMETERS)
+        return (*self.tolerances(), *(self.tolerance.thermal_rate_k_per_s,) * rates)
 
     def limit(self, residual: str) -> ResidualLimit | None:
         """Limits of one residual, None when this stand cannot form it."""

@@ -25,21 +25,13 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.fault_models import REGRESSORS, FaultModel
-from flea_diag.core.residual import UNIT_PARAMETERS
+from flea_diag.core.unit_difference import UNIT_DIFFERENCES, UNIT_TERMS, Unit
 
 Array = npt.NDArray[np.float64]
 
 FOLD = 50
 """Samples that are summed at once: always the same ones, so that sums have the same last bits."""
 COLUMN = {name: index for index, name in enumerate(REGRESSORS)}
-# How a unit's own parameters enter, beside the fault: residual -> (parameter, regressor, gain).
-UNIT_TERMS: tuple[tuple[str, str, str, float], ...] = (
-    ("parity_mechanical", "coulomb_friction_n", "direction", -1.0),
-    ("parity_mechanical", "viscous_friction_n_s_per_m", "speed_m_s", -1.0),
-    ("parity_electrical", "winding_resistance_ohm", "current_a", -1.0),
-    ("parity_electrical", "back_emf_v_s_per_m", "speed_m_s", -1.0),
-    ("parity_electrical", "voltage_offset_v", "one", -1.0),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,32 +42,6 @@ class Fit:
     log_likelihood: float
     sizes: tuple[float, ...]
     sigmas: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """What is known of a unit's own parameters, as a Gaussian in information form.
-
-    ``information`` has shape (parameters, parameters), order of ``UNIT_PARAMETERS``, and
-    ``vector`` is information times mean.
-    """
-
-    information: Array
-    vector: Array
-
-    @classmethod
-    def of(cls, tolerance: Sequence[float]) -> Unit:
-        """Any healthy unit of the design."""
-        return cls(np.diag(1.0 / np.square(tolerance)), np.zeros(len(tolerance)))
-
-    @classmethod
-    def unknown(cls) -> Unit:
-        """Nothing is known."""
-        return cls.of([np.inf] * len(UNIT_PARAMETERS))
-
-    def shown(self, information: Array, vector: Array) -> Unit:
-        """The same unit, after it has shown so much of itself."""
-        return Unit(self.information + information, self.vector + vector)
 
 
 class Evidence:
@@ -163,7 +129,7 @@ class Evidence:
         """Fits of all ``models``, in their order.
 
         ``sigma`` is the nominal scatter of each residual and ``correlation`` the samples to
-        one independent sample; ``tolerance`` is in the order of ``UNIT_PARAMETERS``. What this
+        one independent sample; ``tolerance`` is in the order of ``UNIT_DIFFERENCES``. What this
         unit showed while it was ``healthy`` narrows that tolerance.
         """
         self._fold()
@@ -276,13 +242,13 @@ def _designs(model: FaultModel | None, residuals: tuple[str, ...], count: int) -
 
 def _design(model: FaultModel | None, residual: str, count: int) -> Array:
     """How sizes and unit parameters enter one residual, shape (regressors, parameters)."""
-    design = np.zeros((len(REGRESSORS), count + len(UNIT_PARAMETERS)))
+    design = np.zeros((len(REGRESSORS), count + len(UNIT_DIFFERENCES)))
     for term in () if model is None else model.terms:
         if term.residual == residual:
             design[COLUMN[term.regressor], term.index] += term.gain
     for name, parameter, regressor, gain in UNIT_TERMS:
         if name == residual:
-            design[COLUMN[regressor], count + UNIT_PARAMETERS.index(parameter)] += gain
+            design[COLUMN[regressor], count + UNIT_DIFFERENCES.index(parameter)] += gain
     return design
 
 

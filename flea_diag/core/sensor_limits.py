@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 RESOLUTIONS = {
     "motor_current": 1e-3,
-    "motor_speed": 1e-2,
+    "motor_speed": 0.5,
     "actuator_position": 1e-6,
     "load_position": 1e-6,
     "load_force": 0.1,
@@ -30,9 +30,16 @@ RESOLUTIONS = {
 }
 """Sensors that are tested by themselves, and the noise below which they count as quiet (SI).
 
-Not the voltages: a drive that switches has no noise of its own, and ``plausibility`` judges it."""
+That of an encoder is about its counts: at rest it reads zero whatever its noise. Not the
+voltages: a drive that switches has no noise of its own, and ``plausibility`` judges it."""
 POSITIONS = ("actuator_position", "load_position")
 """Readings that cannot jump: those of a mass."""
+SPEED = "motor_speed"
+"""A reading that is exactly zero at rest: to hold it there is right."""
+REST_SCANS = 3
+REST_M = 3.0e-4
+"""No position that has gone less than this in so many scans moves; far above their noise, and
+known within fewer scans than a drop-out lasts."""
 
 NOISE_WINDOWS = (100, 400)
 STEP_GUARD = 1.25
@@ -115,6 +122,18 @@ def noise_logs(values: Array, resolution: float | Array) -> Array:
     return logs
 
 
+def at_rest(positions: Array) -> npt.NDArray[np.bool_]:
+    """Where no position has moved lately, shape (n, positions) gives (n - ``REST_SCANS``,).
+
+    Without a position nothing says so.
+    """
+    with np.errstate(invalid="ignore"):
+        moved = np.abs(positions[REST_SCANS:] - positions[:-REST_SCANS]) > REST_M
+    rests = np.full(len(moved), bool(positions.shape[1]))
+    rests &= ~moved.any(axis=1)
+    return rests
+
+
 def sensor_limits(
     runs: Sequence[Mapping[str, Array]], false_alarms_per_hour: float, period_s: float
 ) -> tuple[SensorLimit, ...]:
@@ -125,16 +144,30 @@ def sensor_limits(
     rate_per_s = SENSOR_SHARE * false_alarms_per_hour / 3600.0 / (3 * len(RESOLUTIONS))
     found = []
     for channel in RESOLUTIONS:
-        columns = [run[channel] for run in runs if channel in run]
-        columns = [column for column in columns if np.isfinite(column).sum() > NOISE_WINDOWS[-1]]
-        if len(columns) >= 2 and any(np.ptp(column[np.isfinite(column)]) for column in columns):
-            found.append(_limit(channel, columns, rate_per_s, period_s))
+        long = [
+            run
+            for run in runs
+            if channel in run and np.isfinite(run[channel]).sum() > NOISE_WINDOWS[-1]
+        ]
+        if len(long) >= 2 and any(np.nanmax(r[channel]) > np.nanmin(r[channel]) for r in long):
+            found.append(_limit(channel, long, rate_per_s, period_s))
     return tuple(found)
 
 
+def _in_use(channel: str, run: Mapping[str, Array]) -> Array:
+    """Readings of a channel without those in which it rightly stands still."""
+    readings = run[channel]
+    positions = [run[name] for name in POSITIONS if name in run]
+    if channel != SPEED or not positions:
+        return readings
+    rests = np.append(np.zeros(REST_SCANS, dtype=bool), at_rest(np.stack(positions, axis=1)))
+    return np.where(rests, np.nan, readings)
+
+
 def _limit(
-    channel: str, columns: Sequence[Array], rate_per_s: float, period_s: float
+    channel: str, runs: Sequence[Mapping[str, Array]], rate_per_s: float, period_s: float
 ) -> SensorLimit:
+    columns = [run[channel] for run in runs]
     quietest, loudest, scatter = _noise(columns, RESOLUTIONS[channel])
     steps = [np.abs(np.diff(column)) for column in columns]
     steps = [step[np.isfinite(step)] for step in steps]
@@ -146,7 +179,7 @@ def _limit(
         quietest,
         loudest,
         scatter,
-        _repeats(columns, rate_per_s, period_s),
+        _repeats([_in_use(channel, run) for run in runs], rate_per_s, period_s),
         REACH_GUARD * max(float(np.quantile(step, REACH_QUANTILE)) for step in steps),
         STEP_GUARD * sudden,
         _quantile(rate_per_s * period_s * NOISE_WINDOWS[0]),
@@ -180,18 +213,20 @@ def _repeats(columns: Sequence[Array], rate_per_s: float, period_s: float) -> in
     With probability p that a reading repeats the one before, n repeats in a row come p^n times
     a scan. What nominal recordings show is exceeded in any case.
     """
-    same = [np.diff(column) == 0.0 for column in columns]
+    steps = [np.diff(column) for column in columns]
+    same = [step[np.isfinite(step)] == 0.0 for step in steps]
     share = (1 + sum(int(row.sum()) for row in same)) / (2 + sum(len(row) for row in same))
     single_per_scan = math.sqrt(rate_per_s * period_s / DROPOUT_SCANS)
     by_chance = math.ceil(math.log(single_per_scan) / math.log(share))
-    longest = max(_longest(row) for row in same)
-    repeats = max(by_chance, longest + 1, 2)
+    # One that comes once in a recording is withheld and no more.
+    twice = max(_second_longest(row) for row in same)
+    repeats = max(by_chance, twice + 1, 2)
     return repeats if repeats <= LONGEST_REPEAT else 0
 
 
-def _longest(same: npt.NDArray[np.bool_]) -> int:
+def _second_longest(same: npt.NDArray[np.bool_]) -> int:
     edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False]))))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
+    return int(np.sort(np.append(edges[1::2] - edges[::2], (0, 0)))[-2])
 
 
 def _quantile(alpha: float) -> float:

@@ -16,16 +16,18 @@ import numpy.typing as npt
 from flea_diag.core.noise_test import NoiseTest
 from flea_diag.core.position_step import SPAN, position_steps
 from flea_diag.core.reading_guard import ReadingGuard, stuck_scans
-from flea_diag.core.sensor_limits import POSITIONS, RESOLUTIONS, SensorLimit
+from flea_diag.core.sensor_limits import (
+    POSITIONS,
+    RESOLUTIONS,
+    SPEED,
+    SensorLimit,
+    at_rest,
+)
 
 Array = npt.NDArray[np.float64]
 
 TWICE = 1.5
 """Limit of the count of drop-outs: the second one is beyond it."""
-SPEED = "motor_speed"
-REST_SCANS = 10
-REST_M = 3.0e-4
-"""No position that has gone less than this in so many scans moves; far above their noise."""
 TESTS = ("noise", "stuck", "dropout")
 NAMES = (
     *POSITIONS,
@@ -73,6 +75,7 @@ class SensorTests:
         self._guards = [ReadingGuard(limit) for limit in self._limits]
         self._noise = NoiseTest(self._limits, backend)
         self._recent = np.full((2 * SPAN - 1, len(self._limits)), np.nan)
+        self._positions = [self._names.index(name) for name in POSITIONS if name in self._names]
         self._scan = 0
         self._places = {
             test: np.array([NAMES.index(f"{name}_{test}") for name in self._names], dtype=int)
@@ -121,37 +124,42 @@ class SensorTests:
         z[:, self._places["noise"]] = self._noise.step(
             np.where(inside, recent, np.nan)[-count - 3 :]
         )
-        for place, index in self._steps:
-            z[:, place] = position_steps(recent[:, index]) / self._limits[index].step
+        for (place, index), steps in zip(self._steps, self._own_steps(recent), strict=True):
+            z[:, place] = steps / self._limits[index].step
         before, now = recent[-count - 1 : -1], recent[-count:]
         odd = (np.abs(now - before) > self._reach) | (now == before)
         anywhere = odd.any(axis=0).tolist()
         for index, guard in enumerate(self._guards):
             if anywhere[index] or guard.busy:
-                still = self._still(recent) if self._names[index] == SPEED else None
+                rests = self._rests(index, recent)[-count:].tolist()
                 readings = recent[-count - 2 :, index].tolist()
-                self._watch(index, readings, odd[:, index].tolist(), usable, z, still)
+                self._watch(index, readings, odd[:, index].tolist(), rests, usable, z)
         self._scan += count
         return Tested(usable, z, self.k)
 
-    def _still(self, recent: Array) -> npt.NDArray[np.bool_]:
-        """In which of the new rows no position has moved: an encoder then rightly holds zero."""
-        columns = [index for index, name in enumerate(self._names) if name in POSITIONS]
-        with np.errstate(invalid="ignore"):
-            moved = np.abs(recent[REST_SCANS:, columns] - recent[:-REST_SCANS, columns]) > REST_M
-        # Without a position nothing says so.
-        rests = np.full(len(moved), bool(columns)) & ~moved.any(axis=1)
-        still: npt.NDArray[np.bool_] = rests[2 * SPAN - 1 - REST_SCANS :]
-        return still
+    def _rests(self, index: int, recent: Array) -> npt.NDArray[np.bool_]:
+        """Where a reading rightly stands still, of the last rows: an encoder's at rest."""
+        if self._names[index] != SPEED:
+            return np.zeros(len(recent), dtype=bool)
+        return at_rest(recent[:, self._positions])
+
+    def _own_steps(self, recent: Array) -> list[Array]:
+        """Steps of each position; what two of them show alike is motion, an impact for one."""
+        steps = [position_steps(recent[:, index]) for _, index in self._steps]
+        if len(steps) != len(POSITIONS):
+            return steps
+        one, other = steps
+        alike = np.where(one * other > 0.0, np.minimum(np.abs(one), np.abs(other)), 0.0)
+        return [step - np.copysign(alike, step) for step in steps]
 
     def _watch(
         self,
         index: int,
         readings: list[float],
         odd: list[bool],
+        rests: list[bool],
         usable: Array,
         z: Array,
-        still: npt.NDArray[np.bool_] | None,
     ) -> None:
         """Scan by scan, while a channel leaps or stands still; two readings come before."""
         guard, limit, column = self._guards[index], self._limits[index], self._columns[index]
@@ -162,8 +170,7 @@ class SensorTests:
                 continue
             guard.wake(readings[n], readings[n + 1])
             at_end = not self._low[index] < value < self._high[index]
-            rests = still is not None and bool(still[n])
-            withheld, leapt = guard.take(self._scan + n, value, at_end, rests)
+            withheld, leapt = guard.take(self._scan + n, value, at_end, rests[n])
             if withheld:
                 usable[n, column] = np.nan
             if step is not None and guard.disturbed:

@@ -39,7 +39,7 @@ class Advice:
             models,
             {limit.name: limit.sigma[0] for limit in limits},
             {limit.name: limit.correlation_samples for limit in limits},
-            knowledge.calibration.tolerances(),
+            knowledge.calibration.differences(),
             parameters.drop_nats,
         )
         for motion in MOTIONS:  # now, not when a verdict waits for it

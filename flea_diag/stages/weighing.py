@@ -49,7 +49,7 @@ class Weighing:
 
     def __init__(self, calibration: Calibration) -> None:
         limits, fitted = calibration.limits, calibration.parameters
-        self._tolerances = calibration.tolerances()
+        self._tolerances = calibration.differences()
         self._sigma = {limit.name: limit.sigma[0] for limit in limits}
         self._correlation = {limit.name: limit.correlation_samples for limit in limits}
         self.names = tuple(name for name in WEIGHED if name in self._sigma)
