@@ -6,12 +6,14 @@ import os
 import signal
 import urllib.request
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import browser as browsers
 import pytest
 from browser import Browser, chromium
 from live import Peer, Process, node
+from test_operator_state import LAST, START
 
 pytest.importorskip("nicegui", reason="the page needs NiceGUI: pip install nicegui")
 
@@ -75,6 +77,7 @@ def test_a_jam_from_the_first_scan_to_the_last_comment(
             assert "No episode" in browser.text("#panel-group")
             the_detection_is_on_the_page_at_once(peer, browser)
             the_pictures_show_it(peer, browser)
+            it_fits_a_tablet(browser)
             assert browser.foreign(f"127.0.0.1:{port}") == []
             people_say_something(browser)
             a_fault_is_put_into_the_simulated_stand(peer, browser)
@@ -96,7 +99,7 @@ def the_detection_is_on_the_page_at_once(peer: Peer, browser: Browser) -> None:
 def the_pictures_show_it(peer: Peer, browser: Browser) -> None:
     last = peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.outcome is Outcome.ISOLATED)
     browser.until_text("#panel-answer", last.words)
-    browser.until_text("#panel-group", "jam  left")
+    browser.until_text("#panel-group", "jam left")
     browser.until_text("#panel-symbols", "parity_mechanical")
     browser.until_text("#panel-tree", last.features_computed[0])
     assert browser.run("document.querySelectorAll('#panel-causes .node.lit').length") >= 3
@@ -105,6 +108,16 @@ def the_pictures_show_it(peer: Peer, browser: Browser) -> None:
     browser.until(f"{INKED} > 200")
     browser.run("document.getElementById('panel-channel').scrollIntoView()")
     browser.until("document.querySelector('#panel-channel .strips').frames > 10")
+
+
+def it_fits_a_tablet(browser: Browser) -> None:
+    """Nothing is cut off to the right, and a finger hits every button of the bar."""
+    browser.size(820, 1180)
+    browser.until("innerWidth === 820")
+    assert browser.run("document.documentElement.scrollWidth <= innerWidth")
+    heights = "[...document.querySelectorAll('.bar-top button')].filter(b => b.offsetParent)"
+    assert min(browser.run(f"{heights}.map(b => b.offsetHeight)")) >= 40
+    browser.size(1440, 1000)
 
 
 INKED = """(() => {
@@ -169,6 +182,35 @@ def the_page_survives_its_server(
         browser.open(f"http://127.0.0.1:{port}/")
         browser.until_text(".chips", "LIVE", PROMPT_S)
         assert again.signal(signal.SIGINT)[0] == 0
+
+
+# --- what rings ------------------------------------------------------------------------------
+
+
+def test_a_replay_never_rings_and_an_alarm_rings_again_after_a_restart(
+    domain: int, serve: Callable[..., Process], browser: Browser
+) -> None:
+    rings = "document.title.startsWith('▲ 1 not acknowledged')"
+    with Peer(domain) as peer, serve() as web:
+        port = port_of(web)
+        browser.open(f"http://127.0.0.1:{port}/")
+        peer.bus.publish(replace(LAST, source="replay"))
+        browser.until_text("#panel-episodes", "replay, does not ring")
+        assert not browser.run(rings)
+        assert not browser.run("document.body.classList.contains('ringing')")
+        peer.bus.publish(replace(LAST, detected_stamp_ns=START + 1))
+        browser.until(rings)
+        browser.press("?")  # somebody has touched the page: it may sound
+        browser.until(f"{RUNG} > 0")
+        assert web.signal(signal.SIGINT)[0] == 0
+        with serve(port) as again:
+            again.wait_for(SAYS_WHERE)
+            browser.until("!document.body.classList.contains('lost')")
+            browser.open(f"http://127.0.0.1:{port}/")
+            browser.until(rings)
+            browser.press("a")
+            browser.until(f"!{rings}")
+            browser.until_text("#panel-episodes", "acknowledged")
 
 
 # --- what it refuses ------------------------------------------------------------------------
