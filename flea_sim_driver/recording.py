@@ -19,6 +19,9 @@ from flea_sim_driver.stand import Stand
 Array = npt.NDArray[np.float64]
 RATE_HZ = 100.0
 LOW_PASS_HZ = 5.0
+FEWEST_SCANS = 1000
+NEEDED = [3, 5]
+"""Columns of position and load: the simulated counterpart follows them."""
 NAME = re.compile(r"BatchProfile_([a-z]+)(\d)(\d)_.*_(Nominal|Jam|Spall)_")
 
 MOTIONS: dict[str, dict[str, float | str]] = {
@@ -70,11 +73,12 @@ def read_real(path: Path) -> Recording:
     match = NAME.match(path.name)
     if match is None:
         raise RecordingError(f"{path}: not the name of a nominal, jam or spall FLEA run")
-    try:
-        table = np.genfromtxt(path, delimiter="\t", usecols=range(1, 20))
-    except (OSError, ValueError) as error:
-        raise RecordingError(f"{path}: cannot be read: {error}") from error
     motion, label = match[1] + match[2], match[4]
+    if motion not in MOTIONS:
+        raise RecordingError(
+            f"{path}: no motion {motion!r} is known, there are {', '.join(MOTIONS)}"
+        )
+    table = _table(path)
     unit = 1 if label == "Nominal" else 0
     return _smoothed(
         path.name, motion, label,
@@ -90,6 +94,19 @@ def read_real(path: Path) -> Recording:
         },
         simulated=False,
     )  # fmt: skip
+
+
+def _table(path: Path) -> Array:
+    """Numbers of a recording, shape (scans, 19), of which enough are there to compare."""
+    try:
+        table = np.genfromtxt(path, delimiter="\t", usecols=range(1, 20), ndmin=2)
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
+    if len(table) < FEWEST_SCANS:
+        raise RecordingError(f"{path}: {len(table)} scans, at least {FEWEST_SCANS} are compared")
+    if not np.isfinite(table[:, NEEDED]).all():
+        raise RecordingError(f"{path}: position or load is not measured throughout")
+    return table
 
 
 def _smoothed(

@@ -101,23 +101,23 @@ def friction_force(run: Recording) -> float:
     return float(np.sum(drive * cut["speed"]) / travelled)
 
 
-def resistance(run: Recording) -> float:
-    """Winding resistance regressed from V - K v = R i + constant, ohm; NaN on a bad channel."""
-    cut = {key: value[EDGE] for key, value in run.smooth.items()}
-    columns = np.column_stack([cut["current"], cut["speed"], np.ones_like(cut["speed"])])
-    solution, *_ = np.linalg.lstsq(columns, cut["voltage"], rcond=None)
-    misfit = cut["voltage"] - columns @ solution
-    usable = float(np.std(misfit)) < 2.0
-    return float(solution[0]) if usable else float("nan")
-
-
-def back_emf(run: Recording) -> float:
-    """Back-EMF constant of the same regression, V s/m."""
+def _winding(run: Recording) -> tuple[float, float]:
+    """Regression of the voltage on current, speed, 1: ohm, V s/m; NaN on a bad channel."""
     cut = {key: value[EDGE] for key, value in run.smooth.items()}
     columns = np.column_stack([cut["current"], cut["speed"], np.ones_like(cut["speed"])])
     solution, *_ = np.linalg.lstsq(columns, cut["voltage"], rcond=None)
     usable = float(np.std(cut["voltage"] - columns @ solution)) < 2.0
-    return float(solution[1]) if usable else float("nan")
+    return (float(solution[0]), float(solution[1])) if usable else (float("nan"), float("nan"))
+
+
+def resistance(run: Recording) -> float:
+    """Winding resistance, ohm; NaN on a bad channel."""
+    return _winding(run)[0]
+
+
+def back_emf(run: Recording) -> float:
+    """Back-EMF constant of the same regression, V s/m."""
+    return _winding(run)[1]
 
 
 def force_constant(run: Recording) -> float:
@@ -212,7 +212,6 @@ FRICTION = "friction by regression"
 STROKE = "stroke"
 HEATING = "heating"
 CLUSTERS = "voltage clusters"
-GROUPS = (STROKE, CURRENT, FRICTION, SPECTRA, CLUSTERS, HEATING)
 
 STATISTICS: dict[str, Statistic] = {
     "stroke": Statistic(STROKE, "m", stroke),

@@ -7,7 +7,7 @@ blocks in real time. The same scenario and start give the same bytes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import numpy as np
 import numpy.typing as npt
@@ -290,8 +290,3 @@ def _severity(block: Block) -> Severity:
         backlash_m=now.get("backlash", 0.0),
         accelerometers=(now.get("accelerometer_1_fault"), now.get("accelerometer_2_fault")),
     )
-
-
-def with_seed(scenario: Scenario, seed: int) -> Scenario:
-    """The same scenario on another draw of units and noise."""
-    return replace(scenario, run=replace(scenario.run, seed=seed))

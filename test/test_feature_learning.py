@@ -234,7 +234,12 @@ def test_bad_arguments_are_refused_by_name(tmp_path: Path) -> None:
         command("tree", "feature_table_paper.yaml", "--draw", str(tmp_path / "tree.doc"))
     with pytest.raises(ConfigurationError, match="--rarest"):
         command("tree", "feature_table_paper.yaml", "--rarest", "1")
-    with pytest.raises(ConfigurationError, match="fault 'rust' is unknown"):
+    with pytest.raises(ConfigurationError, match=r"paper\.yaml: fault 'rust' is unknown"):
+        command("judge", "feature_table_paper.yaml", "--stand", "0:1", "--group", "jam,rust")
+    for option, value in (("--hop", "0"), ("--window", "-1"), ("--jobs", "0"), ("--most", "x")):
+        with pytest.raises(SystemExit):  # of argparse: the same as for a number that is none
+            command("learn", "-o", str(tmp_path / "t.yaml"), "--stand", "0:1", option, value)
+    with pytest.raises(ConfigurationError, match="study: fault 'rust' is unknown"):
         command("study", "--stand", "0:1", "--faults", "rust")
     with pytest.raises(ConfigurationError, match="no such"):
         command("tree", str(tmp_path / "absent.yaml"))

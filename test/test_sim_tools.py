@@ -14,10 +14,19 @@ from flea_diag.wire.bag import read_bag
 from flea_diag.wire.records import ChannelTable, Scan, Truth, VibrationBlock
 from flea_sim_driver.library import find_scenario
 from flea_sim_driver.profile import commanded
-from flea_sim_driver.scenario import scenario_from_mapping
-from flea_sim_driver.stand import Stand, with_seed
+from flea_sim_driver.scenario import overridden, scenario_from_mapping
+from flea_sim_driver.stand import Stand
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+SCANS = [
+    "\t".join(
+        [f"2010-09-03_11:{k // 6000:02d}:{k // 100 % 60:02d}.{k % 100:02d}_-0700", *["1.0"] * 19]
+    )
+    for k in range(1000)
+]
+"""A run of the FLEA's own format in which nothing moves."""
 
 
 def real_runs() -> Path:
@@ -32,7 +41,7 @@ def test_a_simulated_bag_holds_what_the_stand_delivers(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     assert main(["simulate", "jam", "-o", str(bag), "--seed", "5", "--duration", "12"]) == 0
     stored = [record for _, record in read_bag(bag)]
-    scenario = with_seed(find_scenario("jam"), 5)
+    scenario = overridden(find_scenario("jam"), "test", {"seed": 5})
     start = stored[0].stamp_ns
     made = [r for r in Stand(scenario) if r.stamp_ns < start + 12 * 10**9]
     for kind in (ChannelTable, Truth, Scan, VibrationBlock):
@@ -106,6 +115,30 @@ def test_the_papers_scenarios_are_written_as_files(tmp_path: Path) -> None:
     assert len(list((tmp_path / "t").glob("*.yaml"))) == 320
     (tmp_path / "file").write_text("")
     assert main(["scenarios", "table4", "-o", str(tmp_path / "file" / "t")]) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "lines", "words"),
+    [
+        ("sine34", ["hello"], "Line #1 (got 1 columns"),
+        ("sine34", SCANS[:50], "50 scans, at least 1000 are compared"),
+        ("sweep34", SCANS, "no motion 'sweep3' is known"),
+        (
+            "sine34",
+            [line.replace("1.0", "NaN") for line in SCANS],
+            "position or load is not measured throughout",
+        ),
+    ],
+)
+def test_realism_refuses_runs_that_it_cannot_compare(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, lines: list[str], words: str
+) -> None:
+    run = tmp_path / f"BatchProfile_{name}_x_Nominal_Low.data"
+    run.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert main(["realism", str(run)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert words in said
 
 
 def test_realism_refuses_foreign_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

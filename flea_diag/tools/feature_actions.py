@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from flea_diag.configuration import load_features, load_yaml
 from flea_diag.core.actuator import actuator
@@ -27,13 +26,14 @@ from flea_diag.core.features import FEATURES, FeatureId
 from flea_diag.core.level_learning import LEAST_RUNS, learn_levels
 from flea_diag.core.nominal_range import NominalRange
 from flea_diag.core.sentinel import BLOCKS, RAISED
-from flea_diag.errors import CalibrationError, ConfigurationError, FleaError
+from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools import feature_bearing as bearing
 from flea_diag.tools import feature_bench as bench
 from flea_diag.tools.extra import require
 from flea_diag.tools.feature_judge import judge, pair_report, report
-from flea_diag.tools.feature_samples import Grid, Run, run_of_bag
-from flea_diag.tools.feature_stand import LARGEST_LOAD_N, SEVERITIES, stand_runs
+from flea_diag.tools.feature_runs import labelled_runs, seeds_of
+from flea_diag.tools.feature_samples import Run
+from flea_diag.tools.feature_stand import SEVERITIES
 from flea_diag.tools.feature_table_file import Making, table_mapping, write_table
 from flea_diag.tools.tree_picture import draw_tree
 
@@ -71,9 +71,7 @@ def _bench(_: argparse.Namespace) -> int:
 def _tree(arguments: argparse.Namespace) -> int:
     table = load_features(str(arguments.table))
     faults = arguments.faults or table.faults
-    unknown = sorted(set(faults) - set(table.faults))
-    if unknown:
-        raise ConfigurationError(f"{arguments.table}: no row for fault {unknown[0]!r}")
+    _known(faults, table.faults, str(arguments.table))
     if not 0.0 <= arguments.rarest < 1.0:
         raise ConfigurationError(f"--rarest {arguments.rarest:g} must lie between 0 and 1")
     chooser = FeatureChooser(table, arguments.strategy)
@@ -88,7 +86,7 @@ def _tree(arguments: argparse.Namespace) -> int:
 
 
 def _learn(arguments: argparse.Namespace) -> int:
-    runs, source, failed = _runs(arguments)
+    runs, source, failed = labelled_runs(arguments)
     samples = [sample for run in runs for sample in run.samples]
     ids = _candidates(samples)
     learned = learn(samples, ids, arguments.false_alarm_rate)
@@ -116,7 +114,7 @@ def _learn(arguments: argparse.Namespace) -> int:
 def _train(arguments: argparse.Namespace) -> int:
     from flea_diag.tools.feature_classifier import train, write_classifier
 
-    runs, source, failed = _runs(arguments)
+    runs, source, failed = labelled_runs(arguments)
     samples = [sample for run in runs for sample in run.samples]
     network = train(samples, _candidates(samples), source)
     write_classifier(arguments.output, network)
@@ -127,7 +125,10 @@ def _train(arguments: argparse.Namespace) -> int:
 def _judge(arguments: argparse.Namespace) -> int:
     table = load_features(str(arguments.table))
     group = [name for name in arguments.group.split(",") if name] or list(table.faults)
-    runs, source, failed = _runs(arguments, [f for f in group if f in SEVERITIES], nominal=False)
+    _known(group, table.faults, str(arguments.table))
+    runs, source, failed = labelled_runs(
+        arguments, [f for f in group if f in SEVERITIES], nominal=False
+    )
     print(f"{arguments.table} on {source}, group {{{', '.join(group)}}}")
     print(report(judge(runs, table, group, arguments.strategy, arguments.windows)))
     if arguments.pairs:
@@ -152,14 +153,10 @@ def _study(arguments: argparse.Namespace) -> int:
     from flea_diag.tools import feature_study as study
 
     faults = [name for name in arguments.faults.split(",") if name]
-    unknown = sorted(set(faults) - set(SEVERITIES))
-    if unknown:
-        raise ConfigurationError(
-            f"study: fault {unknown[0]!r} is unknown, known are {', '.join(SEVERITIES)}"
-        )
+    _known(faults, SEVERITIES, "study")
     if arguments.draw:
         require("plot", "--draw")
-    runs = study.study(faults, _seeds(arguments.stand), arguments.table, arguments.jobs)
+    runs = study.study(faults, seeds_of(arguments.stand), arguments.table, arguments.jobs)
     print(study.study_report(runs))
     if arguments.json:
         study.write_study(arguments.json, runs)
@@ -182,6 +179,14 @@ def _bearing(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _known(faults: Iterable[str], known: Iterable[str], what: str) -> None:
+    unknown = sorted(set(faults) - set(known))
+    if unknown:
+        raise ConfigurationError(
+            f"{what}: fault {unknown[0]!r} is unknown, known are {', '.join(known)}"
+        )
+
+
 ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {
     "list": _list,
     "bench": _bench,
@@ -192,51 +197,6 @@ ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {
     "tree": _tree,
     "bearing": _bearing,
 }
-
-
-def _runs(
-    arguments: argparse.Namespace, faults: Sequence[str] = tuple(SEVERITIES), nominal: bool = True
-) -> tuple[list[Run], str, int]:
-    """Runs of bags or of the stand, where they come from, and 1 when some could not be read."""
-    grid = Grid(arguments.window, arguments.hop, bench.FLEA_SCREW.orders())
-    if arguments.stand:
-        seeds, loads = _seeds(arguments.stand), _loads(arguments.loads)
-        # As many nominal runs as four faults have: ranges need more windows than entries do.
-        runs = stand_runs(seeds, faults, arguments.duration, grid, arguments.jobs, loads)
-        if nominal:
-            more = range(seeds.start * 10, seeds.start * 10 + 4 * len(seeds))
-            runs += stand_runs(more, ["nominal"], arguments.duration, grid, arguments.jobs, loads)
-        return runs, f"simulated stand, seeds {arguments.stand}, loads {arguments.loads} N", 0
-    if not arguments.bags:
-        raise ConfigurationError("features: give bags, or --stand FIRST:LAST")
-    runs, failed = [], 0
-    for directory in arguments.bags:
-        try:
-            runs.append(run_of_bag(directory, grid))
-        except FleaError as error:
-            print(f"{directory}: left out: {error}", file=sys.stderr)
-            failed = 1
-    return runs, f"{len(runs)} bags", failed
-
-
-def _seeds(text: str) -> range:
-    first, _, last = text.partition(":")
-    if not (first.isdigit() and last.isdigit() and int(first) < int(last)):
-        raise ConfigurationError(f"features: --stand = {text!r} must be FIRST:LAST, as 0:20")
-    return range(int(first), int(last))
-
-
-def _loads(text: str) -> tuple[float, float]:
-    first, _, last = text.partition(":")
-    try:
-        low, high = float(first), float(last)
-    except ValueError:
-        low, high = math.nan, math.nan
-    if not 0.0 <= low < high <= LARGEST_LOAD_N:
-        raise ConfigurationError(
-            f"features: --loads = {text!r} must be LOW:HIGH within 0 and {LARGEST_LOAD_N:g} N"
-        )
-    return low, high
 
 
 def _candidates(samples: Sequence[Sample]) -> list[str]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from flea_diag.tools.argument import count, positive, share
+
 NAME = "features"
 SUMMARY = "list, measure and learn vibration features and the fault feature table"
 EXAMPLES = """\
@@ -42,17 +44,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     found = commands.add_parser("bearing", help="thresholds and detections on bearing recordings")
     found.add_argument("normal", type=Path, help="MATLAB file of a healthy bearing")
     found.add_argument("faulty", type=Path, nargs="+", help="MATLAB files of faults")
-    found.add_argument("--rate", type=float, default=48_000.0, metavar="HZ")
-    found.add_argument("--rpm", type=float, default=1797.0)
-    found.add_argument("--window", type=float, default=0.1, metavar="S")
-    found.add_argument("--false-alarm-rate", type=float, default=0.01)
+    found.add_argument("--rate", type=positive, default=48_000.0, metavar="HZ")
+    found.add_argument("--rpm", type=positive, default=1797.0)
+    found.add_argument("--window", type=positive, default=0.1, metavar="S")
+    found.add_argument("--false-alarm-rate", type=share, default=0.01)
 
 
 def _learn_arguments(parser: argparse.ArgumentParser) -> None:
     _run_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, help="table to write")
-    parser.add_argument("--false-alarm-rate", type=float, default=0.01, help="of each feature")
-    parser.add_argument("--most", type=int, default=18, help="features in the table")
+    parser.add_argument("--false-alarm-rate", type=share, default=0.01, help="of each feature")
+    parser.add_argument("--most", type=count, default=18, help="features in the table")
     parser.add_argument("--title", default="learned fault feature table")
 
 
@@ -64,7 +66,7 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
         help="faults to try, by comma (%(default)s)",
     )
     parser.add_argument("--table", default="feature_table.yaml", help="to choose and cost by")
-    parser.add_argument("--jobs", type=int, default=1, help="processes that simulate")
+    parser.add_argument("--jobs", type=count, default=1, help="processes that simulate")
     parser.add_argument("--json", type=Path, metavar="OUT", help="one row a run")
     parser.add_argument("--draw", type=Path, metavar="OUT", help="accuracy against fault size")
 
@@ -72,7 +74,7 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
 def _judge_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("table", type=Path, help="YAML file")
     _run_arguments(parser)
-    parser.add_argument("--windows", type=int, default=1, help="windows that a walk may use")
+    parser.add_argument("--windows", type=count, default=1, help="windows that a walk may use")
     parser.add_argument("--pairs", action="store_true", help="every pair of the group as well")
     parser.add_argument(
         "--classifier", type=Path, metavar="FILE", help="score this classifier on the same windows"
@@ -91,10 +93,10 @@ def _run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--loads", metavar="LOW:HIGH", default="0:300", help="load of such runs, N (%(default)s)"
     )
-    parser.add_argument("--duration", type=float, default=6.5, metavar="S", help="of such a run")
-    parser.add_argument("--jobs", type=int, default=1, help="processes that simulate")
-    parser.add_argument("--window", type=float, default=1.0, metavar="S")
-    parser.add_argument("--hop", type=float, default=1.0, metavar="S")
+    parser.add_argument("--duration", type=positive, default=6.5, metavar="S", help="of such a run")
+    parser.add_argument("--jobs", type=count, default=1, help="processes that simulate")
+    parser.add_argument("--window", type=positive, default=1.0, metavar="S")
+    parser.add_argument("--hop", type=positive, default=1.0, metavar="S")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,0 +1,42 @@
+"""Numbers on a command line: of the right kind and within their limits, or refused by argparse.
+
+Each is the ``type`` of an argument; what is refused is named with its option and its limit.
+"""
+
+from __future__ import annotations
+
+import math
+from argparse import ArgumentTypeError
+
+MOST = 1_000_000
+
+
+def count(text: str) -> int:
+    """A whole number from 1 on."""
+    number = int(text) if text.isdecimal() else 0
+    if not 1 <= number <= MOST:
+        raise ArgumentTypeError(f"{text!r} must be a whole number from 1 to {MOST}")
+    return number
+
+
+def positive(text: str) -> float:
+    """A finite number above 0."""
+    number = _number(text)
+    if not 0.0 < number < math.inf:
+        raise ArgumentTypeError(f"{text!r} must be a number above 0")
+    return number
+
+
+def share(text: str) -> float:
+    """A number between 0 and 1, neither of them."""
+    number = _number(text)
+    if not 0.0 < number < 1.0:
+        raise ArgumentTypeError(f"{text!r} must lie between 0 and 1")
+    return number
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
