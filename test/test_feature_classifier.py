@@ -17,6 +17,7 @@ from flea_diag.stages.feature_classifier import IN_A_ROW, FeatureClassifierStage
 from flea_diag.tools.baselines import Setting, baseline
 from flea_diag.tools.campaign import CLASSIFIER, campaign_from_mapping
 from flea_diag.tools.case import plan, plan_sha256
+from flea_diag.tools.case_run import run_case
 from flea_diag.tools.feature_classifier import write_classifier
 from flea_diag.tools.recording_set import RecordingSet
 from flea_diag.tools.replay import replay
@@ -87,6 +88,17 @@ def test_a_campaign_hands_its_network_to_that_baseline_alone(tmp_path: Path) -> 
     elsewhere = campaign_from_mapping({**CAMPAIGN, "classifier": "/else/n.json"}, "test", tmp_path)
     moved = plan(elsewhere, RecordingSet(elsewhere, tmp_path))
     assert plan_sha256(campaign, (hybrid, ours)) == plan_sha256(elsewhere, moved)
+
+
+def test_limit_checks_learn_from_the_bags_that_a_campaign_names(tmp_path: Path) -> None:
+    given = {**CAMPAIGN, "configurations": ["limit_checks"], "learn_from": [f"{BAGS}/nominal"]}
+    campaign = campaign_from_mapping(given, "test", tmp_path)
+    (case,) = plan(campaign, RecordingSet(campaign, tmp_path))
+    assert case.learned_from == (str(BAGS / "nominal"),)
+    result = run_case(case, {}, tmp_path)
+    assert not result.failure
+    assert result.outcome == "INDISTINGUISHABLE"
+    assert "jam" in result.group
 
 
 def test_without_a_network_it_says_how_to_make_one() -> None:

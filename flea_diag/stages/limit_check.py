@@ -97,11 +97,13 @@ class LimitCheckStage:
         low, high = self._limits[channel]
         limit = high if value > high else low
         words = f"{channel} = {value:.6g} is beyond its limit {limit:.6g}"
-        members = tuple(
-            Candidate(name, "", math.nan, words, (), math.nan, math.nan, "")
+        named = [
+            name
             for name, fault in self._faults.items()
             if fault.channel == channel or (not fault.channel and fault.alternatives)
-        )
+        ]
+        # A limit weighs none against another: equal odds.
+        members = tuple(Candidate(name, "", 1.0 / len(named), words) for name in named)
         outcome = Outcome.ISOLATED if len(members) == 1 else Outcome.INDISTINGUISHABLE
         return (
             Detection(stamp_ns, 1, True, channel, value, limit, "limit check"),

@@ -104,8 +104,8 @@ def _limits(setting: Setting) -> Stage:
 
     if not setting.nominal:
         raise ConfigurationError(
-            "limit checks learn from nominal bags and none is named: give the bags that the "
-            "calibration was made from"
+            "limit checks learn from nominal bags and none is named: give some as `learn_from` "
+            "in the campaign"
         )
     known = knowledge(load_calibration(setting.calibration or ""))
     return LimitCheckStage(_channel_limits(setting.nominal), known.faults)

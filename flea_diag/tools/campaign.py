@@ -129,6 +129,8 @@ class Campaign:
         0.0, "share of right runs below which a row is lost", minimum=0.0, maximum=100.0
     )
     configurations: tuple[str, ...] = (HYBRID,)
+    learn_from: tuple[str, ...] = ()
+    """Nominal bags that limit checks learn from, where the runs themselves teach none."""
     expect: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Truth -> faults that a right group may hold, where that is not the truth alone."""
     sources: tuple[Source, ...] = ()
@@ -181,6 +183,7 @@ def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Ca
     return replace(
         campaign,
         configurations=_texts(content.get("configurations", [HYBRID]), f"{where}: configurations"),
+        learn_from=_texts(content.get("learn_from", []), f"{where}: learn_from", may_be_empty=True),
         expect={
             truth: _texts(names, f"{where}: expect: {truth}", may_be_empty=True)
             for truth, names in expect.items()
@@ -190,7 +193,7 @@ def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Ca
     )
 
 
-_STRUCTURED = ("schema_version", "configurations", "expect", "sources")
+_STRUCTURED = ("schema_version", "configurations", "expect", "learn_from", "sources")
 
 
 def _source(content: Any, where: str) -> Source:

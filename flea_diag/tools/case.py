@@ -91,11 +91,25 @@ def plan(campaign: Campaign, recordings: RecordingSet) -> tuple[Case, ...]:
     if count > 1:
         raise ConfigurationError(f"{campaign.name}: {count} runs are named {name!r}")
     classifier = _found(campaign, campaign.classifier)
+    nominal = _taught(campaign, recordings)
     return tuple(
-        replace(case, configuration=name, classifier=classifier if name == CLASSIFIER else "")
+        replace(
+            case,
+            configuration=name,
+            learned_from=case.learned_from or nominal,
+            classifier=classifier if name == CLASSIFIER else "",
+        )
         for name in campaign.configurations
         for case in once
     )
+
+
+def _taught(campaign: Campaign, recordings: RecordingSet) -> tuple[str, ...]:
+    """Nominal bags for baselines that learn, of a campaign whose own runs teach none."""
+    if campaign.calibration == HALVES:
+        return ()
+    runs = recordings.matching(campaign.learn_from, campaign.folder)
+    return tuple(str(run.bag) for run in runs)
 
 
 def plan_sha256(campaign: Campaign, cases: Sequence[Case]) -> str:
