@@ -66,9 +66,11 @@ class RandomBits:
 
     def next(self) -> tuple[float, Indices]:
         """A number in [0, 1), and indices into the table for ``normals`` normal numbers."""
-        uniform, chosen = self.ahead(1)
-        self.used(1)
-        return uniform.item(), chosen[0]
+        if self._at == len(self._uniform):
+            self._draw()
+        at = self._at
+        self._at += 1
+        return self._uniform.item(at), self._chosen[at]
 
     def ahead(self, most: int) -> tuple[Array, Indices]:
         """The same for so many steps or fewer, at least one: shapes (k,) and (k, normals).
