@@ -1,0 +1,123 @@
+"""The diagnoser in one process against an empty node of rclpy in its place: latency and CPU.
+
+The empty node is what a newcomer writes: rclpy's own executor, messages of its own classes, and a
+JointState as large as a residual for each scan. Both get the same scans at the same moment, 100 a
+second, in turns of who is first, so that whatever else the machine does hits both alike. Latency is
+from the publishing of a scan to the arrival of what it caused in this process.
+
+    scripts/bench chain
+"""
+
+from __future__ import annotations
+
+import struct
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT), str(ROOT / "test")]
+
+import numpy as np
+from bench_scan import recording
+from bench_stand import cpu_s
+from live import Peer, Process, node
+
+from flea_diag.wire import codec
+from flea_diag.wire.bag import BagReader
+from flea_diag.wire.records import ChannelTable, Scan
+
+DOMAIN = 95
+PERIOD_S = 0.01
+SECONDS = 40
+SETTLE = 1000
+LIMIT = 2.0
+NAMES = ("empty", "diagnoser")
+
+
+def empty() -> None:
+    """A node that answers each scan with a JointState of a residual's size, and does nothing."""
+    import rclpy
+    from sensor_msgs.msg import JointState
+
+    rclpy.init()
+    me = rclpy.create_node("empty", namespace=NAMES[0])
+    out = me.create_publisher(JointState, "residual", 100)
+    names = [f"residual_{k}" for k in range(150)]
+    numbers = [0.0] * len(names)
+
+    def answer(scan: JointState) -> None:
+        out.publish(JointState(header=scan.header, name=names, position=numbers))
+
+    me.create_subscription(JointState, "sensors/slow", answer, 100)
+    rclpy.spin(me)
+
+
+def measured(table: ChannelTable, scans: list[Scan]) -> dict[str, tuple[float, float]]:
+    """Median latency in s, and CPU in s a scan, of both nodes."""
+    commands = (
+        [sys.executable, __file__, "--empty"],
+        node("flea_diag.nodes.diagnoser", "-r", f"__ns:=/{NAMES[1]}"),
+    )
+    sent, heard = ({name: np.full(len(scans), np.nan) for name in NAMES} for _ in range(2))
+    numbers = {scan.stamp_ns: number for number, scan in enumerate(scans)}
+    with (
+        Process(commands[0], DOMAIN) as one,
+        Process(commands[1], DOMAIN) as other,
+        Peer(DOMAIN, NAMES[1]) as peer,
+    ):
+        out = {name: joined(peer, name, heard[name], numbers) for name in NAMES}
+        for publisher in out.values():
+            peer.until(lambda publisher=publisher: publisher.get_subscription_count() > 0, 60.0)
+        peer.bus.publish(table)  # latched: whoever is late gets it too
+        rest, spent = iter(enumerate(scans)), [0.0, 0.0]
+
+        def send() -> None:
+            number, scan = next(rest, (len(scans), None))
+            if scan is None:
+                return
+            if number == SETTLE:
+                spent[:] = [cpu_s(process.child.pid) for process in (one, other)]
+            data = codec.encode(scan)
+            for name in NAMES if number % 2 else NAMES[::-1]:
+                sent[name][number] = time.perf_counter()
+                out[name].publish(data)
+
+        peer.bus.every(PERIOD_S, send)
+        peer.until(lambda: all(np.isfinite(arrived[-1]) for arrived in heard.values()), 300.0)
+        used = [cpu_s(process.child.pid) for process in (one, other)]
+    each = (np.subtract(used, spent) / (len(scans) - SETTLE)).tolist()
+    took = [float(np.nanmedian((heard[name] - sent[name])[SETTLE:])) for name in NAMES]
+    return dict(zip(NAMES, zip(took, each, strict=True), strict=True))
+
+
+def joined(peer: Peer, name: str, heard: np.ndarray, numbers: dict[int, int]) -> Any:
+    """Listen to what one of the nodes answers; the publisher of its scans."""
+    from sensor_msgs.msg import JointState
+
+    def arrived(data: bytes) -> None:
+        seconds, nanoseconds = struct.unpack_from("<iI", data, 4)  # the header's stamp
+        heard[numbers[1_000_000_000 * seconds + nanoseconds]] = time.perf_counter()
+
+    peer.node.create_subscription(JointState, f"/{name}/residual", arrived, 100, raw=True)
+    return peer.node.create_publisher(JointState, f"/{name}/sensors/slow", 100)
+
+
+def main() -> None:
+    """Print latency and CPU of both, and their ratios."""
+    with tempfile.TemporaryDirectory() as folder:
+        bag = recording(Path(folder), SECONDS)
+        records = [record for _, record in BagReader(bag).records((ChannelTable, Scan))]
+    table = next(record for record in records if isinstance(record, ChannelTable))
+    found = measured(table, [record for record in records if isinstance(record, Scan)])
+    print(f"{'':12s}{'latency, us':>14s}{'CPU a scan, us':>18s}")
+    for name, (latency, cpu) in found.items():
+        print(f"{name:12s}{latency * 1e6:14.0f}{cpu * 1e6:18.0f}")
+    ratios = [mine / plain for plain, mine in zip(*found.values(), strict=True)]
+    print(f"{'ratio':12s}{ratios[0]:14.2f}{ratios[1]:18.2f}   (limit {LIMIT})")
+
+
+if __name__ == "__main__":
+    empty() if "--empty" in sys.argv else main()

@@ -1,0 +1,85 @@
+"""The recorder beside a live simulated stand: its share of a core, and whether a message is lost.
+
+The DAQ sends 100 scans/s and two accelerometers of three axes at 20 kHz, the recorder keeps all of
+it. Lost is what the DAQ sent and the bag does not hold, by stamps; that of its own two readers is
+what DDS says.
+
+    scripts/bench recorder                   10 minutes
+    python bench/bench_recorder.py --for 60  shorter
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT), str(ROOT / "test")]
+
+import numpy as np
+from bench_stand import cpu_s
+from live import Process, node
+
+from flea_diag.wire.bag import BagReader
+from flea_diag.wire.records import Scan, VibrationBlock
+
+DOMAIN = 96
+RATES_HZ = {Scan: 100.0, VibrationBlock: 10.0}
+LIMIT = 0.10
+
+
+def recorded(bag: Path, seconds: float) -> tuple[float, float]:
+    """Share of a core and peak memory in MB of a recorder, from the first scan to the last."""
+    keep = node("flea_diag.nodes.recorder", "-p", f"directory:={bag}", "-p", "clips:=false")
+    send = node("flea_sim_driver.daq_node", "-p", f"duration_s:={seconds}",
+                "-p", "wait_for_subscribers:=1")  # fmt: skip
+    with Process(keep, DOMAIN) as recorder, Process(send, DOMAIN) as daq:
+        time.sleep(10.0)  # imports and discovery are not what is measured
+        began, spent = time.monotonic(), cpu_s(recorder.child.pid)
+        while daq.child.poll() is None:
+            daq.read()
+            recorder.read()
+            took, used = time.monotonic() - began, cpu_s(recorder.child.pid) - spent
+            memory = peak_mb(recorder.child.pid)
+            time.sleep(1.0)
+        recorder.signal(signal.SIGINT)
+    return used / took, memory
+
+
+def peak_mb(pid: int) -> float:
+    """Largest resident memory of a running process so far, MB."""
+    status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    return int(status.partition("VmHWM:")[2].split()[0]) / 1e3
+
+
+def missing(bag: Path, kind: type, seconds: float) -> tuple[int, int]:
+    """Messages of a kind that the bag holds, and how many of those sent it does not."""
+    stamps_ns = np.array([record.stamp_ns for _, record in BagReader(bag).records((kind,))])
+    sent = round(seconds * RATES_HZ[kind])
+    gaps = np.rint(np.diff(stamps_ns) / 1e9 * RATES_HZ[kind]).astype(int) - 1
+    return len(stamps_ns), max(int(gaps.sum()), sent - len(stamps_ns))
+
+
+def main() -> None:
+    """Print what the recorder cost and what it lost."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--for", dest="seconds", type=float, default=600.0)
+    seconds = parser.parse_args().seconds
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / "bag"
+        share, memory = recorded(bag, seconds)
+        size_mb = sum(path.stat().st_size for path in bag.iterdir()) / 1e6
+        print(f"{seconds:.0f} s: {100.0 * share:.1f} % of a core (limit {100.0 * LIMIT:.0f} %)")
+        print(f"{memory:.0f} MB of memory, {size_mb:.0f} MB of bag; load {os.getloadavg()[0]:.1f}")
+        for kind in RATES_HZ:
+            held, lost = missing(bag, kind, seconds)
+            print(f"{kind.__name__:15s} {held} recorded, {lost} lost")
+
+
+if __name__ == "__main__":
+    main()
