@@ -57,12 +57,12 @@ def peak_mb(pid: int) -> float:
     return int(status.partition("VmHWM:")[2].split()[0]) / 1e3
 
 
-def missing(bag: Path, kind: type, seconds: float) -> tuple[int, int]:
-    """Messages of a kind that the bag holds, and how many of those sent it does not."""
+def missing(bag: Path, kind: type, seconds: float) -> tuple[int, int, int]:
+    """Messages of a kind that the bag holds, how many of those sent it does not, most in a row."""
     stamps_ns = np.array([record.stamp_ns for _, record in BagReader(bag).records((kind,))])
     sent = round(seconds * RATES_HZ[kind])
     gaps = np.rint(np.diff(stamps_ns) / 1e9 * RATES_HZ[kind]).astype(int) - 1
-    return len(stamps_ns), max(int(gaps.sum()), sent - len(stamps_ns))
+    return len(stamps_ns), max(int(gaps.sum()), sent - len(stamps_ns)), int(gaps.max())
 
 
 def main() -> None:
@@ -77,8 +77,8 @@ def main() -> None:
         print(f"{seconds:.0f} s: {100.0 * share:.1f} % of a core (limit {100.0 * LIMIT:.0f} %)")
         print(f"{memory:.0f} MB of memory, {size_mb:.0f} MB of bag; load {os.getloadavg()[0]:.1f}")
         for kind in RATES_HZ:
-            held, lost = missing(bag, kind, seconds)
-            print(f"{kind.__name__:15s} {held} recorded, {lost} lost")
+            held, lost, longest = missing(bag, kind, seconds)
+            print(f"{kind.__name__:15s} {held} recorded, {lost} lost, {longest} at most in a row")
 
 
 if __name__ == "__main__":

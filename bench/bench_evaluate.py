@@ -1,0 +1,66 @@
+"""What a second core gives ``flea evaluate``: a campaign of simulated runs on one and two workers.
+
+The wall clock says it on a quiet machine alone. On any other the bound by CPU time does: what the
+command itself spends cannot be shared, what its workers spend can.
+
+    scripts/bench evaluate
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import tempfile
+import time
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+LEAST = 1.8
+CAMPAIGN = """
+schema_version: 1
+name: medium
+sources:
+  - kind: drawn
+    name: medium
+    seed: 12
+    duration_s: 30.0
+    earliest_onset_s: 10.0
+    latest_onset_s: 12.0
+    rows:
+      - {title: Nominal, cases: 6}
+      - {title: Jam, fault: jam, low: 0.8, high: 1.2, cases: 3}
+      - {title: Current Bias, fault: motor_current_bias, low: 0.6, high: 1.0, cases: 3}
+"""
+
+
+def evaluated(campaign: Path, folder: Path, jobs: int) -> tuple[float, float, float]:
+    """Wall clock of an evaluation, CPU time of the command and of its workers, s."""
+    from flea_diag.tools.main import main as flea
+
+    before, spent = resource.getrusage(resource.RUSAGE_CHILDREN), time.process_time()
+    began = time.monotonic()
+    flea(["evaluate", str(campaign), "-j", str(jobs), "-o", str(folder), "--quiet"])
+    took, own = time.monotonic() - began, time.process_time() - spent
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return took, own, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def main() -> None:
+    """Print both, and what the second worker gives."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        campaign = folder / "medium.yaml"
+        campaign.write_text(CAMPAIGN, encoding="utf-8")
+        runs = {jobs: evaluated(campaign, folder / str(jobs), jobs) for jobs in (1, 2)}
+    print(f"{'workers':8s}{'wall, s':>10s}{'command, s':>12s}{'workers, s':>12s}")
+    for jobs, (took, own, shared) in runs.items():
+        print(f"{jobs:<8d}{took:10.1f}{own:12.2f}{shared:12.2f}")
+    (wall_1, own_1, shared_1), (wall_2, own_2, shared_2) = runs[1], runs[2]
+    bound = (own_1 + shared_1) / (own_2 + shared_2 / 2.0)
+    print(f"ratio: wall {wall_1 / wall_2:.2f}, bound by CPU time {bound:.2f} (at least {LEAST}); "
+          f"load {os.getloadavg()[0]:.1f}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
