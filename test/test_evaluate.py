@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,8 @@ from flea_diag.tools.case_run import run_case
 from flea_diag.tools.main import main
 from flea_diag.tools.result_log import RESULTS, ResultLog, read_results
 from flea_diag.tools.run_result import RunResult
+from flea_diag.wire.bag import BagReader, BagWriter
+from flea_diag.wire.records import ChannelTable, Scan
 
 TRUTHS = {
     "jam": "jam",
@@ -168,6 +171,19 @@ def test_a_run_that_fails_is_one_line_and_exit_1(
     assert results["bags/nominal"].right
     assert "winding_short" in results["bags/winding_short"].failure
     assert "2 runs, 1 failed" in capsys.readouterr().out
+
+
+def test_a_recording_without_its_truth_is_not_taken_for_healthy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with BagWriter(tmp_path / "run") as bag:
+        for record in islice(BagReader(BAGS / "nominal").records((ChannelTable, Scan)), 300):
+            bag.write(record[1])
+    out = tmp_path / "out"
+    assert main(["evaluate", str(tmp_path / "run"), "-o", str(out), "-j", "1", "-q"]) == 1
+    assert "flea: run/run: no truth in it, nothing to score by" in capsys.readouterr().err
+    (line,) = read_results(out)
+    assert not line.right
 
 
 def test_a_defect_of_ours_is_one_line_that_names_the_place(

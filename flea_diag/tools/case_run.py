@@ -144,7 +144,10 @@ def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dic
 
     summary = summarise(done.kept)
     if not summary["scans"]:
-        raise RecordingError(f"{case.id}: no scan in it (topic sensors/slow), nothing to diagnose")
+        raise RecordingError("no scan in it (topic sensors/slow), nothing to diagnose")
+    if not done.truths:
+        # Taken for healthy it would count as right, or as a false alarm; nobody knows which.
+        raise RecordingError("no truth in it, nothing to score by: flea replay diagnoses it")
     start_ns = done.start_ns
     last = next((r for r in reversed(done.kept) if isinstance(r, AmbiguityGroup)), None)
     truth = _first_fault(done.truths)
