@@ -8,66 +8,17 @@ means "not measured". Records compare by value and are safe to share.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, IntEnum
 from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
-NEVER_NS = -1
-"""Stamp of an event that has not happened."""
-
-
-class Outcome(str, Enum):
-    """What the diagnoser concludes (one enum everywhere)."""
-
-    NOMINAL = "NOMINAL"
-    DETECTED = "DETECTED"
-    ISOLATED = "ISOLATED"
-    INDISTINGUISHABLE = "INDISTINGUISHABLE"
-    UNEXPLAINED = "UNEXPLAINED"
-    NOT_OBSERVABLE = "NOT_OBSERVABLE"
-    MODEL_MISMATCH = "MODEL_MISMATCH"
-    DATA_UNUSABLE = "DATA_UNUSABLE"
-
-
-class Level(IntEnum):
-    """Severity as diagnostic_msgs/DiagnosticStatus counts it."""
-
-    OK = 0
-    WARN = 1
-    ERROR = 2
-    STALE = 3
-
-
-OUTCOME_LEVEL: dict[Outcome, Level] = {
-    Outcome.NOMINAL: Level.OK,
-    Outcome.DETECTED: Level.WARN,
-    Outcome.NOT_OBSERVABLE: Level.WARN,
-    Outcome.MODEL_MISMATCH: Level.WARN,
-    Outcome.DATA_UNUSABLE: Level.WARN,
-    Outcome.ISOLATED: Level.ERROR,
-    Outcome.INDISTINGUISHABLE: Level.ERROR,
-    Outcome.UNEXPLAINED: Level.ERROR,
-}
-
-
-class RemarkKind(str, Enum):
-    """What somebody at the stand did with words or without."""
-
-    MARK = "mark"
-    COMMENT = "comment"
-    ACKNOWLEDGED = "acknowledged"
-
-
-class Quality(str, Enum):
-    """State of one channel."""
-
-    GOOD = "good"
-    BAD = "bad"
-    STALE = "stale"
-    SATURATED = "saturated"
-    ABSENT = "absent"
+from flea_diag.wire.vocabulary import NEVER_NS as NEVER_NS
+from flea_diag.wire.vocabulary import OUTCOME_LEVEL as OUTCOME_LEVEL
+from flea_diag.wire.vocabulary import Level as Level
+from flea_diag.wire.vocabulary import Outcome as Outcome
+from flea_diag.wire.vocabulary import Quality as Quality
+from flea_diag.wire.vocabulary import RemarkKind as RemarkKind
 
 
 @dataclass(frozen=True, slots=True)
