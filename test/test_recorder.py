@@ -11,6 +11,7 @@ from live import Peer, Process, node
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.recorder import checked_directory, chosen_topics
 from flea_diag.wire.records import ChannelInfo, ChannelTable, Health, Scan, VibrationBlock
+from flea_diag.wire.topics import TOPICS
 
 START_NS = 1_700_000_000 * 10**9
 TABLE = ChannelTable(START_NS, "toy", (ChannelInfo("motor_current", "A", -10.0, 10.0, 100.0),))
@@ -177,6 +178,6 @@ def test_topics_are_chosen_by_name() -> None:
         Scan,
         Health,
     ]
-    assert len(chosen_topics(("all",))) == 13
+    assert len(chosen_topics(("all",))) == len(TOPICS)
     with pytest.raises(ConfigurationError, match="'sensors/slwo' is unknown"):
         chosen_topics(("sensors/slwo",))
