@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.run_result import NOMINAL
 from flea_diag.wire.parameters import build, parameter
 
 SCHEMA_VERSION = 1
@@ -138,9 +139,12 @@ class Campaign:
 
     def expected(self, truth: str) -> tuple[str, ...]:
         """Faults that a right final group may hold; empty: no alarm is right."""
-        if truth in self.expect:
-            return self.expect[truth]
-        return () if truth == "nominal" else (truth,)
+        return expected_of(truth, self.expect)
+
+
+def expected_of(truth: str, expect: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+    """What ``expect`` says of a truth, else that truth alone, and of a healthy run nothing."""
+    return expect.get(truth, () if truth == NOMINAL else (truth,))
 
 
 def load_campaign(path: Path) -> Campaign:

@@ -28,6 +28,7 @@ from flea_diag.tools.campaign import (
     Switches,
 )
 from flea_diag.tools.recording_set import RecordingSet, Run
+from flea_diag.tools.run_result import NOMINAL
 
 PROFILE = re.compile(r"BatchProfile_([a-z]+\d\d)_")
 """Motion and load in the name of a FLEA run."""
@@ -221,7 +222,7 @@ def _injected(source: Injections, campaign: Campaign, recordings: RecordingSet) 
     """So many cases of each row, or of each rung of its ladder; recordings in turn."""
     from flea_diag.tools import injection
 
-    runs = [r for r in recordings.matching(source.files, campaign.folder) if r.truth == "nominal"]
+    runs = [r for r in recordings.matching(source.files, campaign.folder) if r.truth == NOMINAL]
     if not runs:
         raise ConfigurationError(f"{source.name}: no nominal recording to inject faults into")
     known = {f"{row.channel} {row.mode}": row for row in injection.ROWS}
@@ -256,11 +257,11 @@ def _spliced(source: Switches, campaign: Campaign, recordings: RecordingSet) -> 
     """Every faulty run that has a nominal one of the same motion and load."""
     nominal: dict[str, Run] = {}
     for run in recordings.matching(source.nominal, campaign.folder):
-        if run.truth == "nominal":
+        if run.truth == NOMINAL:
             nominal[_profile(run.name)] = run
     for run in recordings.matching(source.faulty, campaign.folder):
         before = nominal.get(_profile(run.name))
-        if before is None or not run.truth or run.truth == "nominal":
+        if before is None or not run.truth or run.truth == NOMINAL:
             continue
         recipe = Recipe(recording=str(before.bag), faulty=str(run.bag), margin_s=source.margin_s)
         case = Case(f"{source.name}/{run.name}", "spliced", run.truth, recipe)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flea_diag.errors import FleaError, RecordingError
+from flea_diag.tools.campaign import expected_of
 from flea_diag.tools.case import Case
 from flea_diag.tools.motion import moving_s
 from flea_diag.tools.peak_memory import forget_peak, peak_bytes
@@ -151,11 +152,9 @@ def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dic
     start_ns = done.start_ns
     last = next((r for r in reversed(done.kept) if isinstance(r, AmbiguityGroup)), None)
     truth = _first_fault(done.truths)
-    name = truth.fault if truth else NOMINAL
-    onset_s = (truth.onset_ns - start_ns) / 1e9 if truth else None
-    details = dict(truth.details) if truth else {}
+    told = _told(truth, expect, start_ns)
     computed = tuple(summary["features_computed"])
-    verdict = _verdict(summary, onset_s, start_ns)
+    verdict = _verdict(summary, told["onset_s"], start_ns)
     if truth and "detection_time_s" in verdict:
         moved_s = moving_s(done.kept, truth.onset_ns, verdict["detected_stamp_ns"])
         verdict["detection_motion_s"] = round(moved_s, 6)
@@ -165,11 +164,6 @@ def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dic
         case.row,
         case.configuration,
         case.fold,
-        truth=name,
-        onset_s=onset_s,
-        size=_number(details.get("size")),
-        size_unit=details.get("size_unit", ""),
-        expected=expect.get(name, () if name == NOMINAL else (name,)),
         words=last.words if last else "",
         not_observable=tuple(entry["fault"] for entry in summary["not_observable"]),
         features_computed=computed,
@@ -180,9 +174,24 @@ def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dic
         backend=numeric_backend(),
         detail=f"{DETAILS}/{case.configuration}/{case.id.replace('/', '.')}{case.fold}.json",
         duration_s=summary["duration_s"],
+        **told,
         **verdict,
     )
     return result, summary
+
+
+def _told(truth: Truth | None, expect: Expect, start_ns: int) -> dict[str, Any]:
+    """Fields that say what was so; no truth of a fault: nothing was wrong."""
+    if truth is None:
+        return {"truth": NOMINAL, "onset_s": None, "expected": expected_of(NOMINAL, expect)}
+    details = dict(truth.details)
+    return {
+        "truth": truth.fault,
+        "onset_s": (truth.onset_ns - start_ns) / 1e9,
+        "size": _number(details.get("size")),
+        "size_unit": details.get("size_unit", ""),
+        "expected": expected_of(truth.fault, expect),
+    }
 
 
 def _first_fault(truths: Iterable[Truth]) -> Truth | None:

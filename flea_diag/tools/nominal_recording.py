@@ -12,6 +12,7 @@ from flea_diag.tools.terminal import progress, warn
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration import Run
+    from flea_diag.wire.records import ChannelTable
 
 NOMINAL = ("", "nominal")
 
@@ -53,11 +54,32 @@ def _read(bag: Path) -> NominalRecording:
 
     from flea_diag.core.calibration import Run
     from flea_diag.core.residual_bank import CHANNELS, INDEX
+
+    table, stamps, measured = _content(bag)
+    if len(stamps) < 2 or table is None:
+        missing = "channel table" if table is None else "scans"
+        raise CalibrationError(f"{bag}: no {missing} in it, {len(stamps)} scans")
+    present = tuple(c for c in CHANNELS if np.isfinite(measured[:, INDEX[c]]).any())
+    voltage = table.info("motor_voltage")
+    _check_units(bag, table)
+    return NominalRecording(
+        Run(bag.name, measured),
+        table.stand,
+        present,
+        voltage.sampling if voltage is not None else "",
+        float(np.median(np.diff(stamps))) / 1e9,
+    )
+
+
+def _content(bag: Path) -> tuple[ChannelTable | None, list[int], Any]:
+    """Channel table, stamps (ns), and what the residual bank reads, shape (scans, channels)."""
+    import numpy as np
+
     from flea_diag.wire.bag import BagReader
     from flea_diag.wire.blocks import ScanBlock
     from flea_diag.wire.records import ChannelTable, Scan, Truth
 
-    rows: list[Any] = [np.empty((0, len(CHANNELS)))]
+    rows: list[Any] = [_rows((), np.empty((0, 0)))]
     stamps: list[int] = []
     table: ChannelTable | None = None
     reader = BagReader(bag)
@@ -76,20 +98,7 @@ def _read(bag: Path) -> NominalRecording:
             stamps.append(record.stamp_ns)
     for loss in reader.losses:
         warn(f"{bag}: {loss}")
-    if len(stamps) < 2 or table is None:
-        missing = "channel table" if table is None else "scans"
-        raise CalibrationError(f"{bag}: no {missing} in it, {len(stamps)} scans")
-    measured = np.concatenate(rows)
-    present = tuple(c for c in CHANNELS if np.isfinite(measured[:, INDEX[c]]).any())
-    voltage = table.info("motor_voltage")
-    _check_units(bag, table)
-    return NominalRecording(
-        Run(bag.name, measured),
-        table.stand,
-        present,
-        voltage.sampling if voltage is not None else "",
-        float(np.median(np.diff(stamps))) / 1e9,
-    )
+    return table, stamps, np.concatenate(rows)
 
 
 def _rows(channels: Sequence[str], values: Any) -> Any:

@@ -13,10 +13,10 @@ from pathlib import Path
 
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError
 from flea_diag.tools.campaign import HALVES, LISTS, Campaign, Injections, Recordings, Switches
+from flea_diag.tools.run_result import NOMINAL
 from flea_diag.tools.terminal import progress, warn
 from flea_diag.wire.bag_layout import refuse_closed
 
-NOMINAL = "nominal"
 DATA_FOLDER = "FLEA_DATA_DIR"
 FOLDS = ("A", "B")
 
