@@ -49,17 +49,8 @@ INTERRUPTED = 130
 
 def commands() -> dict[str, Any]:
     """Import every subcommand there is, by the name it is called."""
-    found = {}
-    for name in MODULES:
-        full = f"{__package__}.{name}"
-        try:
-            module = importlib.import_module(full)
-        except ModuleNotFoundError as error:
-            if error.name != full:
-                raise
-            continue  # not in this installation
-        found[module.NAME] = module
-    return found
+    modules = [importlib.import_module(f"{__package__}.{name}") for name in MODULES]
+    return {module.NAME: module for module in modules}
 
 
 def parser_of(known: dict[str, Any]) -> argparse.ArgumentParser:

@@ -26,7 +26,7 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``flea realism``."""
-    parser.add_argument("runs", nargs="+", type=Path, help="FLEA .data files")
+    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN.data", help="FLEA recordings")
     parser.add_argument("--seed", type=int, default=1, help="of the simulated units (1)")
     parser.add_argument("--json", type=Path, metavar="OUT", help="write every number there")
     parser.add_argument(

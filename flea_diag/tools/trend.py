@@ -40,10 +40,13 @@ DAY_S = 86400.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG")
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="of whatever actuators")
     parser.add_argument("--serial", help="only actuators of this serial number")
     parser.add_argument(
-        "--calibration", type=Path, help="diagnose anew with it, whatever the bags hold"
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="diagnose anew with it, whatever the bags hold",
     )
     parser.add_argument("--csv", type=Path, metavar="OUT", help="write one line an estimate")
     parser.add_argument("--json", metavar="OUT", help="write estimates and trends, - for here")
