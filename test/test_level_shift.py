@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flea_diag.core.level_shift import LEAST, REFERENCE, LevelShift, ShiftLimit, limit_of
+from flea_diag.core.level_shift import (
+    LEAST,
+    LEAST_ALWAYS,
+    REFERENCE,
+    LevelShift,
+    ShiftLimit,
+    limit_of,
+)
 
 WINDOW = 200
 
@@ -26,6 +33,13 @@ def test_a_shift_is_the_mean_of_the_window_less_that_of_what_came_before():
         earlier = values[max(now - WINDOW - REFERENCE, 0) : now - WINDOW]
         expected = values[now - WINDOW : now].mean() - earlier.mean()
         assert found[now - 1] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("gated", "least"), [(True, LEAST), (False, LEAST_ALWAYS)])
+def test_a_level_that_counts_at_rest_needs_more_samples(gated, least):
+    level = LevelShift([WINDOW], gated=gated)
+    found = level.step(np.zeros((1000, 1)), np.ones(1000, dtype=bool))[:, 0, 0]
+    assert np.flatnonzero(np.isfinite(found))[0] == least + WINDOW - 1
 
 
 def test_a_constant_offset_of_the_unit_is_no_shift_and_a_step_is_one():

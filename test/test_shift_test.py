@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from flea_diag.core.shift_test import ShiftTest
 
 UNITS = len(UNIT_PARAMETERS)
 ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
+MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
 PLACE = SPREAD_ROWS.index(ELECTRICAL)
 LIMIT = ShiftLimit("parity_electrical", 200, 0.2, 5.0)
 VOLTAGE = UNIT_PARAMETERS.index("voltage_offset_v")
@@ -30,8 +32,12 @@ def rows(volts: np.ndarray, spread: np.ndarray | None = None) -> ResidualRows:
     return ResidualRows(values, table, signals, np.zeros(len(volts), dtype=bool))
 
 
-def step(test: ShiftTest, made: ResidualRows, alone: bool = False) -> detection.TestResults:
+def step(
+    test: ShiftTest, made: ResidualRows, alone: bool = False, force: float = math.nan
+) -> detection.TestResults:
+    """``force``: what the mechanical relation's own test says, in sigmas; its limit is 6."""
     results = detection.TestResults.untested(len(made))
+    results.z[:, MECHANICAL], results.k[:, MECHANICAL] = force, 6.0
     test.step(made, results, np.full(len(made), alone))
     return results
 
@@ -79,3 +85,40 @@ def test_in_an_open_episode_the_level_before_it_counts_and_not_what_follows():
     assert later.deviating()[-1, ELECTRICAL]
     test.turn(opened=False)
     assert not step(test, rows(np.full(1000, 2.0)), alone=False).deviating().any()
+
+
+@pytest.mark.parametrize(
+    ("volts", "force", "called"),
+    # 0.8 V are 4 sigmas of a limit of 5: with 3.1 sigmas of the force 5.06 together.
+    [
+        (0.8, -3.1, True),
+        (-0.8, 3.1, True),
+        (0.8, 3.1, False),
+        (0.8, -2.9, False),
+        (9.0, -1.9, False),
+    ],
+)
+def test_a_voltage_alone_is_heard_where_the_force_says_the_same_of_the_current(
+    volts, force, called
+):
+    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    step(test, rows(np.zeros(800)), alone=True, force=force)
+    found = step(test, rows(np.full(200, volts)), alone=True, force=force)
+    expected = {ELECTRICAL, MECHANICAL} if called else set()
+    assert set(np.flatnonzero(found.deviating()[-1])) == expected
+    if called:
+        assert abs(found.z[-1, ELECTRICAL]) == pytest.approx(math.hypot(volts / 0.2, force))
+        assert found.symbol(ELECTRICAL) != found.symbol(MECHANICAL)
+        # The episode that it opens goes on while the level is another one.
+        test.turn(opened=True)
+        later = step(test, rows(np.full(3000, 2.0)), alone=True, force=0.0)
+        assert later.deviating()[-1, ELECTRICAL]
+        assert not later.deviating()[-1, MECHANICAL]
+
+
+def test_in_an_episode_that_something_else_opened_a_voltage_alone_says_nothing():
+    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    step(test, rows(np.zeros(800)), alone=True)
+    test.turn(opened=True)
+    found = step(test, rows(np.full(300, 2.0)), alone=True, force=-9.0)
+    assert set(np.flatnonzero(found.deviating()[-1])) == {MECHANICAL}

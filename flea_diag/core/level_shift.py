@@ -28,6 +28,8 @@ Flags = npt.NDArray[np.bool_]
 SHIFT_WINDOWS = (200, 400)
 REFERENCE, LEAST = 2000, 300
 """Most and fewest samples that an earlier level is the mean of."""
+LEAST_ALWAYS = 600
+"""Fewest of a relation that also counts at rest: strokes and rests in turn make its level."""
 _KEPT = REFERENCE + max(SHIFT_WINDOWS) + 1
 
 
@@ -70,11 +72,15 @@ class LevelShift:
     """Shifts of one residual, constant memory; scans singly or in blocks, to the same last bit.
 
     ``columns`` shift together: the residual, and what its level may follow in a healthy unit.
+    ``gated`` is whether samples in motion alone are to be used.
     """
 
-    def __init__(self, windows: Sequence[int] = SHIFT_WINDOWS, columns: int = 1) -> None:
+    def __init__(
+        self, windows: Sequence[int] = SHIFT_WINDOWS, columns: int = 1, gated: bool = True
+    ) -> None:
         self._windows = tuple(windows)
         self._columns = columns
+        self._least = LEAST if gated else LEAST_ALWAYS
         self.clear()
 
     def clear(self) -> None:
@@ -130,12 +136,11 @@ class LevelShift:
             return np.where((now >= window)[:, None], mean - self._frozen[number], np.nan)
         return np.asarray(mean - self._earlier(sums, window, count))
 
-    @staticmethod
-    def _earlier(sums: Array, window: int, count: int) -> Array:
+    def _earlier(self, sums: Array, window: int, count: int) -> Array:
         """Mean of what lies before the window at the last sums, NaN while too little does."""
         end = np.arange(len(sums) - count, len(sums)) - window
         start = np.maximum(end - REFERENCE, 0)
-        samples = np.where(end - start >= LEAST, end - start, np.nan)
+        samples = np.where(end - start >= self._least, end - start, np.nan)
         return np.asarray((sums[np.maximum(end, 0)] - sums[start]) / samples[:, None])
 
 

@@ -1,4 +1,11 @@
-"""The tests of ``level_shift`` on a stream of residuals, beside those against the calibration."""
+"""The tests of ``level_shift`` on a stream of residuals, beside those against the calibration.
+
+A voltage that nothing corroborates has a zero that wanders: by itself its shift says nothing.
+A current that reads b too much moves the electrical relation by -R b and the mechanical one by
+K b, so the load cell is a witness: where the two deviate in opposite directions, their common
+distance from zero is held against the limit that the shift alone would have, and both deviate.
+A witness adds no more than the voltage says itself: a drag alone is none.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +21,10 @@ from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS, SPREAD_ROWS,
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
+ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
+MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
+WITNESS = 2.0
+"""Sigmas of the mechanical relation from which on it is a witness."""
 SHIFTING = tuple(RESIDUALS[j].name for j in SPREAD_ROWS)
 """Residuals in which units differ: there a run knows its own level better than the calibration."""
 
@@ -25,10 +36,13 @@ class ShiftTest:
         self._change = np.zeros(len(tolerance))
         self._tolerance = np.array(tolerance)
         self._tests = []
+        self._open = self._opener = self._fired = False
         for name in dict.fromkeys(limit.name for limit in limits):
             mine = [limit for limit in limits if limit.name == name]
-            level = LevelShift([limit.window for limit in mine], 1 + len(tolerance))
-            self._tests.append((RESIDUAL_INDEX[name], level, mine))
+            column = RESIDUAL_INDEX[name]
+            gated = RESIDUALS[column].gate == "moving"
+            level = LevelShift([limit.window for limit in mine], 1 + len(tolerance), gated)
+            self._tests.append((column, level, mine))
 
     def adopt(self, change: Sequence[float]) -> None:
         """The unit's parameters changed by so much: levels go on as if they had not."""
@@ -36,22 +50,27 @@ class ShiftTest:
 
     def turn(self, opened: bool) -> None:
         """An episode has opened: the level before it is the one that counts. Or closed."""
+        self._open, self._opener = opened, opened and self._fired
         for _, level, _ in self._tests:
             level.freeze() if opened else level.clear()
 
     def step(self, rows: ResidualRows, results: TestResults, alone: Flags) -> None:
         """Where a shift is beyond its limit and no other test of its residual is, it counts.
 
-        The zero of a voltage that stands ``alone``, shape (n,), wanders by itself: that it does
-        says nothing of the actuator.
+        A voltage that stands ``alone``, shape (n,), needs a witness to open an episode, and says
+        nothing in one that something else has opened.
         """
         for column, level, limits in self._tests:
             values = self._as_calibrated(rows, column)
             row = RESIDUALS[column]
             shifts = level.step(values, rows.moving | (row.gate != "moving"))
-            if "motor_voltage" in row.needs:
-                shifts[alone] = np.nan
-            self._judge(shifts, column, limits, results)
+            z = [self._z(shifts[:, n], limit) for n, limit in enumerate(limits)]
+            if "motor_voltage" in row.needs and alone.any():
+                z = [np.where(alone, self._witnessed(each, column, results), each) for each in z]
+            beyond = self._judge(z, column, limits, results)
+            if column == ELECTRICAL:
+                self._fired = bool(beyond[-1])
+                self._call_witness(beyond & alone, results)
 
     def _as_calibrated(self, rows: ResidualRows, column: int) -> Array:
         """The residual as if nothing had been learned of the unit, and what units differ by."""
@@ -61,16 +80,42 @@ class ShiftTest:
         values[:, 0], values[:, 1:] = rows.values[:, column] - learned, spread * self._tolerance
         return values
 
+    def _witnessed(self, z: Array, column: int, results: TestResults) -> Array:
+        """What the shift of a voltage that stands alone amounts to, NaN where to nothing."""
+        if column != ELECTRICAL or (self._open and not self._opener):
+            return np.full_like(z, np.nan)
+        if self._opener:
+            return z
+        force = results.z[:, MECHANICAL]
+        speaks = (np.abs(force) > WITNESS) & (force * z < 0.0)
+        added = np.minimum(np.abs(force), np.abs(z))
+        return np.where(speaks, np.copysign(np.hypot(z, added), z), np.nan)
+
+    def _call_witness(self, beyond: Flags, results: TestResults) -> None:
+        """What opens an episode with a witness is a deviation of both relations."""
+        if self._open or not beyond.any():
+            return
+        called = beyond & ~(np.abs(results.z[:, MECHANICAL]) > results.k[:, MECHANICAL])
+        both, k = results.z[called, ELECTRICAL], results.k[called, ELECTRICAL]
+        results.z[called, MECHANICAL], results.k[called, MECHANICAL] = -both, k
+
+    @staticmethod
+    def _z(shifts: Array, limit: ShiftLimit) -> Array:
+        """Sigmas of a shift and what units differ by, shape (n, 1 + unit parameters)."""
+        variance = limit.sigma**2 + np.add.reduce(np.square(shifts[:, 1:]), axis=1)
+        return np.asarray(shifts[:, 0] / np.sqrt(variance))
+
     @staticmethod
     def _judge(
-        shifts: Array, column: int, limits: Sequence[ShiftLimit], results: TestResults
-    ) -> None:
-        """Fill the results in."""
+        z: Sequence[Array], column: int, limits: Sequence[ShiftLimit], results: TestResults
+    ) -> Flags:
+        """Fill the results in; after which scans a shift counts."""
         quiet = ~(np.abs(results.z[:, column]) > results.k[:, column])
-        for number, limit in enumerate(limits):
-            shift, unit = shifts[:, number, 0], shifts[:, number, 1:]
-            z = shift / np.sqrt(limit.sigma**2 + np.add.reduce(np.square(unit), axis=1))
-            beyond = quiet & (np.abs(z) > limit.k)
+        counts = np.zeros(len(quiet), dtype=bool)
+        for each, limit in zip(z, limits, strict=True):
+            beyond = quiet & (np.abs(each) > limit.k)
             if beyond.any():
-                results.z[beyond, column], results.k[beyond, column] = z[beyond], limit.k
+                results.z[beyond, column], results.k[beyond, column] = each[beyond], limit.k
                 results.window[beyond, column] = limit.window
+                counts |= beyond
+        return counts

@@ -136,8 +136,10 @@ def shift_limits(
 
 
 def _shifts(row: ResidualRow, column: int, entry: Trace) -> Array:
-    moves = entry.moving | (row.gate != "moving")
-    return LevelShift().step(entry.values[:, [column]], moves)[:, :, 0]
+    gated = row.gate == "moving"
+    return LevelShift(gated=gated).step(entry.values[:, [column]], entry.moving | (not gated))[
+        :, :, 0
+    ]
 
 
 def _gated(row: ResidualRow, index: int, entry: Trace) -> tuple[Array, Array]:

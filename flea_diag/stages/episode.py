@@ -21,6 +21,7 @@ MOTION_CHANNELS = ("actuator_position", "motor_speed")
 MOTION = [REGRESSORS.index(name) for name in ("position_rate_m_s", "encoder_m_s")]
 """Channels that say that the actuator moves, and the speeds that they say."""
 MOTION_ONLY = ("parity_mechanical",)
+CIRCUIT = "parity_electrical"
 MOVING_M_S = 0.010
 MOVED_SAMPLES = 50
 """So many scans in motion since the detection say that a channel still reads."""
@@ -80,9 +81,12 @@ class Episode:
         self.moved += (np.abs(speeds) > MOVING_M_S).sum(axis=0)
 
     def conclusive(self) -> bool:
-        """Whether likelihoods may drop: in one direction a drag and a bias look alike."""
-        rubbing = any(residual.startswith("parity_mech") for residual, _, _ in self.symbols)
-        if rubbing:
+        """Whether likelihoods may drop: in one direction a drag and a bias look alike.
+
+        Unless the circuit deviates as well, which no drag makes it do.
+        """
+        seen = self.magnitudes()
+        if any(residual.startswith("parity_mech") for residual in seen) and CIRCUIT not in seen:
             return min(self.out, self.back) >= BOTH_WAYS_SAMPLES
         return self.scans >= CONCLUSIVE_SAMPLES
 
