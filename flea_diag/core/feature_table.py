@@ -137,7 +137,7 @@ class FaultFeatureTable:
         ConfigurationError
             Naming file, fault, feature and value of what does not fit.
         """
-        _known(mapping, KEYS, where)
+        _known(_mapping(mapping, where), KEYS, where)
         alphabet = tuple(str(symbol) for symbol in mapping.get("alphabet", ("-", "0", "+")))
         if alphabet not in ALPHABETS:
             raise ConfigurationError(
@@ -266,7 +266,9 @@ def _known(mapping: Mapping[str, Any], known: frozenset[str], where: str) -> Non
 
 def _mapping(value: Any, where: str, empty: bool = False) -> Mapping[str, Any]:
     if not isinstance(value, Mapping) or not (value or empty):
-        raise ConfigurationError(f"{where} = {value!r} must be a mapping with at least one entry")
+        raise ConfigurationError(
+            f"{where} = {value!r:.80} must be a mapping with at least one entry"
+        )
     return value
 
 
