@@ -17,10 +17,11 @@ from flea_diag.stages.feature_classifier import IN_A_ROW, FeatureClassifierStage
 from flea_diag.tools.baselines import Setting, baseline
 from flea_diag.tools.campaign import CLASSIFIER, campaign_from_mapping
 from flea_diag.tools.case import plan, plan_sha256
-from flea_diag.tools.case_run import run_case
+from flea_diag.tools.case_run import diagnose, run_case
 from flea_diag.tools.feature_classifier import write_classifier
 from flea_diag.tools.recording_set import RecordingSet
 from flea_diag.tools.replay import replay
+from flea_diag.tools.replay_summary import summarise
 from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Record
 
 ONSET_S = 3.0
@@ -63,6 +64,12 @@ def test_a_fault_is_called_after_three_windows_that_agree() -> None:
     start_ns = stand("spall")[0].stamp_ns
     after_s = (flag.stamp_ns - start_ns) / 1e9 - ONSET_S
     assert IN_A_ROW <= after_s <= IN_A_ROW + 1.1
+
+
+def test_its_price_is_that_of_all_its_features() -> None:
+    stage = FeatureClassifierStage(NETWORK, {})
+    told = summarise(diagnose(stand("spall"), stage).kept)
+    assert told["features_computed"] == ["accelerometer_2_std"]
 
 
 def test_without_vibration_it_says_that_it_cannot_see() -> None:

@@ -156,8 +156,14 @@ def _not_observable(last: AmbiguityGroup | None) -> list[dict[str, str]]:
 
 
 def _features(records: Sequence[Record]) -> list[str]:
-    values = (record for record in records if isinstance(record, FeatureValue))
-    return list(dict.fromkeys(value.feature for value in values if not value.reason))
+    """Features that were answered, and those that a verdict says it rests on."""
+    names: dict[str, None] = {}
+    for record in records:
+        if isinstance(record, FeatureValue) and not record.reason:
+            names[record.feature] = None
+        elif isinstance(record, AmbiguityGroup):
+            names.update(dict.fromkeys(record.features_computed))
+    return list(names)
 
 
 def _data_quality(records: Sequence[Record], start_ns: int) -> dict[str, Any]:
