@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import math
 import os
+from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -188,6 +189,18 @@ def test_same_seed_and_rows_give_the_same_bits() -> None:
     np.testing.assert_array_equal(
         residuals(observer(), recording()), residuals(observer(), recording())
     )
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_deep_copy_goes_on_by_itself_from_where_it_was_taken(backend: str) -> None:
+    rows, made = recording().copy(), observer(backend)
+    rows[600:, INDEX["motor_speed"]] = np.nan  # other matrices than those that are shared
+    made.follow(rows[:500])
+    kept = deepcopy(made)
+    first = made.follow(rows[500:900]).table
+    made.adopt(replace(P, current_offset_a=-0.1))
+    made.follow(rows[900:])
+    np.testing.assert_array_equal(kept.follow(rows[500:900]).table, first)
 
 
 def test_raw_pwm_is_averaged_by_what_the_current_says() -> None:

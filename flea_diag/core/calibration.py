@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.frozen import Frozen
 from flea_diag.core.level_shift import ShiftLimit
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters, UnitTolerance
@@ -61,7 +62,7 @@ class CovarianceBlock:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class Calibration(Frozen):
     """Everything the diagnoser knows of an actuator beyond its structure.
 
     ``sigmas`` holds the standard error of each identified parameter; a parameter that the

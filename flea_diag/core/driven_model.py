@@ -28,6 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
+from flea_diag.core.frozen import Frozen
 from flea_diag.core.observer_model import difference_jacobian
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters
@@ -57,7 +58,7 @@ POSITION_WALK_M = 1.0e-6
 
 
 @dataclass(frozen=True)
-class DrivenModel:
+class DrivenModel(Frozen):
     """A ``FilterModel`` of an actuator with calibrated parameters."""
 
     parameters: ActuatorParameters

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from flea_diag.core.frozen import Frozen
+
 
 @dataclass(frozen=True, slots=True)
-class ActuatorParameters:
+class ActuatorParameters(Frozen):
     """Parameters of one actuator design in linear coordinates (at the nut).
 
     Defaults are starting points for a calibration, not a calibration.

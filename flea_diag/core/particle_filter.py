@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from copy import copy, deepcopy
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -115,6 +116,13 @@ class ParticleFilter:
         self.diverged = False
         self._tracked: tuple[Flags, Array | Views, Array | Views] | None = None
         self.adopt(model)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ParticleFilter:
+        """One that goes on by itself; model, matrices and tables are only read, and shared."""
+        twin = copy(self)
+        for name in ("_bits", "_cloud", "_x", "_new", "_u", "_row", "_health"):
+            setattr(twin, name, deepcopy(getattr(self, name), memo))
+        return twin
 
     def adopt(self, model: FilterModel) -> None:
         """Go on with another model of the same states and channels."""

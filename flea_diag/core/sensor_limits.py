@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.frozen import Frozen
 from flea_diag.core.position_step import position_steps
 
 Array = npt.NDArray[np.float64]
@@ -56,7 +57,7 @@ LONGEST_REPEAT = 200
 
 
 @dataclass(frozen=True, slots=True)
-class SensorLimit:
+class SensorLimit(Frozen):
     """Nominal behaviour of one channel.
 
     ``quietest`` and ``loudest`` bound the logarithm of its noise level over the longest window

@@ -138,9 +138,7 @@ class ObserverStage:
         return quiet, (residuals,)
 
     def _saved(self) -> tuple[StreamOrder, Channels, ResidualStream, Deviation, UnitChange]:
-        shared = {id(self._calibration): self._calibration}
-        state = self._order, self._channels, self._stream, self._deviation, self._unit
-        return deepcopy(state, shared)
+        return deepcopy((self._order, self._channels, self._stream, self._deviation, self._unit))
 
     def _try(self, block: ScanBlock) -> tuple[int, ResidualBlock]:
         """Residuals of scans in order, and the first scan that causes more, or their number."""
