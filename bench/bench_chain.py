@@ -25,11 +25,11 @@ from bench_scan import recording
 from bench_stand import cpu_s
 from live import Peer, Process, node
 
+from flea_diag.nodes.domain import reserved_domain
 from flea_diag.wire import codec
 from flea_diag.wire.bag import BagReader
 from flea_diag.wire.records import ChannelTable, Scan
 
-DOMAIN = 95
 PERIOD_S = 0.01
 SECONDS = 40
 SETTLE = 1000
@@ -64,9 +64,10 @@ def measured(table: ChannelTable, scans: list[Scan]) -> dict[str, tuple[float, f
     sent, heard = ({name: np.full(len(scans), np.nan) for name in NAMES} for _ in range(2))
     numbers = {scan.stamp_ns: number for number, scan in enumerate(scans)}
     with (
-        Process(commands[0], DOMAIN) as one,
-        Process(commands[1], DOMAIN) as other,
-        Peer(DOMAIN, NAMES[1]) as peer,
+        reserved_domain() as domain,
+        Process(commands[0], domain) as one,
+        Process(commands[1], domain) as other,
+        Peer(domain, NAMES[1]) as peer,
     ):
         out = {name: joined(peer, name, heard[name], numbers) for name in NAMES}
         for publisher in out.values():

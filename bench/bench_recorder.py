@@ -25,10 +25,10 @@ import numpy as np
 from bench_stand import cpu_s
 from live import Process, node
 
+from flea_diag.nodes.domain import reserved_domain
 from flea_diag.wire.bag import BagReader
 from flea_diag.wire.records import Scan, VibrationBlock
 
-DOMAIN = 96
 RATES_HZ = {Scan: 100.0, VibrationBlock: 10.0}
 LIMIT = 0.10
 
@@ -38,7 +38,11 @@ def recorded(bag: Path, seconds: float) -> tuple[float, float]:
     keep = node("flea_diag.nodes.recorder", "-p", f"directory:={bag}", "-p", "clips:=false")
     send = node("flea_sim_driver.daq_node", "-p", f"duration_s:={seconds}",
                 "-p", "wait_for_subscribers:=1")  # fmt: skip
-    with Process(keep, DOMAIN) as recorder, Process(send, DOMAIN) as daq:
+    with (
+        reserved_domain() as domain,
+        Process(keep, domain) as recorder,
+        Process(send, domain) as daq,
+    ):
         time.sleep(10.0)  # imports and discovery are not what is measured
         began, spent = time.monotonic(), cpu_s(recorder.child.pid)
         while daq.child.poll() is None:
