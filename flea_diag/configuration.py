@@ -36,8 +36,11 @@ from flea_diag.stages.isolator import IsolatorParameters, IsolatorStage, Knowled
 from flea_diag.stages.observer import ObserverParameters, ObserverStage
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.parameters import parameter
+from flea_diag.wire.records import Scan
 
 LARGEST_YAML_BYTES = 1 << 20
+WARM_UP_SCANS = 60
+"""More than the smoothing waits for."""
 CALIBRATION = "calibration_simulated_stand.yaml"
 Planner = Callable[..., Node]
 """``asked_tree`` with its chooser: (group, asked, rarest) -> Node."""
@@ -247,6 +250,21 @@ class Component(Generic[P]):
         """Fresh stage with these parameters."""
         stage: Stage = self.make(parameters)
         return stage
+
+    def warm_up(self, parameters: Any) -> None:
+        """Compile and load what a stage needs for its scans, on one that nobody sees.
+
+        Else the first scan waits for that, for a minute where nothing is compiled yet, and
+        those after it are lost.
+        """
+        stage = self.make(parameters)
+        if Scan not in stage.consumes:
+            return
+        calibration = load_calibration(parameters.calibration)
+        channels, period_ns = calibration.channels, round(calibration.period_s * 1e9)
+        for number in range(WARM_UP_SCANS):
+            values = tuple(1e-3 * number * column for column in range(1, len(channels) + 1))
+            stage.handle(Scan((1 + number) * period_ns, channels, values))
 
 
 def _observer(values: Any) -> ObserverStage:

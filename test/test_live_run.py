@@ -34,8 +34,8 @@ def children(pid: int) -> list[int]:
 def test_an_interrupted_run_ends_its_children_and_sums_up(domain: int, tmp_path: Path) -> None:
     bag = tmp_path / "run"
     with Process(command(bag, "--for", "60", "--at", "50"), domain) as process:
-        process.wait_for("the stand starts", limit_s=40.0)
-        process.wait_for("NOMINAL", limit_s=40.0)
+        process.wait_for("the stand starts", limit_s=180.0)
+        process.wait_for("NOMINAL", limit_s=180.0)
         started = children(process.child.pid)
         status, took_s = process.signal(signal.SIGINT)
     assert len(started) == 6
@@ -60,13 +60,13 @@ def process_of(parent: int, module: str) -> int:
 
 def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_path: Path) -> None:
     with Process(command(tmp_path / "run", "--for", "120", "--at", "7"), domain) as process:
-        process.wait_for("ISOLATED", limit_s=60.0)
+        process.wait_for("ISOLATED", limit_s=180.0)
         for name in ("isolator", "recorder"):
             os.kill(process_of(process.child.pid, f"flea_diag.nodes.{name}"), signal.SIGKILL)
         for name in ("isolator", "recorder"):
             process.wait_for(f"{name} was ended by SIGKILL: restarted (1 of at most 3)", 10.0)
         process.output = ""
-        process.wait_for("jam", limit_s=40.0)  # the new isolator knows of the open episode
+        process.wait_for("jam", limit_s=180.0)  # the new isolator knows of the open episode
         until_recorded(tmp_path / "run_2")
         assert process.signal(signal.SIGINT)[0] == 1
     assert "interrupted" in process.output

@@ -50,7 +50,7 @@ def test_a_healthy_actuator_is_quiet_and_every_scan_has_its_residuals():
     assert decisions(out) == []
     residuals = stands.of(Residual, out)
     assert [r.stamp_ns for r in residuals] == [s.stamp_ns for s in healthy()]
-    assert len(out) == len(residuals) + 1  # the first quality
+    assert len(out) == len(residuals) + 2  # the first quality, and the offsets once learned
     last = residuals[-1]
     assert len(last.names) == len(last.values) == len(last.z) == len(last.thresholds)
     assert len(last.regressor_names) == len(last.regressors)
@@ -138,12 +138,49 @@ def test_a_channel_that_goes_missing_is_said_once():
     assert healthy()[0].channels[0] == "motor_current"
     out = stands.feed(stands.observer(), lacking)
     said = stands.of(DataQuality, out)
-    assert [quality(r, "motor_current").quality for r in said] == [Quality.GOOD, Quality.BAD]
+    # The second time because the offsets were learned.
+    states = [quality(r, "motor_current").quality for r in said]
+    assert states == [Quality.GOOD, Quality.GOOD, Quality.BAD]
     assert quality(said[-1], "motor_current").since_ns == said[-1].stamp_ns
+    assert quality(said[-1], "motor_current").reason.startswith("sensor dead, others read")
     assert decisions(out) == []
     last = stands.of(Residual, out)[-1]
     assert math.isnan(last.values[last.names.index("parity_mechanical")])
     assert math.isfinite(last.values[last.names.index("nut_temperature")])
+
+
+@pytest.mark.parametrize("frozen", [True, False])
+def test_a_dead_driver_is_neither_a_dead_sensor_nor_a_fault(frozen: bool):
+    """It goes on sending, what it read last or nothing at all."""
+    last = healthy()[999].values if frozen else (math.nan,) * len(healthy()[0].values)
+    dead = [Scan(s.stamp_ns, s.channels, last) for s in healthy()[1000:1300]]
+    stage = stands.observer()
+    out = stands.feed(stage, [stands.table(), *healthy()[:1000], *dead])
+    assert decisions(out) == []
+    said = stands.of(DataQuality, out)[-1]
+    assert quality(said, "sensors/slow").quality is Quality.BAD
+    assert quality(said, "sensors/slow").reason.startswith("driver dead")
+    assert not any("sensor dead" in row.reason for row in said.channels)
+    assert counters(stage, "load_force")["stale"] == 300 * frozen
+    # It comes back, and all is well.
+    again = stands.feed(stage, healthy()[1300:])
+    assert decisions(again) == []
+    assert {row.quality for row in stands.of(DataQuality, again)[-1].channels} <= {
+        Quality.GOOD,
+        Quality.ABSENT,
+    }
+
+
+def test_a_sensor_that_holds_its_reading_is_counted_as_stuck():
+    at = healthy()[0].channels.index("load_force")
+    held = healthy()[1000].values[at]
+    stuck = [after(s, load_force=held) if k > 1000 else s for k, s in enumerate(healthy())]
+    stage = stands.observer()
+    stands.feed(stage, [stands.table(), *stuck])
+    least = next(row.repeats for row in stands.calibration().sensors if row.channel == "load_force")
+    assert counters(stage, "load_force")["stuck"] == 999 - least + 1
+    assert counters(stage, "motor_current")["stuck"] == 0
+    assert counters(stage, "load_force")["stale"] == 0
 
 
 def test_values_out_of_range_are_not_used():
@@ -163,7 +200,7 @@ def test_a_bad_voltage_is_no_fault_and_is_named():
     out = stands.feed(stands.observer(), spoilt)
     assert decisions(out) == []
     found = [quality(r, "motor_voltage") for r in stands.of(DataQuality, out)]
-    assert [row.quality for row in found] == [Quality.GOOD, Quality.BAD]
+    assert [row.quality for row in found] == [Quality.GOOD, Quality.GOOD, Quality.BAD]
     assert "disagrees with current and motion" in found[-1].reason
     start_s = (found[-1].since_ns - spoilt[0].stamp_ns) / 1e9
     assert start_s == pytest.approx(8.2, abs=0.3)

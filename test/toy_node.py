@@ -82,6 +82,10 @@ class Toy:
     parameters = ToyParameters
 
     @staticmethod
+    def warm_up(parameters: ToyParameters) -> None:
+        """Nothing is slow here."""
+
+    @staticmethod
     def build(parameters: ToyParameters) -> Stage:
         return ToyStage(parameters)
 

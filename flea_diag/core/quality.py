@@ -10,7 +10,7 @@ ABSENT_SAMPLES = 50
 BEYOND_BOUNDS = 1e9
 """No quantity of an actuator is larger in SI units; squares and sums of such stay finite."""
 SATURATED_SAMPLES = 10
-COUNTERS = ("samples", "missing", "out_of_range", "saturated", "implausible")
+COUNTERS = ("samples", "missing", "stale", "out_of_range", "saturated", "implausible")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +71,12 @@ class ChannelMonitor:
         if self.state.quality != "good":
             self.counters["missing"] += scans
             self._unusable += scans
+
+    @property
+    def silent(self) -> bool:
+        """Whether a channel that once read has long had no usable value."""
+        known = self.counters["samples"] > self.counters["missing"]
+        return known and self._unusable >= ABSENT_SAMPLES
 
     def _range(self, value: float) -> float:
         if math.isnan(value):

@@ -77,6 +77,8 @@ class SensorTests:
         self._recent = np.full((2 * SPAN - 1, len(self._limits)), np.nan)
         self._positions = [self._names.index(name) for name in POSITIONS if name in self._names]
         self._scan = 0
+        self.stuck = dict.fromkeys(self._names, 0)
+        """Readings of each channel that were held longer than chance allows."""
         self._places = {
             test: np.array([NAMES.index(f"{name}_{test}") for name in self._names], dtype=int)
             for test in TESTS
@@ -173,6 +175,7 @@ class SensorTests:
             withheld, leapt = guard.take(self._scan + n, value, at_end, rests[n])
             if withheld:
                 usable[n, column] = np.nan
+            self.stuck[limit.channel] += 0 < limit.repeats <= guard.run
             if step is not None and guard.disturbed:
                 z[n, step] = leapt / limit.step
             if limit.repeats:

@@ -48,8 +48,8 @@ SOURCES: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan)
 STREAMS: tuple[type, ...] = (VibrationBlock, Scan, Residual, VibrationLevel)
 """Records whose stamps only grow. A latched record is as old as it likes to be."""
 
-SAID_ONCE: tuple[type, ...] = (ChannelTable, DataQuality)
-"""Records that come before the first of a run's streams: a fresh stage is told them again."""
+SAID_ONCE: tuple[type, ...] = (ChannelTable, DataQuality, AmbiguityGroup)
+"""Records of how things stand: a fresh stage is told them again."""
 
 JUMP_NS = 1_000_000_000
 """Stamps that are older than the stream by more than this start a new run."""
@@ -68,6 +68,10 @@ class Component(Protocol):
 
     def build(self, parameters: Any) -> Stage:
         """Fresh stage with these parameters."""
+        ...
+
+    def warm_up(self, parameters: Any) -> None:
+        """Do beforehand what else the first records would wait for."""
         ...
 
 
@@ -90,6 +94,7 @@ def stage_program(
     """Program of a node that is one stage on the bus."""
 
     def start(bus: Bus[Any], parameters: Any) -> None:
+        component.warm_up(parameters)
         Adapter(bus, component.build, parameters, ports)
 
     return Program(

@@ -40,7 +40,8 @@ MODULES = {
     **{name: f"flea_diag.nodes.{name}" for name in (*LISTENERS, "console", "web")},
     "daq": "flea_sim_driver.daq_node",
 }
-READY_S = 30.0
+READY_S = 180.0
+"""Long, for what numba compiles is compiled at the first start after an installation."""
 LAST_VERDICT_S = 5.0
 LATEST_S = 60.0
 
@@ -83,8 +84,8 @@ class Run:
             self._until(self._verdict_is_last, LAST_VERDICT_S, "the last verdict", needed=False)
 
     def _all_listen(self) -> bool:
-        # Console, recorder and page listen to the verdict, besides ourselves.
-        needed = 3 + self._options.web
+        # Observer, console, recorder and page listen to the verdict, besides ourselves.
+        needed = 4 + self._options.web
         return self._healthy >= set(LISTENERS) and self._bus.subscribers(AmbiguityGroup) >= needed
 
     def _verdict_is_last(self) -> bool:

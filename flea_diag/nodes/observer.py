@@ -19,7 +19,7 @@ def program() -> Program:
         "Forms calibrated residuals of every scan, tests them and reports what deviates, as signs.",
         OBSERVER,
         Ports(
-            subscribes=(r.ChannelTable, r.Scan),
+            subscribes=(r.ChannelTable, r.Scan, r.AmbiguityGroup),
             publishes=(r.DataQuality, r.Residual, r.Detection, r.Symbols),
         ),
         examples=(

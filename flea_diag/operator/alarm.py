@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 from flea_diag.wire.records import (
     NEVER_NS,
+    TAKEN_OVER,
     AmbiguityGroup,
     Detection,
     Outcome,
@@ -100,6 +101,8 @@ def of_group(group: AmbiguityGroup) -> Alarm:
 
 def with_detection(alarm: Alarm, detection: Detection) -> Alarm:
     """Value, limit and test of the detection that opened it."""
+    if detection.test == TAKEN_OVER:
+        return alarm
     return replace(
         alarm,
         residual=detection.residual,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from flea_diag.core.quality import BEYOND_BOUNDS, ChannelMonitor
 from flea_diag.core.residual_bank import CHANNELS, INDEX
+from flea_diag.core.stale_rows import StaleRows
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import ChannelQuality, ChannelTable, Quality
 
@@ -18,6 +19,10 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 VOLTAGE = INDEX["motor_voltage"]
+SENSOR_DEAD = "sensor dead, others read: "
+"""Before the reason of a channel that falls silent alone."""
+DRIVER_DEAD = "driver dead: scans come, and no channel of them has a new value"
+"""Reason of the stream when all that read have fallen silent."""
 
 
 class Reading(NamedTuple):
@@ -46,6 +51,7 @@ class Channels:
         self._from = self._to = np.empty(0, dtype=int)
         self._said: tuple[str, ...] = ()
         self._steady_scans = 0
+        self._stale = StaleRows()
         self._look()
 
     def take_ranges(self, table: ChannelTable) -> None:
@@ -57,7 +63,7 @@ class Channels:
         self._look()
 
     def read(self, block: ScanBlock) -> Reading:
-        """What n scans say of ``CHANNELS``."""
+        """What n scans say of ``CHANNELS``; one that only repeats the last one, nothing."""
         layout = block.channels
         if layout != self._layout:
             places = {INDEX[name]: k for k, name in enumerate(layout) if name in INDEX}
@@ -68,12 +74,22 @@ class Channels:
         raw = np.empty((len(block), len(CHANNELS)))
         raw.fill(np.nan)
         raw[:, self._to] = block.values.take(self._from, axis=1)
+        stale = self._stale.find(raw)
+        if stale is not None:
+            self._leave_out(raw, stale)
         steady = (raw > self._low) & (raw < self._high)
         steady |= np.isnan(raw) & self._lacking
         if steady.all():
             return Reading(raw, raw, None)
         inside = (raw >= self._least) & (raw <= self._most)
         return Reading(raw, np.where(inside, raw, np.nan), steady)
+
+    def _leave_out(self, raw: Array, stale: Flags) -> None:
+        """Count what was not read anew, and take it for not measured."""
+        read = np.count_nonzero(~np.isnan(raw[stale]), axis=0).tolist()
+        for column, monitor in self._monitors.items():
+            monitor.counters["stale"] += read[column]
+        raw[stale] = np.nan
 
     def judge(self, stamps_ns: npt.NDArray[np.int64], reading: Reading, trusted: Flags) -> int:
         """Follow the channels through n scans; the first that changes what is to be said, or n.
@@ -136,16 +152,23 @@ class Channels:
             if monitor.reads:
                 self._low[column], self._high[column] = self._least[column], self._most[column]
 
-    def states(self) -> tuple[ChannelQuality, ...]:
-        """State and counters of every channel, as they are now."""
+    @property
+    def driver_dead(self) -> bool:
+        """Whether every channel that ever read has fallen silent; one alone is a sensor."""
+        read = [m for m in self._monitors.values() if m.state.quality != "absent"]
+        return len(read) > 1 and all(monitor.silent for monitor in read)
+
+    def states(self, stuck: Mapping[str, int]) -> tuple[ChannelQuality, ...]:
+        """State and counters of every channel, as they are now; ``stuck`` is counted elsewhere."""
         self._count()
+        alone = "" if self.driver_dead else SENSOR_DEAD
         return tuple(
             ChannelQuality(
                 m.channel,
                 Quality(m.state.quality),
                 m.state.since_ns,
-                m.state.reason,
-                tuple(m.counters.items()),
+                (alone if m.silent else "") + m.state.reason,
+                (*m.counters.items(), ("stuck", stuck.get(m.channel, 0))),
             )
             for m in self._monitors.values()
         )

@@ -11,7 +11,7 @@ from flea_diag.core import symbols
 from flea_diag.core.detection import TestResults
 from flea_diag.core.residual_bank import RESIDUALS
 from flea_diag.core.symbols import SLOPE_S, UNKNOWN, SymbolState
-from flea_diag.wire.records import NEVER_NS, Detection, Record, Symbol, Symbols
+from flea_diag.wire.records import NEVER_NS, TAKEN_OVER, Detection, Record, Symbol, Symbols
 
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
@@ -33,8 +33,19 @@ class Deviation:
     def forget(self) -> None:
         """No episode is open; the next has the next number."""
         self.is_open = False
+        self._taken_over = False
         self._symbols: dict[int, SymbolState] = {}
         self._quiet_since_ns = NEVER_NS
+
+    def take_over(self, opened_ns: int, number: int) -> Detection:
+        """Go on with an episode that was opened before this observer was there.
+
+        It has no slopes, for nobody knows how a residual began, and quiet does not close it: what
+        is the same as at the return looks quiet.
+        """
+        self._number = number
+        self.is_open = self._taken_over = True
+        return Detection(opened_ns, number, True, "", math.nan, math.nan, TAKEN_OVER)
 
     def follow(self, stamps_ns: Stamps, results: TestResults) -> int:
         """Go through n scans; the first in which something happens, or n if nothing does."""
@@ -44,6 +55,8 @@ class Deviation:
         happens &= ISOLATING
         happens[:, list(self._symbols)] = False
         event = np.any(happens, axis=1)
+        if self._taken_over:
+            return _first(event)
         for j, state in self._symbols.items():
             if state.slope == UNKNOWN:
                 due = stamps_ns - state.since_ns >= SLOPE_S * 1e9
@@ -61,10 +74,13 @@ class Deviation:
         before = dict(self._symbols)
         for j in np.flatnonzero(deviating & ISOLATING).tolist():
             self._symbols.setdefault(j, symbols.crossed(float(results.z[0, j]), stamp_ns))
-        for j, state in self._symbols.items():
-            self._symbols[j] = symbols.later(state, float(results.z[0, j]), stamp_ns)
+        if not self._taken_over:
+            for j, state in self._symbols.items():
+                self._symbols[j] = symbols.later(state, float(results.z[0, j]), stamp_ns)
         changed = self._symbols != before
         out: tuple[Record, ...] = (self._symbol_record(stamp_ns),) if changed else ()
+        if self._taken_over:
+            return out
         quiet_ns = int(self._quiet_ns(np.array([stamp_ns]), results)[0])
         self._quiet_since_ns = stamp_ns - quiet_ns if quiet_ns >= 0 else NEVER_NS
         if 0 < self._wait_ns <= quiet_ns:

@@ -3,9 +3,10 @@
 SHA-256 over what was decided: Detection, Symbols, FeatureRequest, FeatureValue without its
 measured cost, and every change of AmbiguityGroup. Left out is what two runs of the same
 diagnosis may differ in: the repeats once a second, their numbers, whether the source was
-silent just then, whether it was live or a replay; and what decides nothing: advice, and words
-on what opened an episode. Each kind keeps its own order and the kinds follow one another in the
-rank of their topics, so that records of several topics may arrive interleaved in any way.
+silent just then, whether it was live or a replay; and what decides nothing: advice, words on
+what opened an episode, offsets kept for an observer that comes back, counters of samples. Each
+kind keeps its own order and the kinds follow one another in the rank of their topics, so that
+records of several topics may arrive interleaved in any way.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ LEFT_OUT: dict[type, tuple[str, ...]] = {
     Symbols: (),
     FeatureRequest: (),
     FeatureValue: ("cost_ms",),
-    AmbiguityGroup: ("seq", "source", "stale", "next_tests", "opened_by"),
+    AmbiguityGroup: ("seq", "source", "stale", "next_tests", "opened_by", "offsets", "counters"),
 }
 """Decisions in the rank of their topics -> fields that are not part of the decision."""
 

@@ -12,7 +12,7 @@ from flea_diag.core.isolation import Isolation
 from flea_diag.core.likelihood import Evidence
 from flea_diag.stages.inquiry import Inquiry
 from flea_diag.wire.blocks import ResidualBlock
-from flea_diag.wire.records import Detection
+from flea_diag.wire.records import TAKEN_OVER, Detection
 
 Array = npt.NDArray[np.float64]
 
@@ -41,6 +41,8 @@ class Episode:
     likelihood: Evidence
     inquiry: Inquiry
     opened_by: str = ""
+    taken_over: bool = False
+    """Whether the observer came back within it: then only a reset ends it."""
     step: int = 0
     moving: int = 0
     symbols: tuple[tuple[str, str, str], ...] = ()
@@ -102,6 +104,8 @@ class Episode:
 
 def cause(detection: Detection) -> str:
     """What opened an episode: the test that passed its limit, with value and limit."""
+    if detection.test == TAKEN_OVER:
+        return "open when the observer came back"
     return (
         f"{detection.residual}: z = {detection.z:.4g}, limit {detection.threshold:.4g}, "
         f"{detection.test}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,12 +23,16 @@ from flea_diag.stages.inquiry import Inquiry
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.merge import Merge
 from flea_diag.stages.motion import Motion
-from flea_diag.stages.standing import Standing
+from flea_diag.stages.standing import Standing, wrong_samples
+from flea_diag.stages.stream_order import STREAM
 from flea_diag.stages.verdict import Verdict, mismatch
 from flea_diag.stages.weighing import Weighing, due, weighings
 from flea_diag.wire.blocks import ResidualBlock, alone
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
+    NEVER_NS,
+    TAKEN_OVER,
+    AmbiguityGroup,
     ChannelTable,
     DataQuality,
     Detection,
@@ -43,6 +48,8 @@ __all__ = ["IsolatorParameters", "IsolatorStage", "Knowledge"]
 
 LEVEL_DELAY_NS = 150_000_000
 """From the end of a block until the smoothed speed of that time is known: half a kernel."""
+LATEST_NS = 2 * LEVEL_DELAY_NS
+"""A block that waits longer is of a time from which no speed came: the observer was away."""
 
 
 class IsolatorStage:
@@ -79,6 +86,7 @@ class IsolatorStage:
             knowledge.calibration.parameters.encoder_m_per_rad, self._window_ns, self._sentinel
         )
         self._said: tuple[object, ...] = ()
+        self._last: AmbiguityGroup | None = None
 
     def handle(self, record: Record) -> tuple[Record, ...]:
         """Records caused by one more input, once its turn in the merged order has come."""
@@ -146,14 +154,36 @@ class IsolatorStage:
         self._standing.bad = tuple(
             row.channel for row in record.channels if row.quality in unusable
         )
-        return self._say(record.stamp_ns)
+        self._note_return(record)
+        standing, counters = self._standing, wrong_samples(record)
+        same = (record.offsets, counters) == (standing.offsets, standing.counters)
+        standing.offsets, standing.counters = record.offsets, counters
+        if standing.first_ns == NEVER_NS:
+            return ()  # older than what is to come: an open episode is told of next
+        said = self._say(record.stamp_ns)
+        if said or same or self._last is None:
+            return said
+        # The same verdict once more: it is what people see, and an observer that comes back.
+        self._last = replace(self._last, offsets=record.offsets, counters=counters)
+        return (self._last,)
+
+    def _note_return(self, record: DataQuality) -> None:
+        """An observer that began after our first scan is another one."""
+        began_ns = max((r.since_ns for r in record.channels if r.channel == STREAM), default=0)
+        known_ns = max(self._standing.first_ns, self._standing.returned_ns)
+        if known_ns != NEVER_NS and began_ns > known_ns:
+            self._standing.returned_ns, self._said = began_ns, ()
 
     def _detection(self, record: Detection) -> Iterable[Record]:
         self._told = record.episode
         if record.detected and self._episode is None:
             # The symbols of the same scan come next, and make the first group.
-            self._open(record.stamp_ns).opened_by = cause(record)
-            return ()
+            episode = self._open(record.stamp_ns)
+            episode.opened_by, episode.taken_over = cause(record), record.test == TAKEN_OVER
+            return self._say(self._merge.now_ns) if episode.taken_over else ()
+        if record.test == TAKEN_OVER and self._episode is not None:
+            self._episode.taken_over, self._said = True, ()
+            return self._say(self._merge.now_ns)
         if record.test == ANOTHER_UNIT:
             self._standing.unit_ns, self._said = record.stamp_ns, ()
         elif record.detected or self._episode is None:
@@ -245,6 +275,8 @@ class IsolatorStage:
         if not self._levels or self._levels[0].stamp_ns + LEVEL_DELAY_NS > stamp_ns:
             return ()
         level = self._levels.popleft()
+        if stamp_ns - level.stamp_ns > LATEST_NS:
+            return ()
         axis = self._sentinel.step(level.axes, level.std)
         if axis is None or self._episode is not None:
             return ()
@@ -321,4 +353,5 @@ class IsolatorStage:
         if episode is not None and self._said[:1] and self._said[1] == number:
             episode.step += 1
         self._said = state
-        return (self._verdict.record(stamp_ns, self._standing, episode),)
+        self._last = self._verdict.record(stamp_ns, self._standing, episode)
+        return (self._last,)

@@ -1,4 +1,4 @@
-"""Scans in; Residual, DataQuality, Detection and Symbols out.
+"""Scans in; Residual, DataQuality, Detection and Symbols out. The verdict tells it of the past.
 
 Order of work: is the stream whole (``stream_order``), is each channel to be trusted
 (``channels``), what are the residuals and their tests (``residual_stream``), which symbols
@@ -8,7 +8,7 @@ follow (``deviation``). This stage keeps that order and makes the records.
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,14 +17,23 @@ from flea_diag.core.calibration import Calibration
 from flea_diag.core.regressors import TEMPERATURES
 from flea_diag.core.residual_bank import INDEX, RESIDUALS, ResidualRow
 from flea_diag.core.unit_change import UnitChange
-from flea_diag.stages.channels import Channels, Reading
+from flea_diag.stages.channels import DRIVER_DEAD, Channels, Reading
 from flea_diag.stages.deviation import Deviation
 from flea_diag.stages.residual_stream import REGRESSOR_NAMES, ResidualStream, Tested
 from flea_diag.stages.state_estimate import KINDS, NONE, StateEstimate
 from flea_diag.stages.stream_order import Place, StreamOrder
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.parameters import parameter
-from flea_diag.wire.records import ANOTHER_UNIT, ChannelTable, DataQuality, Record, Scan
+from flea_diag.wire.records import (
+    ANOTHER_UNIT,
+    AmbiguityGroup,
+    ChannelQuality,
+    ChannelTable,
+    DataQuality,
+    Quality,
+    Record,
+    Scan,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -70,7 +79,7 @@ class ObserverParameters:
 class ObserverStage:
     """The detector of the diagnosis; see the module's first lines."""
 
-    consumes: tuple[type, ...] = (ChannelTable, Scan)
+    consumes: tuple[type, ...] = (ChannelTable, Scan, AmbiguityGroup)
     takes_blocks = True
 
     def __init__(self, calibration: Calibration, parameters: ObserverParameters) -> None:
@@ -81,6 +90,7 @@ class ObserverStage:
         )
         self._names = tuple(RESIDUALS[j].name for j in self._tested)
         self._table: ChannelTable | None = None
+        self._verdict: AmbiguityGroup | None = None
         self._order = StreamOrder(round(calibration.period_s * 1e9), parameters.gap_scans)
         self._deviation = Deviation(parameters.rearm_after_s)
         self._unit = UnitChange()
@@ -104,14 +114,38 @@ class ObserverStage:
         self._unit.forget()
 
     def handle(self, record: Record) -> tuple[Record, ...]:
-        """Records caused by a ChannelTable or a Scan."""
+        """Records caused by a ChannelTable, a Scan or a verdict."""
         if isinstance(record, Scan):
             return self._scan(record)
         if isinstance(record, ChannelTable):
             self._table = record
             self._channels.take_ranges(record)
             self._stream.take_ranges(record)
-        return ()
+        elif isinstance(record, AmbiguityGroup):
+            self._verdict = record
+        learns, stamp_ns = self._stream.learns, self._order.last_ns
+        taken_over = self._recall()
+        if learns == self._stream.learns or stamp_ns is None:
+            return taken_over
+        return (self._say_quality(stamp_ns), *taken_over)
+
+    def _recall(self) -> tuple[Record, ...]:
+        """Take from the verdict what an observer before this one knew of the same run.
+
+        That is what is older than the first scan, and younger than the channel table.
+        """
+        group, table, first_ns = self._verdict, self._table, self._order.first_ns
+        if group is None or table is None or first_ns is None or not self._stream.learns:
+            return ()
+        past = range(table.stamp_ns, first_ns)
+        offsets = tuple(offset for offset in group.offsets if offset.learned_ns in past)
+        within = bool(group.episode) and group.detected_stamp_ns in past
+        if offsets or within:
+            self._stream.recall(offsets, within)
+        if not within:
+            return ()
+        self._stream.turn(opened=True)
+        return (self._deviation.take_over(group.detected_stamp_ns, group.episode),)
 
     def handle_block(self, block: ScanBlock) -> tuple[int, tuple[ResidualBlock, ...]]:
         """Take the leading scans that cause residuals and nothing else.
@@ -163,22 +197,26 @@ class ObserverStage:
         place = self._order.step(scan.stamp_ns)
         if place is Place.PASSED_OVER:
             return ()
+        recalled: tuple[Record, ...] = ()
         if place is Place.RESTART:
             self._start(scan.stamp_ns)
+            recalled = self._recall()
         elif place is Place.AFTER_GAP:
             self._stream.interrupt()
         block = ScanBlock(np.array([scan.stamp_ns]), scan.channels, np.array([scan.values]))
         reading = self._channels.read(block)
         if self._other_unit(reading) == 0:
             return self._go_over(block, scan.stamp_ns)
+        learned = self._stream.learns
         tested, changed = self._test(block, reading)
+        learned &= not self._stream.learns
         was_open = self._deviation.is_open
         said = self._deviation.step(scan.stamp_ns, tested.results)
         if self._deviation.is_open != was_open:
             self._stream.turn(opened=not was_open)
-        is_new = changed == 0 or self._order.is_due(scan.stamp_ns)
+        is_new = changed == 0 or learned or self._order.is_due(scan.stamp_ns)
         quality = (self._say_quality(scan.stamp_ns),) if is_new else ()
-        return (*quality, *self._residuals(block, tested).records(), *said)
+        return (*recalled, *quality, *self._residuals(block, tested).records(), *said)
 
     def _go_over(self, block: ScanBlock, stamp_ns: int) -> tuple[Record, ...]:
         """Another unit is in use: what was found on the last one ends, and all begins anew."""
@@ -203,10 +241,16 @@ class ObserverStage:
 
     def quality_record(self, stamp_ns: int) -> DataQuality:
         """State and counters of every channel and of the stream, as they are now."""
-        return DataQuality(stamp_ns, (self._order.state(), *self._channels.states()))
+        return self._quality(stamp_ns, self._order.state())
 
     def _say_quality(self, stamp_ns: int) -> DataQuality:
-        return DataQuality(stamp_ns, (self._order.say(stamp_ns), *self._channels.states()))
+        return self._quality(stamp_ns, self._order.say(stamp_ns))
+
+    def _quality(self, stamp_ns: int, stream: ChannelQuality) -> DataQuality:
+        if self._channels.driver_dead:
+            stream = replace(stream, quality=Quality.BAD, reason=DRIVER_DEAD)
+        channels = self._channels.states(self._stream.stuck)
+        return DataQuality(stamp_ns, (stream, *channels), self._stream.offsets)
 
     def finish(self) -> tuple[Record, ...]:
         """The input has ended: what was counted and not yet said."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,7 +32,7 @@ from flea_diag.core.shift_test import ShiftTest
 from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.core.unit_offsets import OffsetLearning
 from flea_diag.stages.state_estimate import StateEstimate, Told
-from flea_diag.wire.records import ChannelTable
+from flea_diag.wire.records import ChannelTable, UnitOffset
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
@@ -45,6 +45,7 @@ POSITION = RESIDUAL_INDEX["actuator_position"]
 VOLTAGE_COLUMNS = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
 SPEED_COLUMNS = [j for j, row in enumerate(RESIDUALS) if SPEED in row.needs]
 FINE_COLUMNS = [RESIDUAL_INDEX["parity_speed"]]
+THERMAL_COLUMNS = [RESIDUAL_INDEX[name] for name in TEMPERATURES]
 LEARNED = {
     "parity_mechanical": "current_offset_a",
     "parity_electrical": "voltage_offset_v",
@@ -99,6 +100,9 @@ class ResidualStream:
             residual: OffsetLearning(name, c.tolerance) for residual, name in LEARNED.items()
         }
         self._learn_until_ns = start_ns + round(warm_up_s * 1e9)
+        self._withheld: list[int] = []
+        self.offsets: tuple[UnitOffset, ...] = ()
+        """What was learned of this unit, once it was."""
         self._speed_wait = 0
         self._filled_wait = 0
         self._sensors = SensorTests(c.sensors, CHANNELS, backend)
@@ -126,8 +130,33 @@ class ResidualStream:
         self._sensors.interrupt()
         self._estimate.interrupt()
 
+    def recall(self, offsets: tuple[UnitOffset, ...], within: bool) -> None:
+        """Take over in mid-run what was learned of this unit, and learn it no more.
+
+        Within an episode nothing is learned anew, and temperatures are left out: their nodes
+        have begun at the readings, wrong or not.
+        """
+        if offsets:
+            self._adopt({o.parameter: (o.value - getattr(self._p, o.parameter), o.sigma)
+                         for o in offsets})  # fmt: skip
+            self.offsets = offsets
+        if within:
+            self._learning, self._withheld = {}, THERMAL_COLUMNS
+
+    @property
+    def stuck(self) -> Mapping[str, int]:
+        """Readings of each channel that were held."""
+        return self._sensors.stuck
+
+    @property
+    def learns(self) -> bool:
+        """Whether this is the warm-up."""
+        return bool(self._learning)
+
     def turn(self, opened: bool) -> None:
         """An episode has opened: frozen innovations say nothing. Or closed: arm anew."""
+        if not opened:
+            self._withheld = []
         self._detector.forget(list(INNOVATION_INDEX.values()) if opened else range(len(RESIDUALS)))
         self._shifts.turn(opened)
 
@@ -170,13 +199,14 @@ class ResidualStream:
         self._distrust_speed(residuals)
         self._distrust_filled(residuals)
         self._learn(residuals, int(stamps_ns[0]))
+        found = self._regressors(rows, residuals)
+        residuals.values[:, self._withheld] = np.nan
         results = self._detector.step(residuals)
         results.z[:, SENSOR_COLUMNS], results.k[:, SENSOR_COLUMNS] = sensors, self._sensors.k
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;
         # what alternates with the motion (direction-normalised) still is one.
         results.z[alone, ELECTRICAL] = np.nan
         self._shifts.step(residuals, results, alone)
-        found = self._regressors(rows, residuals)
         return Tested(residuals, results, found, trusted, turned, told)
 
     def _test_sensors(self, stamps_ns: Stamps, rows: Array) -> tuple[Array, Array]:
@@ -245,7 +275,7 @@ class ResidualStream:
         if not self._learning:
             return
         if stamp_ns >= self._learn_until_ns:
-            self._adopt_offsets()
+            self._adopt_offsets(stamp_ns)
             return
         for name, learning in self._learning.items():
             limit = self._calibration.limit(name)
@@ -255,17 +285,27 @@ class ResidualStream:
                 spread = residuals.spread[residuals.moving, SPREAD_ROWS.index(j)]
                 learning.add(values, spread, limit.sigma[0] ** 2 * limit.correlation_samples)
 
-    def _adopt_offsets(self) -> None:
+    def _adopt_offsets(self, stamp_ns: int) -> None:
+        found = {
+            LEARNED[residual]: learning.offset()
+            for residual, learning in self._learning.items()
+            # What a bad channel says of its own offset is not to be learned.
+            if not (LEARNED[residual] == "voltage_offset_v" and self._plausible.bad)
+        }
+        self._adopt(found)
+        self.offsets = tuple(
+            UnitOffset(name, getattr(self._p, name), sigma, stamp_ns)
+            for name, (_, sigma) in found.items()
+        )
+
+    def _adopt(self, found: Mapping[str, tuple[float, float]]) -> None:
+        """Go on with offsets that change by so much, with this sigma each."""
         tolerance = {name: getattr(self._calibration.tolerance, name) for name in UNIT_PARAMETERS}
         change = dict.fromkeys(UNIT_PARAMETERS, 0.0)
-        for residual, learning in self._learning.items():
-            name = LEARNED[residual]
-            # What a bad channel says of its own offset is not to be learned.
-            if name == "voltage_offset_v" and self._plausible.bad:
-                continue
-            change[name], tolerance[name] = learning.offset()
+        for name, (by, sigma) in found.items():
+            change[name], tolerance[name] = by, sigma
         self._learning = {}
-        offsets = {name: getattr(self._p, name) + change[name] for name in LEARNED.values()}
+        offsets = {name: getattr(self._p, name) + by for name, (by, _) in found.items()}
         self._p = replace(self._p, **offsets)
         self._bank.adopt(self._p)
         self._estimate.adopt(self._p)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.wire.records import NEVER_NS
+from flea_diag.wire.records import NEVER_NS, DataQuality, Quality, UnitOffset
 
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
@@ -32,6 +32,12 @@ class Standing:
     first_ns: int = NEVER_NS
     unit_ns: int = NEVER_NS
     """Since when another unit than at the start is in use."""
+    offsets: tuple[UnitOffset, ...] = ()
+    """What the observer has learned of this unit."""
+    counters: tuple[tuple[str, int], ...] = ()
+    """What was wrong with the data so far: ``channel/counter`` and how often."""
+    returned_ns: int = NEVER_NS
+    """First scan of an observer that has come back in mid-run."""
     moved: int = 0
     moved_ns: int = NEVER_NS
     lost_ns: int = NEVER_NS
@@ -79,6 +85,17 @@ class Standing:
             self.moved, self.moved_ns = int(moved[row]), int(moved_ns[row])
             self.lost_ns = int(lost_ns[row])
             yield row
+
+
+def wrong_samples(quality: DataQuality) -> tuple[tuple[str, int], ...]:
+    """Every counter that has counted something wrong, as ``channel/counter``."""
+    return tuple(
+        (f"{row.channel}/{name}", count)
+        for row in quality.channels
+        if row.quality is not Quality.ABSENT
+        for name, count in row.counters
+        if count and name != "samples"
+    )
 
 
 def rested(stamp_ns: Any, moved_ns: Any, rest_ns: float) -> Any:

@@ -14,9 +14,11 @@ from flea_diag.core.fault_models import FaultModel
 from flea_diag.core.isolation import Hypothesis
 from flea_diag.core.observability import unseen
 from flea_diag.stages.advice import Advice
+from flea_diag.stages.channels import DRIVER_DEAD
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.standing import SEEN_MOVING, Standing, astray, rested
+from flea_diag.stages.stream_order import STREAM
 from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
@@ -37,6 +39,11 @@ UNSEEN = (
     "even at its largest it moves no residual of this stand beyond its limit; a second sensor of "
     "the same quantity would show it"
 )
+UNTOLD = (
+    "readings leave the state observer's prediction; no relation that would say which fault has "
+    "deviated yet"
+)
+LEFT = "an episode from before observer and isolator came back: what was found of it is lost"
 NEEDED = ("motor_current", "load_force", "actuator_position")
 """Without these the stand shows too little of the actuator to say anything."""
 
@@ -86,10 +93,7 @@ class Verdict:
         alive = episode.isolation.alive()
         names = ", ".join(h.name for h in alive)
         if not episode.symbols and not episode.settled:
-            return Outcome.DETECTED, (
-                "readings leave the state observer's prediction; no relation that would say which "
-                "fault has deviated yet"
-            )
+            return Outcome.DETECTED, LEFT if episode.taken_over else UNTOLD
         if not alive:
             return Outcome.UNEXPLAINED, "a deviation that no fault of the catalogue explains"
         patience_ns = round(self._p.feature_patience_s * 1e9)
@@ -120,8 +124,10 @@ class Verdict:
 
     def _quiet(self, stamp_ns: int, standing: Standing) -> tuple[Outcome, str]:
         bad = [channel for channel in NEEDED if channel in standing.bad]
+        if bad and STREAM in standing.bad:
+            return Outcome.DATA_UNUSABLE, DRIVER_DEAD
         if bad:
-            return Outcome.DATA_UNUSABLE, f"{', '.join(bad)} cannot be used"
+            return Outcome.DATA_UNUSABLE, f"{', '.join(bad)} cannot be used, other channels can"
         resting = rested(stamp_ns, standing.moved_ns, self._p.rest_s * 1e9)
         if standing.moved < SEEN_MOVING or resting:
             return (
@@ -141,6 +147,7 @@ class Verdict:
             suffix += (
                 f"; another unit since {since_s:.2f} s after the start, its offsets learned anew"
             )
+        suffix += _returned(standing, episode)
         return AmbiguityGroup(
             stamp_ns=stamp_ns,
             outcome=outcome,
@@ -158,6 +165,8 @@ class Verdict:
             features_available=len(self._k.features.features) if standing.axes else 0,
             opened_by=episode.opened_by if episode is not None else "",
             next_tests=self._next_tests(stamp_ns, outcome, standing, episode),
+            offsets=standing.offsets,
+            counters=standing.counters,
         )
 
     def _next_tests(
@@ -179,6 +188,17 @@ class Verdict:
             if fault.vibration and fault.approach == "data"
         )
         return unheard + self._unseen
+
+
+def _returned(standing: Standing, episode: Episode | None) -> str:
+    """What the return of an observer means for the verdict."""
+    if standing.returned_ns == NEVER_NS:
+        return ""
+    at_s = (standing.returned_ns - standing.first_ns) / 1e9
+    words = f"; the observer came back {at_s:.2f} s after the start"
+    if episode is not None and episode.taken_over:
+        words += ", so that temperatures say no more and only ~/reset ends this episode"
+    return words
 
 
 def mismatch(calibration: Calibration, table: ChannelTable) -> str:

@@ -113,6 +113,7 @@ _PAIRS: dict[Any, Any] = {
 _NESTED: dict[Any, Any] = {
     tuple[r.Evidence, ...]: r.Evidence,
     tuple[r.NextTest, ...]: r.NextTest,
+    tuple[r.UnitOffset, ...]: r.UnitOffset,
 }
 """Fields that become one key with a JSON object per part -> the class of a part."""
 
@@ -151,6 +152,7 @@ _KINDS = (
     r.Candidate,
     r.Evidence,
     r.NextTest,
+    r.UnitOffset,
 )
 _LAYOUT: dict[type, tuple[_Field, ...]] = {kind: _fields(kind) for kind in _KINDS}
 

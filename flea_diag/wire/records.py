@@ -151,12 +151,26 @@ class ChannelQuality:
 
 
 @dataclass(frozen=True, slots=True)
+class UnitOffset:
+    """Zero of one channel of the unit in use, as learned in the warm-up, and its sigma (SI)."""
+
+    parameter: str
+    value: float
+    sigma: float
+    learned_ns: int
+
+
+@dataclass(frozen=True, slots=True)
 class DataQuality:
-    """State of every channel and stream, on change."""
+    """State of every channel and stream, and the unit's offsets once learned; on change."""
 
     stamp_ns: int
     channels: tuple[ChannelQuality, ...]
+    offsets: tuple[UnitOffset, ...] = ()
 
+
+TAKEN_OVER = "taken over"
+"""``test`` of a Detection that an observer which has come back took from the verdict."""
 
 ANOTHER_UNIT = "another unit"
 """What ends a Detection when the stand has gone over to another unit: a new one begins."""
@@ -241,7 +255,11 @@ class NextTest:
 
 @dataclass(frozen=True, slots=True)
 class AmbiguityGroup:
-    """The verdict: the faults still possible, ranked, and those dropped, each with its why."""
+    """The verdict: the faults still possible, ranked, and those dropped, each with its why.
+
+    ``offsets`` are the observer's, kept here so that one that comes back need not learn anew;
+    ``counters`` what was wrong with the data so far, as ``sensors/slow/lost``.
+    """
 
     stamp_ns: int
     outcome: Outcome
@@ -260,6 +278,8 @@ class AmbiguityGroup:
     stale: bool = False
     next_tests: tuple[NextTest, ...] = ()
     opened_by: str = ""
+    offsets: tuple[UnitOffset, ...] = ()
+    counters: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -73,6 +73,8 @@ def _known(value: float, digits: int = 4) -> str:
 def _detection(flag: r.Detection, _: None) -> Words:
     if not flag.detected:
         return Words(Level.OK, "fault_detected", "no fault detected")
+    if flag.test == r.TAKEN_OVER:
+        return Words(Level.WARN, "fault_detected", f"episode {flag.episode} taken over, still open")
     sentence = (
         f"{flag.test} on {flag.residual}: z = {_known(flag.z)}, "
         f"threshold {_known(flag.threshold)}, episode {flag.episode}"
