@@ -25,11 +25,13 @@ from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
     DataQuality,
+    Detection,
     FeatureRequest,
     FeatureValue,
     Record,
     Residual,
     Scan,
+    Symbols,
     Truth,
     VibrationBlock,
 )
@@ -44,9 +46,11 @@ IN_FLIGHT = 50
 """Scans sent and not yet answered by a residual: half of what a reader may leave waiting."""
 RATE = 3.0
 """Times real time for nodes of which not every one tells how far it is."""
-SILENT_S = 20.0
+SILENT_S = 90.0
 
 SOURCES = (ChannelTable, VibrationBlock, Scan)
+BETWEEN_NODES = (*SOURCES, Scan, Residual, Detection, Symbols, FeatureRequest, FeatureValue)
+"""What three separate nodes hear: two of them scans, and one of them what another says."""
 Summaries = dict[str, dict[str, Any]]
 
 
@@ -118,10 +122,15 @@ def test_a_replay_decides_what_was_published_live(name: str, replayed: Summaries
 class Flight:
     """Sends a bag's source records, with their stamps, to nodes and keeps what they decide."""
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: Peer, hearing: tuple[type, ...] = SOURCES) -> None:
         self._peer = peer
         self._bus = peer.bus
         peer.listen(Residual, DataQuality, *DECISIONS)
+        # We hear what nodes tell each other, too: the other one is the node.
+        wanted = {kind: 1 if kind in SOURCES else 2 for kind in hearing} | {
+            Scan: hearing.count(Scan)
+        }
+        peer.until(lambda: all(self._bus.subscribers(k) >= n for k, n in wanted.items()))
         assert self._bus.wait_for_subscribers(*SOURCES)
         self._answered_ns = 0
         self._bus.subscribe(Residual, self._note)
@@ -217,5 +226,5 @@ def test_separate_nodes_decide_the_same(domain: int, replayed: Summaries) -> Non
     with ExitStack() as running:
         for part in ("observer", "isolator", "extractor"):
             running.enter_context(Process(node(f"flea_diag.nodes.{part}"), domain))
-        flight = Flight(running.enter_context(Peer(domain)))
+        flight = Flight(running.enter_context(Peer(domain)), BETWEEN_NODES)
         agree(flight.fly(sources(FEATURE), RATE), replayed[FEATURE], FEATURE)
