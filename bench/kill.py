@@ -1,0 +1,267 @@
+"""kill -9 of each process of live runs in turn, at random moments, and what that costs.
+
+Each run is `scripts/run` with a fault of its own; its nodes are killed in random order, one after
+the other, each once the last one is back, and the stand at the end. Checked: recording lost, bags
+that open as they are, how soon the verdict is there again, and no verdict wrong at any time.
+
+scripts/kill                          20 runs
+scripts/kill --runs 1 --json -        one, its result as JSON
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from statistics import median
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+
+from live import Peer, Process
+
+from flea_diag.nodes.domain import reserved_domain
+from flea_diag.wire.bag import read_bag
+from flea_diag.wire.records import AmbiguityGroup, Outcome, Scan, Truth
+
+NODES = ("observer", "isolator", "extractor", "recorder", "console")
+MODULES = {**{name: f"flea_diag.nodes.{name}" for name in NODES}, "daq": "flea_sim_driver.daq_node"}
+FAULTS = ("jam", "motor_current_bias", "motor_temperature_bias", "winding_short", "nominal")
+ONSET_S = (5.0, 25.0)
+PAUSE_S = (0.5, 6.0)
+"""From the return of one node until the next is killed."""
+LIMIT_S = 120.0
+"""No wait takes this long, however busy the machine is."""
+MOST_LOST_S, MOST_BACK_S = 1.0, 1.5
+QUIET = (Outcome.NOMINAL, Outcome.NOT_OBSERVABLE)
+
+
+@dataclass
+class Kill:
+    """One process killed; times in seconds, NaN where the node has no part in it.
+
+    ``away_s`` is from the kill until the node is in the graph again, ``verdict_s`` from then
+    until a verdict that is not stale, ``lost_s`` what had been sent before the kill and is not in
+    any bag.
+    """
+
+    run: int
+    node: str
+    after_onset_s: float
+    away_s: float = float("nan")
+    verdict_s: float = float("nan")
+    lost_s: float = float("nan")
+
+
+@dataclass
+class Result:
+    """All runs so far."""
+
+    kills: list[Kill] = field(default_factory=list)
+    bags: int = 0
+    unreadable: list[str] = field(default_factory=list)
+    verdicts: int = 0
+    wrong: list[str] = field(default_factory=list)
+
+    def failures(self) -> list[str]:
+        """What is not as it should be, in words."""
+        words = [f"bag does not open: {each}" for each in self.unreadable]
+        words += [f"wrong verdict: {each}" for each in self.wrong]
+        for kill in self.kills:
+            where = f"run {kill.run}, {kill.node}"
+            if kill.lost_s > MOST_LOST_S:
+                words.append(f"{where}: {kill.lost_s:.2f} s of recording lost")
+            if kill.verdict_s > MOST_BACK_S:
+                words.append(f"{where}: verdict back after {kill.verdict_s:.2f} s")
+        return words
+
+
+class Campaign:
+    """Runs one after the other; only processes of its own are killed."""
+
+    def __init__(self, seed: int, folder: Path) -> None:
+        self._random = random.Random(seed)
+        self._folder = folder
+        self.result = Result()
+
+    def run(self, number: int) -> None:
+        """One live run, all of its nodes killed once."""
+        fault, onset_s = FAULTS[number % len(FAULTS)], self._random.uniform(*ONSET_S)
+        bag = self._folder / f"run_{number}"
+        arguments = ["--fault", fault, "--at", f"{onset_s:.2f}", "--for", "1200"]
+        command = [
+            sys.executable,
+            "-m",
+            "flea_diag.nodes.live_run",
+            "--headless",
+            "--bag",
+            str(bag),
+        ]
+        with reserved_domain() as domain, Peer(domain) as peer:
+            peer.bus.subscribe(AmbiguityGroup, peer.records.append)
+            peer.bus.subscribe(Truth, peer.records.append)
+            with Process([*command, *arguments, "--seed", str(1000 + number)], domain) as process:
+                process.wait_for("the stand starts", LIMIT_S)
+                peer.find(lambda r: isinstance(r, AmbiguityGroup), LIMIT_S)
+                start_s = time.time()
+                order = [*self._random.sample(NODES, len(NODES)), "daq"]
+                kills = [Kill(number, name, 0.0) for name in order]
+                stamps = [self._kill(kill, start_s + onset_s, peer, process) for kill in kills]
+                process.child.wait(LIMIT_S)
+        self.result.kills += kills
+        self._judge(number, fault, peer.records)
+        self._read(bag, kills, stamps)
+
+    def _kill(self, kill: Kill, onset_s: float, peer: Peer, process: Process) -> int:
+        """Kill one node and wait until all is as before; stamp of the newest scan at the kill."""
+        pause_s = self._random.uniform(*PAUSE_S)
+        peer.bus.wait_until(lambda: False, pause_s)
+        before = _endpoints(peer, kill.node)
+        os.kill(_process_of(process.child.pid, MODULES[kill.node]), signal.SIGKILL)
+        killed_s, killed_ns = time.monotonic(), time.time_ns()
+        kill.after_onset_s = killed_ns / 1e9 - onset_s
+        if kill.node == "daq":
+            return killed_ns
+        peer.until(lambda: bool(_endpoints(peer, kill.node) - before), LIMIT_S)
+        back_s, seen = time.monotonic(), len(peer.records)
+        kill.away_s = back_s - killed_s
+        peer.until(lambda: any(map(_is_current, peer.records[seen:])), LIMIT_S)
+        kill.verdict_s = time.monotonic() - back_s
+        process.read()
+        return killed_ns
+
+    def _judge(self, number: int, fault: str, records: Iterable[object]) -> None:
+        """Hold every verdict against the truth: before, in and after each return."""
+        truth, found = "", False
+        for record in records:
+            if isinstance(record, Truth) and record.fault not in ("", "nominal"):
+                truth = record.fault
+            if not isinstance(record, AmbiguityGroup):
+                continue
+            self.result.verdicts += 1
+            names = [member.fault for member in record.members]
+            if not truth:
+                right = record.outcome in QUIET
+            elif names:
+                right, found = truth in names, True
+            else:
+                right = record.outcome in QUIET and not found
+            if not right:
+                self.result.wrong.append(
+                    f"run {number}, {fault}: {record.outcome.value} {', '.join(names)} "
+                    f"({record.words[:80]})"
+                )
+
+    def _read(self, first: Path, kills: list[Kill], killed_ns: list[int]) -> None:
+        """Open the bags as they are; what a killed recorder had not written yet."""
+        bags = sorted(first.parent.glob(f"{first.name}*/metadata.yaml"), key=_begun)
+        newest = []
+        for metadata in bags:
+            self.result.bags += 1
+            try:
+                newest.append(_last_scan(metadata.parent))
+            except Exception as error:  # whatever keeps a bag from being read is what is looked for
+                self.result.unreadable.append(f"{metadata.parent.name}: {error}")
+        recorders = [
+            (k, at) for k, at in zip(kills, killed_ns, strict=True) if k.node == "recorder"
+        ]
+        for (kill, at_ns), last_ns in zip(recorders, newest, strict=False):
+            kill.lost_s = max(at_ns - last_ns, 0) / 1e9
+
+
+def _last_scan(bag: Path) -> int:
+    """Stamp of the newest scan of a bag, which another library can open as well."""
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([bag]) as reader:
+        assert sum(1 for _ in reader.messages()) > 0
+    return max(record.stamp_ns for _, record in read_bag(bag, (Scan,)))
+
+
+def _begun(metadata: Path) -> float:
+    return metadata.parent.stat().st_ctime
+
+
+def _is_current(record: object) -> bool:
+    return isinstance(record, AmbiguityGroup) and not record.stale
+
+
+def _endpoints(peer: Peer, name: str) -> set[bytes]:
+    """Ids of what a node publishes and hears; those of the dead stay in the graph for a while."""
+    node = peer.node
+    infos = node.get_publishers_info_by_topic("/diagnostics")
+    infos += node.get_subscriptions_info_by_topic("/ambiguity_group")
+    return {bytes(info.endpoint_gid) for info in infos if info.node_name == name}
+
+
+def _process_of(parent: int, module: str) -> int:
+    """The one child that runs a module."""
+    text = Path(f"/proc/{parent}/task/{parent}/children").read_text(encoding="ascii")
+    (found,) = (
+        int(pid)
+        for pid in text.split()
+        if module in Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
+    )
+    return found
+
+
+def _told(result: Result) -> str:
+    """A table: what each kind of process cost."""
+    rows = [f"{'node':10} {'n':>3} {'away s':>14} {'verdict back s':>16} {'lost s':>14}"]
+    for name in (*NODES, "daq"):
+        kills = [kill for kill in result.kills if kill.node == name]
+        cells = [
+            _range([getattr(k, what) for k in kills]) for what in ("away_s", "verdict_s", "lost_s")
+        ]
+        rows.append(f"{name:10} {len(kills):3} {cells[0]:>14} {cells[1]:>16} {cells[2]:>14}")
+    rows.append(
+        f"{result.bags} bags, {len(result.unreadable)} unreadable; {result.verdicts} verdicts, "
+        f"{len(result.wrong)} wrong"
+    )
+    return "\n".join(rows + result.failures())
+
+
+def _range(values: list[float]) -> str:
+    """Median and largest of those that are numbers."""
+    known = [value for value in values if value == value]
+    return f"{median(known):.2f} / {max(known):.2f}" if known else "-"
+
+
+def main() -> int:
+    """Run and print; exit status 1 where anything is not as it should be."""
+    parser = argparse.ArgumentParser(
+        prog="scripts/kill",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--runs", type=int, default=20, help="each kills each node once")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", metavar="FILE", help="result as JSON, renewed each run; - here")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="flea_kill_") as folder:
+        campaign = Campaign(given.seed, Path(folder))
+        for number in range(given.runs):
+            campaign.run(number)
+            print(
+                f"run {number + 1} of {given.runs}",
+                _told(campaign.result),
+                sep="\n",
+                file=sys.stderr,
+            )
+            text = json.dumps(asdict(campaign.result) | {"failures": campaign.result.failures()})
+            if given.json not in (None, "-"):
+                Path(given.json).write_text(text + "\n", encoding="utf-8")
+    if given.json == "-":
+        print(text)
+    return int(bool(campaign.result.failures()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

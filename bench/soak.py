@@ -1,0 +1,253 @@
+"""A long run of the simulated stand through observer and isolator, scan by scan, in one process.
+
+Faults come and go, scans get lost, come twice and late; no wall clock is waited for. Checked:
+no episode missed, none without a fault, counters exact, memory flat after the first hour.
+
+scripts/soak                        24 h of stand time
+scripts/soak --hours 0.5 --json -   a short one, its result as JSON
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from flea_diag.configuration import make_pipeline
+from flea_diag.stages.stream_order import STREAM
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    DataQuality,
+    Detection,
+    Outcome,
+    Record,
+    Scan,
+)
+from flea_sim_driver.scenario import scenario_from_mapping
+from flea_sim_driver.stand import Stand
+
+FAULTS = (
+    "jam", "motor_current_bias", "winding_short", "load_force_bias", "motor_current_dead",
+    "ball_nut_friction", "motor_speed_scaling", "actuator_position_bias", "motor_current_noise",
+)  # fmt: skip
+"""Those that show in a minute without accelerometers, and end when they are taken out."""
+EVERY_S, LASTS_S, QUIET_S = 600.0, 60.0, 120.0
+"""A fault each ten minutes, for one; so long after it has gone its episode must have closed."""
+LATE_SCANS = 20
+SHARES = {"lost": 0.01, "duplicate": 0.002, "late": 0.001}
+"""Of the scans. A burst of up to eight is lost instead of one with each hundredth loss."""
+FLAT = 0.05
+PAGE_BYTES = 4096
+S = 1_000_000_000
+
+
+@dataclass
+class Found:
+    """What came of a soak so far."""
+
+    stand_h: float = 0.0
+    cpu_s: float = 0.0
+    scans: int = 0
+    faults: int = 0
+    missed: list[str] = field(default_factory=list)
+    not_named: list[str] = field(default_factory=list)
+    false_alarms: list[str] = field(default_factory=list)
+    reset: list[str] = field(default_factory=list)
+    injected: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, 0))
+    counted: dict[str, int] = field(default_factory=dict)
+    memory_mb: list[float] = field(default_factory=list)
+
+    @property
+    def real_time(self) -> float:
+        """Stand time over processor time."""
+        return self.stand_h * 3600.0 / self.cpu_s
+
+    def wrong(self) -> list[str]:
+        """Everything that is not as it should be, in words."""
+        words = [f"missed: {each}" for each in self.missed]
+        words += [f"no fault, but {each}" for each in self.false_alarms]
+        for name in SHARES:
+            if self.injected[name] != self.counted.get(name, 0):
+                words.append(f"{self.counted.get(name, 0)} {name}, injected {self.injected[name]}")
+        later = self.memory_mb[1:]
+        if later and max(later) > (1.0 + FLAT) * later[0]:
+            words.append(f"memory grew from {later[0]:.1f} to {max(later):.1f} MB")
+        return words
+
+
+class Relay:
+    """Spoils the stream between the stand and the diagnosis, and counts what it did."""
+
+    def __init__(self, random: np.random.Generator, injected: dict[str, int]) -> None:
+        self._random, self._injected = random, injected
+        self._gone = 0
+        self._held: list[tuple[int, Record]] = []
+        self._passed = 0
+
+    def pass_on(self, record: Record) -> Iterator[Record]:
+        """What arrives in place of a record."""
+        if not isinstance(record, Scan):
+            yield record
+            return
+        yield from self._scan(record)
+        self._passed += 1
+        while self._held and self._held[0][0] <= self._passed:
+            yield self._held.pop(0)[1]
+
+    def _scan(self, scan: Scan) -> Iterator[Record]:
+        # The first scans begin the stream: what is lost before it nobody can notice.
+        draw = 1.0 if self._passed < 100 else self._random.random()
+        if self._gone or draw < SHARES["lost"]:
+            if not self._gone and self._random.random() < 0.01:
+                self._gone = int(self._random.integers(1, 8))
+            else:
+                self._gone = max(self._gone - 1, 0)
+            self._injected["lost"] += 1
+        elif draw > 1.0 - SHARES["late"] and self._passed >= 100:
+            self._held.append((self._passed + LATE_SCANS, scan))
+            self._injected["late"] += 1
+        else:
+            yield scan
+            if draw < SHARES["lost"] + SHARES["duplicate"]:
+                self._injected["duplicate"] += 1
+                yield scan
+
+
+class Soak:
+    """One stand, its diagnosis, and what was done to both."""
+
+    def __init__(self, hours: float, seed: int) -> None:
+        values = {
+            "motion": {
+                "kind": "sine", "amplitude_m": 0.018, "frequency_hz": 0.5, "centre_m": 0.045
+            },
+            "load": {"constant_n": 20.0, "amplitude_n": 80.0, "frequency_hz": 0.2},
+            "duration_s": hours * 3600.0,
+            "seed": seed,
+            "sensors": {"vibration": False},
+        }  # fmt: skip
+        self.found = Found()
+        self._stand = Stand(scenario_from_mapping(values, "soak"))
+        self._pipeline = make_pipeline(None)
+        self._relay = Relay(np.random.default_rng(seed), self.found.injected)
+        self._fault, self._onset_s = "", 0.0
+        self._detected = self._open = self._named = False
+
+    def hours(self) -> Iterator[Found]:
+        """Run to the end; what was found so far, after each hour of stand time."""
+        begin_s, told = time.process_time(), 0
+        while not self._stand.finished:
+            self._schedule()
+            for record in self._stand.advance():
+                for passed in self._relay.pass_on(record):
+                    self._take(self._pipeline.handle(passed))
+                    self.found.scans += isinstance(passed, Scan)
+            self.found.stand_h = self._stand.time_s / 3600.0
+            self.found.cpu_s = time.process_time() - begin_s
+            if self.found.stand_h >= told + 1 or self._stand.finished:
+                told += 1
+                self.found.memory_mb.append(_resident_mb())
+                yield self.found
+        self._take(self._pipeline.finish())
+
+    def _schedule(self) -> None:
+        """Put the next fault in, take it out, and see that its episode ends."""
+        now_s = self._stand.time_s
+        number, since_s = divmod(now_s, EVERY_S)
+        if since_s < 0.05 and number:
+            self._end()
+            self._fault = FAULTS[int(number - 1) % len(FAULTS)]
+            self._onset_s, self._detected, self._named = now_s, False, False
+            self.found.faults += 1
+            self._stand.inject(self._fault)
+        elif self._fault and abs(since_s - LASTS_S) < 0.05:
+            self._stand.clear()
+        elif self._fault and abs(since_s - LASTS_S - QUIET_S) < 0.05:
+            self._end()
+
+    def _end(self) -> None:
+        """Judge the last fault; as an operator does, reset what is still open."""
+        if not self._fault:
+            return
+        words = f"{self._fault} at {self._onset_s / 3600.0:.2f} h"
+        if not self._detected:
+            self.found.missed.append(words)
+        elif not self._named:
+            self.found.not_named.append(words)
+        if self._open:
+            self.found.reset.append(words)
+            self._take(self._pipeline.reset())
+        self._fault = ""
+
+    def _take(self, said: tuple[Record, ...]) -> None:
+        for record in said:
+            if isinstance(record, Detection):
+                self._open = record.detected
+                if record.detected and self._fault:
+                    self._detected = True
+                elif record.detected:
+                    self._alarm(f"detected by {record.residual}")
+            elif isinstance(record, AmbiguityGroup):
+                if any(member.fault == self._fault for member in record.members):
+                    self._named = True
+                elif record.outcome is Outcome.MODEL_MISMATCH and not record.episode:
+                    self._alarm(record.words)
+            elif isinstance(record, DataQuality):
+                row = next(row for row in record.channels if row.channel == STREAM)
+                self.found.counted = {name: dict(row.counters)[name] for name in SHARES}
+
+    def _alarm(self, words: str) -> None:
+        self.found.false_alarms.append(f"{words} at {self._stand.time_s / 3600.0:.2f} h")
+
+
+def _resident_mb() -> float:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * PAGE_BYTES / 1e6
+
+
+def _told(found: Found) -> str:
+    return (
+        f"{found.stand_h:6.2f} h of stand time, {found.real_time:.0f} x real time (CPU), "
+        f"{found.memory_mb[-1]:.1f} MB, {found.faults} faults, {len(found.missed)} missed, "
+        f"{len(found.not_named)} not named, {len(found.false_alarms)} false alarms, "
+        f"{len(found.reset)} reset"
+    )
+
+
+def main() -> int:
+    """Run and print; exit status 1 where anything is not as it should be."""
+    parser = argparse.ArgumentParser(
+        prog="scripts/soak",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--hours", type=float, default=24.0, help="of stand time (default: 24)")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", metavar="FILE", help="result as JSON, renewed each hour; - here")
+    given = parser.parse_args()
+    soak = Soak(given.hours, given.seed)
+    for found in soak.hours():
+        print(_told(found), file=sys.stderr, flush=True)
+        if given.json not in (None, "-"):
+            _write(found, Path(given.json))
+    if given.json == "-":
+        print(json.dumps(asdict(soak.found) | {"wrong": soak.found.wrong()}))
+    elif given.json:
+        _write(soak.found, Path(given.json))
+    for words in soak.found.wrong():
+        print(words, file=sys.stderr)
+    return int(bool(soak.found.wrong()))
+
+
+def _write(found: Found, path: Path) -> None:
+    path.write_text(json.dumps(asdict(found) | {"wrong": found.wrong()}) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
