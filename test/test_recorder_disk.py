@@ -36,7 +36,7 @@ def filled(command: list[str], domain: int) -> tuple[int, str]:
         for block in blocks():
             peer.bus.publish(block)
             # A second's worth each second is not needed, only that no message is overrun.
-            peer.bus.wait_until(lambda: process.child.poll() is not None, 0.01)
+            peer.bus.wait_until(lambda: process.child.poll() is not None, 0.03)
         peer.until(lambda: process.child.poll() is not None)
         return process.end(), process.output
 

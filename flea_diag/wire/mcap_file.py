@@ -18,7 +18,7 @@ MAGIC = b"\x89MCAP0\r\n"
 _DATA_END = struct.pack("<BQI", 0x0F, 4, 0)
 _FOOTER_WITHOUT_SUMMARY = struct.pack("<BQQQI", 0x02, 20, 0, 0, 0)
 PROVISIONAL_END = _DATA_END + _FOOTER_WITHOUT_SUMMARY + MAGIC
-ROOM_BYTES = 1 << 22
+ROOM_BYTES = 1 << 20
 _ROOM = struct.Struct("<BQ")
 _ROOM_OPCODE = 0x80
 """The first of those that the specification leaves to applications."""
