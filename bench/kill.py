@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import random
 import signal
@@ -132,8 +133,8 @@ class Campaign:
         peer.until(lambda: bool(_endpoints(peer, kill.node) - before), LIMIT_S)
         back_s, seen = time.monotonic(), len(peer.records)
         kill.away_s = back_s - killed_s
-        peer.until(lambda: any(map(_is_current, peer.records[seen:])), LIMIT_S)
-        kill.verdict_s = time.monotonic() - back_s
+        heard = peer.bus.wait_until(lambda: any(map(_is_current, peer.records[seen:])), LIMIT_S)
+        kill.verdict_s = time.monotonic() - back_s if heard else math.inf
         process.read()
         return killed_ns
 
@@ -244,8 +245,10 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=20, help="each kills each node once")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", metavar="FILE", help="result as JSON, renewed each run; - here")
+    parser.add_argument("--keep", metavar="DIR", help="bags and logs of the runs are kept there")
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="flea_kill_") as folder:
+    with tempfile.TemporaryDirectory(prefix="flea_kill_") as passing:
+        folder = given.keep or passing
         campaign = Campaign(given.seed, Path(folder))
         for number in range(given.runs):
             campaign.run(number)
