@@ -167,6 +167,20 @@ def test_the_end_of_an_episode_gives_nominal_and_the_next_one_a_new_number():
     assert groups[1].members == ()
 
 
+def test_of_what_is_latched_symbols_may_come_before_their_detection():
+    """A node that comes back is told topic by topic, in any order."""
+    at = 5 * S
+    symbols = Symbols(at, 3, (Symbol("motor_temperature", "+", "?", at),))
+    detection = Detection(at, 3, True, "motor_temperature", 9.0, 5.0, "")
+    groups = []
+    for told in ([detection, symbols], [symbols, detection]):
+        stage = stands.isolator()
+        said = [group for record in told for group in (*stage.handle(record), *stage.finish())]
+        groups.append(stands.verdict(said))
+    assert groups[0] == groups[1]
+    assert groups[0].members
+
+
 def test_episode_and_step_only_grow_and_the_group_only_shrinks():
     for scans in (jammed(), faulty_sensor("motor_current", lambda y: y + 0.6)):
         groups = [g for g in stands.of(AmbiguityGroup, diagnose(scans)) if g.episode]

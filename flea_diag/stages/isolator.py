@@ -87,6 +87,7 @@ class IsolatorStage:
         )
         self._said: tuple[object, ...] = ()
         self._last: AmbiguityGroup | None = None
+        self._early: Symbols | None = None
 
     def handle(self, record: Record) -> tuple[Record, ...]:
         """Records caused by one more input, once its turn in the merged order has come."""
@@ -180,6 +181,9 @@ class IsolatorStage:
             # The symbols of the same scan come next, and make the first group.
             episode = self._open(record.stamp_ns)
             episode.opened_by, episode.taken_over = cause(record), record.test == TAKEN_OVER
+            early, self._early = self._early, None
+            if early is not None and early.episode == record.episode:
+                return self._symbols(early)
             return self._say(self._merge.now_ns) if episode.taken_over else ()
         if record.test == TAKEN_OVER and self._episode is not None:
             self._episode.taken_over, self._said = True, ()
@@ -202,7 +206,11 @@ class IsolatorStage:
 
     def _symbols(self, record: Symbols) -> Iterable[Record]:
         episode = self._episode
-        if episode is None or record.episode < self._told:
+        if episode is None:
+            # Latched, as the detection is, on another topic: either may come first.
+            self._early = record
+            return ()
+        if record.episode < self._told:
             return ()  # an isolator that starts late is told of earlier episodes, too
         visited = self._motion.quadrants()
         if not self._p.gating:
