@@ -23,8 +23,7 @@ from flea_diag.stages.inquiry import Inquiry
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.merge import Merge
 from flea_diag.stages.motion import Motion
-from flea_diag.stages.standing import Standing, wrong_samples
-from flea_diag.stages.stream_order import STREAM
+from flea_diag.stages.standing import Standing
 from flea_diag.stages.verdict import Verdict, mismatch
 from flea_diag.stages.weighing import Weighing, due, weighings
 from flea_diag.wire.blocks import ResidualBlock, alone
@@ -37,7 +36,6 @@ from flea_diag.wire.records import (
     DataQuality,
     Detection,
     FeatureValue,
-    Quality,
     Record,
     Residual,
     Symbols,
@@ -151,29 +149,18 @@ class IsolatorStage:
     # --- what arrives -----------------------------------------------------------------
 
     def _data_quality(self, record: DataQuality) -> Iterable[Record]:
-        unusable = (Quality.BAD, Quality.STALE, Quality.ABSENT)
-        self._standing.bad = tuple(
-            row.channel for row in record.channels if row.quality in unusable
-        )
-        self._note_return(record)
-        standing, counters = self._standing, wrong_samples(record)
-        same = (record.offsets, counters) == (standing.offsets, standing.counters)
-        standing.offsets, standing.counters = record.offsets, counters
+        standing = self._standing
+        if standing.take(record):
+            self._said = ()
         if standing.first_ns == NEVER_NS:
             return ()  # older than what is to come: an open episode is told of next
-        said = self._say(record.stamp_ns)
-        if said or same or self._last is None:
+        said, last = self._say(record.stamp_ns), self._last
+        kept = standing.offsets, standing.counters
+        if said or last is None or kept == (last.offsets, last.counters):
             return said
         # The same verdict once more: it is what people see, and an observer that comes back.
-        self._last = replace(self._last, offsets=record.offsets, counters=counters)
+        self._last = replace(last, offsets=standing.offsets, counters=standing.counters)
         return (self._last,)
-
-    def _note_return(self, record: DataQuality) -> None:
-        """An observer that began after our first scan is another one."""
-        began_ns = max((r.since_ns for r in record.channels if r.channel == STREAM), default=0)
-        known_ns = max(self._standing.first_ns, self._standing.returned_ns)
-        if known_ns != NEVER_NS and began_ns > known_ns:
-            self._standing.returned_ns, self._said = began_ns, ()
 
     def _detection(self, record: Detection) -> Iterable[Record]:
         self._told = record.episode

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.stages.stream_order import STREAM
 from flea_diag.wire.records import NEVER_NS, DataQuality, Quality, UnitOffset
 
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
 
+UNUSABLE = (Quality.BAD, Quality.STALE, Quality.ABSENT)
 LOST_NS = 3_000_000_000
 """A state observer that has been off its track for so long has a model that does not fit."""
 GAP_NS = 1_000_000_000
@@ -44,6 +46,19 @@ class Standing:
     """Since when the state observer has lost its track; never while it follows."""
     last_ns: int = NEVER_NS
     """Stamp of the newest scan."""
+
+    def take(self, quality: DataQuality) -> bool:
+        """What the observer says of the data; whether it is another one than at our first scan."""
+        self.bad = tuple(row.channel for row in quality.channels if row.quality in UNUSABLE)
+        self.offsets, self.counters = quality.offsets, wrong_samples(quality)
+        began_ns = max(
+            (row.since_ns for row in quality.channels if row.channel == STREAM), default=0
+        )
+        known_ns = max(self.first_ns, self.returned_ns)
+        if known_ns == NEVER_NS or began_ns <= known_ns:
+            return False
+        self.returned_ns = began_ns
+        return True
 
     def step(self, stamp_ns: int, moving: bool, lost: bool) -> None:
         """Take one scan."""
