@@ -1,4 +1,4 @@
-"""``ros2 run flea_diag recorder``: every topic of ours into an MCAP bag, whole each second."""
+"""``ros2 run flea_diag recorder``: every topic of ours into an MCAP bag, whole twice a second."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ def program() -> Program:
     """What this node is."""
     return Program(
         "recorder",
-        "Records the topics of a stand and its diagnosis as a rosbag2 MCAP bag, whole each second.",
+        "Records the topics of a stand and its diagnosis as an MCAP bag, whole twice a second.",
         RecorderParameters,
         lambda bus, parameters: Recorder(bus, parameters).close,
         subscribes=tuple(topic.record for topic in TOPICS),
