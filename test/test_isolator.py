@@ -103,7 +103,7 @@ def test_a_jam_cannot_be_told_from_friction_by_design():
         ("motor_current", lambda y: y + 0.6, "motor_current_bias", 0.6, 0.03),
         ("load_force", lambda y: y + 100.0, "load_force_bias", 100.0, 3.0),
         # The share of the reading that is wrong: 1 - 1 / 1.3.
-        ("motor_current", lambda y: 0.25 + 1.3 * (y - 0.25), "motor_current_scaling", 0.231, 0.05),
+        ("motor_current", lambda y: 1.3 * y, "motor_current_scaling", 0.231, 0.05),
     ],
 )
 def test_a_sensor_fault_is_found_with_its_size(channel, error, fault, size, sigma):
