@@ -31,6 +31,7 @@ REFERENCE, LEAST = 2000, 300
 LEAST_ALWAYS = 600
 """Fewest of a relation that also counts at rest: strokes and rests in turn make its level."""
 _KEPT = REFERENCE + max(SHIFT_WINDOWS) + 1
+_ROOM = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,13 +86,15 @@ class LevelShift:
 
     def clear(self) -> None:
         """Forget everything."""
-        self._sums = np.zeros((1, self._columns))
+        self._store = np.zeros((_ROOM, self._columns))
+        self._end = 1  # the sum of nothing
         self._last = np.full((1, len(self._windows), self._columns), np.nan)
         self._frozen: list[Array] = []
 
     def freeze(self) -> None:
         """From now on every window is held against the earlier level of now."""
-        self._frozen = [self._earlier(self._sums, w, 1)[0] for w in self._windows]
+        sums = self._store[: self._end]
+        self._frozen = [self._earlier(sums, w, 1)[0] for w in self._windows]
 
     def step(self, values: Array, use: Flags) -> Array:
         """Shifts after each of n scans, shape (n, windows, columns).
@@ -118,30 +121,55 @@ class LevelShift:
         taken = values[use]
         if not len(taken):
             return np.repeat(self._last, len(values), axis=0)
-        sums = np.concatenate((self._sums, taken))
-        start = len(self._sums)
-        # One after the other, however many come at once.
-        sums[start - 1 :] = np.add.accumulate(sums[start - 1 :], axis=0)
+        sums = self._summed(taken)
         shifts = np.concatenate((self._last, np.empty((len(taken), *self._last.shape[1:]))))
         for number, window in enumerate(self._windows):
             shifts[1:, number] = self._shift(sums, window, len(taken), number)
-        self._sums, self._last = sums[-_KEPT:], shifts[-1:]
+        self._last = shifts[-1:]
         return np.asarray(shifts[np.cumsum(use)])
+
+    def _summed(self, taken: Array) -> Array:
+        """Sums up to each scan that is still looked back at; the last are those of ``taken``.
+
+        There is room for many more, so that a scan that comes alone moves none of the others.
+        """
+        start, end = self._end, self._end + len(taken)
+        if end > len(self._store):
+            kept = self._store[max(start - _KEPT, 0) : start]
+            start, end = len(kept), len(kept) + len(taken)
+            self._store = np.empty((end + _ROOM, self._columns))
+            self._store[:start] = kept
+        self._store[start:end] = taken
+        # One after the other, however many come at once.
+        self._store[start - 1 : end] = np.add.accumulate(self._store[start - 1 : end], axis=0)
+        self._end = end
+        return self._store[:end]
 
     def _shift(self, sums: Array, window: int, count: int, number: int) -> Array:
         """Shifts at the last ``count`` sums."""
-        now = np.arange(len(sums) - count, len(sums))
-        mean = (sums[now] - sums[np.maximum(now - window, 0)]) / window
-        if self._frozen:
-            return np.where((now >= window)[:, None], mean - self._frozen[number], np.nan)
-        return np.asarray(mean - self._earlier(sums, window, count))
+        mean = (_before(sums, 0, count) - _before(sums, window, count)) / window
+        if not self._frozen:
+            return np.asarray(mean - self._earlier(sums, window, count))
+        mean -= self._frozen[number]
+        mean[: max(window + count - len(sums), 0)] = np.nan
+        return mean
 
     def _earlier(self, sums: Array, window: int, count: int) -> Array:
         """Mean of what lies before the window at the last sums, NaN while too little does."""
-        end = np.arange(len(sums) - count, len(sums)) - window
-        start = np.maximum(end - REFERENCE, 0)
-        samples = np.where(end - start >= self._least, end - start, np.nan)
-        return np.asarray((sums[np.maximum(end, 0)] - sums[start]) / samples[:, None])
+        samples: Array | int = REFERENCE
+        if len(sums) - count - window < REFERENCE:
+            samples = np.minimum(np.arange(len(sums) - count, len(sums)) - window, REFERENCE)
+            samples = np.where(samples >= self._least, samples, np.nan)[:, None]
+        before = _before(sums, window, count) - _before(sums, window + REFERENCE, count)
+        return np.asarray(before / samples)
+
+
+def _before(sums: Array, scans: int, count: int) -> Array:
+    """Sums so many scans before each of the last ``count``; the first one where there are fewer."""
+    first = len(sums) - count - scans
+    if first >= 0:
+        return sums[first : first + count]
+    return sums[np.maximum(np.arange(first, first + count), 0)]
 
 
 def limit_of(
