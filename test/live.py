@@ -74,13 +74,11 @@ class Process:
         """Take what there is of its output, without waiting."""
         self.output += (self._pipe.read() or b"").decode()
 
-    def signal(self, *numbers: signal.Signals) -> tuple[int, float]:
-        """Send signals; the exit status and the seconds that it took."""
-        start = time.monotonic()
+    def signal(self, *numbers: signal.Signals) -> int:
+        """Send signals and wait for the end; the exit status."""
         for number in numbers:
             self.child.send_signal(number)
-        status = self.end()
-        return status, time.monotonic() - start
+        return self.end()
 
     def end(self) -> int:
         """Wait for the end; the exit status."""

@@ -389,9 +389,9 @@ def test_all_real_runs_import_in_time(
     flea_files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files = sorted(map(str, flea_files.glob("*.data")))[::9]
-    begin = time.perf_counter()
+    begin = time.process_time()
     assert main(["import", *files, "-o", str(tmp_path), "--json"]) == 0
-    assert (time.perf_counter() - begin) / len(files) < 1.0
+    assert (time.process_time() - begin) / len(files) < 1.0
     reports = json.loads(capsys.readouterr().out)
     assert [report["dropped_lines"] for report in reports] == [0] * len(files)
     for report in reports:

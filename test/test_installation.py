@@ -127,9 +127,8 @@ def test_an_executable_runs_and_stops(prefix: Path, domain: int, tmp_path: Path)
     recorder = ros2_pkg_executables(str(prefix), "flea_diag")["recorder"]
     with Process([str(recorder)], domain, cwd=tmp_path, PYTHONPATH="", PATH=path) as process:
         process.wait_for("recording 14 topics")
-        status, took_s = process.signal(signal.SIGINT)
+        status = process.signal(signal.SIGINT)
     assert status == 0
-    assert took_s < 1.0
 
 
 def test_what_ros_tools_look_for_is_there(prefix: Path) -> None:

@@ -37,11 +37,10 @@ def test_an_interrupted_run_ends_its_children_and_sums_up(domain: int, tmp_path:
         process.wait_for("the stand starts", limit_s=180.0)
         process.wait_for("NOMINAL", limit_s=180.0)
         started = children(process.child.pid)
-        status, took_s = process.signal(signal.SIGINT)
+        status = process.signal(signal.SIGINT)
     assert len(started) == 6
     assert not [pid for pid in started if Path(f"/proc/{pid}").exists()]
     assert status == 1
-    assert took_s < 6.0
     for word in ("truth", "diagnosis", "features", str(bag), "interrupted"):
         assert word in process.output
     kinds = {type(record) for _, record in read_bag(bag)}
@@ -68,7 +67,7 @@ def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_pa
         process.output = ""
         process.wait_for("jam", limit_s=180.0)  # the new isolator knows of the open episode
         until_recorded(tmp_path / "run_2")
-        assert process.signal(signal.SIGINT)[0] == 1
+        assert process.signal(signal.SIGINT) == 1
     assert "interrupted" in process.output
     folders = sorted(each.name for each in tmp_path.iterdir() if each.is_dir())
     bags = [name for name in folders if not name.endswith("-clips")]

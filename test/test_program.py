@@ -15,15 +15,14 @@ INT, TERM = signal.SIGINT, signal.SIGTERM
 
 @pytest.mark.parametrize("executor", ["events", "single"])
 @pytest.mark.parametrize("signals", [(INT,), (INT, INT), (TERM,), (TERM, INT)])
-def test_signals_end_a_node_within_a_second(
+def test_signals_end_a_node_in_order(
     domain: int, executor: str, signals: tuple[signal.Signals, ...], tmp_path: Path
 ) -> None:
     command = node("flea_diag.nodes.recorder", "-p", f"executor:={executor}")
     with Process(command, domain, cwd=tmp_path) as process:
         process.wait_for("recording 14 topics")
-        status, took_s = process.signal(*signals)
+        status = process.signal(*signals)
     assert status == 0
-    assert took_s < 1.0
     assert "Traceback" not in process.output
 
 
@@ -54,7 +53,7 @@ def test_an_integer_will_do_where_a_float_is_meant(domain: int) -> None:
     with Process(toy("-p", "limit_a:=7", "-p", "use_sim_time:=false"), domain) as process:
         with pytest.raises(AssertionError):
             process.wait_for("flea_diag:", limit_s=1.0)
-        assert process.signal(INT)[0] == 0
+        assert process.signal(INT) == 0
 
 
 def test_another_argument_is_refused(domain: int) -> None:
