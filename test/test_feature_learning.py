@@ -98,12 +98,12 @@ def test_probabilities_are_counts_with_half_a_count_added() -> None:
     assert outside < 10.0
 
 
-def test_features_are_asked_on_windows_in_motion_with_a_reversal_if_there_are_any() -> None:
+def test_features_are_asked_on_windows_in_motion_those_with_a_reversal_first() -> None:
     turning, straight = Sample("jam", POINT, {}), Sample("jam", POINT, {}, reverses=False)
     rest = Sample("jam", OperatingPoint(1.0, 50.0), {})
     run = Run("made up", 1.0, (rest, straight, turning, turning))
     assert run.asked(["jam"], 1) == [turning]
-    assert run.asked(["jam"], 3) == [turning, turning]
+    assert run.asked(["jam"], 3) == [turning, turning, straight]
     assert Run("made up", 1.0, (rest, straight)).asked(["jam"], 3) == [straight]
     assert run.asked(["spall"], 3) == []
 

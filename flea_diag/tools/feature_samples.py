@@ -45,10 +45,10 @@ class Run:
     def asked(self, group: Sequence[str], windows: int) -> list[Sample]:
         """The first windows under a fault of the group that features would be asked on.
 
-        In motion with a reversal; in motion alone where there are no others.
+        In motion, those with a reversal before the others.
         """
         moving = [s for s in self.samples if s.moving and s.fault in group]
-        return [s for s in moving if s.reverses][:windows] or moving[:windows]
+        return sorted(moving, key=lambda sample: not sample.reverses)[:windows]
 
 
 def run_of_bag(directory: Path, grid: Grid) -> Run:
