@@ -182,13 +182,13 @@ def test_vibration_of_a_time_of_which_no_speed_is_known_is_not_judged() -> None:
     watched = Pipeline((OBSERVER.build(values), isolator, extractor))
     blind = Pipeline((Nobody(), isolator, extractor))
     again = Pipeline((OBSERVER.build(values), isolator, extractor))
-    stand = SimulatedStand(scenario_from_mapping({"duration_s": 11.0}, "nominal"))
+    stand = SimulatedStand(scenario_from_mapping({"duration_s": 14.0}, "nominal"))
     said: list[Record] = []
     for record in stand:
-        away = 6.0 <= (record.stamp_ns - stand.start_ns) / S < 8.5
+        away = 6.0 <= (record.stamp_ns - stand.start_ns) / S < 11.0
         if away and isinstance(record, VibrationBlock):
             record = at_rest(record)
-        late = record.stamp_ns - stand.start_ns >= 8.5 * S
+        late = record.stamp_ns - stand.start_ns >= 11.0 * S
         said += (again if late else blind if away else watched).handle(record)
     assert not [group for group in stands.of(AmbiguityGroup, said) if group.episode]
 
