@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from flea_diag.core import residual as relations
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual import PARITIES, PARITY_NAMED, UNIT_PARAMETERS, Signals
+from flea_diag.core.residual import PARITIES, PARITY_NAMED, UNIT_PARAMETERS, Signals, direction
 
 P = ActuatorParameters(
     force_constant_n_per_a=100.0,
@@ -29,7 +29,8 @@ ZERO = dict.fromkeys((entry.name for entry in fields(Signals)), 0.0)
 
 
 def signals(**values: float) -> Signals:
-    return Signals(**{**ZERO, **values})
+    way = direction(P, values.get("speed_m_s", 0.0))
+    return Signals(**{**ZERO, "direction": way, **values})
 
 
 MOVING = signals(
@@ -58,8 +59,9 @@ def test_worked_values():
 
 def test_friction_opposes_the_motion_and_vanishes_at_rest():
     assert relations.friction_n(P, MOVING) == pytest.approx(24.0)
-    assert relations.friction_n(P, replace(MOVING, speed_m_s=-0.05)) == pytest.approx(-24.0)
-    assert relations.friction_n(P, replace(MOVING, speed_m_s=0.0)) == 0.0
+    back = replace(MOVING, speed_m_s=-0.05, direction=-MOVING.direction)
+    assert relations.friction_n(P, back) == pytest.approx(-24.0)
+    assert relations.friction_n(P, replace(MOVING, speed_m_s=0.0, direction=0.0)) == 0.0
 
 
 def test_a_hot_winding_drops_more_voltage():

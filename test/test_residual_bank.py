@@ -193,3 +193,38 @@ def test_adopted_parameters_count_from_then_on():
     assert plain.values[-1, j] - moved.values[-1, j] == pytest.approx(17.0)
     assert plain.spread.shape == (200, 4, 7)
     assert INDEX["motor_current"] == 0
+
+
+def standing(current_a: float, load_n: float, scans: int = 100) -> ema.Columns:
+    """An actuator that does not move, with a constant current and load."""
+    still = {name: np.zeros(scans) for name in CHANNELS}
+    return {
+        **still,
+        "motor_current": np.full(scans, 0.25 + current_a),
+        "load_force": np.full(scans, load_n),
+    }
+
+
+@pytest.mark.parametrize(
+    ("current_a", "load_n", "way"),
+    [(2.0, 40.0, 1.0), (-2.0, -40.0, -1.0), (0.0, 300.0, -1.0), (1.0, 40.0, 0.0)],
+)
+def test_what_withstands_too_great_a_push_is_stalled(current_a, load_n, way):
+    # Dry friction is 60 N: pushes of 300 N either way, 300 N of load alone, and 130 N.
+    found = ResidualBank(TRUE).step(ema.rows(standing(current_a, load_n), CHANNELS), False)
+    stalled = np.arange(100) >= 61  # one kernel to see anything, and another of standing
+    assert found.moving.tolist() == (stalled & (way != 0.0)).tolist()
+    assert np.all(found.signals.direction[stalled] == way)
+    lacking = abs(170.0 * current_a - load_n) - 60.0 * abs(way)
+    normalised = found.values[stalled, RESIDUAL_INDEX["parity_mechanical_dn"]]
+    assert np.abs(normalised) == pytest.approx(lacking)
+
+
+def test_a_reversal_is_no_standstill():
+    columns = standing(2.0, 40.0)
+    columns["motor_speed"][::45] = 4000.0  # a kernel of 31 scans around each sees it move
+    found = ResidualBank(TRUE).step(ema.rows(columns, CHANNELS), False)
+    speed = found.signals.speed_m_s
+    still = np.abs(speed[31:]) <= 0.01
+    assert still.any()
+    assert not found.moving[31:][still].any()

@@ -10,7 +10,7 @@ import pytest
 from flea_diag.core.fault_models import REGRESSORS, FaultModel
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.regressors import TEMPERATURES, regressors
-from flea_diag.core.residual import PARITY_NAMED, Signals
+from flea_diag.core.residual import PARITY_NAMED, Signals, direction
 from flea_diag.core.sensor_models import sensor_models
 
 # Offsets that are far from zero: a scale factor acts on the reading, not on what exceeds its zero.
@@ -44,6 +44,7 @@ def signals() -> Signals:
         motor_temperature_degc=zero + 30.0,
         nut_temperature_degc=zero + 30.0,
         winding_rise_k=zero,
+        direction=direction(P, speed),
     )
 
 

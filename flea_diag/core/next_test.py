@@ -28,7 +28,7 @@ from flea_diag.core.features import FeatureId
 from flea_diag.core.likelihood import Evidence, Fit
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.regressors import TEMPERATURES, regressors
-from flea_diag.core.residual import Signals, friction_n
+from flea_diag.core.residual import Signals, direction, friction_n
 
 Array = npt.NDArray[np.float64]
 
@@ -252,6 +252,7 @@ def _signals(p: ActuatorParameters, motion: Motion, time_s: float) -> Signals:
         motor_temperature_degc=25.0,
         nut_temperature_degc=25.0,
         winding_rise_k=0.0,
+        direction=direction(p, speed),
     )
     force = motion.load_n + friction_n(p, bare) + p.reflected_mass_kg * acceleration
     current = force / p.force_constant_n_per_a

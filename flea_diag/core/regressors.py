@@ -22,7 +22,7 @@ def regressors(
     force = p.force_constant_n_per_a * current
     inertia = p.reflected_mass_kg * s.acceleration_m_s2
     emf = p.back_emf_v_s_per_m * s.speed_m_s
-    sign = direction(p, s.speed_m_s)
+    sign = s.direction
     values: dict[str, Value] = {
         "one": 1.0,
         "elapsed_s": 0.0,

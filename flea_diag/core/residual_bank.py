@@ -16,13 +16,24 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual import PARITIES, SPEED, UNIT_PARAMETERS, Parity, Signals, Value
+from flea_diag.core.residual import (
+    PARITIES,
+    SPEED,
+    STALL,
+    UNIT_PARAMETERS,
+    Parity,
+    Signals,
+    Value,
+    direction,
+    dry_friction_n,
+)
 from flea_diag.core.sensor_tests import NAMES as SENSOR_TESTS
 from flea_diag.core.sensor_tests import channel_of
 from flea_diag.core.smoothing import Smoother
 from flea_diag.core.thermal import ThermalNode
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 CHANNELS = (
     "motor_current",
@@ -108,12 +119,13 @@ class ResidualRows:
 
     ``values`` has shape (n, residuals), order of ``RESIDUALS``, ``moving`` (n,), and
     ``spread`` (n, ``SPREAD_ROWS``, unit parameters): d r / d theta of healthy units.
+    ``moving`` is also what stands under a push that moves any healthy unit.
     """
 
     values: Array
     spread: Array
     signals: Signals
-    moving: npt.NDArray[np.bool_]
+    moving: Flags
 
     def __len__(self) -> int:
         return len(self.values)
@@ -134,6 +146,8 @@ class ResidualBank:
         self._p = parameters
         self._period_s = period_s
         self._moving_m_s = moving_m_s
+        self._kernel_length = kernel_length
+        self._still = 0
         self._smoother = Smoother(len(CHANNELS), kernel_length, period_s)
         self._motor = ThermalNode(parameters.motor_cooling_s, start_samples)
         self._nut = ThermalNode(parameters.nut_cooling_s, start_samples)
@@ -147,13 +161,9 @@ class ResidualBank:
         """
         _, smooth = self._smoother.push(rows)
         values = np.full((len(rows), len(RESIDUALS)), np.nan)
-        signals = self._signals(rows, smooth, frozen, values)
+        signals, moving = self._signals(rows, smooth, frozen, values)
         spread = np.zeros((len(rows), len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
         self._parities(signals, values, spread)
-        moving = np.empty(len(rows), dtype=bool)
-        moving[:] = (abs(signals.speed_m_s) > self._moving_m_s) | (
-            abs(signals.position_rate_m_s) > self._moving_m_s
-        )
         return ResidualRows(values, spread, signals, moving)
 
     def adopt(self, parameters: ActuatorParameters) -> None:
@@ -163,22 +173,30 @@ class ResidualBank:
     def interrupt(self) -> None:
         """A gap in the stream: smooth and predict anew, keep the temperatures."""
         self._smoother.clear()
+        self._still = 0
 
-    def _signals(self, rows: Array, smooth: Array, frozen: bool, values: Array) -> Signals:
-        """Smoothed signals; fills in the thermal residuals, whose estimates are among them."""
+    def _signals(
+        self, rows: Array, smooth: Array, frozen: bool, values: Array
+    ) -> tuple[Signals, Flags]:
+        """Smoothed signals, and whether it moves or is stalled.
+
+        Fills in the thermal residuals, whose estimates are among the signals.
+        """
         value, first, second = _columns(smooth)
         position, encoder = INDEX["actuator_position"], INDEX["motor_speed"]
         # The encoder where there is one: then a position fault does not touch the speed.
         lead = self._p.encoder_m_per_rad
         speed = value[encoder] * lead if self.has_encoder else first[position]
-        current = value[INDEX["motor_current"]]
-        return Signals(
+        acceleration = first[encoder] * lead if self.has_encoder else second[position]
+        current, load = value[INDEX["motor_current"]], value[INDEX["load_force"]]
+        way, moving = self._way(len(rows), current, load, (speed, first[position]), acceleration)
+        signals = Signals(
             current_a=current,
             voltage_v=value[INDEX["motor_voltage"]],
             commanded_voltage_v=value[INDEX["commanded_voltage"]],
             speed_m_s=speed,
-            acceleration_m_s2=first[encoder] * lead if self.has_encoder else second[position],
-            load_n=value[INDEX["load_force"]],
+            acceleration_m_s2=acceleration,
+            load_n=load,
             position_m=value[position],
             load_position_m=value[INDEX["load_position"]],
             encoder_speed_rad_s=value[encoder],
@@ -186,7 +204,36 @@ class ResidualBank:
             motor_temperature_degc=value[INDEX["motor_temperature"]],
             nut_temperature_degc=value[INDEX["nut_temperature"]],
             winding_rise_k=self._thermal(rows, current, speed, frozen, values),
+            direction=way,
         )
+        return signals, moving
+
+    def _way(
+        self,
+        count: int,
+        current_a: Value,
+        load_n: Value,
+        speeds_m_s: tuple[Value, Value],
+        acceleration_m_s2: Value,
+    ) -> tuple[Value, Flags]:
+        """Smooth sign of the motion, or of the push where it is stalled; whether it is either."""
+        p, (speed, rate) = self._p, speeds_m_s
+        moving = np.empty(count, dtype=bool)
+        moving[:] = (abs(speed) > self._moving_m_s) | (abs(rate) > self._moving_m_s)
+        motor = p.force_constant_n_per_a * (current_a - p.current_offset_a)
+        push = motor - load_n - p.reflected_mass_kg * acceleration_m_s2
+        stands = ~moving & (abs(speed) <= self._moving_m_s)  # and not: no speed is known
+        stalled = self._rests(stands) & (abs(push) > STALL * dry_friction_n(p, load_n))
+        way = np.where(stalled, np.copysign(1.0, push), direction(p, speed))
+        return float(way[0]) if count == 1 else way, moving | stalled
+
+    def _rests(self, stands: Flags) -> Flags:
+        """Whether it has stood for longer than the kernel is: a reversal is no standstill."""
+        scans = np.arange(len(stands))
+        still = scans - np.maximum.accumulate(np.where(stands, -1 - self._still, scans))
+        self._still = int(still[-1])
+        rests: Flags = still > self._kernel_length
+        return rests
 
     def _thermal(
         self, rows: Array, current_a: Value, speed_m_s: Value, frozen: bool, values: Array
@@ -212,7 +259,7 @@ class ResidualBank:
     def _parities(self, signals: Signals, values: Array, spread: Array) -> None:
         """Fill in every parity relation and what healthy units differ by in it."""
         single = len(values) == 1
-        sign = (math if single else np).copysign(1.0, signals.speed_m_s)
+        sign = (math if single else np).copysign(1.0, signals.direction)
         formed = {relation: relation(self._p, signals) for relation in _RELATIONS}
         spreads = {sensitivity: sensitivity(self._p, signals) for sensitivity in _SENSITIVITIES}
         found, apart = [], []

@@ -16,7 +16,7 @@ from flea_diag.wire.records import TAKEN_OVER, Detection
 
 Array = npt.NDArray[np.float64]
 
-ELAPSED, SPEED = REGRESSORS.index("elapsed_s"), REGRESSORS.index("speed_m_s")
+ELAPSED, DIRECTION = REGRESSORS.index("elapsed_s"), REGRESSORS.index("direction")
 MOTION_CHANNELS = ("actuator_position", "motor_speed")
 MOTION = [REGRESSORS.index(name) for name in ("position_rate_m_s", "encoder_m_s")]
 """Channels that say that the actuator moves, and the speeds that they say."""
@@ -72,7 +72,7 @@ class Episode:
         regressors = block.regressors[late, : len(REGRESSORS)]
         regressors[:, ELAPSED] = (block.stamps_ns[late] - self.start_ns) / 1e9
         self.likelihood.add(values, regressors)
-        self._count(moving, regressors[:, MOTION], regressors[np.isfinite(values[:, 0]), SPEED])
+        self._count(moving, regressors[:, MOTION], regressors[np.isfinite(values[:, 0]), DIRECTION])
 
     def _count(self, moving: npt.NDArray[np.bool_], speeds: Array, told: Array) -> None:
         """Scans in motion, in each direction of it, and of each channel that says so."""

@@ -13,7 +13,7 @@ from flea_diag.stages.inquiry import Pace
 from flea_diag.wire.blocks import ResidualBlock
 
 CURRENT, SPEED = REGRESSORS.index("current_a"), REGRESSORS.index("speed_m_s")
-LOAD = REGRESSORS.index("load_n")
+LOAD, DIRECTION = REGRESSORS.index("load_n"), REGRESSORS.index("direction")
 VISITED_SCANS = 400
 """Scans in motion over which the quadrants that were passed through are remembered."""
 IDLE_A = 0.1
@@ -44,13 +44,13 @@ class Motion:
         self.pace.add(stamp_ns, screw_rad_s, regressors[LOAD])
         self._sentinel.motion(screw_rad_s, regressors[LOAD])
         if moving:
-            self._visited.append((regressors[CURRENT], speed))
+            self._visited.append((regressors[CURRENT], regressors[DIRECTION]))
 
     def follow(self, block: ResidualBlock) -> None:
         """Take many scans: only the last of them will be remembered."""
         moving = block.regressors[:, -1] > 0.5
-        visited = block.regressors[moving][-VISITED_SCANS:, [CURRENT, SPEED]].tolist()
-        self._visited.extend((current, speed) for current, speed in visited)
+        visited = block.regressors[moving][-VISITED_SCANS:, [CURRENT, DIRECTION]].tolist()
+        self._visited.extend((current, direction) for current, direction in visited)
         recent = int((block.stamps_ns > block.stamps_ns[-1] - self._window_ns).sum())
         last = block.part(slice(-max(recent, SCANS), None))
         for stamp_ns, row in zip(last.stamps_ns.tolist(), last.regressors.tolist(), strict=True):
@@ -61,9 +61,9 @@ class Motion:
         return {quadrant for scan in self._visited for quadrant in _quadrants(*scan)}
 
 
-def _quadrants(current_a: float, speed_m_s: float) -> tuple[Quadrant, ...]:
+def _quadrants(current_a: float, direction: float) -> tuple[Quadrant, ...]:
     """Quadrants that a scan lies in; a current within its noise lies in both of its signs."""
     if not math.isfinite(current_a):
         return ()
     signs = (-1, 1) if abs(current_a) < IDLE_A else (1 if current_a > 0 else -1,)
-    return tuple(Quadrant(sign, 1 if speed_m_s > 0 else -1) for sign in signs)
+    return tuple(Quadrant(sign, 1 if direction > 0 else -1) for sign in signs)
