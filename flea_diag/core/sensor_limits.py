@@ -180,7 +180,7 @@ def _limit(
         quietest,
         loudest,
         scatter,
-        _repeats([_in_use(channel, run) for run in runs], rate_per_s, period_s),
+        _repeats([_in_use(channel, run) for run in runs], rate_per_s, period_s, channel == SPEED),
         REACH_GUARD * max(float(np.quantile(step, REACH_QUANTILE)) for step in steps),
         STEP_GUARD * sudden,
         _quantile(rate_per_s * period_s * NOISE_WINDOWS[0]),
@@ -208,26 +208,27 @@ def _means(values: Array, window: int) -> Array:
     return means
 
 
-def _repeats(columns: Sequence[Array], rate_per_s: float, period_s: float) -> int:
+def _repeats(columns: Sequence[Array], rate_per_s: float, period_s: float, reverses: bool) -> int:
     """Equal readings in a row that come, twice in ``DROPOUT_SCANS``, no oftener than the rate.
 
     With probability p that a reading repeats the one before, n repeats in a row come p^n times
-    a scan. What nominal recordings show is exceeded in any case.
+    a scan. What nominal recordings show is exceeded in any case, but for one run in each of what
+    ``reverses``: an encoder that turns about may hold its zero for a moment.
     """
     steps = [np.diff(column) for column in columns]
     same = [step[np.isfinite(step)] == 0.0 for step in steps]
     share = (1 + sum(int(row.sum()) for row in same)) / (2 + sum(len(row) for row in same))
     single_per_scan = math.sqrt(rate_per_s * period_s / DROPOUT_SCANS)
     by_chance = math.ceil(math.log(single_per_scan) / math.log(share))
-    # One that comes once in a recording is withheld and no more.
-    twice = max(_second_longest(row) for row in same)
-    repeats = max(by_chance, twice + 1, 2)
+    longest = max(_longest(row, but=int(reverses)) for row in same)
+    repeats = max(by_chance, longest + 1, 2)
     return repeats if repeats <= LONGEST_REPEAT else 0
 
 
-def _second_longest(same: npt.NDArray[np.bool_]) -> int:
+def _longest(same: npt.NDArray[np.bool_], but: int) -> int:
+    """Length of the longest run, ``but`` so many."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False]))))
-    return int(np.sort(np.append(edges[1::2] - edges[::2], (0, 0)))[-2])
+    return int(np.sort(np.append(edges[1::2] - edges[::2], (0, 0)))[-1 - but])
 
 
 def _quantile(alpha: float) -> float:
