@@ -159,7 +159,8 @@ def test_the_tree_shows_the_branch_that_was_taken(
     tree = view.drawn["tree"]
     (taken,) = re.findall(r'<li class="taken">(.*?)</li>', tree)
     (found,) = answers(groups[-1])
-    assert words(taken) == f"✓ {found.observed} {groups[-1].members[0].fault}"
+    observed = found.observed.replace("-", "−")  # a true minus, as wide as the plus
+    assert words(taken) == f"✓ {observed} {groups[-1].members[0].fault}"
     assert found.source in words(tree)
 
 
