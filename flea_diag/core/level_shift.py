@@ -22,6 +22,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.frozen import Frozen
+
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
@@ -35,7 +37,7 @@ _ROOM = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class ShiftLimit:
+class ShiftLimit(Frozen):
     """Scatter of the shift of one residual over ``window`` samples, and its limit in sigmas."""
 
     name: str

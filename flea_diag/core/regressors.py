@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from flea_diag.core.fault_models import REGRESSORS
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual import Signals, Value, direction, friction_n
+from flea_diag.core.residual import Signals, Value, direction, friction_n, motor_force_n
 
 TEMPERATURES = ("motor_temperature", "nut_temperature", "ambient_temperature")
 
@@ -19,7 +19,7 @@ def regressors(
     ``expected`` holds what each of ``TEMPERATURES`` should read (degC).
     """
     current = s.current_a - p.current_offset_a
-    force = p.force_constant_n_per_a * current
+    force = motor_force_n(p, s.current_a)
     inertia = p.reflected_mass_kg * s.acceleration_m_s2
     emf = p.back_emf_v_s_per_m * s.speed_m_s
     sign = s.direction

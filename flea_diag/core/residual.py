@@ -86,9 +86,22 @@ def friction_n(p: ActuatorParameters, s: Signals) -> Value:
     return dry * s.direction + p.viscous_friction_n_s_per_m * s.speed_m_s
 
 
+def motor_force_n(p: ActuatorParameters, current_a: Value) -> Value:
+    """Force of the motor at the nut, by the reading of its current."""
+    return p.force_constant_n_per_a * (current_a - p.current_offset_a)
+
+
+def push_n(
+    p: ActuatorParameters, current_a: Value, load_n: Value, acceleration_m_s2: Value
+) -> Value:
+    """What friction has to withstand: motor force less load and inertia."""
+    motor = motor_force_n(p, current_a)
+    return motor - load_n - p.reflected_mass_kg * acceleration_m_s2
+
+
 def mechanical_n(p: ActuatorParameters, s: Signals) -> Value:
     """Newton at the nut: motor force less load, friction and inertia."""
-    motor = p.force_constant_n_per_a * (s.current_a - p.current_offset_a)
+    motor = motor_force_n(p, s.current_a)
     return motor - s.load_n - friction_n(p, s) - p.reflected_mass_kg * s.acceleration_m_s2
 
 

@@ -26,6 +26,7 @@ from flea_diag.core.residual import (
     Value,
     direction,
     dry_friction_n,
+    push_n,
 )
 from flea_diag.core.sensor_tests import NAMES as SENSOR_TESTS
 from flea_diag.core.sensor_tests import channel_of
@@ -220,8 +221,7 @@ class ResidualBank:
         p, (speed, rate) = self._p, speeds_m_s
         moving = np.empty(count, dtype=bool)
         moving[:] = (abs(speed) > self._moving_m_s) | (abs(rate) > self._moving_m_s)
-        motor = p.force_constant_n_per_a * (current_a - p.current_offset_a)
-        push = motor - load_n - p.reflected_mass_kg * acceleration_m_s2
+        push = push_n(p, current_a, load_n, acceleration_m_s2)
         stands = ~moving & (abs(speed) <= self._moving_m_s)  # and not: no speed is known
         stalled = self._rests(stands) & (abs(push) > STALL * dry_friction_n(p, load_n))
         way = np.where(stalled, np.copysign(1.0, push), direction(p, speed))
