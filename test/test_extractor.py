@@ -187,6 +187,13 @@ def test_answer_comes_at_the_latest_when_its_budget_is_over() -> None:
     assert "vibration ends 0.400 s before the window does" in found[0].reason
 
 
+def test_a_request_later_than_the_last_scan_is_answered_all_the_same() -> None:
+    over = stage()
+    fed(over, merged(blocks(1.0), scans(2.0)))
+    (answer,) = answers(over.handle(request("accelerometer_1_std", 0.6, 1.4)))
+    assert "vibration ends 0.400 s before the window does" in answer.reason
+
+
 def test_pending_requests_are_bounded() -> None:
     flooded = stage(most_pending=3)
     fed(flooded, blocks(0.5))

@@ -115,6 +115,7 @@ class ExtractorStage:
         self._stopwatch = stopwatch
         self._full_scale: dict[str, float] = {}
         self._pending: deque[FeatureRequest] = deque()
+        self._now_ns = 0
         self._seen: deque[tuple[int, int, int]] = deque(maxlen=1024)
 
     def handle(self, record: Record) -> tuple[Record, ...]:
@@ -122,6 +123,7 @@ class ExtractorStage:
         levels: tuple[Record, ...] = ()
         if isinstance(record, Scan):
             self.windows.scans.add(record)
+            self._now_ns = record.stamp_ns
         elif isinstance(record, VibrationBlock):
             levels = self._level(record)
         elif isinstance(record, FeatureRequest):
@@ -131,7 +133,10 @@ class ExtractorStage:
                 row.name: min(abs(row.minimum), abs(row.maximum)) for row in record.channels
             }
             return ()
-        return (*levels, *self._answers(record.stamp_ns)) if self._pending else levels
+        if not self._pending:
+            return levels
+        # A request may come later than the last scan there is: it cannot wait for another.
+        return (*levels, *self._answers(max(record.stamp_ns, self._now_ns)))
 
     @property
     def takes_blocks(self) -> bool:
@@ -141,6 +146,7 @@ class ExtractorStage:
     def handle_block(self, block: ScanBlock) -> tuple[int, tuple[Record, ...]]:
         """Keep all of these scans."""
         self.windows.scans.add_block(block)
+        self._now_ns = int(block.stamps_ns[-1])
         return len(block), ()
 
     def _level(self, block: VibrationBlock) -> tuple[Record, ...]:
