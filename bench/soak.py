@@ -1,10 +1,12 @@
-"""A long run of the simulated stand through observer and isolator, scan by scan, in one process.
+"""A long run of the simulated stand through observer and isolator, in one process.
 
-Faults come and go, scans get lost, come twice and late; no wall clock is waited for. Checked:
-no episode missed, none without a fault, counters exact, memory flat after the first hour.
+Faults come and go, scans get lost, come twice and late; no wall clock is waited for. Scans pass
+as the bytes of their messages, in blocks as a replay takes them, or one by one as a live run
+does. Checked: no episode missed, none without a fault, counters exact, memory flat after the
+first hour.
 
-scripts/soak                        24 h of stand time
-scripts/soak --hours 0.5 --json -   a short one, its result as JSON
+scripts/soak                                 24 h of stand time
+scripts/soak --hours 0.5 --singly --json -   a short one scan by scan, its result as JSON
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ import numpy as np
 
 from flea_diag.configuration import make_pipeline
 from flea_diag.stages.stream_order import STREAM
+from flea_diag.wire.blocks import Block
+from flea_diag.wire.codec import decode, encode
 from flea_diag.wire.records import (
     AmbiguityGroup,
     DataQuality,
@@ -29,17 +33,21 @@ from flea_diag.wire.records import (
     Record,
     Scan,
 )
+from flea_diag.wire.scan_columns import scan_block
 from flea_sim_driver.scenario import scenario_from_mapping
 from flea_sim_driver.stand import Stand
 
-FAULTS = (
-    "jam", "motor_current_bias", "winding_short", "load_force_bias", "motor_current_dead",
-    "ball_nut_friction", "motor_speed_scaling", "actuator_position_bias", "motor_current_noise",
-)  # fmt: skip
-"""Those that show in a minute without accelerometers, and end when they are taken out."""
+USUAL = float("nan")
+FAULTS = {
+    "jam": USUAL, "motor_current_bias": USUAL, "winding_short": USUAL, "load_force_bias": USUAL,
+    "motor_current_dead": USUAL, "ball_nut_friction": 15.0, "motor_speed_scaling": USUAL,
+    "actuator_position_bias": USUAL, "motor_current_noise": USUAL,
+}  # fmt: skip
+"""Those that show in a minute without accelerometers, and end when they are taken out; sizes."""
 EVERY_S, LASTS_S, QUIET_S = 600.0, 60.0, 120.0
 """A fault each ten minutes, for one; so long after it has gone its episode must have closed."""
 LATE_SCANS = 20
+BLOCK_SCANS = 500
 SHARES = {"lost": 0.01, "duplicate": 0.002, "late": 0.001}
 """Of the scans. A burst of up to eight is lost instead of one with each hundredth loss."""
 FLAT = 0.05
@@ -122,7 +130,7 @@ class Relay:
 class Soak:
     """One stand, its diagnosis, and what was done to both."""
 
-    def __init__(self, hours: float, seed: int) -> None:
+    def __init__(self, hours: float, seed: int, singly: bool) -> None:
         values = {
             "motion": {
                 "kind": "sine", "amplitude_m": 0.018, "frequency_hz": 0.5, "centre_m": 0.045
@@ -136,8 +144,10 @@ class Soak:
         self._stand = Stand(scenario_from_mapping(values, "soak"))
         self._pipeline = make_pipeline(None)
         self._relay = Relay(np.random.default_rng(seed), self.found.injected)
+        self._most = 1 if singly else BLOCK_SCANS
+        self._waiting: list[bytes] = []
         self._fault, self._onset_s = "", 0.0
-        self._detected = self._open = self._named = False
+        self._detected = self._open = self._named = self._gone = False
 
     def hours(self) -> Iterator[Found]:
         """Run to the end; what was found so far, after each hour of stand time."""
@@ -146,29 +156,55 @@ class Soak:
             self._schedule()
             for record in self._stand.advance():
                 for passed in self._relay.pass_on(record):
-                    self._take(self._pipeline.handle(passed))
-                    self.found.scans += isinstance(passed, Scan)
+                    self._hand_on(passed)
             self.found.stand_h = self._stand.time_s / 3600.0
             self.found.cpu_s = time.process_time() - begin_s
             if self.found.stand_h >= told + 1 or self._stand.finished:
                 told += 1
                 self.found.memory_mb.append(_resident_mb())
                 yield self.found
+        self._diagnose()
         self._take(self._pipeline.finish())
+
+    def _hand_on(self, record: Record) -> None:
+        """Scans wait until there are enough of them; what else comes has its place among them."""
+        if isinstance(record, Scan):
+            self.found.scans += 1
+            self._waiting.append(encode(record))
+            if len(self._waiting) >= self._most:
+                self._diagnose()
+        else:
+            self._diagnose()
+            self._take(self._pipeline.handle(record))
+
+    def _diagnose(self) -> None:
+        """Give the scans that wait to the diagnosis."""
+        messages, self._waiting = self._waiting, []
+        block = scan_block(messages) if self._most > 1 and messages else None
+        if block is not None:
+            self._take(self._pipeline.handle_block(block))
+            return
+        for message in messages:
+            self._take(self._pipeline.handle(decode(Scan, message)))
 
     def _schedule(self) -> None:
         """Put the next fault in, take it out, and see that its episode ends."""
         now_s = self._stand.time_s
         number, since_s = divmod(now_s, EVERY_S)
         if since_s < 0.05 and number:
+            self._diagnose()
             self._end()
-            self._fault = FAULTS[int(number - 1) % len(FAULTS)]
-            self._onset_s, self._detected, self._named = now_s, False, False
+            self._fault = list(FAULTS)[int(number - 1) % len(FAULTS)]
+            self._onset_s, self._detected = now_s, False
+            self._named = self._gone = False
             self.found.faults += 1
-            self._stand.inject(self._fault)
+            self._stand.inject(self._fault, FAULTS[self._fault])
         elif self._fault and abs(since_s - LASTS_S) < 0.05:
+            self._diagnose()
+            self._gone = True
             self._stand.clear()
         elif self._fault and abs(since_s - LASTS_S - QUIET_S) < 0.05:
+            self._diagnose()
             self._end()
 
     def _end(self) -> None:
@@ -185,11 +221,11 @@ class Soak:
             self._take(self._pipeline.reset())
         self._fault = ""
 
-    def _take(self, said: tuple[Record, ...]) -> None:
+    def _take(self, said: tuple[Record | Block, ...]) -> None:
         for record in said:
             if isinstance(record, Detection):
                 self._open = record.detected
-                if record.detected and self._fault:
+                if record.detected and self._fault and not self._gone:
                     self._detected = True
                 elif record.detected:
                     self._alarm(f"detected by {record.residual}")
@@ -229,9 +265,10 @@ def main() -> int:
     )
     parser.add_argument("--hours", type=float, default=24.0, help="of stand time (default: 24)")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--singly", action="store_true", help="scan by scan, as a live run does")
     parser.add_argument("--json", metavar="FILE", help="result as JSON, renewed each hour; - here")
     given = parser.parse_args()
-    soak = Soak(given.hours, given.seed)
+    soak = Soak(given.hours, given.seed, given.singly)
     for found in soak.hours():
         print(_told(found), file=sys.stderr, flush=True)
         if given.json not in (None, "-"):

@@ -119,9 +119,26 @@ def test_innovations_are_silent_once_frozen_and_begin_anew_afterwards():
     for k, row in enumerate(table):
         told = estimate.step(row[None], USABLE, 200 <= k < 300, values)
         seen = np.isfinite(values[0, INNOVATION_COLUMNS])
-        assert seen[0] == (not 200 <= k < 300)
+        # The scan that a filter starts from has no prediction to be held against.
+        assert seen[0] == (k not in (0, *range(200, 301)))
         assert told.estimates.shape == (1, len(told.channels))
     assert told.health[0, 2] == 0.0
+
+
+def test_a_track_lost_to_a_fault_is_not_told_of_while_frozen():
+    """Else the lost track would grow as old as the episode, and its end be a model mismatch."""
+    estimate = StateEstimate(stands.calibration(), "kalman", 1, "numpy")
+    values = np.full((1, len(RESIDUALS)), np.nan)
+    table = open_loop(healthy(8.0))
+    table[400:, CHANNELS.index("actuator_position")] += 0.02
+    lost = [
+        estimate.step(row[None], USABLE, 500 <= k < 700, values).health[0, 2]
+        for k, row in enumerate(table)
+    ]
+    assert any(lost[400:500])
+    assert not any(lost[:400])
+    assert not any(lost[500:700])
+    assert not any(lost[700:])  # it begins anew, at what is measured
 
 
 def test_a_voltage_that_nothing_corroborates_tests_nothing():

@@ -231,9 +231,25 @@ def test_after_a_gap_it_starts_from_what_is_measured() -> None:
     residuals(made, rows[:300])
     made.interrupt()
     told = [made.step(row) for row in rows[600:]]
-    assert abs(told[0].residual[AT["actuator_position"]]) < 4e-4
+    assert abs(told[1].residual[AT["actuator_position"]]) < 4e-4
     assert abs(np.mean([t.residual[AT["motor_temperature"]] for t in told[300:]])) < 0.3
     assert not told[-1].diverged
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("kind", ["optimal", "kalman"])
+@pytest.mark.parametrize("start", [230, 260, 350])
+def test_started_in_full_motion_it_is_on_the_track_at_once(
+    backend: str, kind: str, start: int
+) -> None:
+    """Residuals are as wide as foretold from the first: sigma holds what one scan leaves open."""
+    rows = recording()[start : start + 60]
+    assert abs(rows[0, INDEX["motor_speed"]]) > 10.0
+    made = observer(backend, kind=kind)
+    told = [made.step(row) for row in rows]
+    assert not any(t.diverged for t in told)
+    assert np.isnan(told[0].residual[: AT["motor_temperature"]]).all()
+    assert np.mean([t.nis / t.measured for t in told[1:20]]) < 3.0
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -40,8 +40,9 @@ Flags = npt.NDArray[np.bool_]
 
 FILTERS = ("optimal", "bootstrap", "kalman")
 SAMPLINGS = ("mean", "instant_pwm")
-START_SIGMA = {"voltage_v": 10.0, "mean_speed_m_s": 0.1, "speed_m_s": 0.1, "position_m": 0.001}
-"""What is known of the states before the first scan, beside its own readings."""
+START_SIGMA = {"voltage_v": 10.0, "mean_speed_m_s": 0.1, "speed_m_s": 0.1005, "position_m": 0.001}
+"""What is known of the states before the first scan; a scan's last speed is about its mean one."""
+MEAN, LAST = STATES.index("mean_speed_m_s"), STATES.index("speed_m_s")
 UNKNOWN_POSITION_M = 0.1
 WARMED_K = 0.5
 """Change of the winding's temperature at which its resistance is renewed."""
@@ -199,11 +200,13 @@ class StateObserver:
 
     def _one(self, scans: Scans, k: int, frozen: bool, raw: Array, lost: Flags) -> None:
         """One scan of the loop in Python; ``track_loops`` does the same."""
+        y = scans.y[k]
         if self._filter is None:
-            self._filter = self._started(scans.y[k], scans.u[k])
+            # Its readings are where it starts: there is no prediction to hold them against.
+            self._filter, y = self._started(y, scans.u[k]), np.full(len(y), math.nan)
         else:
             self._filter.predict(scans.u[k])
-        moved = self._filter.update(scans.y[k], frozen=frozen)
+        moved = self._filter.update(y, frozen=frozen)
         raw[:HEATED], lost[k] = moved.row, moved.diverged
         conductance, zero, drag, copper, rubbing, cold, warmed = self._law.tolist()
         voltage, speed, *_ = moved.mean.tolist()
@@ -241,25 +244,28 @@ class StateObserver:
             self._filter.adopt(model)
 
     def _started(self, y: Array, u: Array) -> Filter:
-        """A filter at the first scan, with what its readings say."""
-        p = self._model.parameters
+        """A filter at the first scan: what is known of any, and what its readings add to that."""
+        p, noise = self._model.parameters, self._model.noise
         current = float(np.nan_to_num(y[0]))
+        voltage = p.voltage_offset_v + self._model.resistance_ohm * (current - p.current_offset_a)
         position, sigma = y[3], dict(START_SIGMA)
         if math.isnan(position):
             position = y[4] + p.position_offset_m
         if math.isnan(position):
             position, sigma["position_m"] = 0.0, UNKNOWN_POSITION_M
-        voltage = p.voltage_offset_v + self._model.resistance_ohm * (current - p.current_offset_a)
         if not self._model.pwm and not math.isnan(u[0]):
-            voltage = u[0]
-        mean = np.array([voltage, 0.0, 0.0, position])
+            voltage, sigma["voltage_v"] = u[0], noise.voltage_v
         covariance = np.diag([sigma[name] ** 2 for name in STATES])
+        covariance[LAST, MEAN] = covariance[MEAN, LAST] = covariance[MEAN, MEAN]
+        # Particles drawn from so little knowledge would all miss what the first scan says.
+        known = KalmanFilter(self._model, np.array([voltage, 0.0, 0.0, position]), covariance)
+        known.update(y)
         if self._kind == "kalman":
-            return KalmanFilter(self._model, mean, covariance)
+            return KalmanFilter(self._model, known.mean, known.covariance)
         return ParticleFilter(
             self._model,
-            mean,
-            covariance,
+            known.mean,
+            known.covariance,
             self._generator,
             particles=self._particles,
             proposal=self._kind,

@@ -86,7 +86,8 @@ class StateEstimate:
         sigmas = found.sigmas.take(self._at, axis=1)
         sigmas[sigmas == 0.0] = math.nan
         health = np.empty((count, 3))
-        health[:, 0], health[:, 2] = found.ess, found.diverged
+        # A frozen filter follows nothing, so it has no track to lose.
+        health[:, 0], health[:, 2] = found.ess, found.diverged & (not frozen)
         np.divide(found.nis, np.maximum(found.measured, 1), out=health[:, 1])
         return Told(self._channels, found.predictions.take(self._at, axis=1), sigmas, health)
 
