@@ -46,13 +46,17 @@ class Pipeline:
         return tuple(caused)
 
     def _quiet(self, block: ScanBlock) -> tuple[int, tuple[Record | Block, ...]]:
-        """The leading scans that may pass as blocks through all stages, and what they cause."""
-        for stages in self._of_block.values():
-            if not all(getattr(stage, "takes_blocks", False) for stage in stages):
-                return 0, ()
+        """The leading scans that may pass as blocks, and what they cause.
+
+        Stages that read scans must all be willing; residuals go one by one to those that,
+        just then, take no blocks of them.
+        """
+        readers = self._of_block[ScanBlock]
+        if not all(_takes_blocks(stage) for stage in readers):
+            return 0, ()
         taken, caused = len(block), []
         waiting: deque[Record | Block] = deque()
-        for stage in self._of_block[ScanBlock]:
+        for stage in readers:
             # The first one says how many; those after it follow.
             taken, made = stage.handle_block(block.part(slice(taken)))
             if not taken:
@@ -61,11 +65,14 @@ class Pipeline:
         while waiting:
             current = waiting.popleft()
             caused.append(current)
-            if isinstance(current, (ScanBlock, ResidualBlock)):
+            if not isinstance(current, Block):
+                caused.extend(self._run(deque([current])))
+            elif all(_takes_blocks(stage) for stage in self._of_block[type(current)]):
                 for stage in self._of_block[type(current)]:
                     waiting.extend(stage.handle_block(current)[1])
             else:
-                caused.extend(self._run(deque([current])))
+                for record in current.records():
+                    caused.extend(self._run(deque([record])))
         return taken, tuple(caused)
 
     def finish(self) -> tuple[Record, ...]:
@@ -96,3 +103,7 @@ class Pipeline:
                     caused.extend(produced)
                     waiting.extend(produced)
         return tuple(caused)
+
+
+def _takes_blocks(stage: Stage) -> bool:
+    return bool(getattr(stage, "takes_blocks", False))

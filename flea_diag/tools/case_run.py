@@ -57,8 +57,7 @@ class Diagnosis:
     def take(self, records: Iterable[Record | Block]) -> None:
         """Keep what is scored, and of all of it what can be drawn."""
         for record in records:
-            for each in record.records() if isinstance(record, Block) else (record,):
-                self.trace.add(each)
+            self.trace.add(record)
             if not isinstance(record, BULK):
                 self.kept.append(record)
 
