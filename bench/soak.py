@@ -47,8 +47,8 @@ FAULTS = {
 EVERY_S, LASTS_S, QUIET_S = 600.0, 60.0, 120.0
 """A fault each ten minutes, for one; so long after it has gone its episode must have closed."""
 LATE_SCANS = 20
-BLOCK_SCANS = 500
-SHARES = {"lost": 0.01, "duplicate": 0.002, "late": 0.001}
+BLOCK_SCANS = 1000
+SHARES = {"lost": 0.002, "duplicate": 0.0005, "late": 0.0005}
 """Of the scans. A burst of up to eight is lost instead of one with each hundredth loss."""
 FLAT = 0.05
 PAGE_BYTES = 4096
@@ -157,10 +157,10 @@ class Soak:
             for record in self._stand.advance():
                 for passed in self._relay.pass_on(record):
                     self._hand_on(passed)
-            self.found.stand_h = self._stand.time_s / 3600.0
-            self.found.cpu_s = time.process_time() - begin_s
-            if self.found.stand_h >= told + 1 or self._stand.finished:
+            if self._stand.time_s >= 3600.0 * (told + 1) or self._stand.finished:
                 told += 1
+                self.found.stand_h = self._stand.time_s / 3600.0
+                self.found.cpu_s = time.process_time() - begin_s
                 self.found.memory_mb.append(_resident_mb())
                 yield self.found
         self._diagnose()

@@ -135,6 +135,14 @@ class Peer:
             f"not within {limit_s} s: {self.records[-3:]}"
         )
 
+    def acknowledged(self, record_type: type) -> bool:
+        """Wait until every reader has what was published; what it does with it is another thing."""
+        from rclpy.duration import Duration
+
+        return bool(
+            self.bus._publishers[record_type].wait_for_all_acked(Duration(seconds=int(LIMIT_S)))
+        )
+
     def call(self, service_type: type, name: str, request: Any) -> Any:
         """Answer of a service."""
         client = self.node.create_client(service_type, name)

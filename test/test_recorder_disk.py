@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from live import Peer, Process
-from test_recorder import START_NS, TABLE, opened, recorder
+from live import ROOT, Peer, Process, node
+from test_recorder import START_NS, TABLE, opened, publish, recorder, scan, until_written
 
-from flea_diag.wire.records import ChannelTable, Health, VibrationBlock
+from flea_diag.wire.records import ChannelTable, Health, Scan, VibrationBlock
 
 MEGABYTES = 6
 SPEAKS_FIRST = ("-p", "stop_free_mb:=0", "-p", "warn_free_mb:=0")
@@ -76,3 +78,26 @@ def test_a_read_only_place_is_refused_in_one_line(domain: int) -> None:
         assert process.end() == 2
     assert "flea_diag: cannot write bag /sys/run: " in process.output
     assert "Traceback" not in process.output
+
+
+def test_a_disk_that_does_not_answer_for_seconds_costs_no_message(
+    domain: int, tmp_path: Path
+) -> None:
+    """Four seconds of scans come meanwhile, four times what a stage keeps of them."""
+    gate, bag = tmp_path / "gate", tmp_path / "run"
+    arguments = node("x", "-p", f"directory:={bag}")[3:]
+    command = [sys.executable, str(ROOT / "test" / "stalling_recorder.py"), str(gate), *arguments]
+    with Process(command, domain) as process, Peer(domain) as peer:
+        peer.listen(Health)
+        publish(peer, 20)
+        until_written(peer, 21)
+        gate.touch()
+        peer.until(gate.with_suffix(".stalls").exists)
+        for number in range(20, 420):
+            peer.bus.publish(scan(number))
+            if number % 50 == 0:
+                assert peer.acknowledged(Scan)
+        gate.unlink()
+        until_written(peer, 421)
+        assert process.signal(signal.SIGTERM) == 0
+    assert opened(bag)["/sensors/slow"] == 420

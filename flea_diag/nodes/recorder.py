@@ -28,6 +28,8 @@ ALL = "all"
 MEGABYTE = 1_000_000
 WHOLE_EVERY_S = 0.5
 """So that a crash costs less than a second also where the disk or the processor is slow."""
+WAITING = 1000
+"""Messages of a topic that may wait: scans of ten seconds, should the disk answer no sooner."""
 PACKAGES = ("flea-diag", "numpy", "scipy", "numba", "mcap", "rosbags", "ros-rclpy", "rclpy")
 """Packages whose versions are kept in a bag."""
 
@@ -135,7 +137,7 @@ class Recorder:
                 self._clips.take(topic, name, data, stamp_ns, received_ns)
             self._messages += 1
 
-        self._bus.subscribe_raw(topic.record, write)
+        self._bus.subscribe_raw(topic.record, write, WAITING)
 
     def _make_whole(self) -> None:
         try:

@@ -147,11 +147,18 @@ class Bus(Generic[P]):
 
         return self.subscribe_raw(record_type, decoded)
 
-    def subscribe_raw(self, record_type: type, take: Callable[[bytes], None]) -> Stream:
-        """Call ``take`` with the bytes of each message as they came in."""
+    def subscribe_raw(
+        self, record_type: type, take: Callable[[bytes], None], depth: int | None = None
+    ) -> Stream:
+        """Call ``take`` with the bytes of each message as they came in.
+
+        ``depth`` messages may wait for it; that of the topic where it is not told.
+        """
         from rclpy.event_handler import SubscriptionEventCallbacks
 
         topic = TOPIC_OF[record_type]
+        if depth is None:
+            depth = READER_DEPTH if topic.latched else topic.depth
         stream = self.streams.setdefault(record_type, Stream(topic))
 
         def received(data: bytes) -> None:
@@ -175,7 +182,7 @@ class Bus(Generic[P]):
             codec.message_class(record_type),
             topic.name,
             received,
-            _qos(topic, READER_DEPTH if topic.latched else topic.depth),
+            _qos(topic, depth),
             event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
             qos_overriding_options=_overriding(),
             raw=True,
