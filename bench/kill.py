@@ -5,6 +5,7 @@ the other, each once the last one is back, and the stand at the end. Checked: re
 that open as they are, how soon the verdict is there again, and no verdict wrong at any time.
 
 scripts/kill                          20 runs
+scripts/kill --composed               the same with the diagnosis in one process
 scripts/kill --runs 1 --json -        one, its result as JSON
 """
 
@@ -29,11 +30,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 from live import Peer, Process
 
 from flea_diag.nodes.domain import reserved_domain
+from flea_diag.nodes.live_run import LISTENERS, MODULES
 from flea_diag.wire.bag import read_bag
 from flea_diag.wire.records import AmbiguityGroup, Outcome, Scan, Truth
 
-NODES = ("observer", "isolator", "extractor", "recorder", "console")
-MODULES = {**{name: f"flea_diag.nodes.{name}" for name in NODES}, "daq": "flea_sim_driver.daq_node"}
 FAULTS = ("jam", "motor_current_bias", "motor_temperature_bias", "winding_short", "nominal")
 ONSET_S = (5.0, 25.0)
 PAUSE_S = (0.5, 6.0)
@@ -42,6 +42,8 @@ LIMIT_S = 120.0
 """No wait takes this long, however busy the machine is."""
 MOST_LOST_S, MOST_BACK_S = 1.0, 1.5
 QUIET = (Outcome.NOMINAL, Outcome.NOT_OBSERVABLE)
+BLIND = "watched from"
+"""Words of a verdict by which it says that it does not know what was before."""
 
 
 @dataclass
@@ -69,6 +71,8 @@ class Result:
     bags: int = 0
     unreadable: list[str] = field(default_factory=list)
     verdicts: int = 0
+    blind: int = 0
+    """Of them healthy ones on a fault of before, which say from when on they watched."""
     wrong: list[str] = field(default_factory=list)
 
     def failures(self) -> list[str]:
@@ -87,9 +91,11 @@ class Result:
 class Campaign:
     """Runs one after the other; only processes of its own are killed."""
 
-    def __init__(self, seed: int, folder: Path) -> None:
+    def __init__(self, seed: int, folder: Path, composed: bool) -> None:
         self._random = random.Random(seed)
         self._folder = folder
+        self._nodes = (*LISTENERS[composed], "console")
+        self._options = ["--composed"] if composed else []
         self.result = Result()
 
     def run(self, number: int) -> None:
@@ -97,22 +103,16 @@ class Campaign:
         fault, onset_s = FAULTS[number % len(FAULTS)], self._random.uniform(*ONSET_S)
         bag = self._folder / f"run_{number}"
         arguments = ["--fault", fault, "--at", f"{onset_s:.2f}", "--for", "1200"]
-        command = [
-            sys.executable,
-            "-m",
-            "flea_diag.nodes.live_run",
-            "--headless",
-            "--bag",
-            str(bag),
-        ]
+        run = [sys.executable, "-m", "flea_diag.nodes.live_run", "--headless", "--bag", str(bag)]
+        command = [*run, *self._options, *arguments, "--seed", str(1000 + number)]
         with reserved_domain() as domain, Peer(domain) as peer:
             peer.bus.subscribe(AmbiguityGroup, peer.records.append)
             peer.bus.subscribe(Truth, peer.records.append)
-            with Process([*command, *arguments, "--seed", str(1000 + number)], domain) as process:
+            with Process(command, domain) as process:
                 process.wait_for("the stand starts", LIMIT_S)
                 peer.find(lambda r: isinstance(r, AmbiguityGroup), LIMIT_S)
                 start_s = time.time()
-                order = [*self._random.sample(NODES, len(NODES)), "daq"]
+                order = [*self._random.sample(self._nodes, len(self._nodes)), "daq"]
                 kills = [Kill(number, name, 0.0) for name in order]
                 stamps = [self._kill(kill, start_s + onset_s, peer, process) for kill in kills]
                 process.child.wait(LIMIT_S)
@@ -148,6 +148,9 @@ class Campaign:
                 continue
             self.result.verdicts += 1
             names = [member.fault for member in record.members]
+            if found and record.outcome in QUIET and BLIND in record.words:
+                self.result.blind += 1
+                continue
             if not truth:
                 right = record.outcome in QUIET
             elif names:
@@ -216,7 +219,7 @@ def _process_of(parent: int, module: str) -> int:
 def _told(result: Result) -> str:
     """A table: what each kind of process cost."""
     rows = [f"{'node':10} {'n':>3} {'away s':>14} {'verdict back s':>16} {'lost s':>14}"]
-    for name in (*NODES, "daq"):
+    for name in dict.fromkeys(kill.node for kill in result.kills):
         kills = [kill for kill in result.kills if kill.node == name]
         cells = [
             _range([getattr(k, what) for k in kills]) for what in ("away_s", "verdict_s", "lost_s")
@@ -224,7 +227,7 @@ def _told(result: Result) -> str:
         rows.append(f"{name:10} {len(kills):3} {cells[0]:>14} {cells[1]:>16} {cells[2]:>14}")
     rows.append(
         f"{result.bags} bags, {len(result.unreadable)} unreadable; {result.verdicts} verdicts, "
-        f"{len(result.wrong)} wrong"
+        f"{len(result.wrong)} wrong, {result.blind} blind to what was before, and said so"
     )
     return "\n".join(rows + result.failures())
 
@@ -243,13 +246,14 @@ def main() -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--runs", type=int, default=20, help="each kills each node once")
+    parser.add_argument("--composed", action="store_true", help="the diagnosis in one process")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", metavar="FILE", help="result as JSON, renewed each run; - here")
     parser.add_argument("--keep", metavar="DIR", help="bags and logs of the runs are kept there")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="flea_kill_") as passing:
         folder = given.keep or passing
-        campaign = Campaign(given.seed, Path(folder))
+        campaign = Campaign(given.seed, Path(folder), given.composed)
         for number in range(given.runs):
             campaign.run(number)
             print(

@@ -11,6 +11,8 @@ import numpy as np
 
 from flea_diag.configuration import make_pipeline
 from flea_diag.stages.stream_order import STREAM
+from flea_diag.tools.case_run import in_blocks
+from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelQuality,
@@ -234,8 +236,10 @@ class Passed:
 
 def diagnosed(records: Iterable[Record]) -> list[Record]:
     """All that the diagnoser says to these records."""
-    pipeline = make_pipeline(None)
-    said = [r for record in records for r in pipeline.handle(record)]
+    pipeline, said = make_pipeline(None), []
+    for record in in_blocks(records):
+        by_block = isinstance(record, ScanBlock)
+        said += pipeline.handle_block(record) if by_block else pipeline.handle(record)
     return said + list(pipeline.finish())
 
 

@@ -119,6 +119,18 @@ def test_without_the_verdict_the_fault_is_learned_away() -> None:
     assert not stands.of(Detection, stands.feed(stands.observer(), [stands.table(), *late]))
 
 
+def test_a_diagnosis_that_comes_late_says_from_when_on_it_watched() -> None:
+    """Observer and isolator at once, as a `diagnoser` that was killed: nobody is left to tell."""
+    late = FAULTS["motor_temperature_bias"]()[1700:]
+    stand = Stand()
+    stand.run(late)
+    stand.said += stand.pipeline.finish()
+    assert "watched from 17.00 s after the stand's start on" in stand.verdict.words
+    in_time = Stand()
+    in_time.run(stands.scans(healthy())[100:900])
+    assert "watched from" not in in_time.verdict.words
+
+
 def test_what_was_learned_of_the_unit_is_taken_over() -> None:
     first = Stand()
     scans = stands.scans(healthy())

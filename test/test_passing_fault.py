@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from flea_diag.configuration import make_pipeline
+from flea_diag.tools.case_run import in_blocks
 from flea_diag.wire.blocks import ScanBlock
-from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Scan
+from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome
 from flea_sim_driver.scenario import scenario_from_mapping
 from flea_sim_driver.stand import Stand
 
 ONSET_S, CLEARED_S, DURATION_S = 15.0, 25.0, 70.0
-BLOCK_SCANS = 500
 
 
 def told(fault: str, seed: int) -> list[Detection | AmbiguityGroup]:
@@ -25,22 +24,17 @@ def told(fault: str, seed: int) -> list[Detection | AmbiguityGroup]:
         "sensors": {"vibration": False},
     }
     stand = Stand(scenario_from_mapping(values, "passing"))
-    pipeline = make_pipeline(None, rearm_after_s=8.0)
-    scans, said = [], []
+    records = []
     while not stand.finished:
         if abs(stand.time_s - ONSET_S) < 0.05:
             stand.inject(fault)
         elif abs(stand.time_s - CLEARED_S) < 0.05:
             stand.clear()
-        for record in stand.advance():
-            if isinstance(record, Scan):
-                scans.append(record)
-            else:
-                said += pipeline.handle(record)
-    for first in range(0, len(scans), BLOCK_SCANS):
-        part = scans[first : first + BLOCK_SCANS]
-        stamps, rows = [r.stamp_ns for r in part], [r.values for r in part]
-        said += pipeline.handle_block(ScanBlock(np.array(stamps), part[0].channels, np.array(rows)))
+        records += stand.advance()
+    pipeline, said = make_pipeline(None, rearm_after_s=8.0), []
+    for record in in_blocks(records):
+        by_block = isinstance(record, ScanBlock)
+        said += pipeline.handle_block(record) if by_block else pipeline.handle(record)
     said += pipeline.finish()
     return [record for record in said if isinstance(record, Detection | AmbiguityGroup)]
 

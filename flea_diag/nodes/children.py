@@ -78,7 +78,7 @@ class Children:
             stderr=None if keys else self._log,
             # Ctrl-C is for us, we end them in order; but only our own session has the keys.
             start_new_session=not keys,
-            preexec_fn=_end_with_parent,
+            preexec_fn=end_with_parent,
         )
 
     def ended(self, name: str) -> bool:
@@ -144,6 +144,6 @@ class Children:
             child.wait()
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Have the kernel end this child when its parent is killed."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)

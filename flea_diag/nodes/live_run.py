@@ -33,11 +33,18 @@ from flea_diag.wire.records import (
     Truth,
 )
 
-LISTENERS = ("observer", "isolator", "extractor", "recorder")
-"""They report their health, so it is known when they are ready."""
+LISTENERS = {
+    False: ("observer", "isolator", "extractor", "recorder"),
+    True: ("diagnoser", "recorder"),
+}
+"""By whether the diagnosis is one process. They report their health: it is known when they are
+ready."""
 
 MODULES = {
-    **{name: f"flea_diag.nodes.{name}" for name in (*LISTENERS, "console", "web")},
+    **{
+        name: f"flea_diag.nodes.{name}"
+        for name in (*LISTENERS[False], *LISTENERS[True], "console", "web")
+    },
     "daq": "flea_sim_driver.daq_node",
 }
 READY_S = 180.0
@@ -51,6 +58,7 @@ class Run:
 
     def __init__(self, options: argparse.Namespace, bus: Bus[Any], children: Children) -> None:
         self._options, self._bus, self._children = options, bus, children
+        self._listeners = LISTENERS[options.composed]
         self._healthy: set[str] = set()
         self._latest: AmbiguityGroup | None = None
         self.interrupted = False
@@ -66,8 +74,8 @@ class Run:
 
     def execute(self) -> None:
         """Start the listeners, then the stand; return when the stand has ended."""
-        say("starting observer, isolator, extractor, recorder and console")
-        for name in LISTENERS:
+        say(f"starting {', '.join(self._listeners)} and console")
+        for name in self._listeners:
             self._children.start(name, MODULES[name], self._parameters(name))
         keys = not self._plain()
         given = self._parameters("console")
@@ -84,9 +92,10 @@ class Run:
             self._until(self._verdict_is_last, LAST_VERDICT_S, "the last verdict", needed=False)
 
     def _all_listen(self) -> bool:
-        # Observer, console, recorder and page listen to the verdict, besides ourselves.
-        needed = 4 + self._options.web
-        return self._healthy >= set(LISTENERS) and self._bus.subscribers(AmbiguityGroup) >= needed
+        # Console, recorder, page and a separate observer listen to the verdict, besides ourselves.
+        needed = 3 + self._options.web + ("observer" in self._listeners)
+        heard = self._bus.subscribers(AmbiguityGroup) >= needed
+        return heard and self._healthy >= set(self._listeners)
 
     def _verdict_is_last(self) -> bool:
         return self._latest is not None and self._latest.stale
@@ -172,6 +181,9 @@ def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
         help="length of the run (default: 30)",
     )
     parser.add_argument("--headless", action="store_true", help="one line a change, no page")
+    parser.add_argument(
+        "--composed", action="store_true", help="the diagnosis in one process, the diagnoser"
+    )
     parser.add_argument("--web", action="store_true", help="also the page in a browser")
     parser.add_argument("--scenario", default="nominal", help="name or file (default: nominal)")
     parser.add_argument("--seed", type=int, help="of the simulated unit and its noise")

@@ -144,6 +144,7 @@ class IsolatorStage:
                 row.name for row in record.channels if row.name.startswith("accelerometer")
             )
             self._standing.mismatch = mismatch(self._k.calibration, record)
+            self._standing.table_ns = record.stamp_ns
         return ()
 
     # --- what arrives -----------------------------------------------------------------

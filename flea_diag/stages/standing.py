@@ -31,6 +31,8 @@ class Standing:
     axes: tuple[str, ...] = ()
     mismatch: str = ""
     bad: tuple[str, ...] = ()
+    table_ns: int = NEVER_NS
+    """When the stand began: the stamp of its channel table."""
     first_ns: int = NEVER_NS
     unit_ns: int = NEVER_NS
     """Since when another unit than at the start is in use."""
@@ -38,6 +40,8 @@ class Standing:
     """What the observer has learned of this unit."""
     counters: tuple[tuple[str, int], ...] = ()
     """What was wrong with the data so far: ``channel/counter`` and how often."""
+    began_ns: int = NEVER_NS
+    """First scan of the observer that is there now."""
     returned_ns: int = NEVER_NS
     """First scan of an observer that has come back in mid-run."""
     moved: int = 0
@@ -51,7 +55,7 @@ class Standing:
         """What the observer says of the data; whether it is another one than at our first scan."""
         self.bad = tuple(row.channel for row in quality.channels if row.quality in UNUSABLE)
         self.offsets, self.counters = quality.offsets, wrong_samples(quality)
-        began_ns = max(
+        began_ns = self.began_ns = max(
             (row.since_ns for row in quality.channels if row.channel == STREAM), default=0
         )
         known_ns = max(self.first_ns, self.returned_ns)

@@ -43,6 +43,8 @@ UNTOLD = (
     "readings leave the state observer's prediction; no relation that would say which fault has "
     "deviated yet"
 )
+LATE_S = 2.0
+"""A stand that began so long before the observer's first scan was not watched meanwhile."""
 LEFT = "an episode from before observer and isolator came back: what was found of it is lost"
 NEEDED = ("motor_current", "load_force", "actuator_position")
 """Without these the stand shows too little of the actuator to say anything."""
@@ -147,7 +149,7 @@ class Verdict:
             suffix += (
                 f"; another unit since {since_s:.2f} s after the start, its offsets learned anew"
             )
-        suffix += _returned(standing, episode)
+        suffix += _missed(standing) + _returned(standing, episode)
         return AmbiguityGroup(
             stamp_ns=stamp_ns,
             outcome=outcome,
@@ -188,6 +190,19 @@ class Verdict:
             if fault.vibration and fault.approach == "data"
         )
         return unheard + self._unseen
+
+
+def _missed(standing: Standing) -> str:
+    """What it means that nobody watched the stand when it began."""
+    if NEVER_NS in (standing.table_ns, standing.began_ns) or standing.returned_ns != NEVER_NS:
+        return ""
+    late_s = (standing.began_ns - standing.table_ns) / 1e9
+    if late_s < LATE_S:
+        return ""
+    return (
+        f"; watched from {late_s:.2f} s after the stand's start on: a fault of before may pass for "
+        "this unit's own"
+    )
 
 
 def _returned(standing: Standing, episode: Episode | None) -> str:

@@ -107,7 +107,7 @@ def diagnose(records: Iterable[Record], stage: Stage) -> Diagnosis:
     done = Diagnosis()
     clock = time.process_time
     by_block = getattr(stage, "handle_block", None)
-    for record in records if by_block is None else _in_blocks(records):
+    for record in records if by_block is None else in_blocks(records):
         if isinstance(record, Truth):
             done.truths.append(record)
             done.trace.add(record)
@@ -123,7 +123,7 @@ def diagnose(records: Iterable[Record], stage: Stage) -> Diagnosis:
     return done
 
 
-def _in_blocks(records: Iterable[Record]) -> Iterator[Record | ScanBlock]:
+def in_blocks(records: Iterable[Record]) -> Iterator[Record | ScanBlock]:
     """The same records, scans that follow on one another as blocks."""
     for kind, part in groupby(records, key=_layout):
         if kind is None:
