@@ -20,7 +20,7 @@ from flea_diag.configuration import load_features
 from flea_diag.core.features import compute_all
 from flea_diag.core.window import Window
 from flea_diag.tools.feature_bench import AXES, bench_window, costs_s, library_s
-from flea_diag.tools.feature_study import study
+from flea_diag.tools.feature_study import Plan, study
 
 ROUNDS = 7
 SEEDS = range(7000, 7003)
@@ -88,7 +88,7 @@ def features() -> None:
 
 def lazy() -> None:
     """Lazy over always, on diagnosed runs."""
-    runs = study(FAULTS, SEEDS, "feature_table.yaml")
+    runs = list(study(Plan(FAULTS), SEEDS))
     lazy_s, eager_s = fmean(r.lazy_s for r in runs), fmean(r.eager_s for r in runs)
     print(f"{len(runs)} runs of 22 s, {fmean(len(r.features) for r in runs):.1f} features each")
     print(f"lazy {lazy_s * 1e3:.1f} ms, always {eager_s * 1e3:.1f} ms: {lazy_s / eager_s:.2%}")

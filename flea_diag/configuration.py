@@ -17,6 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
+import numpy as np
 import yaml
 
 from flea_diag.core import calibration as calibrations
@@ -27,8 +28,10 @@ from flea_diag.core.diagnosis_tree import Node, asked_tree
 from flea_diag.core.fault import Fault, catalogue
 from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.feature_table import FaultFeatureTable
+from flea_diag.core.features import compute_all
 from flea_diag.core.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.signature import SignatureTable, signature_table
+from flea_diag.core.window import Window
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.stages import Stage
 from flea_diag.stages.extractor import ExtractorParameters, ExtractorStage
@@ -36,7 +39,7 @@ from flea_diag.stages.isolator import IsolatorParameters, IsolatorStage, Knowled
 from flea_diag.stages.observer import ObserverParameters, ObserverStage
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.parameters import parameter
-from flea_diag.wire.records import Scan
+from flea_diag.wire.records import Scan, VibrationBlock
 
 LARGEST_YAML_BYTES = 1 << 20
 WARM_UP_SCANS = 60
@@ -252,19 +255,29 @@ class Component(Generic[P]):
         return stage
 
     def warm_up(self, parameters: Any) -> None:
-        """Compile and load what a stage needs for its scans, on one that nobody sees.
+        """Compile and load what a stage needs for its scans and features; nobody sees of it.
 
         Else the first scan waits for that, for a minute where nothing is compiled yet, and
-        those after it are lost.
+        those after it are lost; and the first answer to a request comes late.
         """
         stage = self.make(parameters)
         if Scan not in stage.consumes:
             return
+        if VibrationBlock in stage.consumes:
+            _warm_up_features(load_features(parameters.features))
         calibration = load_calibration(parameters.calibration)
         channels, period_ns = calibration.channels, round(calibration.period_s * 1e9)
         for number in range(WARM_UP_SCANS):
             values = tuple(1e-3 * number * column for column in range(1, len(channels) + 1))
             stage.handle(Scan((1 + number) * period_ns, channels, values))
+
+
+def _warm_up_features(table: FaultFeatureTable) -> None:
+    """Every feature of a table once, on a made-up second of two accelerometers."""
+    points = 1 + round(table.nominal.rate_hz or 1000.0)
+    wave = np.sin(np.outer(np.arange(points) ** 1.5, np.arange(1.0, 7.0)))
+    axes = tuple(f"accelerometer_{number}_{axis}" for number in (1, 2) for axis in "xyz")
+    compute_all(table.features, Window(wave, points - 1.0, axes, wave[:, 0], {}, np.zeros(0)))
 
 
 def _observer(values: Any) -> ObserverStage:

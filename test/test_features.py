@@ -215,6 +215,19 @@ def test_current_regression_returns_the_coefficients_that_made_the_current() -> 
     assert compute("motor_current_viscous", window) == pytest.approx(5e-3, rel=1e-6)
 
 
+def test_voltage_regression_returns_resistance_and_back_emf_constant() -> None:
+    time = np.arange(100) / 100.0
+    speed, current = 60.0 * np.sin(8.0 * time), 1.0 + np.cos(5.0 * time)
+    window = scans(
+        motor_speed=speed, motor_current=current, motor_voltage=0.2 + 3.1 * current + 0.06 * speed
+    )
+    assert compute("motor_voltage_current", window) == pytest.approx(3.1, rel=1e-6)
+    assert compute("motor_voltage_speed", window) == pytest.approx(0.06, rel=1e-6)
+    still = scans(motor_speed=np.zeros(100), motor_current=current, motor_voltage=current)
+    with pytest.raises(NotComputableError, match="tell current and speed apart"):
+        compute("motor_voltage_speed", still)
+
+
 def test_heating_is_the_slope() -> None:
     window = scans(motor_temperature=24.0 + 0.06 * np.arange(100) / 100.0)
     assert compute("motor_heating", window) == pytest.approx(0.06, rel=1e-9)

@@ -20,6 +20,7 @@ REVERSAL_S = 0.03
 """Half width of the stretch around a reversal in which backlash strikes."""
 
 LEVEL_S = 0.01
+FEWEST_SCANS = 20
 WORST_CONDITION = 50.0
 """Of the scaled regression; beyond it the coefficients are noise."""
 
@@ -112,6 +113,16 @@ def current_viscous(window: Window) -> float:
     return _friction(window)[1]
 
 
+def voltage_speed(window: Window) -> float:
+    """Motor voltage that goes with the speed, V s/rad: v = a + r i + k w, the back-EMF constant."""
+    return _circuit(window)[1]
+
+
+def voltage_current(window: Window) -> float:
+    """Motor voltage that goes with the current, ohm: v = a + r i + k w, the winding resistance."""
+    return _circuit(window)[0]
+
+
 def motor_heating(window: Window) -> float:
     """Slope of the motor temperature over the window, K/s."""
     return _slope(window, "motor_temperature")
@@ -136,13 +147,37 @@ def _friction(window: Window) -> tuple[float, float]:
         raise NotComputableError(
             f"only {len(design)} scans in the window are faster than {REST_RAD_S:g} rad/s"
         )
+    current = window.channel("motor_current")[moving]
+    found = _coefficients(design, current, "sgn(w), w and load")
+    return found[0], found[1]
+
+
+@shared
+def _circuit(window: Window) -> tuple[float, float]:
+    """Coefficients of the current and of the speed in the motor voltage.
+
+    Bypassed turns lower both: the motor needs less voltage for its speed, and for its current.
+    """
+    current, speed = window.channel("motor_current"), window.channel("motor_speed")
+    if len(speed) < FEWEST_SCANS:
+        raise NotComputableError(f"only {len(speed)} scans lie in the window")
+    design = np.stack([current, speed, np.ones(len(speed))], axis=1)
+    found = _coefficients(design, window.channel("motor_voltage"), "current and speed")
+    return found[0], found[1]
+
+
+def _coefficients(design: Floats, values: Floats, what: str) -> list[float]:
+    """Least squares; refused where the motion does not tell the columns apart.
+
+    design : (scans, columns), values : (scans,)
+    """
     scale = np.sqrt(np.mean(np.square(design), axis=0))
     scale[scale == 0.0] = 1.0
     singular = np.linalg.svd(design / scale, compute_uv=False)
     if singular[0] > WORST_CONDITION * singular[-1]:
-        raise NotComputableError("the motion in the window does not tell sgn(w), w and load apart")
-    solution = np.linalg.lstsq(design / scale, window.channel("motor_current")[moving])[0] / scale
-    return float(solution[0]), float(solution[1])
+        raise NotComputableError(f"the motion in the window does not tell {what} apart")
+    solution = np.linalg.lstsq(design / scale, values)[0] / scale
+    return [float(value) for value in solution]
 
 
 def _turns(values: Floats, band: float) -> npt.NDArray[np.intp]:

@@ -33,6 +33,7 @@ class Window:
     slow : channel name to (scans,) values in SI units, with ``slow_time_s`` (scans,) counted
         from the first sample
     orders : name of a ball-pass line to its order (events per shaft revolution)
+    start_s : time of the first sample, after that at which the window was asked to begin
 
     Spectra are computed once and shared by all features of the same window (`shared`).
     """
@@ -44,6 +45,7 @@ class Window:
     slow: Mapping[str, Floats] = field(default_factory=dict)
     slow_time_s: Floats = field(default_factory=lambda: np.empty(0))
     orders: Mapping[str, float] = field(default_factory=dict)
+    start_s: float = 0.0
     results: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -135,6 +137,15 @@ class Window:
             samples=self.samples[:, columns],
             axes=tuple(self.axes[k] for k in columns),
         )
+
+    def moved(
+        self, speed_rad_s: Floats | None, slow: Mapping[str, Floats], slow_time_s: Floats
+    ) -> Window:
+        """The same samples with their motion; what was computed of them need not be again."""
+        found = replace(self, speed_rad_s=speed_rad_s, slow=slow, slow_time_s=slow_time_s)
+        found.results.update(self.results)
+        found.__dict__.update(self.__dict__ | found.__dict__)  # cached properties
+        return found
 
     @property
     def accelerometers(self) -> tuple[str, ...]:

@@ -67,10 +67,7 @@ class ScanRing:
     def operating_point(self, start_ns: int, end_ns: int) -> OperatingPoint:
         """Root mean square of speed and load over the scans inside a window."""
         scans = self._inside(start_ns, end_ns)
-        return OperatingPoint(
-            _rms([scan.value("motor_speed") for scan in scans]),
-            _rms([scan.value("load_force") for scan in scans]),
-        )
+        return OperatingPoint(_rms(scans, "motor_speed"), _rms(scans, "load_force"))
 
     def _inside(self, start_ns: int, end_ns: int) -> list[Scan]:
         # A block may hold some that are too old by now.
@@ -102,6 +99,13 @@ def interpolated(
     return np.interp(times_s, at_s[known], values[known])
 
 
-def _rms(values: list[float]) -> float:
+def _rms(scans: list[Scan], channel: str) -> float:
+    """Root mean square of a channel; NaN where no scan carries it."""
+    names = scans[-1].channels if scans else ()
+    place = names.index(channel) if channel in names else -1
+    values = [
+        scan.values[place] if place >= 0 and scan.channels == names else scan.value(channel)
+        for scan in scans
+    ]
     known = [value for value in values if math.isfinite(value)]
-    return math.sqrt(math.fsum(v * v for v in known) / len(known)) if known else math.nan
+    return math.sqrt(math.fsum([v * v for v in known]) / len(known)) if known else math.nan

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flea_diag.core.features import FeatureId, Scope
 from flea_diag.core.nominal_range import OperatingPoint
 from flea_diag.core.window import NotComputableError, Window
 from flea_diag.stages.scan_ring import SECOND_NS, ScanRing, interpolated
@@ -55,12 +54,10 @@ class Windows:
         """Root mean square of speed and load over a window."""
         return self.scans.operating_point(start_ns, end_ns)
 
-    def cut_for(self, wanted: FeatureId, start_ns: int, end_ns: int) -> Window:
-        """Window with no more in it than one feature needs."""
-        if wanted.feature.scope is Scope.SCANS:
-            slow, times_s = self.scans.columns(start_ns, end_ns)
-            return Window(np.empty((0, 0)), 1.0, (), None, slow, times_s)
-        return self.cut(start_ns, end_ns, wanted.accelerometer, wanted.feature.needs_scans)
+    def motion(self, start_ns: int, end_ns: int) -> Window:
+        """Window of the scans alone, without any vibration."""
+        slow, times_s = self.scans.columns(start_ns, end_ns)
+        return Window(np.empty((0, 0)), 1.0, (), None, slow, times_s)
 
     def cut(
         self, start_ns: int, end_ns: int, accelerometer: str = "", with_motion: bool = True
@@ -74,21 +71,22 @@ class Windows:
         """
         columns = self._columns(accelerometer)
         stretch = self.vibration.cut(start_ns, end_ns, columns)
-        if not with_motion:
-            return Window(stretch.samples, stretch.rate_hz, stretch.axes, orders=self.orders)
-        shift_s = (stretch.start_ns - start_ns) / SECOND_NS
-        sample_times_s = shift_s + np.arange(len(stretch.samples)) / stretch.rate_hz
-        slow, times_s = self.scans.columns(start_ns, end_ns)
-        speed = slow.get("motor_speed", np.empty(0))
-        return Window(
+        window = Window(
             stretch.samples,
             stretch.rate_hz,
             stretch.axes,
-            interpolated(speed, times_s, sample_times_s, self.scans.gap_limit_s),
-            slow,
-            times_s - shift_s,
-            self.orders,
+            orders=self.orders,
+            start_s=(stretch.start_ns - start_ns) / SECOND_NS,
         )
+        return self.moved(window, start_ns, end_ns) if with_motion else window
+
+    def moved(self, window: Window, start_ns: int, end_ns: int) -> Window:
+        """A window that was cut from here without its motion, now with it."""
+        sample_times_s = window.start_s + np.arange(window.count) / window.rate_hz
+        slow, times_s = self.scans.columns(start_ns, end_ns)
+        speed = slow.get("motor_speed", np.empty(0))
+        at_samples = interpolated(speed, times_s, sample_times_s, self.scans.gap_limit_s)
+        return window.moved(at_samples, slow, times_s - window.start_s)
 
     def _columns(self, accelerometer: str) -> tuple[int, ...]:
         axes = self.vibration.axes

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -35,6 +36,7 @@ from flea_diag.tools.feature_runs import labelled_runs, seeds_of
 from flea_diag.tools.feature_samples import Run
 from flea_diag.tools.feature_stand import SEVERITIES
 from flea_diag.tools.feature_table_file import Making, table_mapping, write_table
+from flea_diag.tools.terminal import progress
 from flea_diag.tools.tree_picture import draw_tree
 
 KEPT = ("accelerometer_1_std", "accelerometer_2_std", "accelerometer_2_nut_line")
@@ -151,17 +153,27 @@ def _compare(arguments: argparse.Namespace, runs: Sequence[Run], group: Sequence
 
 def _study(arguments: argparse.Namespace) -> int:
     from flea_diag.tools import feature_study as study
+    from flea_diag.tools import study_report as told
 
-    faults = [name for name in arguments.faults.split(",") if name]
+    faults = tuple(name for name in arguments.faults.split(",") if name)
     _known(faults, SEVERITIES, "study")
     if arguments.draw:
         require("plot", "--draw")
-    runs = study.study(faults, seeds_of(arguments.stand), arguments.table, arguments.jobs)
-    print(study.study_report(runs))
-    if arguments.json:
-        study.write_study(arguments.json, runs)
+    plan = study.Plan(faults, arguments.table, arguments.classifier)
+    seeds = seeds_of(arguments.stand)
+    runs: list[study.Study] = []
+    begun_s = time.monotonic()
+    for run in study.study(plan, seeds, jobs=arguments.jobs):
+        runs.append(run)
+        count = len(seeds) * len(faults)
+        left_min = (time.monotonic() - begun_s) / 60.0 * (count / len(runs) - 1.0)
+        said = f"{run.fault} {run.seed}: {', '.join(run.group)}; {left_min:.0f} min left"
+        progress(len(runs), count, said)
+        if arguments.json:
+            told.write_study(arguments.json, runs)  # what is done is kept, whatever comes
+    print(told.study_report(runs))
     if arguments.draw:
-        study.draw_study(arguments.draw, runs)
+        told.draw_study(arguments.draw, runs)
     return 0
 
 

@@ -9,30 +9,26 @@ from __future__ import annotations
 import gc
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
-from dataclasses import asdict, dataclass
-from functools import partial
-from itertools import pairwise
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from flea_diag.configuration import load_features, make_pipeline
+from flea_diag.core.classifier import Classifier
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.core.features import compute_all
 from flea_diag.core.nominal_range import MOVING_RAD_S
 from flea_diag.core.window import NotComputableError
-from flea_diag.errors import ConfigurationError
 from flea_diag.stages.extractor import ExtractorStage
 from flea_diag.stages.scan_ring import SECOND_NS
 from flea_diag.stages.windows import Windows
-from flea_diag.tools.extra import require
+from flea_diag.tools.feature_bench import FLEA_SCREW
+from flea_diag.tools.feature_classifier import call, read_classifier
+from flea_diag.tools.feature_judge import judge
+from flea_diag.tools.feature_samples import Grid, Run, run_of
 from flea_diag.tools.feature_stand import drawn_scenario
-from flea_diag.tools.interval import wilson
-from flea_diag.tools.terminal import write_json
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
@@ -40,6 +36,7 @@ from flea_diag.wire.records import (
     FeatureValue,
     Record,
     Scan,
+    Truth,
     VibrationBlock,
 )
 from flea_sim_driver.scenario import scenario_from_mapping
@@ -47,17 +44,29 @@ from flea_sim_driver.stand import Stand
 
 ONSET_S = 8.0
 DURATION_S = 22.0
-MOVED_S = 2.0
-"""Motion that a fault needs to show: with the small strokes some runs hardly move at all."""
+WINDOWS = 3
+"""Windows in motion that features alone, and the classifier, may use: as many as an episode."""
 
 EVERY_S = 1.0
 """Computing always: all features of the table, once a second of data."""
 
 
 @dataclass(frozen=True)
+class Plan:
+    """What all runs of a study have in common: the faults, by what they are told apart."""
+
+    faults: tuple[str, ...]
+    table: str = "feature_table.yaml"
+    classifier: Path | None = None
+
+
+@dataclass(frozen=True)
 class Study:
     """One run: what was there, what was said of it, and what vibration cost (CPU seconds).
 
+    ``group``: what the whole diagnosis leaves, which is told of nothing. ``alone``: what features
+    alone leave of the faults of the study, on the first windows in motion after the onset.
+    ``called``: the classifier's word for the same windows, of all its classes, nominal among them.
     ``moved_s``: how long the shaft turned after the onset. ``lazy_s``: blocks kept, sentinel,
     decoding, the features asked for. ``eager_s``: decoding, and all features of the table every
     second, spectra shared.
@@ -72,6 +81,8 @@ class Study:
     answer_ms: float
     lazy_s: float
     eager_s: float
+    alone: tuple[str, ...] = ()
+    called: str = ""
 
     @property
     def resolved(self) -> bool:
@@ -83,20 +94,30 @@ class Study:
         """Whether the truth is among what is left."""
         return self.fault in self.group
 
+    @property
+    def told(self) -> bool:
+        """Whether features alone leave the truth alone."""
+        return self.alone == (self.fault,)
 
-def study_run(job: tuple[str, int], table_name: str) -> Study:
+    @property
+    def classified(self) -> bool:
+        """Whether the classifier names the truth."""
+        return self.called == self.fault
+
+
+def study_run(fault: str, seed: int, plan: Plan) -> Study:
     """Simulate and diagnose one run."""
-    fault, seed = job
     mapping = drawn_scenario(seed, fault, DURATION_S, ONSET_S)
     stand = Stand(scenario_from_mapping(mapping, f"seed {seed}"))
-    records = [r for r in stand if isinstance(r, ChannelTable | Scan | VibrationBlock)]
+    records = [r for r in stand if isinstance(r, ChannelTable | Scan | VibrationBlock | Truth)]
     pipeline = make_pipeline(None)
     said = [caused for record in records for caused in pipeline.handle(record)]
     said += pipeline.finish()
     groups = [record for record in said if isinstance(record, AmbiguityGroup)]
     requests = [record for record in said if isinstance(record, FeatureRequest)]
     answers = [record for record in said if isinstance(record, FeatureValue)]
-    table = load_features(table_name)
+    table, run = load_features(plan.table), after_onset(records)
+    walks = judge([run], table, plan.faults, windows=WINDOWS)
     return Study(
         fault,
         seed,
@@ -107,7 +128,23 @@ def study_run(job: tuple[str, int], table_name: str) -> Study:
         max((answer.cost_ms for answer in answers), default=0.0),
         lazy_s(records, requests, table),
         eager_s(records, table),
+        walks[0].left if walks else (),
+        called(run, read_classifier(plan.classifier)) if plan.classifier else "",
     )
+
+
+def after_onset(records: Sequence[Record]) -> Run:
+    """All features of every window in which the fault was there throughout."""
+    truths = [record for record in records if isinstance(record, Truth)]
+    onset_ns = max((truth.onset_ns for truth in truths), default=0)
+    late = [record for record in records if record.stamp_ns >= onset_ns]
+    return run_of("", late, truths, Grid(orders=FLEA_SCREW.orders()))
+
+
+def called(run: Run, classifier: Classifier) -> str:
+    """The class that the classifier finds most probable; empty where the shaft stands still."""
+    found = call([run], classifier, classifier.faults, WINDOWS)
+    return found[0].called if found else ""
 
 
 def moved_s(records: Sequence[Record]) -> float:
@@ -163,111 +200,13 @@ def cpu_s(work: Callable[[], None], rounds: int = 3) -> float:
     return least
 
 
-def study(faults: Iterable[str], seeds: Iterable[int], table: str, jobs: int = 1) -> list[Study]:
-    """Runs of each fault with each seed; ``jobs`` processes share the work."""
-    todo = [(fault, seed) for seed in seeds for fault in faults]
-    work = partial(study_run, table_name=table)
+def study(
+    plan: Plan, seeds: Iterable[int], faults: Sequence[str] = (), jobs: int = 1
+) -> Iterator[Study]:
+    """Runs of each fault with each seed as they are done, in order; ``jobs`` processes."""
+    todo = [(fault, seed, plan) for seed in seeds for fault in faults or plan.faults]
     if jobs == 1:
-        return [work(job) for job in todo]
+        yield from (study_run(*job) for job in todo)
+        return
     with ProcessPoolExecutor(jobs) as pool:
-        return list(pool.map(work, todo))
-
-
-def study_report(runs: Sequence[Study]) -> str:
-    """What was resolved, by fault and by third of the sizes, and what it cost."""
-    lines = [f"{'fault':24s}{'n':>5s}{'resolved':>10s}{'95 %':>17s}{'kept':>7s}{'features':>10s}"]
-    for fault in dict.fromkeys(run.fault for run in runs):
-        rows = [run for run in runs if run.fault == fault]
-        lines.append(_line(fault, rows))
-        lines += [_line(f"  size {_span(part)}", part) for part in thirds(rows)]
-    lines.append(_line("all", runs))
-    moved = [run for run in runs if run.moved_s >= MOVED_S]
-    if moved:
-        lines.append(_line(f"  {MOVED_S:g} s in motion", moved))
-    ratio = sum(run.lazy_s for run in runs) / sum(run.eager_s for run in runs)
-    answer = np.array([run.answer_ms for run in runs])
-    lines.append(f"lazy over always: {ratio:.2%} of CPU; slowest answer {answer.max():.1f} ms")
-    lines += [
-        f"  {run.fault} seed {run.seed} size {run.size:.3g}: {', '.join(run.group) or 'nothing'}"
-        for run in runs
-        if not run.resolved
-    ]
-    return "\n".join(lines)
-
-
-def thirds(runs: Sequence[Study]) -> list[list[Study]]:
-    """Runs by size in three parts, smallest first; all that have one size in one part."""
-    ordered = sorted(runs, key=lambda run: run.size)
-    cuts = [round(len(ordered) * k / 3) for k in range(4)]
-    return [ordered[a:b] for a, b in pairwise(cuts) if b > a]
-
-
-def write_study(path: Path, runs: Sequence[Study]) -> None:
-    """Write one row a run as JSON.
-
-    Raises
-    ------
-    ConfigurationError
-        When the file cannot be written.
-    """
-    rows = [{**asdict(run), "resolved": run.resolved, "kept": run.kept} for run in runs]
-    write_json(str(path), {"schema_version": 1, "runs": rows})
-
-
-def draw_study(path: Path, runs: Sequence[Study]) -> None:
-    """Draw the share resolved against the size of each fault, with Wilson's intervals.
-
-    Raises
-    ------
-    ConfigurationError
-        Without matplotlib, or where the file cannot be written.
-    """
-    require("plot", str(path))
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    faults = list(dict.fromkeys(run.fault for run in runs))
-    with pyplot.rc_context({"svg.hashsalt": "study", "font.size": 9}):
-        figure, row = pyplot.subplots(
-            1, len(faults), figsize=(3.0 * len(faults), 2.8), sharey=True, squeeze=False
-        )
-        for axes, fault in zip(row[0], faults, strict=True):
-            _curve(axes, [run for run in runs if run.fault == fault and run.size > 0.0])
-            axes.set_title(fault)
-        row[0][0].set_ylabel("resolved to the truth")
-        figure.tight_layout()
-        try:
-            figure.savefig(path)
-        except (OSError, ValueError) as error:
-            raise ConfigurationError(f"{path}: cannot be written: {error}") from error
-        finally:
-            pyplot.close(figure)
-
-
-def _curve(axes: Any, runs: Sequence[Study]) -> None:
-    """One point a third of the sizes, at its median."""
-    for part in thirds(runs):
-        hits, n = sum(run.resolved for run in part), len(part)
-        low, high = wilson(hits, n)
-        size = part[n // 2].size
-        axes.plot([size, size], [low, high], color="0.6")
-        axes.plot(size, hits / n, "o", color="tab:blue")
-        axes.annotate(f"{hits}/{n}", (size, hits / n), (4, -10), textcoords="offset points")
-    axes.set_xscale("log")
-    axes.set_ylim(0.0, 1.05)
-    axes.set_xlabel("size of the fault")
-
-
-def _span(runs: Sequence[Study]) -> str:
-    return f"{runs[0].size:.3g} to {runs[-1].size:.3g}"
-
-
-def _line(name: str, runs: Sequence[Study]) -> str:
-    n, hits = len(runs), sum(run.resolved for run in runs)
-    low, high = wilson(hits, n)
-    kept = sum(run.kept for run in runs) / n
-    asked = sum(len(run.features) for run in runs) / n
-    interval = f"{low:.3f} to {high:.3f}"
-    return f"{name:24s}{n:5d}{hits / n:10.3f}{interval:>17s}{kept:7.3f}{asked:10.2f}"
+        yield from pool.map(study_run, *zip(*todo, strict=True))

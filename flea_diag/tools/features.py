@@ -67,7 +67,12 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--table", default="feature_table.yaml", help="to choose and cost by")
     parser.add_argument("--jobs", type=count, default=1, help="processes that simulate")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="one row a run")
+    parser.add_argument(
+        "--classifier", type=Path, metavar="FILE", help="what this one calls the same runs"
+    )
+    parser.add_argument(
+        "--json", type=Path, metavar="OUT", help="one row a run, written after each"
+    )
     parser.add_argument("--draw", type=Path, metavar="OUT", help="accuracy against fault size")
 
 
