@@ -12,8 +12,15 @@ from hypothesis import strategies as st
 
 from flea_diag.configuration import load_features
 from flea_diag.core.diagnosis_tree import Node, asked_tree, build, follow, leaves, render
-from flea_diag.core.fault_group import entropy, normalised, refine, refine_side
-from flea_diag.core.feature_choice import STRATEGIES, FeatureChooser, Rules, next_feature
+from flea_diag.core.fault_group import entropy, normalised, outcomes, refine, refine_side
+from flea_diag.core.feature_choice import (
+    RAREST,
+    STRATEGIES,
+    FeatureChooser,
+    Rules,
+    _Question,
+    next_feature,
+)
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.errors import ConfigurationError
 
@@ -309,3 +316,19 @@ def test_a_tree_goes_on_as_planned_after_an_answer_that_never_came() -> None:
     assert set(unanswered.node.faults) == set(DRAG)
     assert unanswered.node.feature == chooser.next(normalised(group), (first,))
     assert asked_tree(group, chooser, ()) == build(group, chooser)
+
+
+@given(st.data())
+def test_all_answers_at_once_are_those_of_bayes_one_by_one(data: st.DataObject) -> None:
+    table = load_features("feature_table.yaml")
+    faults = sorted(data.draw(st.sets(st.sampled_from(table.faults), min_size=2, max_size=6)))
+    odds = st.floats(0.0, 1.0).filter(lambda p: p == 0.0 or p > 1e-6)
+    group = {fault: data.draw(odds) for fault in faults}
+    assume(math.fsum(group.values()) > 0.0)
+    question = _Question(normalised(group), table, dict(table.costs), Rules())
+    for feature in table.features[::5]:
+        expected = list(outcomes(question.group, table, feature, rarest=RAREST).values())
+        found = question.answers(feature)
+        assert [p for p, _ in found] == pytest.approx([p for p, _ in expected])
+        for (_, left), (_, wanted) in zip(found, expected, strict=True):
+            assert left == pytest.approx(wanted)

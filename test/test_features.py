@@ -224,8 +224,11 @@ def test_voltage_regression_returns_resistance_and_back_emf_constant() -> None:
     assert compute("motor_voltage_current", window) == pytest.approx(3.1, rel=1e-6)
     assert compute("motor_voltage_speed", window) == pytest.approx(0.06, rel=1e-6)
     still = scans(motor_speed=np.zeros(100), motor_current=current, motor_voltage=current)
-    with pytest.raises(NotComputableError, match="tell current and speed apart"):
+    with pytest.raises(NotComputableError, match="slower than 10 rad/s"):
         compute("motor_voltage_speed", still)
+    steady = scans(motor_speed=np.full(100, 40.0), motor_current=current, motor_voltage=current)
+    with pytest.raises(NotComputableError, match="tell current and speed apart"):
+        compute("motor_voltage_current", steady)
 
 
 def test_heating_is_the_slope() -> None:

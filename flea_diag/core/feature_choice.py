@@ -11,18 +11,19 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from flea_diag.core.fault_group import (
-    DROP_BELOW,
-    Group,
-    entropy,
-    normalised,
-    outcomes,
-    refine,
-)
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.fault_group import DROP_BELOW, Group, entropy, normalised, outcomes, refine
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.errors import ConfigurationError
 
 __all__ = ["STRATEGIES", "FeatureChooser", "Rules", "next_feature", "outcomes", "refine"]
+
+Floats = npt.NDArray[np.float64]
+
+LEAST = 1e-300
+"""A probability that is next to nothing, to divide by."""
 
 WORTH_ODDS = 4.0
 """Shift of the odds between two faults for which a feature is computed."""
@@ -36,8 +37,8 @@ HORIZON = 0.01
 NEARER = (0.5, 0.2, 0.1, 0.05, 0.02)
 """Horizons of the first passes of a search, which may end before it comes to the last."""
 
-MOST_STATES = 300
-"""Groups that the search for the optimum looks at: about a twentieth of a second."""
+MOST_STATES = 100
+"""Groups that the search for the optimum looks at: about a hundredth of a second."""
 
 
 def partition_sizes(group: Group, table: FaultFeatureTable, feature: str) -> list[int]:
@@ -59,7 +60,11 @@ class Rules:
 
 @dataclass(frozen=True)
 class _Question:
-    """What a strategy is asked: the group, and the features to choose from with prices."""
+    """What a strategy is asked: the group, and the features to choose from with prices.
+
+    The group is normalised and in order of names. All answers of all features are worked out at
+    once, as arrays: a search asks hundreds of such questions. `outcomes` says the same in words.
+    """
 
     group: Group
     table: FaultFeatureTable
@@ -67,34 +72,61 @@ class _Question:
     rules: Rules
 
     @cached_property
-    def answers(self) -> dict[str, dict[str, tuple[float, dict[str, float]]]]:
-        """Outcomes of the features that are worth computing, cheapest first."""
-        rules = self.rules
-        found = {
-            feature: outcomes(self.group, self.table, feature, rules.drop_below, rules.rarest)
-            for feature in self.prices
-        }
-        return {feature: rows for feature, rows in found.items() if self._is_worth(rows)}
+    def probability(self) -> Floats:
+        """Of each answer, shape (features, symbols); 0 where it is too rare to be planned for."""
+        total = self._joint.sum(axis=2)
+        return np.where(total > self.rules.rarest, total, 0.0)
 
-    def splitting(self) -> list[tuple[str, float]]:
-        """Features that are worth computing with their prices, cheapest first."""
-        return [(feature, self.prices[feature]) for feature in self.answers]
+    @cached_property
+    def left(self) -> Floats:
+        """Groups after each answer, 0 for who is out, shape (features, symbols, faults)."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            after = self._joint / self._joint.sum(axis=2, keepdims=True)
+            after[~(after >= self.rules.drop_below)] = 0.0
+            return np.asarray(np.nan_to_num(after / after.sum(axis=2, keepdims=True)))
 
-    def _is_worth(self, rows: Mapping[str, tuple[float, dict[str, float]]]) -> bool:
-        """Whether some answer drops a member or shifts the odds between two by much.
+    @cached_property
+    def worth(self) -> list[str]:
+        """Features of which some answer drops a member or shifts the odds between two by much.
 
-        A noisy feature may split a group only together with others.
+        Cheapest first. A noisy feature may split a group only together with others.
         """
-        return any(
-            len(left) < len(self.group) or _shift(self.group, left) >= self.rules.worth_odds
-            for _, left in rows.values()
-        )
+        kept, left = self.probability > 0.0, self.left
+        change = left / np.maximum(self._before, LEAST)
+        least = np.where(left > 0.0, change, math.inf).min(axis=2)
+        shifted = change.max(axis=2) >= self.rules.worth_odds * least
+        splits = (kept & (shifted | (left == 0.0).any(axis=2))).any(axis=1)
+        return [feature for feature, keep in zip(self.prices, splits, strict=True) if keep]
 
+    @cached_property
+    def gains(self) -> dict[str, float]:
+        """Expected drop of entropy, in bits per unit of cost, of the features that are worth it."""
+        left = self.left
+        bits = -(left * np.log2(np.where(left > 0.0, left, 1.0))).sum(axis=2)
+        expected = (self.probability * bits).sum(axis=1)
+        drops = dict(zip(self.prices, (entropy(self.group) - expected).tolist(), strict=True))
+        return {name: drops[name] / max(self.prices[name], 1e-9) for name in self.worth}
 
-def _shift(before: Group, after: Group) -> float:
-    """Largest factor by which the odds between two faults have changed."""
-    changes = [p / before[fault] for fault, p in after.items()]
-    return max(changes) / min(changes) if changes else 1.0
+    def answers(self, feature: str) -> list[tuple[float, dict[str, float]]]:
+        """Probability of each answer of one feature, and the group that it leaves."""
+        place = list(self.prices).index(feature)
+        return [
+            (p, {fault: q for fault, q in zip(self.group, row, strict=True) if q > 0.0})
+            for p, row in zip(
+                self.probability[place].tolist(), self.left[place].tolist(), strict=True
+            )
+            if p > 0.0
+        ]
+
+    @cached_property
+    def _before(self) -> Floats:
+        return np.array(list(self.group.values()))
+
+    @cached_property
+    def _joint(self) -> Floats:
+        """P(answer and fault), shape (features, symbols, faults)."""
+        rows = self.table.matrix(tuple(self.group), tuple(self.prices))
+        return rows * self._before
 
 
 def _paper(question: _Question) -> str | None:
@@ -111,26 +143,15 @@ def _balanced(question: _Question) -> str | None:
     """As the paper, among features that split; then the smallest largest part, then price."""
 
     def key(feature: str) -> tuple[float, ...]:
-        sizes = [len(left) for _, left in question.answers[feature].values()]
+        sizes = [len(left) for _, left in question.answers(feature)]
         return max(sizes) - min(sizes), max(sizes), question.prices[feature]
 
-    return min(question.answers, key=key, default=None)
+    return min(question.worth, key=key, default=None)
 
 
 def _information(question: _Question) -> str | None:
     """Largest expected drop of entropy per unit of cost, among features that split."""
-    gains = _gains(question)
-    return max(gains, key=gains.__getitem__, default=None)
-
-
-def _gains(question: _Question) -> dict[str, float]:
-    """Expected drop of entropy per unit of cost of each feature that splits."""
-    before = entropy(question.group)
-    return {
-        feature: (before - sum(p * entropy(left) for p, left in rows.values()))
-        / max(question.prices[feature], 1e-9)
-        for feature, rows in question.answers.items()
-    }
+    return max(question.gains, key=question.gains.__getitem__, default=None)
 
 
 GREEDY: dict[str, Callable[[_Question], str | None]] = {
@@ -161,7 +182,8 @@ class _Node:
     @cached_property
     def order(self) -> list[str]:
         """Features that split, those of most gain per cost first: good plans are found early."""
-        return sorted(self._gains, key=self._gains.__getitem__, reverse=True)
+        gains = self.question.gains
+        return sorted(gains, key=gains.__getitem__, reverse=True)
 
     @cached_property
     def estimate(self) -> float:
@@ -169,7 +191,7 @@ class _Node:
 
         Next to nothing where a fault is all but certain: no feature gains anything there.
         """
-        gain = self._gains[self.order[0]] if self.order else 0.0
+        gain = self.question.gains[self.order[0]] if self.order else 0.0
         return entropy(self.question.group) / gain if gain > 0.0 else 0.0
 
     @cached_property
@@ -177,10 +199,6 @@ class _Node:
         """No plan costs less, nor does the estimate."""
         prices = self.question.prices
         return min(self.estimate, min((prices[name] for name in self.order), default=0.0))
-
-    @cached_property
-    def _gains(self) -> dict[str, float]:
-        return _gains(self.question)
 
 
 Key = tuple[tuple[tuple[str, float], ...], tuple[tuple[str, float], ...]]
@@ -280,7 +298,7 @@ class FeatureChooser:
     def _children(self, node: _Node, feature: str) -> list[tuple[float, _Node]]:
         """Groups, with probabilities, that are still to be split after a feature."""
         left = {name: price for name, price in node.question.prices.items() if name != feature}
-        rows = node.question.answers[feature].values()
+        rows = node.question.answers(feature)
         return [(p, self._node(smaller, left)) for p, smaller in rows if len(smaller) > 1]
 
     def _optimum(self, node: _Node, horizon: float, budget: float) -> float:

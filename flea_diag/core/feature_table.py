@@ -13,8 +13,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from flea_diag.core.nominal_range import NominalRange, OperatingPoint
 from flea_diag.errors import ConfigurationError
+
+Floats = npt.NDArray[np.float64]
 
 ALPHABETS: tuple[tuple[str, ...], ...] = (
     ("0", "1"),
@@ -96,6 +101,27 @@ class FaultFeatureTable:
     def probabilities(self, fault: str, feature: str) -> tuple[float, ...]:
         """P(symbol | fault) for each symbol of the alphabet."""
         return self.entries.get((fault, feature), (1.0 / len(self.alphabet),) * len(self.alphabet))
+
+    def matrix(self, faults: tuple[str, ...], features: tuple[str, ...]) -> Floats:
+        """P(symbol | fault) of several, shape (features, symbols, faults)."""
+        rows = [self._columns(fault) for fault in faults]
+        places = [self._place_of[feature] for feature in features]
+        return np.stack(rows, axis=2)[places]
+
+    @cached_property
+    def _place_of(self) -> dict[str, int]:
+        return {feature: place for place, feature in enumerate(self.features)}
+
+    def _columns(self, fault: str) -> Floats:
+        """P(symbol | fault) of all features, shape (features, symbols); kept."""
+        if fault not in self._kept:
+            rows = [self.probabilities(fault, feature) for feature in self.features]
+            self._kept[fault] = np.array(rows).reshape(len(rows), len(self.alphabet))
+        return self._kept[fault]
+
+    @cached_property
+    def _kept(self) -> dict[str, Floats]:
+        return {}
 
     def place(self, symbol: str) -> int:
         """Index of a symbol in the alphabet.

@@ -106,8 +106,8 @@ _ROWS: tuple[Feature, ...] = (
     Feature("level_correlation", "1", motion.level_correlation, 2.2, **_LINEAR, **_PAIR),
     Feature("motor_current_coulomb", "A", motion.current_coulomb, 1.2, **_SCANS),
     Feature("motor_current_viscous", "A s/rad", motion.current_viscous, 1.2, **_SCANS),
-    Feature("motor_voltage_speed", "V s/rad", motion.voltage_speed, 1.2, **_SCANS),
-    Feature("motor_voltage_current", "ohm", motion.voltage_current, 1.2, **_SCANS),
+    Feature("motor_voltage_speed", "V s/rad", motion.voltage_speed, 0.2, **_SCANS),
+    Feature("motor_voltage_current", "ohm", motion.voltage_current, 0.2, **_SCANS),
     Feature("motor_heating", "K/s", motion.motor_heating, 0.5, **_SCANS),
     Feature("nut_heating", "K/s", motion.nut_heating, 0.5, **_SCANS),
 )

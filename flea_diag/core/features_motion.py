@@ -20,7 +20,6 @@ REVERSAL_S = 0.03
 """Half width of the stretch around a reversal in which backlash strikes."""
 
 LEVEL_S = 0.01
-FEWEST_SCANS = 20
 WORST_CONDITION = 50.0
 """Of the scaled regression; beyond it the coefficients are noise."""
 
@@ -159,8 +158,8 @@ def _circuit(window: Window) -> tuple[float, float]:
     Bypassed turns lower both: the motor needs less voltage for its speed, and for its current.
     """
     current, speed = window.channel("motor_current"), window.channel("motor_speed")
-    if len(speed) < FEWEST_SCANS:
-        raise NotComputableError(f"only {len(speed)} scans lie in the window")
+    if np.sqrt(np.mean(np.square(speed))) < REST_RAD_S:
+        raise NotComputableError(f"the shaft turns slower than {REST_RAD_S:g} rad/s")
     design = np.stack([current, speed, np.ones(len(speed))], axis=1)
     found = _coefficients(design, window.channel("motor_voltage"), "current and speed")
     return found[0], found[1]

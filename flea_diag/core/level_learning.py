@@ -7,6 +7,7 @@ rule keeps to, over whole runs: units differ, and a unit is as loud in its next 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -29,8 +30,9 @@ def learn_levels(
 ) -> dict[str, NominalRange]:
     """Range of each axis that raises an alarm in a share of ``false_alarm_rate`` of healthy runs.
 
-    Of blocks in motion, or of those at rest. Axes with fewer than ``LEAST_RUNS`` runs that could
-    raise an alarm at all are left out.
+    Of runs as long as these: units differ more than the blocks of one, but a longer run has more
+    of them. Of blocks in motion, or of those at rest. Axes with fewer than ``LEAST_RUNS`` runs
+    that could raise an alarm at all are left out.
     """
     kept = [[row for row in run if row[0].moving == moving] for run in runs]
     kept = [run for run in kept if len(run) >= RAISED]
@@ -53,8 +55,23 @@ def _range(axis: str, runs: Sequence[Levels], rate: float) -> NominalRange:
         for run in runs
     ]
     above, below = (np.array([held(sign * rest) for rest in rests]) for sign in (1.0, -1.0))
-    low, high = (max(tail_end(ends, rate / 2.0), LEAST_HALF_WIDTH) for ends in (below, above))
+    low, high = (max(_end(ends, rate / 2.0), LEAST_HALF_WIDTH) for ends in (below, above))
     return replace(centred, low=-low, high=high, count=len(runs))
+
+
+def _end(ends: npt.NDArray[np.float64], rate: float) -> float:
+    """Upper end that a new run passes with probability ``rate``, from those of the runs seen.
+
+    Their order statistics as far as these reach; beyond, Student's prediction for one more run, for
+    the logarithm of what units differ by is near normal, and never less than the largest seen.
+    """
+    n = len(ends)
+    if rate * (n + 1) >= 1.0:
+        return tail_end(ends, rate)
+    from scipy.special import stdtrit
+
+    spread = float(ends.std(ddof=1)) * math.sqrt(1.0 + 1.0 / n)
+    return max(float(ends.mean() - stdtrit(n - 1.0, rate) * spread), float(ends.max()))
 
 
 def held(values: npt.NDArray[np.float64]) -> float:

@@ -11,6 +11,7 @@ from collections.abc import Collection, Sequence
 
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.fault_models import FaultModel
+from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.isolation import Hypothesis
 from flea_diag.core.observability import unseen
 from flea_diag.stages.advice import Advice
@@ -68,6 +69,7 @@ class Verdict:
             (name, UNSEEN) for name in unseen(knowledge.faults, self._models, knowledge.calibration)
         )
         self._advice = Advice(knowledge, parameters, self._models)
+        self._chooser = FeatureChooser(knowledge.features, "information")
 
     def outcome(
         self, stamp_ns: int, standing: Standing, episode: Episode | None
@@ -105,7 +107,8 @@ class Verdict:
             return Outcome.UNEXPLAINED, f"a deviation that none of {names} explains well"
         if len(alive) == 1:
             return Outcome.ISOLATED, f"the fault is {names}"
-        return Outcome.INDISTINGUISHABLE, f"one of {names}: {self._why_not_split(standing, alive)}"
+        why = self._why_not_split(standing, episode, alive)
+        return Outcome.INDISTINGUISHABLE, f"one of {names}: {why}"
 
     def _unexplained(self, episode: Episode, alive: list[Hypothesis]) -> bool:
         """Relations deviate, every hypothesis has a model of them, and none gains on 'no fault'."""
@@ -116,13 +119,16 @@ class Verdict:
             return False
         return max(h.log_likelihood for h in alive) < self._p.explain_nats
 
-    def _why_not_split(self, standing: Standing, alive: list[Hypothesis]) -> str:
+    def _why_not_split(self, standing: Standing, episode: Episode, alive: list[Hypothesis]) -> str:
         """Same quantitative model: no slow evidence can ever tell them apart."""
         terms = {_terms(self._models, h.name) for h in alive}
-        if len(terms) > 1 or () in terms:
+        if len(terms) > 1 or () in terms or episode.inquiry.computed:
             return "not split by this evidence"
-        remedy = "" if standing.axes else "; accelerometers would"
-        return f"cannot be split by this sensor set, by design{remedy}"
+        if not standing.axes:
+            return "cannot be split by this sensor set, by design; accelerometers would"
+        if self._chooser.next(episode.group()) is None:
+            return "cannot be split by this sensor set, by design"
+        return "not split yet: features of vibration would, on a usable second of motion"
 
     def _quiet(self, stamp_ns: int, standing: Standing) -> tuple[Outcome, str]:
         bad = [channel for channel in NEEDED if channel in standing.bad]

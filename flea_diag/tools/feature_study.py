@@ -7,7 +7,6 @@ size of the fault that are drawn from its seed. It goes through the same stages 
 from __future__ import annotations
 
 import gc
-import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -189,15 +188,16 @@ def eager_s(records: Iterable[Record], table: FaultFeatureTable) -> float:
     return cpu_s(compute)
 
 
-def cpu_s(work: Callable[[], None], rounds: int = 3) -> float:
+def cpu_s(work: Callable[[], None], rounds: int = 2) -> float:
     """CPU time of one call, the least of some: what else the machine does only adds to it."""
-    least = math.inf
-    for _ in range(rounds):
-        gc.collect()  # not the garbage of what ran before
-        begin = time.process_time_ns()
-        work()
-        least = min(least, (time.process_time_ns() - begin) / 1e9)
-    return least
+    gc.collect()  # not the garbage of what ran before
+    return min(_once_s(work) for _ in range(rounds))
+
+
+def _once_s(work: Callable[[], None]) -> float:
+    begin = time.process_time_ns()
+    work()
+    return (time.process_time_ns() - begin) / 1e9
 
 
 def study(
