@@ -23,6 +23,7 @@ from flea_diag.wire.records import (
     FeatureValue,
     Record,
     Scan,
+    Truth,
     VibrationBlock,
 )
 
@@ -178,3 +179,20 @@ def test_order_tracking_names_the_nut_through_a_simulated_sweep(
         for at in (1, 3, 5, 6)
     ]
     assert names == [line] * 4
+
+
+def test_of_a_jam_that_stops_the_actuator_the_verdict_says_that_motion_would_split_it() -> None:
+    """No feature was ever computed: it is not the sensors that cannot."""
+    made = records(
+        motion={"kind": "sine", "amplitude_m": 0.018, "frequency_hz": 0.5},
+        duration_s=15.0,
+        sensors={},
+        **fault("jam", 8.0, size=3.0),
+    )
+    pipeline = make_pipeline(None)
+    out = [caused for r in made if not isinstance(r, Truth) for caused in pipeline.handle(r)]
+    group = last([*out, *pipeline.finish()])
+    assert [member.fault for member in group.members] == ["ball_nut_friction", "jam"]
+    assert group.features_computed == ()
+    assert "not split yet: features of vibration would" in group.words
+    assert "by design" not in group.words
