@@ -48,7 +48,7 @@ SIMULATED = {
 
 LIVE = {
     "live_motor_current_bias": "--headless --scenario bags/slow.yaml --seed 25 "
-    "--fault motor_current_bias --at 8 --for 14",
+    "--fault motor_current_bias --at 8 --for 13",
 }
 """Bag -> arguments of `scripts/run`."""
 

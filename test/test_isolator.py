@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
@@ -114,6 +115,17 @@ def test_a_sensor_fault_is_found_with_its_size(channel, error, fault, size, sigm
     member = next(m for m in group.members if m.fault == fault)
     assert member.size == pytest.approx(size, abs=max(sigma, 4 * member.size_sigma))
     assert member.size_unit
+
+
+def test_without_a_voltage_current_and_load_cell_are_one_by_design():
+    scans = [
+        replace(scan, values=tuple(math.nan if name == "motor_voltage" else value
+                for name, value in zip(scan.channels, scan.values, strict=True)))
+        for scan in faulty_sensor("motor_current", lambda y: y + 0.8)
+    ]  # fmt: skip
+    group = stands.verdict(diagnose(scans))
+    assert stands.members(group) == {"motor_current_bias", "load_force_bias"}
+    assert "cannot be split without motor_voltage, by design" in group.words
 
 
 def test_a_winding_short_is_isolated():

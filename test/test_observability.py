@@ -37,6 +37,7 @@ def single(electrical_v: float) -> Calibration:
         channels=tuple(name for name in stand.channels if name not in SECOND),
         parameters=replace(stand.parameters, encoder_m_per_rad=0.0),
         limits=tuple(limits),
+        shifts=(),
     )
 
 

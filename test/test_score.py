@@ -157,6 +157,23 @@ def test_a_summary_never_adds_real_and_simulated_up() -> None:
     assert "lost: s, Jam" in tables(summary)
 
 
+def test_a_group_that_nothing_splits_by_design_is_counted_apart_and_is_not_right() -> None:
+    words = "one of jam, spall: cannot be split without motor_voltage, by design"
+    designed = replace(SPLIT, id="s/j/5", words=words)
+    assert designed.by_design
+    assert not designed.right
+    assert not SPLIT.by_design
+    assert not replace(JAM, words=words).by_design  # right as it is
+    assert not replace(designed, truth="backlash").by_design
+    assert not replace(designed, false_alarms=1).by_design
+    campaign = campaign_from_mapping(
+        {"schema_version": 1, "name": "c", "sources": [{"kind": "recordings", "files": "x"}]},
+        "c.yaml",
+    )
+    (row,) = summarise(campaign, (JAM, SPLIT, designed))["parts"][0]["rows"]
+    assert (row["right"], row["count"], row["by_design"]) == (1, 3, 1)
+
+
 def test_what_the_verdict_says_it_cannot_show_is_counted_apart() -> None:
     unseen = replace(MISSED, not_observable=("jam",))
     found = scores((NOMINAL, JAM, unseen))

@@ -165,6 +165,12 @@ def test_motion_outliers_and_a_hard_stop_are_no_step():
     assert np.abs(position_steps(pierced)).max() < 9.5e-4
     stopped = np.minimum(0.001 * np.arange(100.0), 0.05)  # 0.1 m/s, then an end stop
     assert np.abs(position_steps(stopped)).max() < 3e-4
+    # Thrown off a soft end stop: half a period of 60 ms of its spring, and back as it came.
+    time = np.arange(-10, 20) / 100.0
+    spring = 2.0 * np.pi / 0.12
+    speed, back = 0.13, np.clip(time, 0.0, 0.06)
+    thrown = speed * (np.abs(time - back) - np.sin(spring * back) / spring)
+    assert np.abs(position_steps(thrown)).max() < 3e-4
     missing = MOVES[:50].copy()
     missing[20] = np.nan
     assert np.isnan(position_steps(missing)[20 - 2 * SPAN + 1 : 21]).all()

@@ -187,6 +187,31 @@ def test_direction_normalised_relation_keeps_the_sign_of_friction_and_loses_that
     assert signs("motor_current_bias", "parity_mechanical_dn") == ["+", "+", "-", "-"]
 
 
+@pytest.mark.parametrize("quadrant", QUADRANTS, ids=str)
+def test_a_drift_keeps_its_slope_only_where_motion_does_not_turn_its_effect_round(
+    shipped: Actuator, faults: dict[str, Fault], quadrant: Quadrant
+) -> None:
+    # e = d t moves the relation by K d t, ever growing; times the sign of the speed it is
+    # turned round at each reversal, so that its change over two seconds has either sign.
+    rows = {"motor_current_drift": faults["motor_current_drift"]}
+    names = ("parity_mechanical", "parity_mechanical_dn")
+    table = signature_table(shipped, rows, names, quadrant, 0.01)
+    found = [variant.row for variant in table.variants["motor_current_drift"]]
+    assert [row["parity_mechanical"].symbols for row in found] == ["0+", "0-"]
+    assert [row["parity_mechanical_dn"].slope for row in found] == ["*", "*"]
+
+
+@pytest.mark.parametrize("name", ["winding_open", "motor_failure"])
+def test_a_motor_that_draws_nothing_may_bring_the_drive_nearer_to_its_command(
+    shipped: Actuator, faults: dict[str, Fault], name: str
+) -> None:
+    rows = {name: faults[name]}
+    for quadrant, sign in zip(QUADRANTS[:3:2], "+-", strict=True):
+        table = signature_table(shipped, rows, ("parity_drive",), quadrant, 0.01)
+        found = [variant.row["parity_drive"] for variant in table.variants[name]]
+        assert {cell.direction for cell in found if cell.affected} == {sign}
+
+
 def test_sensor_fault_moves_its_own_residual_and_the_relations_that_read_it(
     shipped: Actuator, faults: dict[str, Fault]
 ) -> None:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.residual_bank import RESIDUALS, ResidualRows
+from flea_diag.core.symbols import Test
 from flea_diag.core.thermal import CORRECTION_S
 from flea_diag.core.window_limit import ResidualLimit
 from flea_diag.core.window_tests import WindowTests
@@ -52,6 +53,11 @@ class TestResults:
         """Which residuals are beyond their limits; an untested one is not."""
         beyond: npt.NDArray[np.bool_] = np.abs(self.z) > self.k
         return beyond
+
+    def test(self, index: int) -> tuple[float, Test]:
+        """Statistic after the first scan, and which test's it is."""
+        z, k, window = self.table[:, 0, index].tolist()
+        return z, (window, k)
 
     def symbol(self, index: int) -> str:
         """+, - or 0, after the last scan."""

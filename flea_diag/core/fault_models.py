@@ -125,7 +125,12 @@ def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
         Size("constant lost", "1", 0.0, 0.9),
     )
     most = Size("share lost", "1", 0.7, 1.1)
-    opened = (Term(ELECTRICAL, "driving_voltage_v", 1.0),)
+    # The drive's gain holds what the bridge loses to the current, which now is none.
+    regained = Size("bridge drop lost", "1", 0.0, 0.1)
+    opened = (
+        Term(ELECTRICAL, "driving_voltage_v", 1.0, 0),
+        Term(DRIVE, "commanded_voltage_v", 1.0, 1),
+    )
     torqueless = (Term(MECHANICAL, "current_a", K), Term(ELECTRICAL, "speed_m_s", -Ke))
     unpowered = (Term(DRIVE, "commanded_voltage_v", -1.0),)
     # A spall is a rattle with next to no mean drag: no more than healthy units differ by.
@@ -139,8 +144,8 @@ def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
         ),
         FaultModel("spall", rattle, rub[:1]),
         FaultModel("winding_short", short, shorted),
-        FaultModel("winding_open", (most,), opened),
-        FaultModel("motor_failure", (most,), opened),
+        FaultModel("winding_open", (most, regained), opened),
+        FaultModel("motor_failure", (most, regained), opened),
         FaultModel("motor_failure", (most,), torqueless),
         FaultModel("supply_open", (most,), unpowered),
         FaultModel("supply_short", (most,), unpowered),

@@ -75,11 +75,23 @@ def _regressor_signs(
     effect = relation.regressor(cause)
     now = _regressor_sign(effect, cause, point)
     if cause.mode == "drift":
-        return now + _regressor_sign(relation.growth(cause), cause, point)
+        return now + _later(relation, relation.growth(cause), cause, point)
     if cause.mode == "" and fault.incipient:
         return "0" + now
-    varies = any(name not in relation.nominal for name in symbols(effect))
-    return now + ("*" if now != "0" and varies else "0")
+    return now + ("*" if now != "0" and _varies(relation, effect) else "0")
+
+
+def _later(
+    relation: ParityRelation, growth: Expression, cause: FaultHypothesis, point: Mapping[str, float]
+) -> str:
+    """Slope of an effect that grows by ``growth``: open where motion makes it come and go."""
+    sign = _regressor_sign(growth, cause, point)
+    return "*" if sign != "0" and _varies(relation, growth) else sign
+
+
+def _varies(relation: ParityRelation, effect: Expression) -> bool:
+    """Whether an effect changes with motion: any reading is in it, not parameters alone."""
+    return any(name not in relation.nominal for name in symbols(effect))
 
 
 def _dead_signs(

@@ -1,10 +1,11 @@
 """A sudden step of a position: no mass makes one, so a sensor does.
 
-Two estimates of the step between two scans are held against each other, and the smaller one
-counts, if both agree in sign: the difference of straight lines through ``SPAN`` scans before
-and after, and that of medians of three, which one outlier does not move. Taking a line on
-both sides leaves a constant acceleration out. A mass that stops dead changes its speed
-within a scan: what that can look like is taken off.
+Three estimates of the step between two scans are held against each other, and the smallest
+counts, if all agree in sign: the difference of straight lines through ``SPAN`` scans before
+and after, that of medians of three, which one outlier does not move, and what the reading
+went in this one interval beyond its neighbours, which a mass that bounces off an end stop goes
+in several. Taking a line on both sides leaves a constant acceleration out. A mass that stops
+dead changes its speed within a scan: what that can look like is taken off.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ def _step(x: Sequence[Any], least: Any, most: Any) -> Any:
         most(least(x[k], x[k + 1]), least(most(x[k], x[k + 1]), x[k + 2])) for k in (0, 3, 6, 9)
     )
     middle = (1.5 * late - 0.5 * far) - (1.5 * near - 0.5 * early)
-    low, high = least(step, middle), most(step, middle)
+    # x6 - x5 less the mean of x5 - x4 and x7 - x6.
+    here = 1.5 * (x[SPAN] - x[SPAN - 1]) - 0.5 * (x[SPAN + 1] - x[SPAN - 2])
+    low, high = least(least(step, middle), here), most(most(step, middle), here)
     # A missing reading makes the lines NaN, and through them the sum.
     return most(low - abs(bend), 0.0) + least(high + abs(bend), 0.0) + 0.0 * step

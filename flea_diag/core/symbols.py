@@ -1,40 +1,49 @@
 """Deviations as qualitative symbols: magnitude first, then slope.
 
 The magnitude of a residual is the sign with which its test first passed its limit in this
-episode, and it stays. The slope is decided ``SLOPE_S`` later: a Z-test of the mean then
-against the mean at the crossing (variance 2 sigma^2 of the windowed mean), 0 where they do
-not differ. (Narasimhan et al. 2010, 3.1: an ordered set of two symbols 0, +, -.)
+episode, and it stays. The slope is decided ``SLOPE_S`` later, or as soon after that as the same
+test is the one nearest to its limit again: a Z-test of the mean then against the mean at the
+crossing (variance 2 sigma^2 of the windowed mean), 0 where they do not differ. Sigmas of
+different tests are different units: a mean over 4 s counts many more of them than one over
+0.5 s, and would rise or fall where nothing does. (Narasimhan et al. 2010, 3.1: an ordered set of
+two symbols 0, +, -.)
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 UNKNOWN = "?"
 SLOPE_S = 2.0
 SLOPE_LIMIT = 3.0 * 2.0**0.5
 """Limit of the change in sigmas of one mean: three sigmas of a difference of two."""
 
+Test = tuple[float, float]
+"""What tells the tests of one residual apart: samples of the window, and limit in sigmas."""
+
 
 @dataclass(frozen=True, slots=True)
 class SymbolState:
-    """Symbols of one residual; ``z`` is the test statistic at the crossing."""
+    """Symbols of one residual; ``z`` is the test statistic at the crossing, of this ``test``."""
 
     magnitude: str
     slope: str
     since_ns: int
     z: float
+    test: Test
 
 
-def crossed(z: float, stamp_ns: int) -> SymbolState:
-    """State of a residual that has just passed its limit."""
-    return SymbolState("+" if z > 0 else "-", UNKNOWN, stamp_ns, z)
+def crossed(z: float, test: Test, stamp_ns: int) -> SymbolState:
+    """State of a residual that has just passed the limit of this test."""
+    return SymbolState("+" if z > 0 else "-", UNKNOWN, stamp_ns, z, test)
 
 
-def later(state: SymbolState, z: float, stamp_ns: int) -> SymbolState:
+def later(state: SymbolState, z: float, test: Test, stamp_ns: int) -> SymbolState:
     """The same residual at a later scan: its slope once enough time has passed."""
-    if state.slope != UNKNOWN or stamp_ns - state.since_ns < SLOPE_S * 1e9 or z != z:
+    if state.slope != UNKNOWN or stamp_ns - state.since_ns < SLOPE_S * 1e9:
+        return state
+    if z != z or test != state.test:
         return state
     change = z - state.z
     slope = "0" if abs(change) <= SLOPE_LIMIT else "+" if change > 0 else "-"
-    return SymbolState(state.magnitude, slope, state.since_ns, state.z)
+    return replace(state, slope=slope)

@@ -60,7 +60,9 @@ class Deviation:
         for j, state in self._symbols.items():
             if state.slope == UNKNOWN:
                 due = stamps_ns - state.since_ns >= SLOPE_S * 1e9
-                event |= due & ~np.isnan(results.z[:, j])
+                window, k = state.test
+                same = (results.window[:, j] == window) & (results.k[:, j] == k)
+                event |= due & same & ~np.isnan(results.z[:, j])
         quiet_ns = self._quiet_ns(stamps_ns, results)
         event |= (quiet_ns >= self._wait_ns) & (self._wait_ns > 0)
         self._quiet_since_ns = int(stamps_ns[-1] - quiet_ns[-1]) if quiet_ns[-1] >= 0 else NEVER_NS
@@ -73,10 +75,10 @@ class Deviation:
             return self._open(stamp_ns, results, deviating) if deviating.any() else ()
         before = dict(self._symbols)
         for j in np.flatnonzero(deviating & ISOLATING).tolist():
-            self._symbols.setdefault(j, symbols.crossed(float(results.z[0, j]), stamp_ns))
+            self._symbols.setdefault(j, symbols.crossed(*results.test(j), stamp_ns))
         if not self._taken_over:
             for j, state in self._symbols.items():
-                self._symbols[j] = symbols.later(state, float(results.z[0, j]), stamp_ns)
+                self._symbols[j] = symbols.later(state, *results.test(j), stamp_ns)
         changed = self._symbols != before
         out: tuple[Record, ...] = (self._symbol_record(stamp_ns),) if changed else ()
         if self._taken_over:
@@ -102,7 +104,7 @@ class Deviation:
         self.is_open = True
         z, k = results.z[0], results.k[0]
         self._symbols = {
-            j: symbols.crossed(float(z[j]), stamp_ns)
+            j: symbols.crossed(*results.test(j), stamp_ns)
             for j in np.flatnonzero(deviating & ISOLATING).tolist()
         }
         first = max(np.flatnonzero(deviating).tolist(), key=lambda j: float(abs(z[j]) / k[j]))

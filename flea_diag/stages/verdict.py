@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
+from flea_diag.core.alike import all_alike, formable, needed
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.fault_models import FaultModel
 from flea_diag.core.feature_choice import FeatureChooser
@@ -120,15 +121,31 @@ class Verdict:
         return max(h.log_likelihood for h in alive) < self._p.explain_nats
 
     def _why_not_split(self, standing: Standing, episode: Episode, alive: list[Hypothesis]) -> str:
-        """Same quantitative model: no slow evidence can ever tell them apart."""
-        terms = {_terms(self._models, h.name) for h in alive}
-        if len(terms) > 1 or () in terms or episode.inquiry.computed:
+        """What is alike in every relation that there is, no slow evidence can ever tell apart."""
+        names = [h.name for h in alive]
+        if episode.inquiry.computed:
             return "not split by this evidence"
-        if not standing.axes:
+        if all_alike(self._models, names, self._weighed):
+            return self._would_vibration(standing, episode, alive)
+        left = formable(self._weighed, standing.bad)
+        if len(left) < len(self._weighed) and all_alike(self._models, names, left):
+            lost = ", ".join(channel for channel in standing.bad if self._reads(channel))
+            return f"cannot be split without {lost}, by design; sound readings of it would"
+        return "not split by this evidence"
+
+    def _would_vibration(
+        self, standing: Standing, episode: Episode, alive: list[Hypothesis]
+    ) -> str:
+        """Whether vibration would tell apart what relations cannot."""
+        if not standing.axes and any(h.fault.vibration for h in alive):
             return "cannot be split by this sensor set, by design; accelerometers would"
-        if self._chooser.next(episode.group()) is None:
+        if not standing.axes or self._chooser.next(episode.group()) is None:
             return "cannot be split by this sensor set, by design"
         return "not split yet: features of vibration would, on a usable second of motion"
+
+    def _reads(self, channel: str) -> bool:
+        """Whether a relation that is weighed needs this channel."""
+        return any(channel in needed(residual) for residual in self._weighed)
 
     def _quiet(self, stamp_ns: int, standing: Standing) -> tuple[Outcome, str]:
         bad = [channel for channel in NEEDED if channel in standing.bad]
@@ -238,10 +255,6 @@ def mismatch(calibration: Calibration, table: ChannelTable) -> str:
             f"stand samples {voltage.sampling!r}: calibrate on recordings of this stand"
         )
     return ""
-
-
-def _terms(models: Sequence[FaultModel], fault: str) -> tuple[object, ...]:
-    return tuple((model.sizes, model.terms) for model in models if model.fault == fault)
 
 
 def _candidate(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> Candidate:

@@ -19,6 +19,8 @@ KINDS = ("real", "simulated", "injected", "spliced")
 two recordings joined. Kinds are never added up in one figure."""
 
 NOMINAL = "nominal"
+BY_DESIGN = "by design"
+"""Words of a verdict on a group that these sensors cannot split (``stages.verdict``)."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,15 @@ class RunResult:
             and self.truth in known
             and known <= set(self.expected)
         )
+
+    @property
+    def by_design(self) -> bool:
+        """Whether the group is too large, and the verdict says that it is the smallest there is.
+
+        The truth is in it, and what the relations that were left could tell they told.
+        """
+        found = self.detected and not self.false_alarms and self.truth in self.group
+        return found and not self.right and BY_DESIGN in self.words
 
     @property
     def unseen(self) -> bool:

@@ -98,6 +98,7 @@ def _row(title: str, results: Sequence[RunResult]) -> dict[str, Any]:
         "row": title,
         **right_share(runs),
         "unseen": found["unseen"],
+        "by_design": sum(r.by_design for r in runs),
         "component": share(sum(component_right(r) for r in faulty), len(faulty)),
         "detected": share(sum(r.detected for r in faulty), len(faulty)),
         "paper": None if paper is None else share(*paper),
@@ -190,4 +191,6 @@ def _line(row: dict[str, Any]) -> str:
     after = ", ".join(f"{each['median']:.2f} s" for each in times if each)
     if row["unseen"]["right"]:
         after += f"{row['unseen']['right']} not observable, as the verdict says"
+    if row["by_design"]:
+        after += f"; {row['by_design']} more in a group that is the smallest there is, by design"
     return f"{row['row']:28} {_counted(row)} {inside:>10} {paper:>8}  {after}"
