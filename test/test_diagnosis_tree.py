@@ -36,7 +36,7 @@ ROWS = {
 }  # fmt: skip
 DRAG = ("spall", "jam", "ball_nut_friction")
 SEVEN = (*DRAG, "accelerometer_2_noise", "accelerometer_2_dead", "backlash", "rotor_eccentricity")
-EXACT = Rules(rarest=0.0, horizon=0.0, most_states=200_000)
+EXACT = Rules(rarest=0.0, horizon=0.0, most_states=200_000, digits=12)
 
 
 def made(

@@ -8,7 +8,7 @@ probability of each symbol, so that a noisy feature weighs instead of cutting.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -143,8 +143,17 @@ class FaultFeatureTable:
 
     def of_vibration(self) -> FaultFeatureTable:
         """The same without features of the scans, for those who weigh the scans by likelihood."""
+        return self._of_vibration
+
+    @cached_property
+    def _of_vibration(self) -> FaultFeatureTable:
         costs = {f: cost for f, cost in self.costs.items() if f.startswith("accelerometer")}
         return replace(self, costs=costs)
+
+    @cached_property
+    def plans(self) -> dict[Hashable, Any]:
+        """What was once planned with this table: it depends on nothing else, so it is kept."""
+        return {}
 
     def inseparable(self, faults: Iterable[str]) -> tuple[tuple[str, ...], ...]:
         """Groups of faults whose symbols are alike in every column: no tree can split them."""

@@ -188,7 +188,7 @@ def eager_s(records: Iterable[Record], table: FaultFeatureTable) -> float:
     return cpu_s(compute)
 
 
-def cpu_s(work: Callable[[], None], rounds: int = 2) -> float:
+def cpu_s(work: Callable[[], None], rounds: int = 3) -> float:
     """CPU time of one call, the least of some: what else the machine does only adds to it."""
     gc.collect()  # not the garbage of what ran before
     return min(_once_s(work) for _ in range(rounds))
