@@ -332,3 +332,17 @@ def test_all_answers_at_once_are_those_of_bayes_one_by_one(data: st.DataObject) 
         assert [p for p, _ in found] == pytest.approx([p for p, _ in expected])
         for (_, left), (_, wanted) in zip(found, expected, strict=True):
             assert left == pytest.approx(wanted)
+
+
+def test_what_was_planned_is_remembered_with_the_table_and_for_odds_nearby() -> None:
+    table = replace(load_features("feature_table.yaml"))
+    near, nearer = ({"jam": p, "spall": 1.0 - p} for p in (0.301, 0.304))
+    choice = FeatureChooser(table).next(near)
+    (kept,) = table.plans.values()
+    assert list(kept.values()) == [choice]
+    other = FeatureChooser(table)
+    assert other.next(nearer) == choice
+    assert len(kept) == 1
+    # Nobody is rounded out, and another table knows nothing of it.
+    assert other.next({"jam": 1e-9, "spall": 1.0}) is not None
+    assert replace(table).plans == {}
