@@ -17,7 +17,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
-import numpy as np
 import yaml
 
 from flea_diag.core import calibration as calibrations
@@ -28,10 +27,9 @@ from flea_diag.core.diagnosis_tree import Node, asked_tree
 from flea_diag.core.fault import Fault, catalogue
 from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.feature_table import FaultFeatureTable
-from flea_diag.core.features import compute_all
+from flea_diag.core.features import try_out
 from flea_diag.core.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.signature import SignatureTable, signature_table
-from flea_diag.core.window import Window
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.stages import Stage
 from flea_diag.stages.extractor import ExtractorParameters, ExtractorStage
@@ -264,20 +262,13 @@ class Component(Generic[P]):
         if Scan not in stage.consumes:
             return
         if VibrationBlock in stage.consumes:
-            _warm_up_features(load_features(parameters.features))
+            table = load_features(parameters.features)
+            try_out(table.features, table.nominal.rate_hz)
         calibration = load_calibration(parameters.calibration)
         channels, period_ns = calibration.channels, round(calibration.period_s * 1e9)
         for number in range(WARM_UP_SCANS):
             values = tuple(1e-3 * number * column for column in range(1, len(channels) + 1))
             stage.handle(Scan((1 + number) * period_ns, channels, values))
-
-
-def _warm_up_features(table: FaultFeatureTable) -> None:
-    """Every feature of a table once, on a made-up second of two accelerometers."""
-    points = 1 + round(table.nominal.rate_hz or 1000.0)
-    wave = np.sin(np.outer(np.arange(points) ** 1.5, np.arange(1.0, 7.0)))
-    axes = tuple(f"accelerometer_{number}_{axis}" for number in (1, 2) for axis in "xyz")
-    compute_all(table.features, Window(wave, points - 1.0, axes, wave[:, 0], {}, np.zeros(0)))
 
 
 def _observer(values: Any) -> ObserverStage:

@@ -13,14 +13,8 @@ from hypothesis import strategies as st
 from flea_diag.configuration import load_features
 from flea_diag.core.diagnosis_tree import Node, asked_tree, build, follow, leaves, render
 from flea_diag.core.fault_group import entropy, normalised, outcomes, refine, refine_side
-from flea_diag.core.feature_choice import (
-    RAREST,
-    STRATEGIES,
-    FeatureChooser,
-    Rules,
-    _Question,
-    next_feature,
-)
+from flea_diag.core.feature_choice import STRATEGIES, FeatureChooser, Rules, next_feature
+from flea_diag.core.feature_question import RAREST, Question
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.errors import ConfigurationError
 
@@ -325,7 +319,7 @@ def test_all_answers_at_once_are_those_of_bayes_one_by_one(data: st.DataObject) 
     odds = st.floats(0.0, 1.0).filter(lambda p: p == 0.0 or p > 1e-6)
     group = {fault: data.draw(odds) for fault in faults}
     assume(math.fsum(group.values()) > 0.0)
-    question = _Question(normalised(group), table, dict(table.costs), Rules())
+    question = Question(normalised(group), table, dict(table.costs), Rules())
     for feature in table.features[::5]:
         expected = list(outcomes(question.group, table, feature, rarest=RAREST).values())
         found = question.answers(feature)

@@ -11,39 +11,15 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-import numpy.typing as npt
-
-from flea_diag.core.fault_group import DROP_BELOW, Group, entropy, normalised, outcomes, refine
+from flea_diag.core.fault_group import Group, entropy, normalised, outcomes, refine
+from flea_diag.core.feature_question import Question, Rules
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.errors import ConfigurationError
 
 __all__ = ["STRATEGIES", "FeatureChooser", "Rules", "next_feature", "outcomes", "refine"]
 
-Floats = npt.NDArray[np.float64]
-
-LEAST = 1e-300
-"""A probability that is next to nothing, to divide by."""
-
-WORTH_ODDS = 4.0
-"""Shift of the odds between two faults for which a feature is computed."""
-
-RAREST = 0.01
-"""Answers less probable than this are not planned for."""
-
-HORIZON = 0.01
-"""Groups reached with less probability than this are estimated, not planned."""
-
 NEARER = (0.5, 0.2, 0.1, 0.05, 0.02)
 """Horizons of the first passes of a search, which may end before it comes to the last."""
-
-MOST_STATES = 30
-"""Groups that the search for the optimum looks at: some three thousandths of a second. Three times
-as many save less of features than they cost themselves."""
-
-DIGITS = 2
-"""To which probabilities are rounded before choosing, so that groups come again: see `plans`."""
-
 
 MOST_REMEMBERED = 4096
 """Choices kept with a table; the same groups come again and again."""
@@ -55,90 +31,7 @@ def partition_sizes(group: Group, table: FaultFeatureTable, feature: str) -> lis
     return [values.count(symbol) for symbol in dict.fromkeys(values)]
 
 
-@dataclass(frozen=True)
-class Rules:
-    """Limits of choosing: see the constants of the same names."""
-
-    drop_below: float = DROP_BELOW
-    worth_odds: float = WORTH_ODDS
-    rarest: float = RAREST
-    horizon: float = HORIZON
-    most_states: int = MOST_STATES
-    digits: int = DIGITS
-
-
-@dataclass(frozen=True)
-class _Question:
-    """What a strategy is asked: the group, and the features to choose from with prices.
-
-    The group is normalised and in order of names. All answers of all features are worked out at
-    once, as arrays: a search asks hundreds of such questions. `outcomes` says the same in words.
-    """
-
-    group: Group
-    table: FaultFeatureTable
-    prices: Mapping[str, float]
-    rules: Rules
-
-    @cached_property
-    def probability(self) -> Floats:
-        """Of each answer, shape (features, symbols); 0 where it is too rare to be planned for."""
-        total = self._joint.sum(axis=2)
-        return np.where(total > self.rules.rarest, total, 0.0)
-
-    @cached_property
-    def left(self) -> Floats:
-        """Groups after each answer, 0 for who is out, shape (features, symbols, faults)."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            after = self._joint / self._joint.sum(axis=2, keepdims=True)
-            after[~(after >= self.rules.drop_below)] = 0.0
-            return np.asarray(np.nan_to_num(after / after.sum(axis=2, keepdims=True)))
-
-    @cached_property
-    def worth(self) -> list[str]:
-        """Features of which some answer drops a member or shifts the odds between two by much.
-
-        Cheapest first. A noisy feature may split a group only together with others.
-        """
-        kept, left = self.probability > 0.0, self.left
-        change = left / np.maximum(self._before, LEAST)
-        least = np.where(left > 0.0, change, math.inf).min(axis=2)
-        shifted = change.max(axis=2) >= self.rules.worth_odds * least
-        splits = (kept & (shifted | (left == 0.0).any(axis=2))).any(axis=1)
-        return [feature for feature, keep in zip(self.prices, splits, strict=True) if keep]
-
-    @cached_property
-    def gains(self) -> dict[str, float]:
-        """Expected drop of entropy, in bits per unit of cost, of the features that are worth it."""
-        left = self.left
-        bits = -(left * np.log2(np.where(left > 0.0, left, 1.0))).sum(axis=2)
-        expected = (self.probability * bits).sum(axis=1)
-        drops = dict(zip(self.prices, (entropy(self.group) - expected).tolist(), strict=True))
-        return {name: drops[name] / max(self.prices[name], 1e-9) for name in self.worth}
-
-    def answers(self, feature: str) -> list[tuple[float, dict[str, float]]]:
-        """Probability of each answer of one feature, and the group that it leaves."""
-        place = list(self.prices).index(feature)
-        return [
-            (p, {fault: q for fault, q in zip(self.group, row, strict=True) if q > 0.0})
-            for p, row in zip(
-                self.probability[place].tolist(), self.left[place].tolist(), strict=True
-            )
-            if p > 0.0
-        ]
-
-    @cached_property
-    def _before(self) -> Floats:
-        return np.array(list(self.group.values()))
-
-    @cached_property
-    def _joint(self) -> Floats:
-        """P(answer and fault), shape (features, symbols, faults)."""
-        rows = self.table.matrix(tuple(self.group), tuple(self.prices))
-        return rows * self._before
-
-
-def _paper(question: _Question) -> str | None:
+def _paper(question: Question) -> str | None:
     """Smallest difference between the largest and the smallest part, read literally.
 
     A feature that does not split makes one part, difference 0, and wins: kept to compare.
@@ -148,7 +41,7 @@ def _paper(question: _Question) -> str | None:
     return min(features, key=lambda f: max(sizes[f]) - min(sizes[f]), default=None)
 
 
-def _balanced(question: _Question) -> str | None:
+def _balanced(question: Question) -> str | None:
     """As the paper, among features that split; then the smallest largest part, then price."""
 
     def key(feature: str) -> tuple[float, ...]:
@@ -158,12 +51,12 @@ def _balanced(question: _Question) -> str | None:
     return min(question.worth, key=key, default=None)
 
 
-def _information(question: _Question) -> str | None:
+def _information(question: Question) -> str | None:
     """Largest expected drop of entropy per unit of cost, among features that split."""
     return max(question.gains, key=question.gains.__getitem__, default=None)
 
 
-GREEDY: dict[str, Callable[[_Question], str | None]] = {
+GREEDY: dict[str, Callable[[Question], str | None]] = {
     "paper": _paper,
     "balanced": _balanced,
     "information": _information,
@@ -183,7 +76,7 @@ class _Node:
     one feature has. ``solved``: the nearest horizon for which ``cost`` is known to be least.
     """
 
-    question: _Question
+    question: Question
     cost: float = math.inf
     choice: str | None = None
     solved: float = math.inf
@@ -259,7 +152,7 @@ class FeatureChooser:
         if len(group) < 2:
             return None
         prices = self._prices(computed, at_hand)
-        question = _Question(self._rounded(group), self.table, prices, self.rules)
+        question = Question(self._rounded(group), self.table, prices, self.rules)
         key = _key(question.group, question.prices)
         if key not in self._choices:
             if len(self._choices) >= MOST_REMEMBERED:
@@ -274,11 +167,11 @@ class FeatureChooser:
         known = normalised(group)
         return normalised({f: max(round(p, self.rules.digits), least) for f, p in known.items()})
 
-    def _best(self, question: _Question) -> str | None:
+    def _best(self, question: Question) -> str | None:
         """First feature of the optimum as far as it could be planned."""
         return self.plan(question)[0]
 
-    def plan(self, question: _Question) -> tuple[str | None, float]:
+    def plan(self, question: Question) -> tuple[str | None, float]:
         """First feature, and the horizon to which it is optimal, infinite without a whole pass.
 
         Starts from nothing each time: what is chosen must not depend on what was asked before.
@@ -309,7 +202,7 @@ class FeatureChooser:
         if key not in self._memory:
             if len(self._memory) >= self.rules.most_states:
                 raise _TooManyStatesError
-            self._memory[key] = _Node(_Question(group, self.table, prices, self.rules))
+            self._memory[key] = _Node(Question(group, self.table, prices, self.rules))
         return self._memory[key]
 
     def _children(self, node: _Node, feature: str) -> list[tuple[float, _Node]]:

@@ -186,6 +186,14 @@ def compute_all(texts: Iterable[str], window: Window) -> dict[str, float]:
     return values
 
 
+def try_out(texts: Iterable[str], rate_hz: float) -> None:
+    """Compute features on a made-up second: what they stand on is loaded and compiled then."""
+    points = 1 + round(rate_hz or 1000.0)
+    wave = np.sin(np.outer(np.arange(points) ** 1.5, np.arange(1.0, 7.0)))
+    axes = tuple(f"accelerometer_{number}_{axis}" for number in (1, 2) for axis in "xyz")
+    compute_all(texts, Window(wave, points - 1.0, axes, wave[:, 0]))
+
+
 def all_ids(axes: Iterable[str]) -> tuple[str, ...]:
     """Ids of every feature that a stand with these axes can have."""
     accelerometers = tuple(dict.fromkeys(axis.rsplit("_", 1)[0] for axis in axes))
