@@ -212,6 +212,44 @@ def test_the_sizes_of_a_jam_are_held_to_their_bounds_at_the_optimum(seed):
                                atol=0.05)  # fmt: skip
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("lost_drop", [0.0, 0.04])
+def test_an_open_winding_pays_for_a_drive_nearer_to_its_command_only_where_there_is_one(
+    lost_drop, seed
+):
+    """At rest, no current; the loop winds up, so that the voltage rises as a drift would."""
+    from flea_diag.core.fault_models import DRIVE, plant_models
+    from flea_diag.core.parameters import ActuatorParameters
+    from flea_diag.core.sensor_models import sensor_models
+
+    p = ActuatorParameters()
+    residuals, count = (MECHANICAL, ELECTRICAL, DRIVE), 150
+    columns = {name: np.zeros(count) for name in REGRESSORS}
+    columns["one"] += 1.0
+    columns["elapsed_s"] = 0.01 * np.arange(count)
+    columns["commanded_voltage_v"] = 6.0 + 3.0 * columns["elapsed_s"]
+    voltage = (1.0 + lost_drop) * columns["commanded_voltage_v"]
+    columns["driving_voltage_v"] = columns["motor_voltage_v"] = voltage
+    noise = np.random.default_rng(seed).standard_normal((2, count))
+    y = np.stack((np.full(count, np.nan), voltage + 0.3 * noise[0],
+                  lost_drop * columns["commanded_voltage_v"] + 0.1 * noise[1]))  # fmt: skip
+    found = Evidence(residuals)
+    found.add(y.T, np.stack([columns[name] for name in REGRESSORS], axis=1))
+    lost = Size("share lost", "1", 0.7, 1.1)
+    plain = FaultModel("plain", (lost,), (Term(ELECTRICAL, "driving_voltage_v", 1.0),))
+    models = (*plant_models(p), *sensor_models(p), plain)
+    made = found.fit(models, dict.fromkeys(residuals, 0.3) | {DRIVE: 0.1},
+                     dict.fromkeys(residuals, 4.0), TOLERANCE)  # fmt: skip
+    best = {name: max(f.log_likelihood for f in made if f.fault == name)
+            for name in {f.fault for f in made}}  # fmt: skip
+    assert best["winding_open"] == best["motor_failure"]
+    assert best["winding_open"] == max(best.values())
+    if lost_drop:
+        assert best["winding_open"] > best["plain"] + 10.0
+    else:
+        assert best["winding_open"] == best["plain"]
+
+
 @pytest.mark.parametrize(("rise_k", "told_apart"), [(1.0, False), (12.0, True)])
 def test_a_bias_of_a_temperature_is_told_from_a_scaling_once_more_changes_than_a_unit_heats_by(
     rise_k, told_apart

@@ -125,12 +125,10 @@ def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
         Size("constant lost", "1", 0.0, 0.9),
     )
     most = Size("share lost", "1", 0.7, 1.1)
+    opened = (Term(ELECTRICAL, "driving_voltage_v", 1.0),)
     # The drive's gain holds what the bridge loses to the current, which now is none.
     regained = Size("bridge drop lost", "1", 0.0, 0.1)
-    opened = (
-        Term(ELECTRICAL, "driving_voltage_v", 1.0, 0),
-        Term(DRIVE, "commanded_voltage_v", 1.0, 1),
-    )
+    nearer = (*opened, Term(DRIVE, "commanded_voltage_v", 1.0, 1))
     torqueless = (Term(MECHANICAL, "current_a", K), Term(ELECTRICAL, "speed_m_s", -Ke))
     unpowered = (Term(DRIVE, "commanded_voltage_v", -1.0),)
     # A spall is a rattle with next to no mean drag: no more than healthy units differ by.
@@ -144,8 +142,11 @@ def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
         ),
         FaultModel("spall", rattle, rub[:1]),
         FaultModel("winding_short", short, shorted),
-        FaultModel("winding_open", (most, regained), opened),
-        FaultModel("motor_failure", (most, regained), opened),
+        *(
+            FaultModel(fault, sizes, terms)
+            for fault in ("winding_open", "motor_failure")
+            for sizes, terms in (((most,), opened), ((most, regained), nearer))
+        ),
         FaultModel("motor_failure", (most,), torqueless),
         FaultModel("supply_open", (most,), unpowered),
         FaultModel("supply_short", (most,), unpowered),
