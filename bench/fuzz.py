@@ -2,7 +2,7 @@
 
 scripts/fuzz 10                 so many seconds of processor time for each reader
 scripts/fuzz 10 bag importer    some of them
-scripts/fuzz 60 --atheris bag   one reader, led by coverage
+scripts/fuzz --atheris 60 bag   led by coverage instead, see ``bench/coverage_fuzz.py``
 """
 
 from __future__ import annotations
@@ -27,19 +27,20 @@ MOST_MB = 500
 
 def main() -> int:
     """Run and print; exit status 1 where anything but a FleaError came out."""
+    if "--atheris" in sys.argv:
+        import coverage_fuzz
+
+        return coverage_fuzz.main()
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("seconds", nargs="?", type=float, default=10.0)
     known = {target.name: target for target in fuzzing.targets()}
     parser.add_argument("readers", nargs="*", metavar="READER", help=f"of {', '.join(known)}")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--atheris", action="store_true", help="one reader, led by coverage")
     given = parser.parse_args()
     unknown = [name for name in given.readers if name not in known]
     if unknown:
         parser.error(f"{unknown[0]!r} is no reader, choose of {', '.join(known)}")
     chosen = [known[name] for name in given.readers or known]
-    if given.atheris:
-        return led_by_coverage(chosen[0], given.seconds)
     inputs = failures = 0
     for target in chosen:
         count, found = damage(target, given.seconds, given.seed)
@@ -69,33 +70,6 @@ def damage(target: fuzzing.Target, seconds: float, seed: int) -> tuple[int, Coun
         if time.process_time() - begun_s > SLOW_S:
             found[f"took more than {SLOW_S} s"] += 1
     return count, found
-
-
-def led_by_coverage(target: fuzzing.Target, seconds: float) -> int:
-    """Atheris on one reader of bytes; it ends the process itself."""
-    try:
-        import atheris
-    except ImportError:
-        print("atheris is not installed: pip install 'flea_diag[fuzz]'", file=sys.stderr)
-        return 2
-    atheris.instrument_all()
-
-    def once(content: bytes) -> None:
-        # The first byte chooses what is damaged; a tree is damaged by chance alone.
-        chance = random.Random(content)
-        whole = target.seeds[content[0] % len(target.seeds)] if content else target.seeds[0]
-        tree = fuzzing.damaged(whole, chance)
-        fuzzing.accepted(target, content[1:] if isinstance(whole, bytes) else tree)
-
-    corpus = Path(fuzzing.folder() / "corpus")
-    corpus.mkdir()
-    for number, seed in enumerate(target.seeds):
-        if isinstance(seed, bytes):
-            (corpus / str(number)).write_bytes(b"\0" + seed)
-    limits = [f"-max_total_time={seconds:.0f}", f"-rss_limit_mb={MOST_MB}", "-timeout=5"]
-    atheris.Setup([sys.argv[0], *limits, str(corpus)], once)
-    atheris.Fuzz()
-    return 0
 
 
 if __name__ == "__main__":

@@ -91,11 +91,11 @@ class Result:
 class Campaign:
     """Runs one after the other; only processes of its own are killed."""
 
-    def __init__(self, seed: int, folder: Path, composed: bool) -> None:
+    def __init__(self, seed: int, folder: Path, options: list[str]) -> None:
         self._random = random.Random(seed)
         self._folder = folder
-        self._nodes = (*LISTENERS[composed], "console")
-        self._options = ["--composed"] if composed else []
+        self._nodes = (*LISTENERS["--composed" in options], "console")
+        self._options = options
         self.result = Result()
 
     def run(self, number: int) -> None:
@@ -247,13 +247,15 @@ def main() -> int:
     )
     parser.add_argument("--runs", type=int, default=20, help="each kills each node once")
     parser.add_argument("--composed", action="store_true", help="the diagnosis in one process")
+    parser.add_argument("--loopback", action="store_true", help="every socket on 127.0.0.1")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", metavar="FILE", help="result as JSON, renewed each run; - here")
     parser.add_argument("--keep", metavar="DIR", help="bags and logs of the runs are kept there")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="flea_kill_") as passing:
         folder = given.keep or passing
-        campaign = Campaign(given.seed, Path(folder), given.composed)
+        options = [f"--{name}" for name in ("composed", "loopback") if getattr(given, name)]
+        campaign = Campaign(given.seed, Path(folder), options)
         for number in range(given.runs):
             campaign.run(number)
             print(

@@ -123,6 +123,15 @@ def accepted(target: Target, content: Any) -> bool:
     return False
 
 
+def as_text(target: Target) -> Target:
+    """The same reader of a tree, fed with YAML text."""
+
+    def read(content: bytes) -> object:
+        return target.read(_read_yaml(content))
+
+    return Target(target.name, read, tuple(yaml.safe_dump(s).encode() for s in target.seeds))
+
+
 # --- the readers ------------------------------------------------------------------------
 
 

@@ -41,7 +41,7 @@ class Spoilt:
     expected: dict[str, int] = field(default_factory=dict)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=5)
 def nominal(seed: int, vibration: bool = False) -> tuple[Record, ...]:
     """A healthy run of one unit."""
     return _run(seed, vibration)

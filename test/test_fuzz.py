@@ -26,6 +26,13 @@ def test_what_is_damaged_is_read_or_refused(name: str) -> None:
         fuzzing.accepted(target, fuzzing.damaged(chance.choice(target.seeds), chance))
 
 
+@pytest.mark.parametrize("name", ["scenario", "parameters", "calibration"])
+def test_a_tree_is_read_from_its_text_as_well(name: str) -> None:
+    target = fuzzing.as_text(TARGETS[name])
+    assert all(fuzzing.accepted(target, seed) for seed in target.seeds)
+    assert not fuzzing.accepted(target, b"{: [")
+
+
 def test_a_rate_that_is_a_list_is_refused() -> None:
     (table,) = copy.deepcopy(TARGETS["feature table"].seeds)
     table["nominal"]["false_alarm_rate"] = [1.0]

@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
+from flea_diag.configuration import config_path
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError
 from flea_diag.nodes.children import Children
 from flea_diag.nodes.domain import reserved_domain
@@ -184,6 +185,9 @@ def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--composed", action="store_true", help="the diagnosis in one process, the diagnoser"
     )
+    parser.add_argument(
+        "--loopback", action="store_true", help="every socket on 127.0.0.1, not discovery alone"
+    )
     parser.add_argument("--web", action="store_true", help="also the page in a browser")
     parser.add_argument("--scenario", default="nominal", help="name or file (default: nominal)")
     parser.add_argument("--seed", type=int, help="of the simulated unit and its noise")
@@ -242,9 +246,11 @@ def live(options: argparse.Namespace) -> int:
     log_path = options.bag.with_name(options.bag.name + ".log")
     with _domain() as domain, _opened(log_path) as log:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         os.environ["PYTHONUNBUFFERED"] = "1"
-        say(f"ROS_DOMAIN_ID={domain} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, log: {log_path}")
+        transport = discovery(options.loopback)
+        os.environ.update(transport)
+        words = " ".join(f"{name}={value}" for name, value in transport.items())
+        say(f"ROS_DOMAIN_ID={domain} {words}, log: {log_path}")
         run = _executed(options, domain, log)
     if not options.bag.exists():
         raise RecordingError(f"no bag was written, see {log_path}")
@@ -253,6 +259,16 @@ def live(options: argparse.Namespace) -> int:
     if run.interrupted:
         say("interrupted: the summary is of what there was")
     return 1 if summary.failures or run.interrupted else 0
+
+
+def discovery(loopback: bool) -> dict[str, str]:
+    """Environment of nodes that stay on this machine; ``loopback``: their sockets, too."""
+    if not loopback:
+        return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    return {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(config_path("security/loopback.xml")),
+    }
 
 
 def _opened(log: Path) -> IO[bytes]:

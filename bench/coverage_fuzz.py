@@ -1,0 +1,90 @@
+"""Every reader of what others write, fed by Atheris: inputs that reach new lines breed others.
+
+    scripts/fuzz --atheris 60             so many seconds for each reader
+    scripts/fuzz --atheris 60 bag yaml    readers whose names begin so
+
+Atheris ends its process, so each reader has one of its own. Trees are fuzzed as YAML text.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "test")]
+INSTRUMENTED = ["flea_diag", "flea_sim_driver", "mcap", "yaml"]
+MOST_MB, MOST_S = 500, 5
+"""Beside what Python and its libraries take: so much memory, so long for one input."""
+LIBRARIES_MB = 300
+DONE = re.compile(r"Done (\d+) runs in (\d+) second")
+
+
+def main() -> int:
+    """Fuzz each reader in turn; exit status 1 where one gave anything but a FleaError."""
+    parser = argparse.ArgumentParser(prog="scripts/fuzz", description=__doc__.splitlines()[0])
+    parser.add_argument("--atheris", action="store_true", help="led by coverage: this")
+    parser.add_argument("--one", metavar="READER", help=argparse.SUPPRESS)
+    parser.add_argument("seconds", type=float, help="for each reader")
+    parser.add_argument("readers", nargs="*", metavar="READER", help="names begin so; all")
+    given = parser.parse_intermixed_args()
+    try:
+        import atheris
+    except ImportError:
+        print("Atheris is not installed: pip install 'flea_diag[fuzz]'", file=sys.stderr)
+        return 2
+    if given.one:
+        fuzz(atheris, given.one, given.seconds)
+    import fuzzing
+
+    names = [target.name for target in fuzzing.targets()]
+    chosen = [name for name in names if name.startswith(tuple(given.readers or names))]
+    if not chosen:
+        parser.error(f"no reader begins so, there are {', '.join(names)}")
+    told = [apart(name, given.seconds) for name in chosen]
+    print(f"{sum(count for count, _ in told)} inputs, {sum(failed for _, failed in told)} failures")
+    return int(any(failed for _, failed in told))
+
+
+def apart(name: str, seconds: float) -> tuple[int, bool]:
+    """Fuzz one reader in a process of its own; how many inputs, and whether one failed."""
+    command = [sys.executable, __file__, "--one", name, str(seconds)]
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}  # it cannot compile what is traced
+    done = subprocess.run(
+        command, capture_output=True, text=True, errors="replace", check=False, env=environment
+    )
+    found = DONE.search(done.stderr)
+    count = int(found[1]) if found else 0
+    print(f"{name:22s} {count:8d} inputs, {'none failed' if found else 'FAILED'}", flush=True)
+    if not found:
+        print(done.stdout[-3000:], done.stderr[-3000:], sep="\n", flush=True)
+    return count, not found
+
+
+def fuzz(atheris: Any, name: str, seconds: float) -> None:
+    """Fuzz until the time is over or something comes out that should not; never returns."""
+    with atheris.instrument_imports(include=INSTRUMENTED):
+        import fuzzing
+    target = next(target for target in fuzzing.targets() if target.name == name)
+    target = target if isinstance(target.seeds[0], bytes) else fuzzing.as_text(target)
+
+    def once(content: bytes) -> None:
+        fuzzing.accepted(target, content)
+
+    with tempfile.TemporaryDirectory() as folder:
+        for number, seed in enumerate(target.seeds):
+            Path(folder, str(number)).write_bytes(seed)
+        limits = [f"-max_total_time={seconds:.0f}", f"-timeout={MOST_S}", "-verbosity=1"]
+        limits += [f"-rss_limit_mb={MOST_MB + LIBRARIES_MB}", f"-artifact_prefix={folder}/"]
+        atheris.Setup([sys.argv[0], *limits, folder], once)
+        atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
