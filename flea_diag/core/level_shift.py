@@ -26,6 +26,7 @@ from flea_diag.core.frozen import Frozen
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+Counts = npt.NDArray[np.int64]
 
 SHIFT_WINDOWS = (200, 400)
 REFERENCE, LEAST = 2000, 300
@@ -81,7 +82,7 @@ class LevelShift:
     def __init__(
         self, windows: Sequence[int] = SHIFT_WINDOWS, columns: int = 1, gated: bool = True
     ) -> None:
-        self._windows = tuple(windows)
+        self._windows = np.array(windows)
         self._columns = columns
         self._least = LEAST if gated else LEAST_ALWAYS
         self.clear()
@@ -91,12 +92,11 @@ class LevelShift:
         self._store = np.zeros((_ROOM, self._columns))
         self._end = 1  # the sum of nothing
         self._last = np.full((1, len(self._windows), self._columns), np.nan)
-        self._frozen: list[Array] = []
+        self._frozen: Array | None = None
 
     def freeze(self) -> None:
         """From now on every window is held against the earlier level of now."""
-        sums = self._store[: self._end]
-        self._frozen = [self._earlier(sums, w, 1)[0] for w in self._windows]
+        self._frozen = self._earlier(self._store, self._end - 1 - self._windows)
 
     def step(self, values: Array, use: Flags) -> Array:
         """Shifts after each of n scans, shape (n, windows, columns).
@@ -123,12 +123,9 @@ class LevelShift:
         taken = values[use]
         if not len(taken):
             return np.repeat(self._last, len(values), axis=0)
-        sums = self._summed(taken)
-        shifts = np.concatenate((self._last, np.empty((len(taken), *self._last.shape[1:]))))
-        for number, window in enumerate(self._windows):
-            shifts[1:, number] = self._shift(sums, window, len(taken), number)
+        shifts = np.concatenate((self._last, self._shifts(self._summed(taken), len(taken))))
         self._last = shifts[-1:]
-        return np.asarray(shifts[np.cumsum(use)])
+        return shifts[np.cumsum(use)]
 
     def _summed(self, taken: Array) -> Array:
         """Sums up to each scan that is still looked back at; the last are those of ``taken``.
@@ -147,31 +144,23 @@ class LevelShift:
         self._end = end
         return self._store[:end]
 
-    def _shift(self, sums: Array, window: int, count: int, number: int) -> Array:
-        """Shifts at the last ``count`` sums."""
-        mean = (_before(sums, 0, count) - _before(sums, window, count)) / window
-        if not self._frozen:
-            return np.asarray(mean - self._earlier(sums, window, count))
-        mean -= self._frozen[number]
-        mean[: max(window + count - len(sums), 0)] = np.nan
-        return mean
+    def _shifts(self, sums: Array, count: int) -> Array:
+        """Shifts at the last ``count`` sums, shape (count, windows, columns)."""
+        last = np.arange(len(sums) - count, len(sums))[:, None]
+        begins = last - self._windows
+        means = (sums[last] - sums[np.maximum(begins, 0)]) / self._windows[:, None]
+        if self._frozen is None:
+            return np.asarray(means - self._earlier(sums, begins))
+        means -= self._frozen
+        means[begins < 0] = np.nan
+        return np.asarray(means)
 
-    def _earlier(self, sums: Array, window: int, count: int) -> Array:
-        """Mean of what lies before the window at the last sums, NaN while too little does."""
-        samples: Array | int = REFERENCE
-        if len(sums) - count - window < REFERENCE:
-            samples = np.minimum(np.arange(len(sums) - count, len(sums)) - window, REFERENCE)
-            samples = np.where(samples >= self._least, samples, np.nan)[:, None]
-        before = _before(sums, window, count) - _before(sums, window + REFERENCE, count)
-        return np.asarray(before / samples)
-
-
-def _before(sums: Array, scans: int, count: int) -> Array:
-    """Sums so many scans before each of the last ``count``; the first one where there are fewer."""
-    first = len(sums) - count - scans
-    if first >= 0:
-        return sums[first : first + count]
-    return sums[np.maximum(np.arange(first, first + count), 0)]
+    def _earlier(self, sums: Array, begins: Counts) -> Array:
+        """Mean of what lies before windows that begin there, NaN where that is too little."""
+        samples = np.minimum(begins, REFERENCE)
+        enough = np.where(samples >= self._least, samples, np.nan)[..., None]
+        before = sums[np.maximum(begins, 0)] - sums[np.maximum(begins - REFERENCE, 0)]
+        return np.asarray(before / enough)
 
 
 def limit_of(

@@ -10,6 +10,7 @@ A witness adds no more than the voltage says itself: a drag alone is none.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,29 @@ SHIFTING = tuple(RESIDUALS[j].name for j in SPREAD_ROWS)
 """Residuals in which units differ: there a run knows its own level better than the calibration."""
 
 
+@dataclass(frozen=True)
+class Bounds:
+    """Windows of one residual, with variance and limit of each; shapes (windows,)."""
+
+    windows: tuple[int, ...]
+    variance: Array
+    k: Array
+
+    @classmethod
+    def of(cls, limits: Sequence[ShiftLimit]) -> Bounds:
+        """Those of these limits."""
+        return cls(
+            tuple(limit.window for limit in limits),
+            np.array([limit.sigma**2 for limit in limits]),
+            np.array([limit.k for limit in limits]),
+        )
+
+    def z(self, shifts: Array) -> Array:
+        """Sigmas of shifts and of what units differ by, (n, windows, 1 + unit parameters)."""
+        variance = self.variance + np.add.reduce(np.square(shifts[:, :, 1:]), axis=2)
+        return np.asarray(shifts[:, :, 0] / np.sqrt(variance))
+
+
 class ShiftTest:
     """Runs every test that the calibration has a limit for."""
 
@@ -42,7 +66,7 @@ class ShiftTest:
             column = RESIDUAL_INDEX[name]
             gated = RESIDUALS[column].gate == "moving"
             level = LevelShift([limit.window for limit in mine], 1 + len(tolerance), gated)
-            self._tests.append((column, level, mine))
+            self._tests.append((column, level, Bounds.of(mine)))
 
     def adopt(self, change: Sequence[float]) -> None:
         """The unit's parameters changed by so much: levels go on as if they had not."""
@@ -60,14 +84,13 @@ class ShiftTest:
         A voltage that stands ``alone``, shape (n,), needs a witness to open an episode, and says
         nothing in one that something else has opened.
         """
-        for column, level, limits in self._tests:
+        for column, level, bounds in self._tests:
             values = self._as_calibrated(rows, column)
             row = RESIDUALS[column]
-            shifts = level.step(values, rows.moving | (row.gate != "moving"))
-            z = [self._z(shifts[:, n], limit) for n, limit in enumerate(limits)]
+            z = bounds.z(level.step(values, rows.moving | (row.gate != "moving")))
             if "motor_voltage" in row.needs and alone.any():
-                z = [np.where(alone, self._witnessed(each, column, results), each) for each in z]
-            beyond = self._judge(z, column, limits, results)
+                z = np.where(alone[:, None], self._witnessed(z, column, results), z)
+            beyond = self._judge(z, column, bounds, results)
             if column == ELECTRICAL:
                 self._fired = bool(beyond[-1])
                 self._call_witness(beyond & alone, results)
@@ -86,7 +109,7 @@ class ShiftTest:
             return np.full_like(z, np.nan)
         if self._opener:
             return z
-        force = results.z[:, MECHANICAL]
+        force = results.z[:, MECHANICAL, None]
         speaks = (np.abs(force) > WITNESS) & (force * z < 0.0)
         added = np.minimum(np.abs(force), np.abs(z))
         return np.where(speaks, np.copysign(np.hypot(z, added), z), np.nan)
@@ -100,22 +123,13 @@ class ShiftTest:
         results.z[called, MECHANICAL], results.k[called, MECHANICAL] = -both, k
 
     @staticmethod
-    def _z(shifts: Array, limit: ShiftLimit) -> Array:
-        """Sigmas of a shift and what units differ by, shape (n, 1 + unit parameters)."""
-        variance = limit.sigma**2 + np.add.reduce(np.square(shifts[:, 1:]), axis=1)
-        return np.asarray(shifts[:, 0] / np.sqrt(variance))
-
-    @staticmethod
-    def _judge(
-        z: Sequence[Array], column: int, limits: Sequence[ShiftLimit], results: TestResults
-    ) -> Flags:
+    def _judge(z: Array, column: int, bounds: Bounds, results: TestResults) -> Flags:
         """Fill the results in; after which scans a shift counts."""
         quiet = ~(np.abs(results.z[:, column]) > results.k[:, column])
-        counts = np.zeros(len(quiet), dtype=bool)
-        for each, limit in zip(z, limits, strict=True):
-            beyond = quiet & (np.abs(each) > limit.k)
-            if beyond.any():
-                results.z[beyond, column], results.k[beyond, column] = each[beyond], limit.k
-                results.window[beyond, column] = limit.window
-                counts |= beyond
+        beyond = (np.abs(z) > bounds.k) & quiet[:, None]
+        counts: Flags = beyond.any(axis=1)
+        if counts.any():
+            for n, here in enumerate(beyond.T):
+                results.z[here, column], results.k[here, column] = z[here, n], bounds.k[n]
+                results.window[here, column] = bounds.windows[n]
         return counts
