@@ -309,3 +309,15 @@ def test_every_feature_stands_in_the_table_of_the_document() -> None:
     assert documented == set(FEATURES)
     for row in FEATURES.values():
         assert row.words.replace("|", r"\|") in text
+
+
+def test_a_window_that_gets_its_motion_keeps_what_was_computed_of_it() -> None:
+    bare = window(NOISE[:, 0])
+    before = compute("accelerometer_1_shape_factor", bare)
+    moved = bare.moved(SWING, {}, np.empty(0))
+    assert moved.centred is bare.centred
+    assert moved.results == bare.results
+    assert bare.speed_rad_s is None
+    assert compute("accelerometer_1_shape_factor", moved) == before
+    at_once = compute("accelerometer_1_rest_std", window(NOISE[:, 0], speed_rad_s=SWING))
+    assert compute("accelerometer_1_rest_std", moved) == at_once
