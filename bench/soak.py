@@ -7,12 +7,15 @@ first hour.
 
 scripts/soak                                 24 h of stand time
 scripts/soak --hours 0.5 --singly --json -   a short one scan by scan, its result as JSON
+
+SIGINT and SIGTERM end it early, with the result of what there was.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -70,6 +73,8 @@ class Found:
     injected: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, 0))
     counted: dict[str, int] = field(default_factory=dict)
     memory_mb: list[float] = field(default_factory=list)
+    ended: bool = False
+    """Only then have all losses been said: some wait for their second."""
 
     @property
     def real_time(self) -> float:
@@ -81,7 +86,7 @@ class Found:
         words = [f"missed: {each}" for each in self.missed]
         words += [f"no fault, but {each}" for each in self.false_alarms]
         for name in SHARES:
-            if self.injected[name] != self.counted.get(name, 0):
+            if self.ended and self.injected[name] != self.counted.get(name, 0):
                 words.append(f"{self.counted.get(name, 0)} {name}, injected {self.injected[name]}")
         later = self.memory_mb[1:]
         if later and max(later) > (1.0 + FLAT) * later[0]:
@@ -107,6 +112,10 @@ class Relay:
         self._passed += 1
         while self._held and self._held[0][0] <= self._passed:
             yield self._held.pop(0)[1]
+
+    def rest(self) -> list[Record]:
+        """What is still held back."""
+        return [record for _, record in self._held]
 
     def _scan(self, scan: Scan) -> Iterator[Record]:
         # The first scans begin the stream: what is lost before it nobody can notice.
@@ -144,27 +153,43 @@ class Soak:
         self._stand = Stand(scenario_from_mapping(values, "soak"))
         self._pipeline = make_pipeline(None)
         self._relay = Relay(np.random.default_rng(seed), self.found.injected)
+        self._stopped = False
         self._most = 1 if singly else BLOCK_SCANS
         self._waiting: list[bytes] = []
         self._fault, self._onset_s = "", 0.0
         self._detected = self._open = self._named = self._gone = False
 
+    def stop(self, *_: object) -> None:
+        """End before the time is over."""
+        self._stopped = True
+
     def hours(self) -> Iterator[Found]:
-        """Run to the end; what was found so far, after each hour of stand time."""
+        """Run to the end; what was found so far, after each hour of stand time and at the end."""
         begin_s, told = time.process_time(), 0
-        while not self._stand.finished:
+        while not (self._stand.finished or self._stopped):
             self._schedule()
             for record in self._stand.advance():
                 for passed in self._relay.pass_on(record):
                     self._hand_on(passed)
-            if self._stand.time_s >= 3600.0 * (told + 1) or self._stand.finished:
+            if self._stand.time_s >= 3600.0 * (told + 1):
                 told += 1
-                self.found.stand_h = self._stand.time_s / 3600.0
-                self.found.cpu_s = time.process_time() - begin_s
-                self.found.memory_mb.append(_resident_mb())
-                yield self.found
+                yield self._so_far(begin_s)
+        self._hand_on_late()
         self._diagnose()
         self._take(self._pipeline.finish())
+        self.found.ended = True
+        yield self._so_far(begin_s)
+
+    def _so_far(self, begin_s: float) -> Found:
+        self.found.stand_h = self._stand.time_s / 3600.0
+        self.found.cpu_s = time.process_time() - begin_s
+        self.found.memory_mb.append(_resident_mb())
+        return self.found
+
+    def _hand_on_late(self) -> None:
+        """What the relay still holds arrives at last."""
+        for record in self._relay.rest():
+            self._hand_on(record)
 
     def _hand_on(self, record: Record) -> None:
         """Scans wait until there are enough of them; what else comes has its place among them."""
@@ -269,6 +294,8 @@ def main() -> int:
     parser.add_argument("--json", metavar="FILE", help="result as JSON, renewed each hour; - here")
     given = parser.parse_args()
     soak = Soak(given.hours, given.seed, given.singly)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, soak.stop)
     for found in soak.hours():
         print(_told(found), file=sys.stderr, flush=True)
         if given.json not in (None, "-"):

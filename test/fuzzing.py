@@ -236,7 +236,8 @@ def targets() -> tuple[Target, ...]:
 
 def _said() -> list[Record]:
     """What the diagnoser itself says to the bag's records."""
-    pipeline = configuration.make_pipeline(None, state_observer="none")
+    # Plain numpy: under Atheris numba would have to compile what is traced.
+    pipeline = configuration.make_pipeline(None, state_observer="none", observer_backend="numpy")
     return [
         said
         for _, record in BagReader(BAG).records(pipeline.consumes)
