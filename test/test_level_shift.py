@@ -57,6 +57,22 @@ def test_blocks_give_the_same_bits_with_rests_and_holes(block):
     assert np.array_equal(shifts(values, use), shifts(values, use, block), equal_nan=True)
 
 
+@pytest.mark.parametrize("block", [1, 113, 9000])
+def test_compiled_gives_the_bits_of_numpy(block):
+    pytest.importorskip("numba")
+    draw = np.random.default_rng(5)
+    values, use = draw.standard_normal((9000, 8)), draw.random(9000) > 0.2
+    values[[40, 41, 3500], 0] = np.nan
+    levels = [LevelShift(columns=8, backend=backend) for backend in ("numpy", "numba")]
+    for start in range(0, len(values), block):
+        part = slice(start, start + block)
+        if start >= 6000 > start - block:  # an episode opens
+            for level in levels:
+                level.freeze()
+        one, other = (level.step(values[part], use[part]) for level in levels)
+        assert one.tobytes() == other.tobytes()
+
+
 def test_at_rest_the_last_shift_stands():
     values, use = np.random.default_rng(5).standard_normal(900), np.ones(900, dtype=bool)
     use[700:] = False

@@ -22,7 +22,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core import backend as backends
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.shift_loops import shift_loops
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -80,11 +82,16 @@ class LevelShift:
     """
 
     def __init__(
-        self, windows: Sequence[int] = SHIFT_WINDOWS, columns: int = 1, gated: bool = True
+        self,
+        windows: Sequence[int] = SHIFT_WINDOWS,
+        columns: int = 1,
+        gated: bool = True,
+        backend: str = "numpy",
     ) -> None:
         self._windows = np.array(windows)
         self._columns = columns
         self._least = LEAST if gated else LEAST_ALWAYS
+        self._compiled = backends.chosen(backend) == "numba"
         self.clear()
 
     def clear(self) -> None:
@@ -105,12 +112,34 @@ class LevelShift:
         the last shift stands, NaN before the first.
         Where a value is missing its channel was not to be trusted: a new level begins after it.
         """
+        if self._compiled:
+            return self._loops(values, use)
         missing = np.isnan(values[:, 0])
         if not missing.any():
             return self._follow(values, use)
         edges = np.flatnonzero(missing[1:] != missing[:-1]) + 1
         parts = zip(np.split(values, edges), np.split(use, edges), strict=True)
         return np.concatenate([self._part(*part) for part in parts])
+
+    def _loops(self, values: Array, use: Flags) -> Array:
+        """All of it in one compiled loop."""
+        self._make_room(len(values))
+        shifts, last = np.empty((len(values), *self._last.shape[1:])), self._last[0].copy()
+        is_frozen = self._frozen is not None
+        self._end, stays = backends.exact(shift_loops)(
+            values,
+            use,
+            self._store,
+            self._end,
+            self._windows,
+            (REFERENCE, self._least),
+            last if self._frozen is None else self._frozen,
+            is_frozen,
+            last,
+            shifts,
+        )
+        self._last, self._frozen = last[None], self._frozen if stays else None
+        return shifts
 
     def _part(self, values: Array, use: Flags) -> Array:
         """Scans with all values, or with none."""
@@ -128,21 +157,22 @@ class LevelShift:
         return shifts[np.cumsum(use)]
 
     def _summed(self, taken: Array) -> Array:
-        """Sums up to each scan that is still looked back at; the last are those of ``taken``.
-
-        There is room for many more, so that a scan that comes alone moves none of the others.
-        """
+        """Sums up to each scan that is still looked back at; the last are those of ``taken``."""
+        self._make_room(len(taken))
         start, end = self._end, self._end + len(taken)
-        if end > len(self._store):
-            kept = self._store[max(start - _KEPT, 0) : start]
-            start, end = len(kept), len(kept) + len(taken)
-            self._store = np.empty((end + _ROOM, self._columns))
-            self._store[:start] = kept
         self._store[start:end] = taken
         # One after the other, however many come at once.
         self._store[start - 1 : end] = np.add.accumulate(self._store[start - 1 : end], axis=0)
         self._end = end
         return self._store[:end]
+
+    def _make_room(self, count: int) -> None:
+        """For so many scans and many more: one that comes alone moves none of the others."""
+        if self._end + count > len(self._store):
+            kept = self._store[max(self._end - _KEPT, 0) : self._end]
+            self._store = np.empty((len(kept) + count + _ROOM, self._columns))
+            self._store[: len(kept)] = kept
+            self._end = len(kept)
 
     def _shifts(self, sums: Array, count: int) -> Array:
         """Shifts at the last ``count`` sums, shape (count, windows, columns)."""

@@ -10,7 +10,6 @@ A witness adds no more than the voltage says itself: a drag alone is none.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -30,43 +29,28 @@ SHIFTING = tuple(RESIDUALS[j].name for j in SPREAD_ROWS)
 """Residuals in which units differ: there a run knows its own level better than the calibration."""
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """Windows of one residual, with variance and limit of each; shapes (windows,)."""
-
-    windows: tuple[int, ...]
-    variance: Array
-    k: Array
-
-    @classmethod
-    def of(cls, limits: Sequence[ShiftLimit]) -> Bounds:
-        """Those of these limits."""
-        return cls(
-            tuple(limit.window for limit in limits),
-            np.array([limit.sigma**2 for limit in limits]),
-            np.array([limit.k for limit in limits]),
-        )
-
-    def z(self, shifts: Array) -> Array:
-        """Sigmas of shifts and of what units differ by, (n, windows, 1 + unit parameters)."""
-        variance = self.variance + np.add.reduce(np.square(shifts[:, :, 1:]), axis=2)
-        return np.asarray(shifts[:, :, 0] / np.sqrt(variance))
-
-
 class ShiftTest:
     """Runs every test that the calibration has a limit for."""
 
-    def __init__(self, limits: Sequence[ShiftLimit], tolerance: Sequence[float]) -> None:
+    def __init__(
+        self, limits: Sequence[ShiftLimit], tolerance: Sequence[float], backend: str = "auto"
+    ) -> None:
         self._change = np.zeros(len(tolerance))
         self._tolerance = np.array(tolerance)
-        self._tests = []
         self._open = self._opener = self._fired = False
-        for name in dict.fromkeys(limit.name for limit in limits):
-            mine = [limit for limit in limits if limit.name == name]
+        # Those of one residual stand together, as their tests do.
+        names = list(dict.fromkeys(limit.name for limit in limits))
+        self._limits = sorted(limits, key=lambda limit: names.index(limit.name))
+        self._variance = np.array([limit.sigma**2 for limit in self._limits])
+        self._k = np.array([limit.k for limit in self._limits])
+        self._tests = []
+        for name in names:
+            places = [n for n, limit in enumerate(self._limits) if limit.name == name]
+            windows = [self._limits[n].window for n in places]
             column = RESIDUAL_INDEX[name]
             gated = RESIDUALS[column].gate == "moving"
-            level = LevelShift([limit.window for limit in mine], 1 + len(tolerance), gated)
-            self._tests.append((column, level, Bounds.of(mine)))
+            level = LevelShift(windows, 1 + len(tolerance), gated, backend)
+            self._tests.append((column, level, slice(places[0], places[-1] + 1)))
 
     def adopt(self, change: Sequence[float]) -> None:
         """The unit's parameters changed by so much: levels go on as if they had not."""
@@ -84,24 +68,37 @@ class ShiftTest:
         A voltage that stands ``alone``, shape (n,), needs a witness to open an episode, and says
         nothing in one that something else has opened.
         """
-        for column, level, bounds in self._tests:
-            values = self._as_calibrated(rows, column)
-            row = RESIDUALS[column]
-            z = bounds.z(level.step(values, rows.moving | (row.gate != "moving")))
-            if "motor_voltage" in row.needs and alone.any():
-                z = np.where(alone[:, None], self._witnessed(z, column, results), z)
-            beyond = self._judge(z, column, bounds, results)
+        z = self._z(rows)
+        if not alone.any() and not (np.abs(z) > self._k).any():
+            self._fired = False
+            return
+        for column, _, places in self._tests:
+            here = z[:, places]
+            if "motor_voltage" in RESIDUALS[column].needs and alone.any():
+                here = np.where(alone[:, None], self._witnessed(here, column, results), here)
+            beyond = self._judge(here, column, self._limits[places], results)
             if column == ELECTRICAL:
                 self._fired = bool(beyond[-1])
                 self._call_witness(beyond & alone, results)
 
-    def _as_calibrated(self, rows: ResidualRows, column: int) -> Array:
-        """The residual as if nothing had been learned of the unit, and what units differ by."""
-        spread = rows.spread[:, SPREAD_ROWS.index(column)]
-        learned = np.add.reduce(spread * self._change, axis=1)
-        values = np.empty((len(rows), 1 + spread.shape[1]))
-        values[:, 0], values[:, 1:] = rows.values[:, column] - learned, spread * self._tolerance
-        return values
+    def _z(self, rows: ResidualRows) -> Array:
+        """Sigmas of every shift and of what units differ by, shape (n, limits)."""
+        if not self._tests:
+            return np.empty((len(rows), 0))
+        learned = np.add.reduce(rows.spread * self._change, axis=2)
+        spread = rows.spread * self._tolerance
+        always, shifts = np.ones(len(rows), dtype=bool), []
+        for column, level, _ in self._tests:
+            # The residual as if nothing had been learned of the unit, and what units differ by.
+            place = SPREAD_ROWS.index(column)
+            values = np.empty((len(rows), 1 + len(self._tolerance)))
+            values[:, 0] = rows.values[:, column] - learned[:, place]
+            values[:, 1:] = spread[:, place]
+            gated = RESIDUALS[column].gate == "moving"
+            shifts.append(level.step(values, rows.moving if gated else always))
+        every = np.concatenate(shifts, axis=1)
+        variance = self._variance + np.add.reduce(np.square(every[:, :, 1:]), axis=2)
+        return np.asarray(every[:, :, 0] / np.sqrt(variance))
 
     def _witnessed(self, z: Array, column: int, results: TestResults) -> Array:
         """What the shift of a voltage that stands alone amounts to, NaN where to nothing."""
@@ -123,13 +120,13 @@ class ShiftTest:
         results.z[called, MECHANICAL], results.k[called, MECHANICAL] = -both, k
 
     @staticmethod
-    def _judge(z: Array, column: int, bounds: Bounds, results: TestResults) -> Flags:
+    def _judge(z: Array, column: int, limits: Sequence[ShiftLimit], results: TestResults) -> Flags:
         """Fill the results in; after which scans a shift counts."""
         quiet = ~(np.abs(results.z[:, column]) > results.k[:, column])
-        beyond = (np.abs(z) > bounds.k) & quiet[:, None]
-        counts: Flags = beyond.any(axis=1)
-        if counts.any():
-            for n, here in enumerate(beyond.T):
-                results.z[here, column], results.k[here, column] = z[here, n], bounds.k[n]
-                results.window[here, column] = bounds.windows[n]
+        counts = np.zeros(len(quiet), dtype=bool)
+        for each, limit in zip(z.T, limits, strict=True):
+            beyond = quiet & (np.abs(each) > limit.k)
+            results.z[beyond, column], results.k[beyond, column] = each[beyond], limit.k
+            results.window[beyond, column] = limit.window
+            counts |= beyond
         return counts

@@ -106,7 +106,7 @@ class ResidualStream:
         self._speed_wait = 0
         self._filled_wait = 0
         self._sensors = SensorTests(c.sensors, CHANNELS, backend)
-        self._shifts = ShiftTest(c.shifts, c.tolerances())
+        self._shifts = ShiftTest(c.shifts, c.tolerances(), backend)
         self._period_ns = round(c.period_s * 1e9)
         self._last_ns = start_ns
         self._last_rows: list[Array] = []
