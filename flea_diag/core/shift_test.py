@@ -37,7 +37,10 @@ class ShiftTest:
     ) -> None:
         self._change = np.zeros(len(tolerance))
         self._tolerance = np.array(tolerance)
-        self._open = self._opener = self._fired = False
+        self._open = False
+        self._fired: list[int] = []
+        self._openers: list[int] = []
+        """Columns whose shift has just counted, and those by which an episode was opened."""
         # Those of one residual stand together, as their tests do.
         names = list(dict.fromkeys(limit.name for limit in limits))
         self._limits = sorted(limits, key=lambda limit: names.index(limit.name))
@@ -58,27 +61,31 @@ class ShiftTest:
 
     def turn(self, opened: bool) -> None:
         """An episode has opened: the level before it is the one that counts. Or closed."""
-        self._open, self._opener = opened, opened and self._fired
+        self._open, self._openers = opened, self._fired if opened else []
         for _, level, _ in self._tests:
             level.freeze() if opened else level.clear()
 
     def step(self, rows: ResidualRows, results: TestResults, alone: Flags) -> None:
         """Where a shift is beyond its limit and no other test of its residual is, it counts.
 
-        A voltage that stands ``alone``, shape (n,), needs a witness to open an episode, and says
-        nothing in one that something else has opened.
+        In an episode that no shift has opened it says nothing: the fault may have come with
+        another unit, whose level is another. A voltage that stands ``alone``, shape (n,), needs a
+        witness to open one, and says nothing in one that anything else has opened.
         """
+        self._fired = []
+        if self._open and not self._openers:
+            return
         z = self._z(rows)
         if not alone.any() and not (np.abs(z) > self._k).any():
-            self._fired = False
             return
         for column, _, places in self._tests:
             here = z[:, places]
             if "motor_voltage" in RESIDUALS[column].needs and alone.any():
                 here = np.where(alone[:, None], self._witnessed(here, column, results), here)
             beyond = self._judge(here, column, self._limits[places], results)
+            if beyond[-1]:
+                self._fired.append(column)
             if column == ELECTRICAL:
-                self._fired = bool(beyond[-1])
                 self._call_witness(beyond & alone, results)
 
     def _z(self, rows: ResidualRows) -> Array:
@@ -102,10 +109,10 @@ class ShiftTest:
 
     def _witnessed(self, z: Array, column: int, results: TestResults) -> Array:
         """What the shift of a voltage that stands alone amounts to, NaN where to nothing."""
-        if column != ELECTRICAL or (self._open and not self._opener):
-            return np.full_like(z, np.nan)
-        if self._opener:
+        if column == ELECTRICAL and column in self._openers:
             return z
+        if column != ELECTRICAL or self._open:
+            return np.full_like(z, np.nan)
         force = results.z[:, MECHANICAL, None]
         speaks = (np.abs(force) > WITNESS) & (force * z < 0.0)
         added = np.minimum(np.abs(force), np.abs(z))
