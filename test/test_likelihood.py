@@ -270,3 +270,25 @@ def test_a_bias_of_a_temperature_is_told_from_a_scaling_once_more_changes_than_a
     one, other = found.fit((bias, scaling), {node: 0.5}, {node: 20.0}, TOLERANCE)
     assert (other.log_likelihood - one.log_likelihood > 3.5) is told_apart
     assert one.log_likelihood < 3.5 + other.log_likelihood
+
+
+@pytest.mark.parametrize(
+    ("drag_n", "low", "high", "held", "counted"),
+    [
+        (60.0, 0.0, 20.0, 20.0, 1),  # as large as it may be: fitted like any other
+        (-60.0, 0.0, 20.0, 0.0, 0),  # not there
+        (-60.0, -20.0, 20.0, -20.0, 1),
+        (5.0, 15.0, 20.0, 15.0, 0),
+    ],
+)
+def test_a_size_costs_unless_it_is_held_at_its_least(drag_n, low, high, held, counted):
+    rattle = FaultModel("rattle", (Size("coulomb", "N", low, high),), DRAG.terms[:1])
+    columns = window(3)
+    y = effect(DRAG, (drag_n, 0.0), columns)
+    y += np.random.default_rng(3).normal(0.0, 1.0, y.shape)
+    (found,) = fits(evidence(y, columns), (rattle, DRAG))[:1]
+    assert found.sizes[0] == pytest.approx(held, abs=1e-9)
+    gain = 0.5 * (reference(None, y, columns)[0] - reference(rattle, y, columns)[0])
+    independent = 300 / SPACING[MECHANICAL] + 300 / SPACING[ELECTRICAL]
+    cost = 0.5 * counted * math.log(independent)
+    assert found.log_likelihood == pytest.approx(gain - cost, abs=0.05 + 0.01 * abs(gain))

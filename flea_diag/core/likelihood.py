@@ -267,11 +267,16 @@ def _bounded(model: FaultModel | None, A: Array, b: Array) -> Array:
 
 
 def _penalty(model: FaultModel, sizes: Sequence[float], independent: float) -> float:
-    """BIC: half a logarithm of the sample count for each size that is not held at a bound."""
-    inside = sum(
-        size.low < value < size.high for size, value in zip(model.sizes, sizes, strict=True)
+    """BIC: half a logarithm of the sample count for each size that is not held at its least.
+
+    One that the evidence drives against its other bound is fitted as any: else the largest spall
+    would be the simpler explanation of a weak jam.
+    """
+    fitted = sum(
+        abs(value) > max(size.low, -size.high, 0.0)
+        for size, value in zip(model.sizes, sizes, strict=True)
     )
-    return 0.5 * inside * float(np.log(independent))
+    return 0.5 * fitted * float(np.log(independent))
 
 
 def _least(A: Array, b: Array) -> Array:
