@@ -81,8 +81,8 @@ def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_pa
 def test_a_diagnoser_that_was_killed_says_from_when_on_it_watches(
     domain: int, tmp_path: Path
 ) -> None:
-    """Nobody is left to tell it of what was before; and who is back is heard on loopback, too."""
-    options = ("--composed", "--loopback", "--fault", "nominal", "--for", "120")
+    """Nobody is left to tell it of what was before."""
+    options = ("--composed", "--fault", "nominal", "--for", "120")
     run = command(tmp_path / "run", *options)
     with Process(run, domain) as process:
         process.wait_for("NOMINAL", limit_s=180.0)

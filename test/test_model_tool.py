@@ -85,7 +85,7 @@ def test_diagnosability_says_what_no_feature_table_can_split(
     (learned,) = (groups for title, groups in content.items() if "Table 3" not in title)
     # Faults that act on no accelerometer are alike; every other one has a row of its own.
     assert all("spall" not in group and "jam" not in group for group in learned)
-    assert any({"motor_current_bias", "winding_short"} <= set(group) for group in learned)
+    assert any({"motor_current_bias", "motor_voltage_bias"} <= set(group) for group in learned)
     text = shown(capsys, "diagnosability", "--fault", "jam", "--fault", "ball_nut_friction")
     assert "every pair of its faults is split" in text
     assert "{ball_nut_friction, jam}" in text.split("Table 3:")[1]
