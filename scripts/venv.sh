@@ -40,7 +40,7 @@ pip_install() {
     installer=$!
     # Which package pip is at, so that a slow line does not look like a hang.
     while kill -0 $installer 2>/dev/null; do
-        at=$(grep -c '^Collecting' "$venv/pip.log")
+        at=$(grep -c '^Collecting' "$venv/pip.log" 2>/dev/null)
         [ -t 2 ] && printf '\r  %s packages looked up … ' "$at" >&2
         sleep 1
     done
