@@ -27,10 +27,10 @@ from statistics import median
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
-from live import Peer, Process
+from live import Peer, Process, process_of
 
 from flea_diag.nodes.domain import reserved_domain
-from flea_diag.nodes.live_run import LISTENERS, MODULES
+from flea_diag.nodes.live_run import COMPOSED, MODULES, SEPARATE
 from flea_diag.wire.bag import read_bag
 from flea_diag.wire.records import AmbiguityGroup, Outcome, Scan, Truth
 
@@ -94,7 +94,7 @@ class Campaign:
     def __init__(self, seed: int, folder: Path, options: list[str]) -> None:
         self._random = random.Random(seed)
         self._folder = folder
-        self._nodes = (*LISTENERS["--composed" in options], "console")
+        self._nodes = (*(COMPOSED if "--composed" in options else SEPARATE), "console")
         self._options = options
         self.result = Result()
 
@@ -125,7 +125,7 @@ class Campaign:
         pause_s = self._random.uniform(*PAUSE_S)
         peer.bus.wait_until(lambda: False, pause_s)
         before = _endpoints(peer, kill.node)
-        os.kill(_process_of(process.child.pid, MODULES[kill.node]), signal.SIGKILL)
+        os.kill(process_of(process.child.pid, MODULES[kill.node]), signal.SIGKILL)
         killed_s, killed_ns = time.monotonic(), time.time_ns()
         kill.after_onset_s = killed_ns / 1e9 - onset_s
         if kill.node == "daq":
@@ -203,17 +203,6 @@ def _endpoints(peer: Peer, name: str) -> set[bytes]:
     infos = node.get_publishers_info_by_topic("/diagnostics")
     infos += node.get_subscriptions_info_by_topic("/ambiguity_group")
     return {bytes(info.endpoint_gid) for info in infos if info.node_name == name}
-
-
-def _process_of(parent: int, module: str) -> int:
-    """The one child that runs a module."""
-    text = Path(f"/proc/{parent}/task/{parent}/children").read_text(encoding="ascii")
-    (found,) = (
-        int(pid)
-        for pid in text.split()
-        if module in Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
-    )
-    return found
 
 
 def _told(result: Result) -> str:

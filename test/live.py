@@ -92,6 +92,22 @@ class Process:
         return status
 
 
+def children(pid: int) -> list[int]:
+    """Process ids of the children of a process."""
+    listed = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
+    return [int(child) for child in listed]
+
+
+def process_of(parent: int, module: str) -> int:
+    """Process id of the one child that runs a module."""
+    (found,) = (
+        pid
+        for pid in children(parent)
+        if module in Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
+    )
+    return found
+
+
 def node(module: str, *arguments: str) -> list[str]:
     """Command line of one of our nodes, from the source tree."""
     ros = ["--ros-args", *arguments] if arguments else []

@@ -11,8 +11,9 @@ import numpy as np
 
 from flea_diag.configuration import make_pipeline
 from flea_diag.stages.stream_order import STREAM
+from flea_diag.tools import replay
 from flea_diag.tools.case_run import in_blocks
-from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.blocks import Block
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelQuality,
@@ -234,13 +235,9 @@ class Passed:
     miscounted: tuple[str, ...]
 
 
-def diagnosed(records: Iterable[Record]) -> list[Record]:
-    """All that the diagnoser says to these records."""
-    pipeline, said = make_pipeline(None), []
-    for record in in_blocks(records):
-        by_block = isinstance(record, ScanBlock)
-        said += pipeline.handle_block(record) if by_block else pipeline.handle(record)
-    return said + list(pipeline.finish())
+def diagnosed(records: Iterable[Record]) -> list[Record | Block]:
+    """These records, with all that the diagnoser says to them."""
+    return list(replay.diagnosed(in_blocks(records), make_pipeline(None)))
 
 
 def passed(name: str, seed: int) -> Passed:

@@ -1,13 +1,14 @@
 """The recorder on a disk that answers when it is let: `stalling_recorder.py GATE --ros-args ...`.
 
-While the file GATE is there the disk takes nothing, and says so in a file beside it.
+While somebody holds the lock of the file GATE the disk takes nothing, and says so in a file
+beside it.
 """
 
 from __future__ import annotations
 
+import fcntl
 import os
 import sys
-import time
 from pathlib import Path
 
 from flea_diag.nodes.recorder import main
@@ -18,10 +19,12 @@ to_disk = os.fdatasync
 
 def stalled(descriptor: int) -> None:
     """Put it on the disk once the gate is open."""
-    if GATE.exists():
-        GATE.with_suffix(".stalls").touch()
-    while GATE.exists():
-        time.sleep(0.01)
+    with GATE.open() as gate:
+        try:
+            fcntl.flock(gate, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            GATE.with_suffix(".stalls").touch()
+            fcntl.flock(gate, fcntl.LOCK_EX)
     to_disk(descriptor)
 
 

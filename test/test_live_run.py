@@ -11,7 +11,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
-from live import Process
+from live import Process, children, process_of
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.children import Children
@@ -24,11 +24,6 @@ from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan, Truth
 def command(bag: Path, *arguments: str) -> list[str]:
     module = "flea_diag.nodes.live_run"
     return [sys.executable, "-m", module, "--headless", "--bag", str(bag), *arguments]
-
-
-def children(pid: int) -> list[int]:
-    listed = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
-    return [int(child) for child in listed]
 
 
 def test_an_interrupted_run_ends_its_children_and_sums_up(domain: int, tmp_path: Path) -> None:
@@ -45,16 +40,6 @@ def test_an_interrupted_run_ends_its_children_and_sums_up(domain: int, tmp_path:
         assert word in process.output
     kinds = {type(record) for _, record in read_bag(bag)}
     assert {Scan, ChannelTable, Truth, AmbiguityGroup} <= kinds
-
-
-def process_of(parent: int, module: str) -> int:
-    """Process id of the one child that runs a module."""
-    (found,) = (
-        pid
-        for pid in children(parent)
-        if module in Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
-    )
-    return found
 
 
 def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_path: Path) -> None:

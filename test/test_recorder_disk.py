@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import signal
 import subprocess
 import sys
@@ -87,17 +88,18 @@ def test_a_disk_that_does_not_answer_for_seconds_costs_no_message(
     gate, bag = tmp_path / "gate", tmp_path / "run"
     arguments = node("x", "-p", f"directory:={bag}")[3:]
     command = [sys.executable, str(ROOT / "test" / "stalling_recorder.py"), str(gate), *arguments]
-    with Process(command, domain) as process, Peer(domain) as peer:
+    gate.touch()
+    with Process(command, domain) as process, Peer(domain) as peer, gate.open() as held:
         peer.listen(Health)
         publish(peer, 20)
         until_written(peer, 21)
-        gate.touch()
+        fcntl.flock(held, fcntl.LOCK_EX)
         peer.until(gate.with_suffix(".stalls").exists)
         for number in range(20, 420):
             peer.bus.publish(scan(number))
             if number % 50 == 0:
                 assert peer.acknowledged(Scan)
-        gate.unlink()
+        fcntl.flock(held, fcntl.LOCK_UN)
         until_written(peer, 421)
         assert process.signal(signal.SIGTERM) == 0
     assert opened(bag)["/sensors/slow"] == 420

@@ -34,18 +34,13 @@ from flea_diag.wire.records import (
     Truth,
 )
 
-LISTENERS = {
-    False: ("observer", "isolator", "extractor", "recorder"),
-    True: ("diagnoser", "recorder"),
-}
-"""By whether the diagnosis is one process. They report their health: it is known when they are
-ready."""
+SEPARATE = ("observer", "isolator", "extractor", "recorder")
+COMPOSED = ("diagnoser", "recorder")
+"""Listeners, and those with the diagnosis in one process. They report their health, so it is known
+when they are ready."""
 
 MODULES = {
-    **{
-        name: f"flea_diag.nodes.{name}"
-        for name in (*LISTENERS[False], *LISTENERS[True], "console", "web")
-    },
+    **{name: f"flea_diag.nodes.{name}" for name in (*SEPARATE, *COMPOSED, "console", "web")},
     "daq": "flea_sim_driver.daq_node",
 }
 READY_S = 180.0
@@ -59,7 +54,7 @@ class Run:
 
     def __init__(self, options: argparse.Namespace, bus: Bus[Any], children: Children) -> None:
         self._options, self._bus, self._children = options, bus, children
-        self._listeners = LISTENERS[options.composed]
+        self._listeners = COMPOSED if options.composed else SEPARATE
         self._healthy: set[str] = set()
         self._latest: AmbiguityGroup | None = None
         self.interrupted = False

@@ -125,8 +125,6 @@ class ExtractorStage:
         if isinstance(record, Scan):
             self.windows.scans.add(record)
             self._now_ns = record.stamp_ns
-            if not self._pending:
-                return ()  # as with nearly every record there is
         elif isinstance(record, VibrationBlock):
             levels = self._level(record)
         elif isinstance(record, FeatureRequest):

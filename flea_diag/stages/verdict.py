@@ -22,6 +22,7 @@ from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.standing import SEEN_MOVING, Standing, astray, rested
 from flea_diag.stages.stream_order import STREAM
 from flea_diag.wire.records import (
+    BY_DESIGN,
     NEVER_NS,
     AmbiguityGroup,
     Candidate,
@@ -130,7 +131,7 @@ class Verdict:
         left = formable(self._weighed, standing.bad)
         if len(left) < len(self._weighed) and all_alike(self._models, names, left):
             lost = ", ".join(channel for channel in standing.bad if self._reads(channel))
-            return f"cannot be split without {lost}, by design; sound readings of it would"
+            return f"cannot be split without {lost}, {BY_DESIGN}; sound readings of it would"
         return "not split by this evidence"
 
     def _would_vibration(
@@ -138,9 +139,9 @@ class Verdict:
     ) -> str:
         """Whether vibration would tell apart what relations cannot."""
         if not standing.axes and any(h.fault.vibration for h in alive):
-            return "cannot be split by this sensor set, by design; accelerometers would"
+            return f"cannot be split by this sensor set, {BY_DESIGN}; accelerometers would"
         if not standing.axes or self._chooser.next(episode.group()) is None:
-            return "cannot be split by this sensor set, by design"
+            return f"cannot be split by this sensor set, {BY_DESIGN}"
         return "not split yet: features of vibration would, on a usable second of motion"
 
     def _reads(self, channel: str) -> bool:

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from flea_diag.errors import RecordingError
+from flea_diag.wire.records import BY_DESIGN
 
 SCHEMA_VERSION = 1
 KINDS = ("real", "simulated", "injected", "spliced")
@@ -19,8 +20,6 @@ KINDS = ("real", "simulated", "injected", "spliced")
 two recordings joined. Kinds are never added up in one figure."""
 
 NOMINAL = "nominal"
-BY_DESIGN = "by design"
-"""Words of a verdict on a group that these sensors cannot split (``stages.verdict``)."""
 
 
 @dataclass(frozen=True)

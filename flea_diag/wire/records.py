@@ -13,6 +13,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.wire.vocabulary import BY_DESIGN as BY_DESIGN
 from flea_diag.wire.vocabulary import NEVER_NS as NEVER_NS
 from flea_diag.wire.vocabulary import OUTCOME_LEVEL as OUTCOME_LEVEL
 from flea_diag.wire.vocabulary import Level as Level

@@ -6,6 +6,8 @@ from enum import Enum, IntEnum
 
 NEVER_NS = -1
 """Stamp of an event that has not happened."""
+BY_DESIGN = "by design"
+"""Of a verdict on several faults: these sensors cannot split them, whatever else is seen."""
 
 
 class Outcome(str, Enum):
