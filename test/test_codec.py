@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flea_diag.errors import WireError
-from flea_diag.wire import codec
+from flea_diag.wire import cdr, codec
 from flea_diag.wire import records as r
 from flea_diag.wire.topics import DIAGNOSTIC_ARRAY, TOPIC_OF, TOPICS
 
@@ -321,6 +321,19 @@ def read_or_refused(kind: type, data: bytes) -> None:
         words = str(error)
     assert "\n" not in words
     assert len(words) < 400
+
+
+def test_a_name_that_changes_within_a_stream_is_seen() -> None:
+    """The names of a stream are kept from message to message, and no more than its names."""
+    first = r.Scan(0, ("motor_current", "load_force"), (1.0, 2.0))
+    other = dataclasses.replace(first, channels=("motor_current", "load_forcf"))
+    longer = r.Scan(0, ("motor_current", "load_force", "x"), (1.0, 2.0, 3.0))
+    for record in (first, other, longer, first):
+        assert codec.decode(r.Scan, codec.encode(record)) == record
+    kept = len(cdr._KEPT)
+    wide = r.Scan(0, ("c" * cdr.KEPT_BYTES,), (1.0,))
+    assert codec.decode(r.Scan, codec.encode(wide)) == wide
+    assert len(cdr._KEPT) == kept
 
 
 def test_a_truncated_scan_is_never_read() -> None:

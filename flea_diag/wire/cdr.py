@@ -10,6 +10,7 @@ there before anything is allocated, so memory is bounded by the size of the inpu
 from __future__ import annotations
 
 import struct
+from collections import deque
 from typing import NoReturn
 
 from flea_diag.errors import WireError
@@ -24,6 +25,11 @@ _SECONDS = range(-(2**31), 2**31)
 TRAILING = 16
 """Bytes that may follow a message: rclpy 7.1 leaves 8 unset ones after a JointState, since its
 size is estimated with an alignment that an empty sequence does not have."""
+
+KEPT_BYTES = 1 << 16
+"""A sequence of strings that takes more is read each time anew: what is kept stays small."""
+_KEPT: deque[tuple[bytes, tuple[str, ...]]] = deque(maxlen=8)
+"""Sequences of strings read last: a stream repeats its names in every message, byte for byte."""
 
 
 def stamp_bytes(stamp_ns: int) -> bytes:
@@ -157,6 +163,19 @@ class CdrReader:
             return raw[:-1].decode()
         except UnicodeDecodeError:
             self.refuse("a string that is not UTF-8")
+
+    def texts(self) -> tuple[str, ...]:
+        """A sequence of strings."""
+        self.align(4)
+        start = self._position
+        for raw, texts in _KEPT:
+            if self._body[start : start + len(raw)] == raw:
+                self._position += len(raw)
+                return texts
+        texts = tuple(self.text() for _ in range(self.count(4)))
+        if self._position - start <= KEPT_BYTES:
+            _KEPT.append((bytes(self._body[start : self._position]), texts))
+        return texts
 
     def end(self) -> None:
         """Nothing but a middleware's padding may be left."""

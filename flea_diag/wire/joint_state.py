@@ -19,6 +19,7 @@ HEALTH = ("observer/ess", "observer/nis", "observer/diverged")
 """How the names on ``residual`` say what a number is."""
 
 _STAMP_BYTES = 8
+Names = tuple[str, ...]
 
 
 def encode(record: Any, _: str) -> bytes:
@@ -58,7 +59,7 @@ def _names_section(names: tuple[str, ...]) -> bytes:
 def decode(record_type: type, reader: CdrReader) -> Any:
     """Read a Scan, Residual or VibrationLevel; velocity and effort are passed over."""
     stamp_ns = reader.stamp_ns()
-    names = tuple(reader.text() for _ in range(reader.count(4)))
+    names = reader.texts()
     values, _, _ = _floats(reader), _floats(reader), _floats(reader)
     reader.end()
     if len(names) != len(values):
@@ -127,8 +128,8 @@ def _residual_values(record: r.Residual) -> tuple[float, ...]:
 
 
 @lru_cache(maxsize=64)
-def _parts(names: tuple[str, ...]) -> tuple[int, int, int]:
-    """Where residuals, regressors and estimates end.
+def _parts(names: tuple[str, ...]) -> tuple[tuple[int, int, int], Names, Names, Names]:
+    """Where residuals, regressors and estimates end, and what each of them is called.
 
     Raises
     ------
@@ -144,24 +145,23 @@ def _parts(names: tuple[str, ...]) -> tuple[int, int, int]:
         names[:regressors:3],
         tuple(name[len(REGRESSOR) :] for name in names[regressors:first]),
         tuple(name[: -len(ESTIMATE)] for name in names[first:health:2]),
-        names[health:],
     )
-    if _layout(*names_of) != names:
+    if _layout(*names_of, names[health:]) != names:
         raise WireError("the names are not those of residuals, each with /z and /threshold")
-    return regressors, first, health
+    return (regressors, first, health), *names_of
 
 
 def _residual(stamp_ns: int, names: tuple[str, ...], values: tuple[float, ...]) -> r.Residual:
-    end, first, health = _parts(names)
+    (end, first, health), residuals, regressors, estimated = _parts(names)
     record = r.Residual(
         stamp_ns,
-        names[:end:3],
+        residuals,
         values[0:end:3],
         values[1:end:3],
         values[2:end:3],
-        tuple(name[len(REGRESSOR) :] for name in names[end:first]),
+        regressors,
         values[end:first],
-        tuple(name[: -len(ESTIMATE)] for name in names[first:health:2]),
+        estimated,
         values[first:health:2],
         values[first + 1 : health : 2],
         values[health:],

@@ -27,7 +27,7 @@ def scan_block(messages: Sequence[bytes]) -> ScanBlock | None:
     """
     reader = CdrReader(messages[0])
     reader.stamp_ns()
-    channels = tuple(reader.text() for _ in range(reader.count(4)))
+    channels = reader.texts()
     count = reader.count(8)
     if count:
         reader.align(8)
