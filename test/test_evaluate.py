@@ -21,7 +21,7 @@ from evaluations import SHORT, case, until
 from flea_diag.tools import case_run, extra
 from flea_diag.tools.case_run import run_case
 from flea_diag.tools.main import main
-from flea_diag.tools.result_log import RESULTS, ResultLog, read_results
+from flea_diag.tools.result_log import RESULTS, ResultLog, held, read_results
 from flea_diag.tools.run_result import RunResult
 from flea_diag.wire.bag import BagReader, BagWriter
 from flea_diag.wire.records import ChannelTable, Scan
@@ -141,6 +141,16 @@ def test_a_run_that_failed_is_tried_again_and_its_last_line_counts(
     assert main(["evaluate", str(written(evaluated.parent)), "-o", str(output), "-q"]) == 0
     again = {r.id: r.digest for r in read_results(output)}
     assert again == {r.id: r.digest for r in whole}
+
+
+def test_a_folder_is_of_one_evaluation_at_a_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with held(tmp_path):
+        assert main(["evaluate", str(written(tmp_path)), "-o", str(tmp_path), "-q"]) == 2
+    assert "another evaluation is at work there" in capsys.readouterr().err
+    with held(tmp_path):
+        pass
 
 
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:

@@ -7,9 +7,8 @@ made again. A run that takes its worker down twice, the second time alone, is a 
 from __future__ import annotations
 
 import multiprocessing
-import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
 from typing import Any
@@ -18,6 +17,7 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.tools.case import Case
 from flea_diag.tools.extra import require
 from flea_diag.tools.run_result import RunResult
+from flea_diag.tools.workers import worker_pool
 
 Work = Callable[[Case], RunResult]
 DIED = "its process died: killed, out of memory, or a crash in a library"
@@ -39,7 +39,7 @@ def _until_it_breaks(
     cases: Iterator[Case], work: Work, jobs: int, suspects: list[Case]
 ) -> Iterator[RunResult]:
     """Results until all are done, or a worker has died: who was at work then is a suspect."""
-    with _pool(jobs) as pool:
+    with worker_pool(jobs) as pool:
         running: dict[Future[RunResult], Case] = {}
         try:
             while True:
@@ -63,7 +63,7 @@ def _until_it_breaks(
 
 
 def _alone(case: Case, work: Work) -> Iterator[RunResult]:
-    with _pool(1) as pool:
+    with worker_pool(1) as pool:
         try:
             yield pool.submit(work, case).result()
         except BrokenProcessPool:
@@ -73,17 +73,6 @@ def _alone(case: Case, work: Work) -> Iterator[RunResult]:
 def failed(case: Case, reason: str) -> RunResult:
     """The line of a run that nothing is known of."""
     return RunResult(case.id, case.kind, case.row, case.configuration, case.fold, failure=reason)
-
-
-def _pool(jobs: int) -> ProcessPoolExecutor:
-    """Fresh interpreters: forking after numpy or numba have made threads can hang."""
-    return ProcessPoolExecutor(
-        jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_leave_ctrl_c_to_parent
-    )
-
-
-def _leave_ctrl_c_to_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 # --- Dask ---------------------------------------------------------------------------------

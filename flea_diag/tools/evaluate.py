@@ -68,32 +68,34 @@ def run(arguments: argparse.Namespace) -> int:
     from flea_diag.tools.case import plan, plan_sha256
     from flea_diag.tools.case_run import run_case
     from flea_diag.tools.recording_set import RecordingSet
-    from flea_diag.tools.result_log import ResultLog
+    from flea_diag.tools.result_log import ResultLog, held
 
     # The report is made at the very end: what it needs is missed now, not after hours.
     require("evaluate", "evaluate")
     jobs = _jobs(arguments.jobs)
     campaign = load_campaign(arguments.campaign)
-    folder: Path = arguments.output or Path("evaluations") / campaign.name
-    folder = folder.resolve()
-    if arguments.force:
-        _begin_anew(folder)
+    folder: Path = (arguments.output or Path("evaluations") / campaign.name).resolve()
     recordings = RecordingSet(campaign, folder)
     cases = plan(campaign, recordings)
     work = partial(run_case, expect=dict(campaign.expect), folder=folder)
-    with ResultLog(folder, plan_sha256(campaign, cases)) as log:
-        left = [case for case in cases if case.key not in log.done or log.done[case.key].failure]
-        try:
-            if left:
-                recordings.prepare()
-                results = _results(left, work, jobs, arguments.dask)
-                _keep(results, log, _bar(len(cases), len(left), arguments.quiet))
-        except KeyboardInterrupt:
-            _score(campaign, log.done.values(), folder, arguments.drawn, quiet=True)
-            warn(f"{len(log.done)} of {len(cases)} runs are kept; the same command goes on")
-            raise
-        done = log.done.values()
-        return _score(campaign, done, folder, arguments.drawn, quiet=arguments.quiet)
+    with held(folder):
+        if arguments.force:
+            _begin_anew(folder)
+        with ResultLog(folder, plan_sha256(campaign, cases)) as log:
+            done = log.done.values()
+            left = [
+                case for case in cases if case.key not in log.done or log.done[case.key].failure
+            ]
+            try:
+                if left:
+                    recordings.prepare()
+                    results = _results(left, work, jobs, arguments.dask)
+                    _keep(results, log, _bar(len(cases), len(left), arguments.quiet))
+            except KeyboardInterrupt:
+                _score(campaign, done, folder, arguments.drawn, quiet=True)
+                warn(f"{len(done)} of {len(cases)} runs are kept; the same command goes on")
+                raise
+            return _score(campaign, done, folder, arguments.drawn, quiet=arguments.quiet)
 
 
 def _jobs(given: int | None) -> int:

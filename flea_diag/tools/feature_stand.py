@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from flea_diag.core.feature_learning import NOMINAL
 from flea_diag.tools.feature_samples import Grid, Run, run_of
+from flea_diag.tools.workers import worker_pool
 from flea_diag.wire.records import Truth
 from flea_sim_driver.scenario import scenario_from_mapping
 from flea_sim_driver.stand import Stand
@@ -119,5 +119,5 @@ def stand_runs(
     work = partial(stand_run, grid=grid, loads_n=loads_n)
     if jobs == 1:
         return [work(job) for job in todo]
-    with ProcessPoolExecutor(jobs) as pool:
+    with worker_pool(jobs) as pool:
         return list(pool.map(work, todo, chunksize=4))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import gc
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +27,7 @@ from flea_diag.tools.feature_classifier import call, read_classifier
 from flea_diag.tools.feature_judge import judge
 from flea_diag.tools.feature_samples import Grid, Run, run_of
 from flea_diag.tools.feature_stand import drawn_scenario
+from flea_diag.tools.workers import worker_pool
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
@@ -208,5 +208,5 @@ def study(
     if jobs == 1:
         yield from (study_run(*job) for job in todo)
         return
-    with ProcessPoolExecutor(jobs) as pool:
+    with worker_pool(jobs) as pool:
         yield from pool.map(study_run, *zip(*todo, strict=True))
