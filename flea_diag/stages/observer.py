@@ -8,7 +8,7 @@ follow (``deviation``). This stage keeps that order and makes the records.
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -76,6 +76,24 @@ class ObserverParameters:
     )
 
 
+@dataclass
+class Checkpoint:
+    """State to which the observer can go back, and the quiet blocks since then.
+
+    A copy of the state takes as long as two scans, and short blocks come between those of
+    vibration: so it is made now and then, and what has passed since is done once more.
+    """
+
+    state: tuple[StreamOrder, Channels, ResidualStream, Deviation, UnitChange]
+    blocks: list[ScanBlock] = field(default_factory=list)
+    scans: int = 0
+
+    def take(self, block: ScanBlock) -> None:
+        """One more quiet block."""
+        self.blocks.append(block)
+        self.scans += len(block)
+
+
 class ObserverStage:
     """The detector of the diagnosis; see the module's first lines."""
 
@@ -95,6 +113,7 @@ class ObserverStage:
         self._deviation = Deviation(parameters.rearm_after_s)
         self._unit = UnitChange()
         self._most = LEAST_SCANS
+        self._checkpoint: Checkpoint | None = None
         self._start(0)
 
     def _start(self, stamp_ns: int) -> None:
@@ -115,6 +134,7 @@ class ObserverStage:
 
     def handle(self, record: Record) -> tuple[Record, ...]:
         """Records caused by a ChannelTable, a Scan or a verdict."""
+        self._checkpoint = None
         if isinstance(record, Scan):
             return self._scan(record)
         if isinstance(record, ChannelTable):
@@ -159,20 +179,30 @@ class ObserverStage:
         count = min(self._order.leading(stamps_ns), self._stream.alike(stamps_ns))
         if count < min(LEAST_SCANS, len(block)):
             return 0, ()
-        before = self._saved()
-        quiet, residuals = self._try(block.part(slice(count)))
+        if self._checkpoint is None or self._checkpoint.scans >= MOST_SCANS:
+            self._checkpoint = Checkpoint(
+                deepcopy((self._order, self._channels, self._stream, self._deviation, self._unit))
+            )
+        part = block.part(slice(count))
+        quiet, residuals = self._try(part)
         self._most = min(2 * self._most, MOST_SCANS)
-        if quiet < count:
-            # Something happens: go back, and up to there.
-            self._order, self._channels, self._stream, self._deviation, self._unit = before
-            self._most = LEAST_SCANS
-            if not quiet:
-                return 0, ()
-            _, residuals = self._try(block.part(slice(quiet)))
+        if quiet == count:
+            self._checkpoint.take(part)
+            return quiet, (residuals,)
+        # Something happens: go back, and up to there.
+        self._go_back(self._checkpoint)
+        self._most = LEAST_SCANS
+        if not quiet:
+            return 0, ()
+        _, residuals = self._try(block.part(slice(quiet)))
         return quiet, (residuals,)
 
-    def _saved(self) -> tuple[StreamOrder, Channels, ResidualStream, Deviation, UnitChange]:
-        return deepcopy((self._order, self._channels, self._stream, self._deviation, self._unit))
+    def _go_back(self, checkpoint: Checkpoint) -> None:
+        """Return to the end of the last block that was taken."""
+        self._order, self._channels, self._stream, self._deviation, self._unit = checkpoint.state
+        self._checkpoint = None
+        for block in checkpoint.blocks:
+            self._try(block)
 
     def _try(self, block: ScanBlock) -> tuple[int, ResidualBlock]:
         """Residuals of scans in order, and the first scan that causes more, or their number."""
@@ -260,6 +290,7 @@ class ObserverStage:
 
     def reset(self) -> tuple[Record, ...]:
         """Close the open episode, if any, and arm again."""
+        self._checkpoint = None
         if not self._deviation.is_open or self._order.last_ns is None:
             return ()
         self._stream.turn(opened=False)
