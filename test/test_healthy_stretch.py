@@ -75,13 +75,25 @@ def test_a_known_zero_of_the_voltage_tells_a_current_bias_from_a_load_bias():
     healthy = stretch(scans(6, PIECE_SCANS * 12, zero_v=zero_v)).evidence
 
     def ahead(known: Evidence | None) -> float:
-        fits = episode.fit(models, SIGMA, SPACING, TOLERANCE, known)
+        fits = episode.fit(models, SIGMA, SPACING, TOLERANCE, known, RESIDUALS[1:])
         by_fault = {fit.fault: fit.log_likelihood for fit in fits}
         return by_fault["motor_current_bias"] - by_fault["load_force_bias"]
 
     assert ahead(None) < 3.5 < ahead(healthy)
-    sizes = {f.fault: f.sizes for f in episode.fit(models, SIGMA, SPACING, TOLERANCE, healthy)}
+    fits = episode.fit(models, SIGMA, SPACING, TOLERANCE, healthy, RESIDUALS[1:])
+    sizes = {fit.fault: fit.sizes for fit in fits}
     assert sizes["motor_current_bias"][0] == pytest.approx(0.35, abs=0.05)
+
+
+def test_only_relations_that_are_named_show_the_units_own():
+    episode = Evidence(RESIDUALS)
+    for values, regressors in scans(5, 500, current_bias_a=0.1):
+        episode.add(values[None], regressors[None])
+    models = [m for m in sensor_models(P) if m.fault == "motor_current_bias"]
+    known = stretch(scans(6, PIECE_SCANS * 12)).evidence
+    nothing = episode.fit(models, SIGMA, SPACING, TOLERANCE)
+    assert episode.fit(models, SIGMA, SPACING, TOLERANCE, known) == nothing
+    assert episode.fit(models, SIGMA, SPACING, TOLERANCE, known, RESIDUALS[1:]) != nothing
 
 
 @pytest.mark.parametrize("block", [3, 250, 1300])

@@ -130,6 +130,21 @@ def test_misfit_and_sizes_are_those_of_bounded_least_squares(seed):
         assert fit.log_likelihood == pytest.approx(gain - penalty, abs=1e-3, rel=1e-4)
 
 
+def test_a_viscous_drag_is_fitted_however_sharp_a_temperature_is():
+    columns, node = window(5), "ambient_temperature"
+    columns["elapsed_s"] = np.linspace(0.0, 30.0, 300)
+    y = effect(DRAG, (0.0, 400.0), columns)[0] + np.random.default_rng(5).normal(0.0, 2.0, 300)
+    found = Evidence((MECHANICAL, node))
+    table = np.stack([columns[name] for name in REGRESSORS], axis=1)
+    found.add(np.stack((y, np.zeros(300)), axis=1), table)
+    sigma, spacing = {MECHANICAL: 4.0, node: 1e-4}, {MECHANICAL: 40.0, node: 40.0}
+    (sharp,) = found.fit((DRAG,), sigma, spacing, TOLERANCE)
+    (alone,) = found.fit((DRAG,), sigma | {node: 1.0}, spacing, TOLERANCE)
+    assert alone.sizes[1] == pytest.approx(400.0, rel=0.3)
+    assert sharp.sizes == pytest.approx(alone.sizes, rel=1e-4, abs=1e-4)
+    assert sharp.sigmas == pytest.approx(alone.sigmas, rel=1e-4)
+
+
 @pytest.mark.parametrize(("model", "sizes"), [(DRAG, (80.0, 900.0)), (BIAS, (0.6,))])
 def test_the_size_lies_within_its_error_and_the_true_fault_wins(model, sizes):
     pulls = []

@@ -48,6 +48,8 @@ def test_a_step_at_rest_deviates_with_the_shift_as_its_statistic():
     assert not deviating[:800].any()
     assert set(np.flatnonzero(deviating.any(axis=0))) == {ELECTRICAL}
     assert results.z[-101, ELECTRICAL] == pytest.approx(1.5 / 0.2)
+    assert results.shift[-101, ELECTRICAL] == pytest.approx(1.5)
+    assert np.isnan(results.shift[~deviating]).all()
 
 
 def test_what_a_healthy_unit_may_differ_by_widens_the_limit():

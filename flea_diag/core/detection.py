@@ -36,13 +36,16 @@ class TestResults:
 
     ``z`` and its limit ``k``, NaN where nothing was tested, and the ``window`` of so many samples
     behind it, 0 where there is none. ``table``, shape (3, n, residuals), holds the three.
+    ``shift`` is by how much that mean lies above this run's earlier level, in the residual's
+    unit, NaN where it was held against the calibration.
     """
 
-    __slots__ = ("k", "table", "window", "z")
+    __slots__ = ("k", "shift", "table", "window", "z")
 
     def __init__(self, table: Array) -> None:
         self.table = table
         self.z, self.k, self.window = table
+        self.shift = np.full(self.z.shape, np.nan)
 
     @classmethod
     def untested(cls, scans: int = 1) -> TestResults:

@@ -17,7 +17,7 @@ help any further.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -125,19 +125,21 @@ class Evidence:
         correlation: Mapping[str, float],
         tolerance: Sequence[float],
         healthy: Evidence | None = None,
+        shown: Collection[str] = (),
     ) -> tuple[Fit, ...]:
         """Fits of all ``models``, in their order.
 
         ``sigma`` is the nominal scatter of each residual and ``correlation`` the samples to
         one independent sample; ``tolerance`` is in the order of ``UNIT_DIFFERENCES``. What this
-        unit showed while it was ``healthy`` narrows that tolerance.
+        unit showed while it was ``healthy``, in the residuals ``shown``, narrows that tolerance.
         """
         self._fold()
         self._spacing = np.array([correlation[name] for name in self.residuals])
         weight = 1.0 / (self._spacing * np.square([sigma[name] for name in self.residuals]))
         unit = Unit.of(tolerance)
         if healthy is not None:
-            unit = unit.shown(*healthy._normal(None, 0, weight, Unit.unknown())[:2])
+            told = weight * [name in shown for name in self.residuals]
+            unit = unit.shown(*healthy._normal(None, 0, told, Unit.unknown())[:2])
         weight = weight / self._dispersion(models, weight, unit)
         nominal, _, _ = self._solve(None, weight, unit)
         independent = max(float((self.samples / self._spacing).sum()), 2.0)
@@ -198,8 +200,7 @@ class Evidence:
         A, b, c = self._normal(model, count, weight, unit)
         x = _bounded(model, A, b)
         misfit = float(c - 2.0 * b @ x + x @ A @ x)
-        spread = np.sqrt(np.clip(np.diag(np.linalg.pinv(A)), 0.0, None))
-        return misfit, tuple(map(float, x[:count])), tuple(map(float, spread[:count]))
+        return misfit, tuple(map(float, x[:count])), tuple(map(float, _errors(A)[:count]))
 
     def _misfits(self, model: FaultModel, weight: Array, unit: Unit) -> Array:
         """Misfit of each residual at the joint optimum, weighted."""
@@ -280,7 +281,25 @@ def _penalty(model: FaultModel, sizes: Sequence[float], independent: float) -> f
 
 
 def _least(A: Array, b: Array) -> Array:
-    return np.asarray(np.linalg.lstsq(A, b, rcond=1e-12)[0], dtype=np.float64)
+    scaled, scale = _scaled(A)
+    return np.asarray(np.linalg.lstsq(scaled, b / scale, rcond=1e-12)[0] / scale)
+
+
+def _errors(A: Array) -> Array:
+    """Standard errors of what the normal equations A give."""
+    scaled, scale = _scaled(A)
+    return np.asarray(np.sqrt(np.clip(np.diag(np.linalg.pinv(scaled)), 0.0, None)) / scale)
+
+
+def _scaled(A: Array) -> tuple[Array, Array]:
+    """Normal equations in units in which each parameter counts alike, and those units.
+
+    In SI a viscous drag counts for so little beside the rate of a temperature that it would be
+    taken for nothing.
+    """
+    scale = np.sqrt(np.diag(A))
+    scale[scale == 0.0] = 1.0
+    return A / scale / scale[:, None], scale
 
 
 def _outside(

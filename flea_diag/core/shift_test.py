@@ -75,23 +75,26 @@ class ShiftTest:
         self._fired = []
         if self._open and not self._openers:
             return
-        z = self._z(rows)
+        z, shifts = self._z(rows)
         if not alone.any() and not (np.abs(z) > self._k).any():
             return
         for column, _, places in self._tests:
             here = z[:, places]
             if "motor_voltage" in RESIDUALS[column].needs and alone.any():
                 here = np.where(alone[:, None], self._witnessed(here, column, results), here)
-            beyond = self._judge(here, column, self._limits[places], results)
+            beyond = self._judge(here, column, self._limits[places], results, shifts[:, places])
             if beyond[-1]:
                 self._fired.append(column)
             if column == ELECTRICAL:
                 self._call_witness(beyond & alone, results)
 
-    def _z(self, rows: ResidualRows) -> Array:
-        """Sigmas of every shift and of what units differ by, shape (n, limits)."""
+    def _z(self, rows: ResidualRows) -> tuple[Array, Array]:
+        """Every shift, in sigmas of itself and of what units differ by, and as it is.
+
+        Both of shape (n, limits).
+        """
         if not self._tests:
-            return np.empty((len(rows), 0))
+            return np.empty((len(rows), 0)), np.empty((len(rows), 0))
         learned = np.add.reduce(rows.spread * self._change, axis=2)
         spread = rows.spread * self._tolerance
         always, shifts = np.ones(len(rows), dtype=bool), []
@@ -105,7 +108,7 @@ class ShiftTest:
             shifts.append(level.step(values, rows.moving if gated else always))
         every = np.concatenate(shifts, axis=1)
         variance = self._variance + np.add.reduce(np.square(every[:, :, 1:]), axis=2)
-        return np.asarray(every[:, :, 0] / np.sqrt(variance))
+        return np.asarray(every[:, :, 0] / np.sqrt(variance)), every[:, :, 0]
 
     def _witnessed(self, z: Array, column: int, results: TestResults) -> Array:
         """What the shift of a voltage that stands alone amounts to, NaN where to nothing."""
@@ -127,13 +130,20 @@ class ShiftTest:
         results.z[called, MECHANICAL], results.k[called, MECHANICAL] = -both, k
 
     @staticmethod
-    def _judge(z: Array, column: int, limits: Sequence[ShiftLimit], results: TestResults) -> Flags:
+    def _judge(
+        z: Array,
+        column: int,
+        limits: Sequence[ShiftLimit],
+        results: TestResults,
+        shifts: Array,
+    ) -> Flags:
         """Fill the results in; after which scans a shift counts."""
         quiet = ~(np.abs(results.z[:, column]) > results.k[:, column])
         counts = np.zeros(len(quiet), dtype=bool)
-        for each, limit in zip(z.T, limits, strict=True):
+        for each, shift, limit in zip(z.T, shifts.T, limits, strict=True):
             beyond = quiet & (np.abs(each) > limit.k)
             results.z[beyond, column], results.k[beyond, column] = each[beyond], limit.k
             results.window[beyond, column] = limit.window
+            results.shift[beyond, column] = shift[beyond]
             counts |= beyond
         return counts

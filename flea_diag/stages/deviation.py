@@ -11,7 +11,15 @@ from flea_diag.core import symbols
 from flea_diag.core.detection import TestResults
 from flea_diag.core.residual_bank import RESIDUALS
 from flea_diag.core.symbols import SLOPE_S, UNKNOWN, SymbolState
-from flea_diag.wire.records import NEVER_NS, TAKEN_OVER, Detection, Record, Symbol, Symbols
+from flea_diag.wire.records import (
+    EARLIER_LEVEL,
+    NEVER_NS,
+    TAKEN_OVER,
+    Detection,
+    Record,
+    Symbol,
+    Symbols,
+)
 
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
@@ -102,12 +110,16 @@ class Deviation:
     def _open(self, stamp_ns: int, results: TestResults, deviating: Flags) -> tuple[Record, ...]:
         self._number += 1
         self.is_open = True
-        z, k = results.z[0], results.k[0]
+        z, k, shift = results.z[0], results.k[0], results.shift[0]
         self._symbols = {
             j: symbols.crossed(*results.test(j), stamp_ns)
             for j in np.flatnonzero(deviating & ISOLATING).tolist()
         }
-        first = max(np.flatnonzero(deviating).tolist(), key=lambda j: float(abs(z[j]) / k[j]))
+        # Of a shift and its witness, which deviate alike, the shift is what has happened.
+        first = max(
+            np.flatnonzero(deviating).tolist(),
+            key=lambda j: (float(abs(z[j]) / k[j]), not math.isnan(shift[j])),
+        )
         detection = Detection(
             stamp_ns,
             self._number,
@@ -115,7 +127,7 @@ class Deviation:
             RESIDUALS[first].name,
             float(z[first]),
             float(k[first]),
-            f"mean of {int(results.window[0, first])} samples",
+            _test(int(results.window[0, first]), float(shift[first]), RESIDUALS[first].unit),
         )
         # An innovation detects and has no symbol: those of the relations follow.
         return (detection, self._symbol_record(stamp_ns)) if self._symbols else (detection,)
@@ -132,6 +144,15 @@ class Deviation:
         closed = Detection(stamp_ns, self._number, False, "", math.nan, math.nan, why)
         self.forget()
         return closed
+
+
+def _test(window: int, shift: float, unit: str) -> str:
+    """Words for the test that opens an episode: what was held against what."""
+    mean = f"mean of {window} samples"
+    if math.isnan(shift):
+        return mean
+    side = "above" if shift > 0.0 else "below"
+    return f"{mean}, {abs(shift):.3g} {unit} {side} {EARLIER_LEVEL}"
 
 
 def _first(event: Flags) -> int:

@@ -41,6 +41,8 @@ class Episode:
     likelihood: Evidence
     inquiry: Inquiry
     opened_by: str = ""
+    shift: str = ""
+    """By what a relation left its own level of this run: before that the unit was healthy."""
     taken_over: bool = False
     """Whether the observer came back within it: then only a reset ends it."""
     step: int = 0

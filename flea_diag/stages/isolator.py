@@ -29,6 +29,7 @@ from flea_diag.stages.weighing import Weighing, due, weighings
 from flea_diag.wire.blocks import ResidualBlock, alone
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
+    EARLIER_LEVEL,
     NEVER_NS,
     TAKEN_OVER,
     AmbiguityGroup,
@@ -165,19 +166,25 @@ class IsolatorStage:
 
     def _detection(self, record: Detection) -> Iterable[Record]:
         self._told = record.episode
+        shift = cause(record) if record.test.endswith(EARLIER_LEVEL) else ""
         if record.detected and self._episode is None:
             # The symbols of the same scan come next, and make the first group.
             episode = self._open(record.stamp_ns)
             episode.opened_by, episode.taken_over = cause(record), record.test == TAKEN_OVER
+            episode.shift = shift
             early, self._early = self._early, None
             if early is not None and early.episode == record.episode:
                 return self._symbols(early)
             return self._say(self._merge.now_ns) if episode.taken_over else ()
+        if shift and self._episode is not None:
+            self._episode.shift = shift  # vibration had opened it
+            return ()
         if record.test == TAKEN_OVER and self._episode is not None:
             self._episode.taken_over, self._said = True, ()
             return self._say(self._merge.now_ns)
         if record.test == ANOTHER_UNIT:
             self._standing.unit_ns, self._said = record.stamp_ns, ()
+            self._weighing.forget()
         elif record.detected or self._episode is None:
             return ()
         self._episode = None

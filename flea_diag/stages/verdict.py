@@ -98,15 +98,16 @@ class Verdict:
     ) -> tuple[Outcome, str]:
         alive = episode.isolation.alive()
         names = ", ".join(h.name for h in alive)
+        what = f" ({episode.shift or episode.opened_by})"
         if not episode.symbols and not episode.settled:
             return Outcome.DETECTED, LEFT if episode.taken_over else UNTOLD
         if not alive:
-            return Outcome.UNEXPLAINED, "a deviation that no fault of the catalogue explains"
+            return Outcome.UNEXPLAINED, f"a deviation that no fault of the catalogue explains{what}"
         patience_ns = round(self._p.feature_patience_s * 1e9)
         if not episode.settled or episode.inquiry.is_open(stamp_ns, patience_ns):
             return Outcome.DETECTED, f"a fault, one of: {names}"
         if self._unexplained(episode, alive):
-            return Outcome.UNEXPLAINED, f"a deviation that none of {names} explains well"
+            return Outcome.UNEXPLAINED, f"a deviation that none of {names} explains well{what}"
         if len(alive) == 1:
             return Outcome.ISOLATED, f"the fault is {names}"
         why = self._why_not_split(standing, episode, alive)
@@ -261,10 +262,12 @@ def mismatch(calibration: Calibration, table: ChannelTable) -> str:
 def _candidate(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> Candidate:
     size, sigma, unit = math.nan, math.nan, ""
     if hypothesis.fit is not None:
-        count = len(hypothesis.fit.sizes)
-        model = next(m for m in models if m.fault == hypothesis.name and len(m.sizes) == count)
-        size, sigma = hypothesis.fit.sizes[0], hypothesis.fit.sigmas[0]
-        unit = model.sizes[0].unit
+        sizes = hypothesis.fit.sizes
+        model = next(m for m in models if m.fault == hypothesis.name and len(m.sizes) == len(sizes))
+        # The first that is there: a drag may be a viscous one alone.
+        index = next((k for k, value in enumerate(sizes) if value), 0)
+        size, sigma = sizes[index], hypothesis.fit.sigmas[index]
+        unit = model.sizes[index].unit
     return Candidate(
         hypothesis.name,
         hypothesis.deviation,

@@ -13,7 +13,7 @@ from flea_diag.core.fault_models import DRIVE, REGRESSORS, plant_models
 from flea_diag.core.healthy_stretch import HealthyStretch
 from flea_diag.core.likelihood import Evidence
 from flea_diag.core.sensor_models import sensor_models
-from flea_diag.stages.episode import Episode
+from flea_diag.stages.episode import MOTION_ONLY, Episode
 from flea_diag.wire.blocks import ResidualBlock, alone
 from flea_diag.wire.records import Residual
 
@@ -33,6 +33,8 @@ WEIGHED = (
 SHOWN = ("parity_electrical",)
 """Relations in which a unit shows its own parameters. Not the one with friction: a drag that is
 there from the start would pass for the unit's."""
+SHOWN_BEFORE = (*SHOWN, *MOTION_ONLY)
+"""Where a relation has left its own level of this run, the fault was not there from the start."""
 WEIGH_EVERY_NS = 500_000_000
 
 
@@ -51,6 +53,7 @@ class Weighing:
         limits, fitted = calibration.limits, calibration.parameters
         self._tolerances = calibration.differences()
         self._sigma = {limit.name: limit.sigma[0] for limit in limits}
+        self._own_sigma = self._sigma | _own_sigma(calibration)
         self._correlation = {limit.name: limit.correlation_samples for limit in limits}
         self.names = tuple(name for name in WEIGHED if name in self._sigma)
         self.models = tuple(
@@ -65,6 +68,10 @@ class Weighing:
         self._healthy.interrupt()
         return Evidence(self.names)
 
+    def forget(self) -> None:
+        """Another unit is in use: what the last one showed says nothing of it."""
+        self._healthy = HealthyStretch(self.names)
+
     def see(self, record: Residual) -> None:
         """``show`` for one scan; most scans are passed over, and need no block."""
         if self._healthy.keeps_next:
@@ -75,9 +82,12 @@ class Weighing:
     def show(self, block: ResidualBlock) -> None:
         """What the unit shows of itself while nothing deviates."""
         values = np.full((len(block), len(self.names)), np.nan)
+        resting = block.regressors[:, -1] <= 0.5
         for column, name in enumerate(self.names):
-            if name in SHOWN and name in block.names:
+            if name in SHOWN_BEFORE and name in block.names:
                 values[:, column] = block.values[:, block.names.index(name)]
+                if name in MOTION_ONLY:
+                    values[resting, column] = np.nan
         self._healthy.add(values, block.regressors[:, : len(REGRESSORS)])
 
     def weigh(self, stamp_ns: int, episode: Episode, drop_nats: float, gating: bool) -> None:
@@ -86,11 +96,32 @@ class Weighing:
         models = [model for model in self.models if model.fault in alive]
         if not (models and episode.symbols and episode.scans):
             return
+        healthy = self._healthy.evidence
+        own = healthy is not None and bool(episode.shift)
         fits = episode.likelihood.fit(
-            models, self._sigma, self._correlation, self._tolerances, self._healthy.evidence
+            models,
+            self._own_sigma if own else self._sigma,
+            self._correlation,
+            self._tolerances,
+            healthy,
+            SHOWN_BEFORE if own else SHOWN,
         )
         conclusive = episode.conclusive() or not gating
         episode.isolation.weigh(stamp_ns, fits, drop_nats if conclusive else math.inf)
+
+
+def _own_sigma(calibration: Calibration) -> dict[str, float]:
+    """Scatter of the relations about one unit's own level, as the means of their shifts have it.
+
+    That of all recordings also holds what units differ by.
+    """
+    found = {}
+    for shift in calibration.shifts:  # of one relation, the longest window comes last
+        limit = calibration.limit(shift.name)
+        if shift.name in SHOWN_BEFORE and limit is not None:
+            independent = shift.window / limit.correlation_samples
+            found[shift.name] = min(shift.sigma * math.sqrt(independent), limit.sigma[0])
+    return found
 
 
 def due(episode: Episode, stamp_ns: int) -> bool:

@@ -176,6 +176,9 @@ TAKEN_OVER = "taken over"
 ANOTHER_UNIT = "another unit"
 """What ends a Detection when the stand has gone over to another unit: a new one begins."""
 
+EARLIER_LEVEL = "its earlier level"
+"""Ends the ``test`` of a Detection that held a residual against the same run before it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Detection:
