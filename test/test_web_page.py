@@ -129,6 +129,11 @@ INKED = """(() => {
 
 SHOWS_INJECT = "!!document.querySelector('[data-key=i]').offsetParent"
 RUNG = "window.fleaBell.rung"
+TALLY = """(() => {
+  const context = window.fleaBell.context, resume = context.resume.bind(context);
+  window.fleaTally = {woken: 0, since: performance.now()};
+  context.resume = () => { window.fleaTally.woken += 1; return resume(); }; })()"""
+"""Counts from now on how often the bell is woken."""
 
 
 def people_say_something(browser: Browser) -> None:
@@ -138,6 +143,10 @@ def people_say_something(browser: Browser) -> None:
     """
     assert browser.title().startswith("▲ 1 not acknowledged · flea_diag")
     browser.until_text(".chips", "the bell is mute until you touch the page")
+    # A wish to sound that comes before the first touch stays in memory for ever.
+    browser.run(TALLY)
+    browser.until("performance.now() - window.fleaTally.since > 600")
+    assert browser.run("window.fleaTally.woken") == 0
     browser.press("c")
     browser.until("document.activeElement.tagName === 'TEXTAREA'")
     browser.press("<b>nut is hot</b>", "\ue007")

@@ -10,7 +10,7 @@ T = TypeVar("T", bound="Frozen")
 class Frozen:
     """Base of frozen dataclasses that are shared by what is copied to go back to it later.
 
-    A replay saves its state before each block; nearly all of what hangs on it never changes.
+    A replay saves its state now and then; nearly all of what hangs on it never changes.
     """
 
     __slots__ = ()

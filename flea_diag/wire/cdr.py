@@ -169,7 +169,7 @@ class CdrReader:
         self.align(4)
         start = self._position
         for raw, texts in _KEPT:
-            if self._body[start : start + len(raw)] == raw:
+            if self._body[start : start + len(raw)].tobytes() == raw:
                 self._position += len(raw)
                 return texts
         texts = tuple(self.text() for _ in range(self.count(4)))

@@ -7,7 +7,7 @@ const bell = {
   rung: 0, context: null,
   ring() {
     this.context ??= new AudioContext();
-    if (this.context.state !== "running") { this.context.resume().catch(() => {}); return false; }
+    if (this.context.state !== "running") { this.wake(); return false; }
     this.rung += 1;
     TONES.forEach((hertz, k) => {
       const tone = this.context.createOscillator(), volume = this.context.createGain();
@@ -20,6 +20,8 @@ const bell = {
     });
     return true;
   },
+  // What is asked for before that touch is never answered, and would pile up by four a second.
+  wake() { if (navigator.userActivation?.hasBeenActive ?? true) this.context.resume().catch(() => {}); },
 };
 window.fleaBell = bell;
 
