@@ -61,6 +61,14 @@ def numbers(kind: type, name: st.SearchStrategy[str] = TEXT) -> st.SearchStrateg
 
 
 @st.composite
+def levels(draw: st.DrawFn) -> r.VibrationLevel:
+    axis = TEXT.filter(lambda text: not text.endswith("/kurtosis"))
+    axes = tuple(draw(st.lists(axis, max_size=4)))
+    column = st.tuples(*[VALUES[float]] * len(axes))
+    return r.VibrationLevel(draw(STAMP), axes, draw(column), draw(column | st.just(())))
+
+
+@st.composite
 def residuals(draw: st.DrawFn) -> r.Residual:
     name = TEXT.map(lambda text: text.replace("/", "_"))
     names = tuple(draw(st.lists(name, max_size=4)))
@@ -94,7 +102,7 @@ def blocks(draw: st.DrawFn) -> r.VibrationBlock:
 
 RECORDS: dict[type, st.SearchStrategy[Any]] = {
     r.Scan: numbers(r.Scan),
-    r.VibrationLevel: numbers(r.VibrationLevel),
+    r.VibrationLevel: levels(),
     r.Residual: residuals(),
     r.VibrationBlock: blocks(),
     **{row.record: judgements(row.record) for row in TOPICS if row.message == DIAGNOSTIC_ARRAY},
@@ -268,6 +276,17 @@ def _array(values: list[tuple[str, str]]) -> bytes:
     return bytes(store.serialize_cdr(message, DIAGNOSTIC_ARRAY))
 
 
+def test_a_level_of_a_bag_from_before_has_no_kurtosis_and_others_name_it_by_axis() -> None:
+    before, now = (r.VibrationLevel(7, ("x", "y"), (0.1, 0.2), k) for k in ((), (3.0, 9.0)))
+    assert codec.decode(r.VibrationLevel, codec.encode(r.Scan(7, ("x", "y"), (0.1, 0.2)))) == before
+    seen = codec.decode(r.Scan, codec.encode(now))
+    assert seen.channels == ("x", "y", "x/kurtosis", "y/kurtosis")
+    assert seen.values == (0.1, 0.2, 3.0, 9.0)
+    mixed = codec.encode(r.Scan(7, ("x/kurtosis", "x", "y"), (9.0, 0.1, 0.2)))
+    with pytest.raises(WireError, match="not those of axes"):
+        codec.decode(r.VibrationLevel, mixed)
+
+
 @pytest.mark.parametrize(
     ("record", "words"),
     [
@@ -280,6 +299,8 @@ def _array(values: list[tuple[str, str]]) -> bytes:
         (r.Residual(0, (), (), (), (), ("v",), ()), "names but"),
         (r.Residual(0, (), (), (), (), (), (), ("v",), (1.0,)), "0 sigmas"),
         (r.Residual(0, (), (), (), (), health=(1.0,)), "health has 1"),
+        (r.VibrationLevel(0, ("x", "y"), (1.0,), (3.0, 3.0, 3.0)), "2 axes but a kurtosis of 3"),
+        (r.VibrationLevel(0, ("x/kurtosis",), (1.0,)), "ends as the wire names its kurtosis"),
         (r.VibrationBlock(0, ("x",), 2, bytes(8)), "2 points of 1 axes take 16"),
         (r.Health(0, "n", r.Level.OK, "m", (("k", "x" * (5 << 20)),)), "above the limit"),
         (r.FeatureRequest(0, 2**63, 0, "f", 0, 0), "does not fit 64 bits"),

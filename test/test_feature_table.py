@@ -44,6 +44,7 @@ def test_shipped_table_splits_every_pair_of_the_papers_faults_but_unaffected_one
     assert all(len(group) == 1 for group in shipped.inseparable(paper.faults))
     assert set(shipped.nominal.ranges) == set(shipped.features)
     assert len(shipped.nominal.levels) == len(shipped.nominal.resting_levels) == 6
+    assert len(shipped.nominal.kurtosis) == 6
     for feature in shipped.features:
         FeatureId.parse(feature)
     for fault in shipped.faults:
@@ -86,6 +87,20 @@ def test_confidence_is_shared_out_and_entries_may_say_more() -> None:
     assert found.provenance["c", "g"] == "assumed"
 
 
+def test_a_feature_that_is_not_asked_for_has_entries_for_alarms_alone() -> None:
+    mapping: dict[str, Any] = {
+        "features": {"f": {"cost": 1}, "g": {"cost": 2, "asked": False}},
+        "faults": {"a": {"f": "0", "g": "+"}, "b": {"f": "0", "g": "0"}},
+    }
+    found = FaultFeatureTable.from_mapping(mapping, "t")
+    assert found.features == ("f",)
+    assert found.probabilities("a", "g") == (0.0, 0.0, 1.0)
+    assert found.inseparable(["a", "b"]) == (("a", "b"),)
+    shipped = table("feature_table.yaml")
+    assert "accelerometer_2_kurtosis" not in shipped.features
+    assert sum(shipped.probabilities("spall", "accelerometer_2_kurtosis")[3:]) > 0.95
+
+
 GOOD: dict[str, Any] = {"features": {"f": {"cost": 1}}, "faults": {"a": {"f": "0"}}}
 
 
@@ -98,6 +113,7 @@ GOOD: dict[str, Any] = {"features": {"f": {"cost": 1}}, "faults": {"a": {"f": "0
         ({"features": {"f": {"cost": 0}}}, "f: cost = 0 must be a number"),
         ({"features": {"f": {"cost": True}}}, "cost = True"),
         ({"features": {"f": {"price": 1}}}, "unknown key 'price'"),
+        ({"features": {"f": {"cost": 1, "asked": "no"}}}, "f: asked = 'no' must be true or false"),
         ({"faults": {"a": {"g": "0"}}}, "a: unknown key 'g'"),
         ({"faults": {"a": {"f": "up"}}}, "a, f: 'up' is not one of"),
         ({"faults": {"a": {"f": {"0": 0.5}}}}, "sum to 0.5"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flea_diag.core.feature_table import NominalRanges
-from flea_diag.core.level_learning import LEAST_RUNS, Levels, held, learn_levels
+from flea_diag.core.level_learning import LAWS, LEAST_RUNS, Levels, held, learn_levels
 from flea_diag.core.nominal_range import NominalRange, OperatingPoint, learn_nominal
 from flea_diag.core.sentinel import RAISED, Sentinel
 
@@ -22,7 +22,7 @@ def watch(nominal: NominalRange, run: Levels) -> bool:
     for point, levels in run:
         sentinel.motion(point.speed_rad_s, point.load_n)
         found.append(sentinel.step(tuple(levels), tuple(levels.values())))
-    return any(found)
+    return any(alarm is not None for alarm in found)
 
 
 def constant_motion(values: np.ndarray) -> Levels:
@@ -87,3 +87,18 @@ def test_levels_at_rest_are_another_range_and_few_runs_make_none() -> None:
     assert resting.centre(OperatingPoint(2.0, 100.0)) == pytest.approx(np.log(0.22), abs=0.1)
     assert moving.count == resting.count == 40
     assert learn_levels(runs[: LEAST_RUNS - 1], RATE, moving=True) == {}
+
+
+def test_kurtosis_has_its_limit_by_the_law_of_the_largest_of_many_moments() -> None:
+    """Gumbel's, against scipy: at one in 10 000 it lies beyond that of units that differ."""
+    from scipy import stats
+
+    rate = 1e-4
+    law = stats.gumbel_r
+    oracle = (law.isf(rate) - law.mean()) / law.std()
+    assert LAWS["kurtosis"](rate, 300) == pytest.approx(oracle, rel=1e-6)
+    normal = stats.t(299).isf(rate) * np.sqrt(1.0 + 1.0 / 300)
+    assert LAWS["std"](rate, 300) == pytest.approx(normal, rel=1e-6)
+    runs = healthy_units(1, 300)
+    level, kurtosis = (learn_levels(runs, 2 * rate, True, name)[AXIS] for name in LAWS)
+    assert kurtosis.high / level.high == pytest.approx(oracle / normal, rel=0.1)

@@ -4,7 +4,7 @@ import pytest
 
 from flea_diag.core.feature_table import NominalRanges
 from flea_diag.core.nominal_range import NominalRange
-from flea_diag.core.sentinel import BLOCKS, RAISED, SCANS, Sentinel
+from flea_diag.core.sentinel import BLOCKS, RAISED, SCANS, Alarm, Sentinel
 
 AXIS = "accelerometer_2_z"
 
@@ -18,7 +18,8 @@ def sentinel(limit: float = 2.0) -> Sentinel:
 
 
 def alarms(watch: Sentinel, levels: list[float]) -> list[str | None]:
-    return [watch.step((AXIS,), (level,)) for level in levels]
+    found = [watch.step((AXIS,), (level,)) for level in levels]
+    return [alarm and alarm.axis for alarm in found]
 
 
 def test_loud_blocks_raise_the_alarm_when_they_are_many():
@@ -28,10 +29,45 @@ def test_loud_blocks_raise_the_alarm_when_they_are_many():
 
 def test_the_alarm_says_level_range_and_how_often():
     watch = sentinel()
-    alarms(watch, [1.0, *[3.0] * RAISED])
-    assert watch.words(AXIS) == (
+    alarms(watch, [1.0, *[3.0] * (RAISED - 1)])
+    alarm = watch.step((AXIS,), (3.0,))
+    assert alarm is not None
+    assert (alarm.indicator, alarm.feature) == ("std", "accelerometer_2_std")
+    assert alarm.words == (
         f"{AXIS}: level 3 m/s^2, nominal 0 to 2, outside in {RAISED} of the last 7 blocks in motion"
     )
+
+
+def impulses(watch: Sentinel, kurtosis: list[float]) -> list[Alarm | None]:
+    """Blocks of a level that is nominal."""
+    return [watch.step((AXIS,), (1.0,), (value,)) for value in kurtosis]
+
+
+def test_what_strikes_is_heard_at_a_level_that_is_nominal() -> None:
+    nominal = NominalRanges(
+        levels={AXIS: NominalRange((1.0,), -1.0, 1.0)},
+        kurtosis={AXIS: NominalRange((3.0,), -1.0, 1.0)},
+    )
+    watch, resting = Sentinel(nominal), Sentinel(nominal)
+    watch.motion(100.0, 50.0)
+    resting.motion(0.0, 50.0)
+    found = impulses(watch, [9.0] * RAISED)
+    assert found[:-1] == [None] * (RAISED - 1)
+    assert found[-1] == Alarm(
+        AXIS,
+        "kurtosis",
+        "+",
+        f"{AXIS}: kurtosis 9, nominal 2 to 4, outside in {RAISED} of the last 6 blocks in motion",
+    )
+    assert found[-1].feature == "accelerometer_2_kurtosis"
+    assert impulses(resting, [9.0] * BLOCKS) == [None] * BLOCKS
+
+
+def test_one_block_in_two_with_a_knock_is_no_alarm_and_old_bags_have_no_kurtosis() -> None:
+    watch = Sentinel(NominalRanges(kurtosis={AXIS: NominalRange((3.0,), -1.0, 1.0)}))
+    watch.motion(100.0, 50.0)
+    assert impulses(watch, [30.0, 3.0] * BLOCKS) == [None] * (2 * BLOCKS)
+    assert alarms(watch, [9.0] * BLOCKS) == [None] * BLOCKS
 
 
 def test_a_few_loud_blocks_among_quiet_ones_do_not():
@@ -49,8 +85,11 @@ def test_the_alarm_ends_with_the_noise():
 
 def test_a_sensor_that_dies_is_an_alarm_too_but_both_sides_are_not_added_up():
     loud, dead = sentinel(), sentinel()
-    assert alarms(loud, [3.0] * RAISED)[-1] == alarms(dead, [-1.0] * RAISED)[-1] == AXIS
-    assert (loud.side(AXIS), dead.side(AXIS)) == ("+", "-")
+    for watch, level, side in ((loud, 3.0, "+"), (dead, -1.0, "-")):
+        alarms(watch, [level] * (RAISED - 1))
+        alarm = watch.step((AXIS,), (level,))
+        assert alarm is not None
+        assert (alarm.axis, alarm.side) == (AXIS, side)
     assert alarms(sentinel(), [-1.0, 3.0] * (RAISED - 1)) == [None] * (2 * RAISED - 2)
 
 

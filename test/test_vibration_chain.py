@@ -103,6 +103,30 @@ def test_the_jam_is_found_when_all_is_well_and_each_answer_comes_within_its_budg
     assert min(request.window_start_ns for request in asked.values()) >= detected_ns
 
 
+def test_a_pit_of_half_a_millimetre_is_heard_by_its_kurtosis_and_told_from_the_rest() -> None:
+    made = records(
+        motion={"kind": "sine", "amplitude_m": 0.022, "frequency_hz": 0.6},
+        load={"constant_n": 100.0},
+        duration_s=15.0,
+        sensors={},
+        **fault("spall", 4.0, size=0.5),
+    )
+    pipeline = make_pipeline(None)
+    groups = [
+        said
+        for record in made
+        if isinstance(record, ChannelTable | Scan | VibrationBlock)
+        for said in pipeline.handle(record)
+        if isinstance(said, AmbiguityGroup)
+    ]
+    found = groups[-1]
+    assert [member.fault for member in found.members] == ["spall"]
+    assert re.match(r"accelerometer_2_[xyz]: kurtosis .* in motion", found.opened_by)
+    first = found.members[0].evidence[0]
+    assert (first.source, first.observed) == ("accelerometer_2_kurtosis", "+")
+    assert "accelerometer_2_kurtosis" not in found.features_computed
+
+
 @pytest.mark.parametrize(
     ("spoil", "extractor", "reason"),
     [

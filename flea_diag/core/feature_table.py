@@ -38,18 +38,28 @@ KEYS = frozenset(
         "nominal",
     }
 )
-FEATURE_KEYS = frozenset({"cost", "note"})
+FEATURE_KEYS = frozenset({"cost", "note", "asked"})
 NOMINAL_KEYS = frozenset(
-    {"rate_hz", "window_s", "false_alarm_rate", "ranges", "levels", "resting_levels", "orders"}
+    {
+        "rate_hz",
+        "window_s",
+        "false_alarm_rate",
+        "ranges",
+        "levels",
+        "resting_levels",
+        "kurtosis",
+        "orders",
+    }
 )
 
 
 @dataclass(frozen=True)
 class NominalRanges:
-    """Nominal ranges of all features, and of the level of each axis, in motion and at rest.
+    """Nominal ranges of all features, and of what the sentinel hears of each axis, block by block.
 
-    They hold for windows of ``window_s`` sampled at ``rate_hz``; ``orders`` are the ball-pass
-    orders that the order-tracked features look at.
+    ``levels`` and ``resting_levels``: the standard deviation, in motion and at rest; ``kurtosis``:
+    in motion. The ranges of features hold for windows of ``window_s`` sampled at ``rate_hz``;
+    ``orders`` are the ball-pass orders that the order-tracked features look at.
     """
 
     rate_hz: float = 0.0
@@ -58,6 +68,7 @@ class NominalRanges:
     ranges: Mapping[str, NominalRange] = field(default_factory=dict)
     levels: Mapping[str, NominalRange] = field(default_factory=dict)
     resting_levels: Mapping[str, NominalRange] = field(default_factory=dict)
+    kurtosis: Mapping[str, NominalRange] = field(default_factory=dict)
     orders: Mapping[str, float] = field(default_factory=dict)
 
     def symbol(self, feature: str, value: float, point: OperatingPoint) -> str:
@@ -75,8 +86,9 @@ class NominalRanges:
 class FaultFeatureTable:
     """Fault x feature -> probability of each symbol of ``alphabet``.
 
-    ``costs`` are relative CPU times (std of one window = 1); ``provenance`` says where each
-    entry comes from. A fault without a row is one of which the table knows nothing: every
+    ``costs`` are relative CPU times (std of one window = 1), of the features that may be asked
+    for; others have entries for what alarms say of them. ``provenance`` says where each entry
+    comes from. A fault without a row is one of which the table knows nothing: every
     symbol is equally likely, so no feature ever speaks for or against it.
     """
 
@@ -180,13 +192,15 @@ class FaultFeatureTable:
                 "or [--, -, 0, +, ++]"
             )
         columns = _mapping(mapping.get("features"), f"{where}: features")
-        costs = {str(name): _cost(row, f"{where}: {name}") for name, row in columns.items()}
+        known = {str(name): _cost(row, f"{where}: {name}") for name, row in columns.items()}
+        unasked = {str(name) for name, row in columns.items() if not row.get("asked", True)}
+        costs = {name: cost for name, cost in known.items() if name not in unasked}
         confidence = _number(mapping.get("confidence", 1.0), f"{where}: confidence", 0.0, 1.0)
         rows = {
             **_mapping(mapping.get("faults"), f"{where}: faults"),
             **_unaffected(mapping, where),
         }
-        entries, provenance = _entries(rows, costs, alphabet, confidence, where)
+        entries, provenance = _entries(rows, known, alphabet, confidence, where)
         return cls(
             str(mapping.get("title", where)),
             alphabet,
@@ -269,6 +283,7 @@ def _nominal(mapping: Any, costs: Mapping[str, float], where: str) -> NominalRan
         _ranges(mapping, "ranges", where),
         _ranges(mapping, "levels", where),
         _ranges(mapping, "resting_levels", where),
+        _ranges(mapping, "kurtosis", where),
         {k: _number(v, f"{where}: orders: {k}", 0.01, 1000.0) for k, v in orders.items()},
     )
 
@@ -288,6 +303,8 @@ def _rate(value: Any, where: str) -> float:
 def _cost(row: Any, where: str) -> float:
     row = _mapping(row, where)
     _known(row, FEATURE_KEYS, where)
+    if not isinstance(row.get("asked", True), bool):
+        raise ConfigurationError(f"{where}: asked = {row['asked']!r} must be true or false")
     return _number(row.get("cost"), f"{where}: cost", 1e-3, 1e6)
 
 

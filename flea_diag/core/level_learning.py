@@ -1,14 +1,16 @@
-"""Nominal ranges of the level of vibration, learned for the rule by which the sentinel calls.
+"""Nominal ranges of level and kurtosis, learned for the rule by which the sentinel calls.
 
 What is beyond its range in one block is nothing yet: `sentinel.RAISED` of `sentinel.BLOCKS` raise
 the alarm. So the ends of a range are not those that single blocks keep to, but those that this
 rule keeps to, over whole runs: units differ, and a unit is as loud in its next block as in this.
+Beyond what the runs show, the law of extremes depends on what makes them: units in the level,
+moments in the kurtosis.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +20,7 @@ from flea_diag.core.nominal_range import NominalRange, OperatingPoint, learn_nom
 from flea_diag.core.sentinel import BLOCKS, RAISED
 
 Levels = Sequence[tuple[OperatingPoint, Mapping[str, float]]]
-"""Blocks of one healthy run in order of time: operating point, and level by axis in m/s^2."""
+"""Blocks of one healthy run in order of time: operating point, and an indicator by axis."""
 
 LEAST_RUNS = 20
 LEAST_HALF_WIDTH = 0.3
@@ -26,7 +28,7 @@ LEAST_HALF_WIDTH = 0.3
 
 
 def learn_levels(
-    runs: Sequence[Levels], false_alarm_rate: float, moving: bool
+    runs: Sequence[Levels], false_alarm_rate: float, moving: bool, indicator: str = "std"
 ) -> dict[str, NominalRange]:
     """Range of each axis that raises an alarm in a share of ``false_alarm_rate`` of healthy runs.
 
@@ -39,13 +41,32 @@ def learn_levels(
     axes = dict.fromkeys(axis for run in kept for _, levels in run for axis in levels)
     by_axis = {axis: [run for run in kept if axis in run[0][1]] for axis in axes}
     return {
-        axis: _range(axis, found, false_alarm_rate)
+        axis: _range(axis, found, false_alarm_rate, LAWS[indicator])
         for axis, found in by_axis.items()
         if len(found) >= LEAST_RUNS
     }
 
 
-def _range(axis: str, runs: Sequence[Levels], rate: float) -> NominalRange:
+def student(rate: float, count: int) -> float:
+    """Deviations from the mean of ``count`` that one more passes with ``rate``: Student's."""
+    from scipy.special import stdtrit
+
+    return -float(stdtrit(count - 1.0, rate)) * math.sqrt(1.0 + 1.0 / count)
+
+
+def gumbel(rate: float, _: int) -> float:
+    """The same of the largest of many moments: Gumbel's law, by its mean and deviation."""
+    return (-math.log(-math.log1p(-rate)) - np.euler_gamma) * math.sqrt(6.0) / math.pi
+
+
+LAWS: dict[str, Callable[[float, int], float]] = {"std": student, "kurtosis": gumbel}
+"""How far what runs show at most may lie from their mean: units differ in the logarithm of their
+level near normally; healthy kurtosis is much the same in all, and comes up at some moments."""
+
+
+def _range(
+    axis: str, runs: Sequence[Levels], rate: float, law: Callable[[float, int], float]
+) -> NominalRange:
     """Centre fitted to single blocks, ends to what the rule saw of each run at most."""
     blocks = [(point, levels[axis]) for run in runs for point, levels in run]
     points, values = [point for point, _ in blocks], [level for _, level in blocks]
@@ -55,23 +76,20 @@ def _range(axis: str, runs: Sequence[Levels], rate: float) -> NominalRange:
         for run in runs
     ]
     above, below = (np.array([held(sign * rest) for rest in rests]) for sign in (1.0, -1.0))
-    low, high = (max(_end(ends, rate / 2.0), LEAST_HALF_WIDTH) for ends in (below, above))
+    low, high = (max(_end(ends, rate / 2.0, law), LEAST_HALF_WIDTH) for ends in (below, above))
     return replace(centred, low=-low, high=high, count=len(runs))
 
 
-def _end(ends: npt.NDArray[np.float64], rate: float) -> float:
+def _end(ends: npt.NDArray[np.float64], rate: float, law: Callable[[float, int], float]) -> float:
     """Upper end that a new run passes with probability ``rate``, from those of the runs seen.
 
-    Their order statistics as far as these reach; beyond, Student's prediction for one more run, for
-    the logarithm of what units differ by is near normal, and never less than the largest seen.
+    Their order statistics as far as these reach; beyond, a law of extremes, and never less than
+    the largest seen.
     """
-    n = len(ends)
-    if rate * (n + 1) >= 1.0:
+    if rate * (len(ends) + 1) >= 1.0:
         return tail_end(ends, rate)
-    from scipy.special import stdtrit
-
-    spread = float(ends.std(ddof=1)) * math.sqrt(1.0 + 1.0 / n)
-    return max(float(ends.mean() - stdtrit(n - 1.0, rate) * spread), float(ends.max()))
+    beyond = law(rate, len(ends)) * float(ends.std(ddof=1))
+    return max(float(ends.mean()) + beyond, float(ends.max()))
 
 
 def held(values: npt.NDArray[np.float64]) -> float:

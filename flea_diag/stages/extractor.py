@@ -10,16 +10,15 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.core.features import FeatureId, Scope, evaluate
 from flea_diag.core.nominal_range import OperatingPoint
 from flea_diag.core.window import NotComputableError, Window
 from flea_diag.errors import ConfigurationError
+from flea_diag.stages.condition_indicators import condition_indicators
 from flea_diag.stages.scan_ring import SECOND_NS
 from flea_diag.stages.windows import Windows
 from flea_diag.wire.blocks import ScanBlock
@@ -33,10 +32,6 @@ from flea_diag.wire.records import (
     VibrationBlock,
     VibrationLevel,
 )
-
-SENTINEL_PAIRS = 64
-POINT = np.dtype("<f4")
-"""One number of a point of a block: its time, of the same size, and one value an axis."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +69,7 @@ class ExtractorParameters:
     most_pending: int = parameter(
         32, "requests kept until their window is complete", unit="1", minimum=1, maximum=10_000
     )
-    sentinel: bool = parameter(True, "publish the level of every block on vibration_level")
+    sentinel: bool = parameter(True, "publish level and kurtosis of every block on vibration_level")
 
 
 @dataclass(frozen=True)
@@ -156,8 +151,8 @@ class ExtractorStage:
             return ()
         if not self._is_rate_known(self.windows.vibration.rate_hz):
             return ()  # its range was learned on another band
-        std = tuple(block_std(block).tolist())
-        return (VibrationLevel(self.windows.vibration.end_ns, block.axes, std),)
+        std, kurtosis = condition_indicators(block)
+        return (VibrationLevel(self.windows.vibration.end_ns, block.axes, std, kurtosis),)
 
     def _accept(self, request: FeatureRequest) -> None:
         key = (request.stamp_ns, request.episode, request.step)
@@ -278,31 +273,3 @@ class ExtractorStage:
                 raise NotComputableError(
                     f"{axis} is saturated: {count} points at its full scale of {limit:g} m/s^2"
                 )
-
-
-def block_std(block: VibrationBlock) -> npt.NDArray[np.float32]:
-    """Standard deviation of each axis of one block, m/s^2, shape (axes,).
-
-    From points spread over the block, each against the one half a block later: half the mean
-    square of such differences is the variance, and an offset such as gravity cancels. The
-    sentinel always runs, so it is cheap; its error of 9 % for ``SENTINEL_PAIRS`` is small
-    against the 15 % by which blocks scatter anyway.
-    """
-    shape, strides, weight = _spread(block.count, len(block.axes))
-    # The time of a point comes first and is skipped, so that all else is one plain matrix.
-    rows = np.ndarray(shape, POINT, block.data, POINT.itemsize, strides)
-    change = rows[: len(weight)] - rows[len(weight) :]
-    change *= change
-    return np.asarray(np.sqrt(weight @ change))
-
-
-@lru_cache(maxsize=8)
-def _spread(
-    count: int, axes: int
-) -> tuple[tuple[int, int], tuple[int, int], npt.NDArray[np.float32]]:
-    """Shape and strides of the points to take of a block, and a weight for each pair of them."""
-    stride = max(count // (2 * SENTINEL_PAIRS), 1)
-    pairs = count // (2 * stride)
-    size = POINT.itemsize
-    weight = np.full(pairs, 0.5 / pairs, dtype=np.float32)
-    return (2 * pairs, axes), (stride * (1 + axes) * size, size), weight

@@ -17,7 +17,7 @@ from flea_diag.core.fault_group import refine, refine_side
 from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.isolation import Isolation
 from flea_diag.core.operating_point import QUADRANTS
-from flea_diag.core.sentinel import Sentinel
+from flea_diag.core.sentinel import Alarm, Sentinel
 from flea_diag.stages.episode import Episode, cause
 from flea_diag.stages.inquiry import Inquiry
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
@@ -271,7 +271,7 @@ class IsolatorStage:
         return self._go_on(stamp_ns)
 
     def _level(self, stamp_ns: int) -> Iterable[Record]:
-        """A vibration level out of its nominal range opens an episode of its own.
+        """Vibration out of its nominal range opens an episode of its own.
 
         A block is judged once the smoothed speed of the same time is known.
         """
@@ -280,27 +280,26 @@ class IsolatorStage:
         level = self._levels.popleft()
         if stamp_ns - level.stamp_ns > LATEST_NS:
             return ()
-        axis = self._sentinel.step(level.axes, level.std)
-        if axis is None or self._episode is not None:
+        alarm = self._sentinel.step(level.axes, level.std, level.kurtosis)
+        if alarm is None or self._episode is not None:
             return ()
         episode = self._open(stamp_ns)
-        episode.opened_by = self._sentinel.words(axis)
+        episode.opened_by = alarm.words
         for hypothesis in episode.isolation.alive():
             if not hypothesis.fault.vibration:
                 hypothesis.why_dropped = (
-                    f"{axis} left its range, and this fault does not show in vibration"
+                    f"{alarm.axis} left its range, and this fault does not show in vibration"
                 )
         episode.settled = True
         episode.isolation.share_out()
-        self._believe_level(stamp_ns, episode, axis)
+        self._believe_alarm(stamp_ns, episode, alarm)
         return self._go_on(stamp_ns)
 
-    def _believe_level(self, stamp_ns: int, episode: Episode, axis: str) -> None:
-        """That a level left its range is an answer already: to the deviation of its sensor."""
-        feature, side = f"{axis.rsplit('_', 1)[0]}_std", self._sentinel.side(axis)
-        left = refine_side(episode.group(), self._k.features, feature, side)
-        episode.isolation.believe(stamp_ns, feature, side, left)
-        episode.inquiry.pass_over(feature)
+    def _believe_alarm(self, stamp_ns: int, episode: Episode, alarm: Alarm) -> None:
+        """That an indicator left its range is an answer already: to that feature of its sensor."""
+        left = refine_side(episode.group(), self._k.features, alarm.feature, alarm.side)
+        episode.isolation.believe(stamp_ns, alarm.feature, alarm.side, left)
+        episode.inquiry.pass_over(alarm.feature)
 
     # --- features ---------------------------------------------------------------------
 

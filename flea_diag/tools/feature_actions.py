@@ -27,7 +27,7 @@ from flea_diag.core.feature_learning import (
 from flea_diag.core.features import FEATURES, FeatureId
 from flea_diag.core.level_learning import LEAST_RUNS, learn_levels
 from flea_diag.core.nominal_range import NominalRange
-from flea_diag.core.sentinel import BLOCKS, RAISED
+from flea_diag.core.sentinel import BLOCKS, RAISED, SECTIONS
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools import feature_bearing as bearing
 from flea_diag.tools import feature_bench as bench
@@ -50,6 +50,10 @@ KEPT = (
 """In every table: the founding paper's two, and what the physics of a fault say: the line of a
 spall, the wave of an eccentric rotor, the back-EMF that bypassed turns no longer give. Where a
 fault is strong much else shows it, so that a ranking over all sizes passes these by."""
+
+HEARD = ("accelerometer_1_kurtosis", "accelerometer_2_kurtosis")
+"""What the sentinel's alarms are answers to besides ``std``. They are never asked for: where they
+were, a walk mistook more noisy accelerometers, for they say again what other features have said."""
 
 POINT_CHANNELS = ("motor_speed_", "load_force_")
 """A fault of these moves the operating point, and so the nominal ranges: no row for it."""
@@ -105,6 +109,8 @@ def _learn(arguments: argparse.Namespace) -> int:
     ranking = rank(learned, costs)
     kept = [feature for feature in KEPT if feature in learned.ranges]
     chosen = select(learned, costs, arguments.most, kept)
+    heard = [feature for feature in HEARD if feature in learned.ranges and feature not in chosen]
+    answers = select(learned, costs, len(heard), heard)
     making = Making(
         arguments.title,
         f"learned from {source}: {len(runs)} runs, "
@@ -116,7 +122,7 @@ def _learn(arguments: argparse.Namespace) -> int:
         bench.FLEA_SCREW.orders(),
     )
     levels = _levels(runs, arguments.hop)
-    mapping = table_mapping(learned, chosen, costs, levels, _unaffected(learned), making)
+    mapping = table_mapping(learned, chosen, answers, costs, levels, _unaffected(learned), making)
     write_table(arguments.output, mapping, _header(arguments, making, learned))
     _print_ranking(ranking, chosen, learned)
     print(f"{arguments.output}: {len(chosen)} features, {len(learned.faults)} faults learned")
@@ -250,18 +256,22 @@ def _one_rate(runs: Sequence[Run]) -> float:
 
 
 def _levels(runs: Sequence[Run], hop_s: float) -> dict[str, dict[str, NominalRange]]:
-    """Nominal range of the level of each axis, in motion and at rest, for the sentinel.
+    """Nominal ranges of what the sentinel hears of each axis, by section of the table.
 
     Each of these ranges has an equal part of the rate of false alarms.
     """
-    healthy = [run.levels for run in runs if run.levels]
+    healthy = [run for run in runs if run.levels]
     windows = sum(sample.fault == NOMINAL for run in runs for sample in run.samples)
     hours = windows * hop_s / 3600.0 / max(len(healthy), 1)
-    axes = {axis for levels in healthy for axis in levels[0][1]}
-    rate = LEVEL_ALARMS_PER_HOUR * hours / max(2 * len(axes), 1)
+    axes = {axis for run in healthy for axis in run.levels[0][1]}
+    rate = LEVEL_ALARMS_PER_HOUR * hours / max(len(SECTIONS) * len(axes), 1)
+    heard = {
+        "std": [run.levels for run in healthy],
+        "kurtosis": [run.kurtosis for run in healthy],
+    }
     found = {
-        "levels": learn_levels(healthy, rate, moving=True),
-        "resting_levels": learn_levels(healthy, rate, moving=False),
+        section: learn_levels(heard[indicator], rate, moving, indicator)
+        for (indicator, moving), section in SECTIONS.items()
     }
     for section in (name for name, ranges in found.items() if not ranges):
         print(f"{section}: none, they need {LEAST_RUNS} healthy runs; the sentinel stays silent")
@@ -284,9 +294,10 @@ def _header(arguments: argparse.Namespace, making: Making, learned: Learned) -> 
         f"Windows: {counts}.",
         "Nominal ranges follow the operating point: centre = coefficients . (1, ln(0.1 + w/100),",
         "w/100, ln(0.5 + F/100)) with the rms speed w (rad/s) and load F (N) of the window.",
-        "levels, resting_levels: the same for the standard deviation of blocks (vibration_level),",
-        f"in motion and at rest, so wide that {RAISED} of {BLOCKS} in a row lie beyond",
-        f"{LEVEL_ALARMS_PER_HOUR:g} times an hour of healthy running, on all axes together.",
+        "levels, resting_levels, kurtosis: the same for blocks (vibration_level): the standard",
+        "deviation in motion and at rest, and the kurtosis in motion, so wide that",
+        f"{RAISED} of {BLOCKS} in a row lie beyond {LEVEL_ALARMS_PER_HOUR:g} times an hour of",
+        "healthy running, of all of them together.",
     ]
 
 

@@ -11,10 +11,11 @@ import numpy as np
 from flea_diag.core.feature_learning import NOMINAL, Sample
 from flea_diag.core.features import all_ids, compute_all
 from flea_diag.core.features_motion import reverses
+from flea_diag.core.level_learning import Levels
 from flea_diag.core.nominal_range import OperatingPoint
 from flea_diag.core.smoothing import KERNEL_LENGTH, hann_kernels
 from flea_diag.core.window import NotComputableError
-from flea_diag.stages.extractor import block_std
+from flea_diag.stages.condition_indicators import condition_indicators
 from flea_diag.stages.windows import Windows
 from flea_diag.wire.bag import read_bag
 from flea_diag.wire.records import NEVER_NS, Record, Scan, Truth, VibrationBlock
@@ -35,12 +36,16 @@ class Grid:
 
 @dataclass(frozen=True)
 class Run:
-    """Samples of one recording, and the level of each axis block by block while nominal."""
+    """Samples of one recording, and what the sentinel hears block by block while nominal.
+
+    ``levels``: standard deviation of each axis, ``kurtosis`` the same of the kurtosis.
+    """
 
     name: str
     rate_hz: float
     samples: tuple[Sample, ...]
-    levels: tuple[tuple[OperatingPoint, Mapping[str, float]], ...] = ()
+    levels: Levels = ()
+    kurtosis: Levels = ()
 
     def asked(self, group: Sequence[str], windows: int) -> list[Sample]:
         """The first windows under a fault of the group that features would be asked on.
@@ -68,7 +73,7 @@ def run_of(name: str, stream: Iterable[Record], truths: list[Truth], grid: Grid)
     """Samples of a stream of scans and blocks, in the order in which they came."""
     windows = Windows(grid.window_s + 3.0, 0.002, 0.05, grid.orders or {})
     samples: list[Sample] = []
-    levels: list[_Level] = []
+    heard: list[_Heard] = []
     scans: list[tuple[int, float, float]] = []
     end_ns = -1
     for record in stream:
@@ -85,9 +90,11 @@ def run_of(name: str, stream: Iterable[Record], truths: list[Truth], grid: Grid)
             if fault is not None:
                 samples += _samples(windows, start_ns, end_ns, fault)
             if fault == NOMINAL:
-                levels += _levels(windows, start_ns, end_ns)
+                heard += _heard(windows, start_ns, end_ns)
             end_ns += round(grid.hop_s * SECOND_NS)
-    return Run(name, windows.vibration.rate_hz, tuple(samples), tuple(_pointed(levels, scans)))
+    pointed = list(_pointed(heard, scans))
+    levels, kurtosis = ([(point, row[k]) for point, row in pointed] for k in range(2))
+    return Run(name, windows.vibration.rate_hz, tuple(samples), levels, kurtosis)
 
 
 def label(truths: Iterable[Truth], start_ns: int, end_ns: int) -> str | None:
@@ -120,25 +127,26 @@ def _samples(windows: Windows, start_ns: int, end_ns: int, fault: str) -> Iterat
 
 
 @dataclass(frozen=True)
-class _Level:
-    """Standard deviation of each axis over one block of vibration."""
+class _Heard:
+    """Each condition indicator of one block of vibration, by axis."""
 
     start_ns: int
     end_ns: int
-    of_axis: Mapping[str, float]
+    indicators: tuple[Mapping[str, float], ...]
 
 
-def _levels(windows: Windows, start_ns: int, end_ns: int) -> Iterator[_Level]:
-    """Level of each axis of the blocks inside a window, as the sentinel is told of it."""
+def _heard(windows: Windows, start_ns: int, end_ns: int) -> Iterator[_Heard]:
+    """Indicators of the blocks inside a window, as the sentinel is told of them."""
     for block, block_end_ns in windows.vibration.blocks(start_ns, end_ns):
-        std = np.asarray(block_std(block), float)
-        yield _Level(block.stamp_ns, block_end_ns, dict(zip(block.axes, std, strict=True)))
+        found = condition_indicators(block)
+        by_axis = (dict(zip(block.axes, values, strict=True)) for values in found)
+        yield _Heard(block.stamp_ns, block_end_ns, tuple(by_axis))
 
 
 def _pointed(
-    levels: Iterable[_Level], scans: Sequence[tuple[int, float, float]]
-) -> Iterator[tuple[OperatingPoint, Mapping[str, float]]]:
-    """Levels with speed and load as the sentinel knows them: smoothed as residuals are.
+    heard: Iterable[_Heard], scans: Sequence[tuple[int, float, float]]
+) -> Iterator[tuple[OperatingPoint, tuple[Mapping[str, float], ...]]]:
+    """Indicators with speed and load as the sentinel knows them: smoothed as residuals are.
 
     A load actuator that lets go and catches makes steps within a few scans, in which the smoothed
     and the raw speed differ by a multiple.
@@ -150,8 +158,8 @@ def _pointed(
     stamps_ns = np.array([stamp_ns for stamp_ns, _, _ in scans])[edge:-edge]
     motion = np.array([row[1:] for row in scans])
     smooth = np.column_stack([np.convolve(column, kernel, "valid") for column in motion.T])
-    for level in levels:
-        inside = smooth[(stamps_ns >= level.start_ns) & (stamps_ns <= level.end_ns)]
+    for block in heard:
+        inside = smooth[(stamps_ns >= block.start_ns) & (stamps_ns <= block.end_ns)]
         if len(inside):
             speed, load = np.sqrt(np.mean(inside**2, axis=0)).tolist()
-            yield OperatingPoint(speed, load), level.of_axis
+            yield OperatingPoint(speed, load), block.indicators

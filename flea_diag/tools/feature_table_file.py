@@ -30,6 +30,7 @@ class Making:
 def table_mapping(
     learned: Learned,
     features: Mapping[str, Ends],
+    heard: Mapping[str, Ends],
     costs: Mapping[str, float],
     levels: Mapping[str, Mapping[str, NominalRange]],
     unaffected: Iterable[str],
@@ -37,22 +38,27 @@ def table_mapping(
 ) -> dict[str, Any]:
     """Plain values of a learned table with chosen features and the ends of their ranges.
 
+    ``heard``: features that are never asked for, with entries for what alarms say of them;
     ``levels``: section of the file to the range of each axis; ``unaffected`` faults read as
     nominal windows do.
     """
+    columns = {**features, **heard}
     rows: dict[str, Any] = {
         fault: {
             "source": f"{making.source}, {learned.counts[fault]} windows",
-            **{f: _entry(learned.probability(fault, f, ends)) for f, ends in features.items()},
+            **{f: _entry(learned.probability(fault, f, ends)) for f, ends in columns.items()},
         }
         for fault in learned.faults
     }
-    nominal = {f: _entry(learned.probability(NOMINAL, f, ends)) for f, ends in features.items()}
+    nominal = {f: _entry(learned.probability(NOMINAL, f, ends)) for f, ends in columns.items()}
     return {
         "title": making.title,
         "provenance": making.provenance,
         "alphabet": list(SYMBOLS),
-        "features": {feature: {"cost": costs[feature]} for feature in features},
+        "features": {
+            **{feature: {"cost": costs[feature]} for feature in features},
+            **{feature: {"cost": costs[feature], "asked": False} for feature in heard},
+        },
         "faults": rows,
         "unaffected": {
             "source": f"assumed to act on no accelerometer: entries of {NOMINAL} windows",

@@ -18,6 +18,9 @@ ESTIMATE, ESTIMATE_SIGMA = "/estimate", "/estimate_sigma"
 HEALTH = ("observer/ess", "observer/nis", "observer/diverged")
 """How the names on ``residual`` say what a number is."""
 
+KURTOSIS = "/kurtosis"
+"""The same on ``vibration_level``; the standard deviation has the bare name of the axis."""
+
 _STAMP_BYTES = 8
 Names = tuple[str, ...]
 
@@ -170,17 +173,44 @@ def _residual(stamp_ns: int, names: tuple[str, ...], values: tuple[float, ...]) 
     return record
 
 
+def _level_names(record: r.VibrationLevel) -> tuple[str, ...]:
+    if len(record.kurtosis) not in (0, len(record.axes)):
+        raise WireError(
+            f"VibrationLevel: {len(record.axes)} axes but a kurtosis of {len(record.kurtosis)}"
+        )
+    return _axes(record.axes, bool(record.kurtosis))
+
+
+@lru_cache(maxsize=64)
+def _axes(axes: tuple[str, ...], with_kurtosis: bool) -> tuple[str, ...]:
+    wrong = next((axis for axis in axes if axis.endswith(KURTOSIS)), None)
+    if wrong is not None:
+        raise WireError(f"VibrationLevel: axis {wrong!r} ends as the wire names its {KURTOSIS[1:]}")
+    return (*axes, *(axis + KURTOSIS for axis in axes if with_kurtosis))
+
+
+def _level_values(record: r.VibrationLevel) -> tuple[float, ...]:
+    return (*record.std, *record.kurtosis)
+
+
+def _level(stamp_ns: int, names: tuple[str, ...], values: tuple[float, ...]) -> r.VibrationLevel:
+    axes = tuple(name for name in names if not name.endswith(KURTOSIS))
+    if _axes(axes, len(axes) < len(names)) != names:
+        raise WireError(f"the names are not those of axes, all or none with {KURTOSIS}")
+    return r.VibrationLevel(stamp_ns, axes, values[: len(axes)], values[len(axes) :])
+
+
 _COLUMNS: dict[type, tuple[Callable[[Any], tuple[str, ...]], Callable[[Any], tuple[float, ...]]]]
 _COLUMNS = {
     r.Scan: (attrgetter("channels"), attrgetter("values")),
     r.Residual: (_residual_names, _residual_values),
-    r.VibrationLevel: (attrgetter("axes"), attrgetter("std")),
+    r.VibrationLevel: (_level_names, _level_values),
 }
 """Record -> what becomes ``name`` and what becomes ``position``."""
 
 _RECORD: dict[type, Callable[[int, tuple[str, ...], tuple[float, ...]], Any]] = {
     r.Scan: r.Scan,
     r.Residual: _residual,
-    r.VibrationLevel: r.VibrationLevel,
+    r.VibrationLevel: _level,
 }
 """Record -> what makes it from stamp, ``name`` and ``position``."""

@@ -133,11 +133,15 @@ class Residual:
 
 @dataclass(frozen=True, slots=True)
 class VibrationLevel:
-    """The always-on sentinel: standard deviation of one block, per axis (m/s^2)."""
+    """The always-on sentinel: standard deviation (m/s^2) and kurtosis of one block, per axis.
+
+    Bags of before have no kurtosis.
+    """
 
     stamp_ns: int
     axes: tuple[str, ...]
     std: tuple[float, ...]
+    kurtosis: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

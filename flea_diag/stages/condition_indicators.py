@@ -1,0 +1,54 @@
+"""Standard deviation and kurtosis of each axis of one block of vibration, cheap enough for always.
+
+What shakes more raises the first. What strikes, as balls do that pass a pit, raises the second,
+which has no unit: neither a sensor's gain nor how loud a unit is moves it.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.wire.records import VibrationBlock
+
+POINTS = 500
+"""So many points, spread over a block, stand for it: of 2000 every fourth. On noise the standard
+deviation is then good to 3 %, the kurtosis to 0.22, and one ball in a pit rings for 20 of them."""
+
+POINT = np.dtype("<f4")
+"""One number of a point of a block: its time, of the same size, and one value an axis."""
+
+Floats = npt.NDArray[np.float32]
+Values = tuple[float, ...]
+
+
+def condition_indicators(block: VibrationBlock) -> tuple[Values, Values]:
+    """Standard deviation (m/s^2) and kurtosis (3 for Gaussian noise), one value an axis each.
+
+    Both about the mean of the block, so that gravity and an offset cancel; the kurtosis of an
+    axis on which nothing moves at all is 0, which no signal has.
+    """
+    shape, strides, weight = _spread(block.count, len(block.axes))
+    # The time of a point comes first and is skipped, so that all else is one plain matrix.
+    points = np.ndarray(shape, POINT, block.data, POINT.itemsize, strides)
+    powers = points.T.copy()
+    powers -= (powers @ weight)[:, None]
+    powers *= powers
+    second = (powers @ weight).tolist()
+    powers *= powers
+    fourth = (powers @ weight).tolist()
+    kurtosis = tuple([v4 / (v2 * v2) if v2 else 0.0 for v2, v4 in zip(second, fourth, strict=True)])
+    return tuple(map(math.sqrt, second)), kurtosis
+
+
+@lru_cache(maxsize=8)
+def _spread(count: int, axes: int) -> tuple[tuple[int, int], tuple[int, int], Floats]:
+    """Shape and strides of the points to take of a block, and the weight of each in a mean."""
+    stride = max(count // POINTS, 1)
+    points = len(range(0, count, stride))
+    size = POINT.itemsize
+    weight = np.full(points, 1.0 / points, dtype=np.float32)
+    return (points, axes), (stride * (1 + axes) * size, size), weight
