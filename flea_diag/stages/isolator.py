@@ -7,7 +7,6 @@ is left or nothing can split them. Everything is decided by record stamps, in me
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -17,7 +16,7 @@ from flea_diag.core.fault_group import refine, refine_side
 from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.isolation import Isolation
 from flea_diag.core.operating_point import QUADRANTS
-from flea_diag.core.sentinel import Alarm, Sentinel
+from flea_diag.core.sentinel import Alarm
 from flea_diag.stages.episode import Episode, cause
 from flea_diag.stages.inquiry import Inquiry
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
@@ -25,6 +24,7 @@ from flea_diag.stages.merge import Merge
 from flea_diag.stages.motion import Motion
 from flea_diag.stages.standing import Standing
 from flea_diag.stages.verdict import Verdict, mismatch
+from flea_diag.stages.vibration_watch import VibrationWatch
 from flea_diag.stages.weighing import Weighing, due, weighings
 from flea_diag.wire.blocks import ResidualBlock, alone
 from flea_diag.wire.records import (
@@ -44,11 +44,6 @@ from flea_diag.wire.records import (
 )
 
 __all__ = ["IsolatorParameters", "IsolatorStage", "Knowledge"]
-
-LEVEL_DELAY_NS = 150_000_000
-"""From the end of a block until the smoothed speed of that time is known: half a kernel."""
-LATEST_NS = 2 * LEVEL_DELAY_NS
-"""A block that waits longer is of a time from which no speed came: the observer was away."""
 
 
 class IsolatorStage:
@@ -78,12 +73,10 @@ class IsolatorStage:
         self._episodes = 0
         self._told = 0
         self._episode: Episode | None = None
-        self._levels: deque[VibrationLevel] = deque(maxlen=100)
-        self._sentinel = Sentinel(knowledge.features.nominal)
+        self._watch = VibrationWatch(knowledge.features.nominal)
         self._window_ns = round(parameters.feature_window_s * 1e9)
-        self._motion = Motion(
-            knowledge.calibration.parameters.encoder_m_per_rad, self._window_ns, self._sentinel
-        )
+        lead = knowledge.calibration.parameters.encoder_m_per_rad
+        self._motion = Motion(lead, self._window_ns, self._watch.sentinel)
         self._said: tuple[object, ...] = ()
         self._last: AmbiguityGroup | None = None
         self._early: Symbols | None = None
@@ -103,14 +96,14 @@ class IsolatorStage:
         if self._episode is None:
             return ()
         self._episode = None
-        self._sentinel.clear()
+        self._watch.sentinel.clear()
         self._merge.hold(None)
         return self._say(self._merge.now_ns)
 
     @property
     def takes_blocks(self) -> bool:
         """Whether nothing waits that might change an episode, and no feature can be asked for."""
-        alone = not self._levels and self._merge.clock_alone
+        alone = not self._watch.waits and self._merge.clock_alone
         return alone and (self._episode is None or not self._standing.axes)
 
     def handle_block(self, block: ResidualBlock) -> tuple[int, tuple[Record, ...]]:
@@ -136,7 +129,7 @@ class IsolatorStage:
         if isinstance(record, FeatureValue):
             return self._feature(record)
         if isinstance(record, VibrationLevel):
-            self._levels.append(record)
+            self._watch.add(record)
             return ()
         if isinstance(record, DataQuality):
             return self._data_quality(record)
@@ -226,7 +219,7 @@ class IsolatorStage:
         moving = record.regressors[-1] > 0.5
         self._standing.step(record.stamp_ns, moving, bool(record.health and record.health[-1]))
         self._motion.step(record.stamp_ns, record.regressors, moving)
-        raised = self._level(record.stamp_ns)
+        raised = self._listen(record.stamp_ns)
         if self._episode is None:
             self._weighing.see(record)
         if self._episode is None or raised:
@@ -270,17 +263,9 @@ class IsolatorStage:
             episode.isolation.require(stamp_ns, episode.magnitudes(), episode.moved_channels())
         return self._go_on(stamp_ns)
 
-    def _level(self, stamp_ns: int) -> Iterable[Record]:
-        """Vibration out of its nominal range opens an episode of its own.
-
-        A block is judged once the smoothed speed of the same time is known.
-        """
-        if not self._levels or self._levels[0].stamp_ns + LEVEL_DELAY_NS > stamp_ns:
-            return ()
-        level = self._levels.popleft()
-        if stamp_ns - level.stamp_ns > LATEST_NS:
-            return ()
-        alarm = self._sentinel.step(level.axes, level.std, level.kurtosis)
+    def _listen(self, stamp_ns: int) -> Iterable[Record]:
+        """Vibration out of its nominal range opens an episode of its own."""
+        alarm = self._watch.alarm(stamp_ns)
         if alarm is None or self._episode is not None:
             return ()
         episode = self._open(stamp_ns)

@@ -13,9 +13,12 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.wire.vocabulary import ANOTHER_UNIT as ANOTHER_UNIT
 from flea_diag.wire.vocabulary import BY_DESIGN as BY_DESIGN
+from flea_diag.wire.vocabulary import EARLIER_LEVEL as EARLIER_LEVEL
 from flea_diag.wire.vocabulary import NEVER_NS as NEVER_NS
 from flea_diag.wire.vocabulary import OUTCOME_LEVEL as OUTCOME_LEVEL
+from flea_diag.wire.vocabulary import TAKEN_OVER as TAKEN_OVER
 from flea_diag.wire.vocabulary import Level as Level
 from flea_diag.wire.vocabulary import Outcome as Outcome
 from flea_diag.wire.vocabulary import Quality as Quality
@@ -172,16 +175,6 @@ class DataQuality:
     stamp_ns: int
     channels: tuple[ChannelQuality, ...]
     offsets: tuple[UnitOffset, ...] = ()
-
-
-TAKEN_OVER = "taken over"
-"""``test`` of a Detection that an observer which has come back took from the verdict."""
-
-ANOTHER_UNIT = "another unit"
-"""What ends a Detection when the stand has gone over to another unit: a new one begins."""
-
-EARLIER_LEVEL = "its earlier level"
-"""Ends the ``test`` of a Detection that held a residual against the same run before it."""
 
 
 @dataclass(frozen=True, slots=True)

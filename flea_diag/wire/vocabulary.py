@@ -8,6 +8,12 @@ NEVER_NS = -1
 """Stamp of an event that has not happened."""
 BY_DESIGN = "by design"
 """Of a verdict on several faults: these sensors cannot split them, whatever else is seen."""
+TAKEN_OVER = "taken over"
+"""``test`` of a Detection that an observer which has come back took from the verdict."""
+ANOTHER_UNIT = "another unit"
+"""What ends a Detection when the stand has gone over to another unit: a new one begins."""
+EARLIER_LEVEL = "its earlier level"
+"""Ends the ``test`` of a Detection that held a residual against the same run before it."""
 
 
 class Outcome(str, Enum):
