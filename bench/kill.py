@@ -236,14 +236,13 @@ def main() -> int:
     )
     parser.add_argument("--runs", type=int, default=20, help="each kills each node once")
     parser.add_argument("--composed", action="store_true", help="the diagnosis in one process")
-    parser.add_argument("--loopback", action="store_true", help="every socket on 127.0.0.1")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", metavar="FILE", help="result as JSON, renewed each run; - here")
     parser.add_argument("--keep", metavar="DIR", help="bags and logs of the runs are kept there")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="flea_kill_") as passing:
         folder = given.keep or passing
-        options = [f"--{name}" for name in ("composed", "loopback") if getattr(given, name)]
+        options = ["--composed"] if given.composed else []
         campaign = Campaign(given.seed, Path(folder), options)
         for number in range(given.runs):
             campaign.run(number)

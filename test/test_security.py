@@ -15,6 +15,7 @@ from flea_diag.wire.topics import TOPICS
 PROFILE = config_path("security/loopback.xml")
 POLICY = config_path("security/policy.xml")
 LOOPBACK = "127.0.0.1"
+DEFAULT = {"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"}
 NODES = sorted(path.name for path in (ROOT / "launcher").iterdir() if not path.suffix)
 
 
@@ -25,6 +26,25 @@ def udp_addresses(pid: int) -> set[str]:
     rows = [line.split() for line in Path(f"/proc/{pid}/net/udp").read_text().splitlines()[1:]]
     raw = (bytes.fromhex(row[1].partition(":")[0])[::-1] for row in rows if row[9] in inodes)
     return {".".join(map(str, address)) for address in raw}
+
+
+def segments(pid: int) -> set[str]:
+    """Segments of shared memory that Fast DDS has made for a process or opened of others."""
+    maps = Path(f"/proc/{pid}/maps").read_text(encoding="utf-8", errors="replace")
+    return {word for word in maps.split() if word.startswith("/dev/shm/fastrtps")}
+
+
+@pytest.mark.parametrize(("transports", "shared"), [({}, False), (DEFAULT, True)])
+def test_no_node_shares_memory_unless_it_is_asked_to(
+    domain: int, transports: dict[str, str], shared: bool
+) -> None:
+    """A reader that is killed may spoil that memory for all who are left."""
+    pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
+    console = node("flea_diag.nodes.console", "-p", "style:=lines")
+    alone = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", **transports}
+    with Process(console, domain, **alone) as process:
+        process.wait_for("no verdict yet")
+        assert bool(segments(process.child.pid)) == shared
 
 
 def test_with_the_profile_every_socket_is_on_loopback_and_the_verdict_arrives(domain: int) -> None:
@@ -46,6 +66,7 @@ def test_with_the_profile_every_socket_is_on_loopback_and_the_verdict_arrives(do
         screen.wait_for("NOMINAL", limit_s=40.0)
         for process in (screen, diagnoser, stand):
             assert udp_addresses(process.child.pid) == {LOOPBACK}
+            assert not segments(process.child.pid)
         # Who has no such profile is still told, on this machine.
         outside.listen(AmbiguityGroup)
         outside.find(lambda record: record.outcome is Outcome.NOMINAL)

@@ -180,9 +180,6 @@ def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--composed", action="store_true", help="the diagnosis in one process, the diagnoser"
     )
-    parser.add_argument(
-        "--loopback", action="store_true", help="every socket on 127.0.0.1, not discovery alone"
-    )
     parser.add_argument("--web", action="store_true", help="also the page in a browser")
     parser.add_argument("--scenario", default="nominal", help="name or file (default: nominal)")
     parser.add_argument("--seed", type=int, help="of the simulated unit and its noise")
@@ -242,7 +239,7 @@ def live(options: argparse.Namespace) -> int:
     with _domain() as domain, _opened(log_path) as log:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ["PYTHONUNBUFFERED"] = "1"
-        transport = discovery(options.loopback)
+        transport = discovery()
         os.environ.update(transport)
         words = " ".join(f"{name}={value}" for name, value in transport.items())
         say(f"ROS_DOMAIN_ID={domain} {words}, log: {log_path}")
@@ -256,10 +253,12 @@ def live(options: argparse.Namespace) -> int:
     return 1 if summary.failures or run.interrupted else 0
 
 
-def discovery(loopback: bool) -> dict[str, str]:
-    """Environment of nodes that stay on this machine; ``loopback``: their sockets, too."""
-    if not loopback:
-        return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+def discovery() -> dict[str, str]:
+    """Environment of nodes that stay on this machine: no socket of theirs is bound beyond it.
+
+    Nor do they share memory. With the range LOCALHOST the middleware lays transports of its own,
+    shared memory among them, which a node that is killed can spoil for the others.
+    """
     return {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(config_path("security/loopback.xml")),

@@ -48,6 +48,12 @@ class Foreground(Protocol):
         ...
 
 
+TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+"""What Fast DDS sends by, unless the environment says otherwise: not by shared memory. A reader
+that is killed may keep for ever what its writer handed it there (eProsima/Fast-DDS#5469, in 2.14).
+Once the 512 kB of a process are scattered so, nobody hears a verdict of 60 kB of it any more."""
+
+
 @dataclass(frozen=True)
 class Program:
     """What an executable is and how it starts.
@@ -74,6 +80,7 @@ def run(make: Callable[[], Program], argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     # BLAS threads on matrices this small only wait for each other; read once, by numpy's import.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault(*TRANSPORT)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _end_at_once)
     try:
