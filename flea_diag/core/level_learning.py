@@ -3,14 +3,13 @@
 What is beyond its range in one block is nothing yet: `sentinel.RAISED` of `sentinel.BLOCKS` raise
 the alarm. So the ends of a range are not those that single blocks keep to, but those that this
 rule keeps to, over whole runs: units differ, and a unit is as loud in its next block as in this.
-Beyond what the runs show, the law of extremes depends on what makes them: units in the level,
-moments in the kurtosis.
+Beyond what the runs show, the law of extremes says how far the largest may lie.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,7 +27,7 @@ LEAST_HALF_WIDTH = 0.3
 
 
 def learn_levels(
-    runs: Sequence[Levels], false_alarm_rate: float, moving: bool, indicator: str = "std"
+    runs: Sequence[Levels], false_alarm_rate: float, moving: bool
 ) -> dict[str, NominalRange]:
     """Range of each axis that raises an alarm in a share of ``false_alarm_rate`` of healthy runs.
 
@@ -41,32 +40,22 @@ def learn_levels(
     axes = dict.fromkeys(axis for run in kept for _, levels in run for axis in levels)
     by_axis = {axis: [run for run in kept if axis in run[0][1]] for axis in axes}
     return {
-        axis: _range(axis, found, false_alarm_rate, LAWS[indicator])
+        axis: _range(axis, found, false_alarm_rate)
         for axis, found in by_axis.items()
         if len(found) >= LEAST_RUNS
     }
 
 
-def student(rate: float, count: int) -> float:
-    """Deviations from the mean of ``count`` that one more passes with ``rate``: Student's."""
-    from scipy.special import stdtrit
+def gumbel(rate: float) -> float:
+    """Deviations from the mean that one more passes with ``rate``, by Gumbel's law of the largest.
 
-    return -float(stdtrit(count - 1.0, rate)) * math.sqrt(1.0 + 1.0 / count)
-
-
-def gumbel(rate: float, _: int) -> float:
-    """The same of the largest of many moments: Gumbel's law, by its mean and deviation."""
+    Its tail is heavier than a normal one: the level of healthy units differs near normally, but
+    limits by that law called three times in six hours where 0.1 an hour were stated.
+    """
     return (-math.log(-math.log1p(-rate)) - np.euler_gamma) * math.sqrt(6.0) / math.pi
 
 
-LAWS: dict[str, Callable[[float, int], float]] = {"std": student, "kurtosis": gumbel}
-"""How far what runs show at most may lie from their mean: units differ in the logarithm of their
-level near normally; healthy kurtosis is much the same in all, and comes up at some moments."""
-
-
-def _range(
-    axis: str, runs: Sequence[Levels], rate: float, law: Callable[[float, int], float]
-) -> NominalRange:
+def _range(axis: str, runs: Sequence[Levels], rate: float) -> NominalRange:
     """Centre fitted to single blocks, ends to what the rule saw of each run at most."""
     blocks = [(point, levels[axis]) for run in runs for point, levels in run]
     points, values = [point for point, _ in blocks], [level for _, level in blocks]
@@ -76,19 +65,19 @@ def _range(
         for run in runs
     ]
     above, below = (np.array([held(sign * rest) for rest in rests]) for sign in (1.0, -1.0))
-    low, high = (max(_end(ends, rate / 2.0, law), LEAST_HALF_WIDTH) for ends in (below, above))
+    low, high = (max(_end(ends, rate / 2.0), LEAST_HALF_WIDTH) for ends in (below, above))
     return replace(centred, low=-low, high=high, count=len(runs))
 
 
-def _end(ends: npt.NDArray[np.float64], rate: float, law: Callable[[float, int], float]) -> float:
+def _end(ends: npt.NDArray[np.float64], rate: float) -> float:
     """Upper end that a new run passes with probability ``rate``, from those of the runs seen.
 
-    Their order statistics as far as these reach; beyond, a law of extremes, and never less than
+    Their order statistics as far as these reach; beyond, the law of extremes, and never less than
     the largest seen.
     """
     if rate * (len(ends) + 1) >= 1.0:
         return tail_end(ends, rate)
-    beyond = law(rate, len(ends)) * float(ends.std(ddof=1))
+    beyond = gumbel(rate) * float(ends.std(ddof=1))
     return max(float(ends.mean()) + beyond, float(ends.max()))
 
 

@@ -169,9 +169,6 @@ class IsolatorStage:
             if early is not None and early.episode == record.episode:
                 return self._symbols(early)
             return self._say(self._merge.now_ns) if episode.taken_over else ()
-        if shift and self._episode is not None:
-            self._episode.shift = shift  # vibration had opened it
-            return ()
         if record.test == TAKEN_OVER and self._episode is not None:
             self._episode.taken_over, self._said = True, ()
             return self._say(self._merge.now_ns)

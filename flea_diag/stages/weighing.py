@@ -34,7 +34,7 @@ SHOWN = ("parity_electrical",)
 """Relations in which a unit shows its own parameters. Not the one with friction: a drag that is
 there from the start would pass for the unit's."""
 SHOWN_BEFORE = (*SHOWN, *MOTION_ONLY)
-"""Where a relation has left its own level of this run, the fault was not there from the start."""
+"""Where the relation with friction left its own level of this run, its drag is not of the start."""
 WEIGH_EVERY_NS = 500_000_000
 
 
@@ -97,7 +97,7 @@ class Weighing:
         if not (models and episode.symbols and episode.scans):
             return
         healthy = self._healthy.evidence
-        own = healthy is not None and bool(episode.shift)
+        own = healthy is not None and episode.shift.startswith(MOTION_ONLY)
         fits = episode.likelihood.fit(
             models,
             self._own_sigma if own else self._sigma,

@@ -270,7 +270,7 @@ def _levels(runs: Sequence[Run], hop_s: float) -> dict[str, dict[str, NominalRan
         "kurtosis": [run.kurtosis for run in healthy],
     }
     found = {
-        section: learn_levels(heard[indicator], rate, moving, indicator)
+        section: learn_levels(heard[indicator], rate, moving)
         for (indicator, moving), section in SECTIONS.items()
     }
     for section in (name for name, ranges in found.items() if not ranges):
