@@ -41,8 +41,8 @@ class Episode:
     likelihood: Evidence
     inquiry: Inquiry
     opened_by: str = ""
-    shift: str = ""
-    """By what a relation left its own level of this run: before that the unit was healthy."""
+    shifted: str = ""
+    """The residual that opened it by leaving its own level of this run: before, all was well."""
     taken_over: bool = False
     """Whether the observer came back within it: then only a reset ends it."""
     step: int = 0

@@ -159,12 +159,11 @@ class IsolatorStage:
 
     def _detection(self, record: Detection) -> Iterable[Record]:
         self._told = record.episode
-        shift = cause(record) if record.test.endswith(EARLIER_LEVEL) else ""
         if record.detected and self._episode is None:
             # The symbols of the same scan come next, and make the first group.
             episode = self._open(record.stamp_ns)
             episode.opened_by, episode.taken_over = cause(record), record.test == TAKEN_OVER
-            episode.shift = shift
+            episode.shifted = record.residual if record.test.endswith(EARLIER_LEVEL) else ""
             early, self._early = self._early, None
             if early is not None and early.episode == record.episode:
                 return self._symbols(early)

@@ -98,7 +98,7 @@ class Verdict:
     ) -> tuple[Outcome, str]:
         alive = episode.isolation.alive()
         names = ", ".join(h.name for h in alive)
-        what = f" ({episode.shift or episode.opened_by})"
+        what = f" ({episode.opened_by})"
         if not episode.symbols and not episode.settled:
             return Outcome.DETECTED, LEFT if episode.taken_over else UNTOLD
         if not alive:
