@@ -6,6 +6,7 @@ python bench/bench_lossy.py 4 dropped        some of them
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -13,19 +14,21 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
 import lossy
 
-FIRST_SEED = 5000
-
 
 def main() -> int:
     """One line for each disturbance, and one for each run that is not as it should be."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
-    names = sys.argv[2:] or list(lossy.DISTURBANCES)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("count", nargs="?", type=int, default=50, help="units, each a run")
+    parser.add_argument("names", nargs="*", metavar="DISTURBANCE", help="default: all")
+    parser.add_argument("--seed", type=int, default=5000, help="of the first unit (default 5000)")
+    args = parser.parse_args()
+    names = args.names or list(lossy.DISTURBANCES)
     unknown = [name for name in names if name not in lossy.DISTURBANCES]
     if unknown:
-        sys.exit(f"{unknown[0]!r} is no disturbance, choose of {', '.join(lossy.DISTURBANCES)}")
-    wrong = 0
+        parser.error(f"{unknown[0]!r} is no disturbance, choose of {', '.join(lossy.DISTURBANCES)}")
+    wrong, count = 0, args.count
     for name in names:
-        runs = [lossy.passed(name, seed) for seed in range(FIRST_SEED, FIRST_SEED + count)]
+        runs = [lossy.passed(name, seed) for seed in range(args.seed, args.seed + count)]
         called = [run for run in runs if run.called]
         miscounted = [run for run in runs if run.miscounted]
         wrong += len(called) + len(miscounted)

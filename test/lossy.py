@@ -28,7 +28,8 @@ from flea_sim_driver.scenario import scenario_from_mapping
 from flea_sim_driver.stand import Stand
 
 S = 1_000_000_000
-HEALTHY = (Outcome.NOMINAL, Outcome.NOT_OBSERVABLE)
+HEALTHY = (Outcome.NOT_OBSERVABLE, Outcome.NOMINAL)
+STARVED = (Outcome.NOT_OBSERVABLE, Outcome.DATA_UNUSABLE)
 DURATION_S = 20.0
 MOTION = {"kind": "sine", "amplitude_m": 0.018, "frequency_hz": 0.5, "centre_m": 0.045}
 Random = np.random.Generator
@@ -40,6 +41,8 @@ class Spoilt:
 
     records: list[Record]
     expected: dict[str, int] = field(default_factory=dict)
+    outcomes: tuple[Outcome, ...] = HEALTHY
+    """What may be said; the last of them must be."""
 
 
 @lru_cache(maxsize=5)
@@ -120,7 +123,8 @@ def delayed(records: list[Record], random: Random) -> Spoilt:
 
 def all_delayed(records: list[Record], random: Random) -> Spoilt:
     """Every message is held up, each by up to half a second: most are overtaken."""
-    return _delayed(records, random, 1.0, S // 2)
+    late = _delayed(records, random, 1.0, S // 2)
+    return Spoilt(late.records, late.expected, STARVED)
 
 
 def reordered(records: list[Record], random: Random) -> Spoilt:
@@ -248,13 +252,17 @@ def passed(name: str, seed: int) -> Passed:
     counted = dict(stream(said).counters)
     wanted = dict.fromkeys(COUNTED, 0) | spoilt.expected
     wrong = [f"{k} {counted[k]} for {n}" for k, n in wanted.items() if counted[k] != n]
-    return Passed(name, seed, called(said), tuple(wrong))
+    return Passed(name, seed, called(said, spoilt.outcomes), tuple(wrong))
 
 
-def called(said: Iterable[Record]) -> tuple[str, ...]:
-    """Every fault that was called, in words."""
+def called(said: Iterable[Record], outcomes: tuple[Outcome, ...] = HEALTHY) -> tuple[str, ...]:
+    """Every fault that was called, in words, and what of ``outcomes`` was due and not said."""
+    said = list(said)
     words = [f"detected by {r.residual}" for r in said if isinstance(r, Detection) and r.detected]
-    words += [r.words for r in said if isinstance(r, AmbiguityGroup) and r.outcome not in HEALTHY]
+    verdicts = [record for record in said if isinstance(record, AmbiguityGroup)]
+    words += [verdict.words for verdict in verdicts if verdict.outcome not in outcomes]
+    if outcomes[-1] not in {verdict.outcome for verdict in verdicts}:
+        words.append(f"never said {outcomes[-1].value}")
     return tuple(dict.fromkeys(words))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 from collections.abc import Callable
 from functools import cache
@@ -13,9 +14,17 @@ from decisions import BAGS
 
 from flea_diag.configuration import make_pipeline
 from flea_diag.stages.residual_stream import _parabola
+from flea_diag.stages.stream_order import STARVING
 from flea_diag.tools.replay_summary import summarise
 from flea_diag.wire.bag import BagReader
-from flea_diag.wire.records import ChannelTable, Record, Residual, Scan
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    ChannelTable,
+    Outcome,
+    Record,
+    Residual,
+    Scan,
+)
 
 
 @cache
@@ -65,3 +74,21 @@ def test_a_parabola_is_met_exactly() -> None:
     steps = np.array([[1.0], [2.0], [3.0]])
     found = _parabola(steps, 4, (at(-1.0), at(0.0), at(4.0)))
     assert found.ravel() == pytest.approx([at(t)[0] for t in (1.0, 2.0, 3.0)])
+
+
+def test_a_starved_stream_is_said_and_no_fault() -> None:
+    """Three of four scans are lost for some seconds: nobody can tell, and then one can again."""
+    draw = some(5, 0.75)
+    run = [record for record in records("nominal") if not isinstance(record, Scan)]
+    pipeline, said = make_pipeline(None), []
+    scans = [record for record in records("nominal") if isinstance(record, Scan)]
+    kept = [scan for k, scan in enumerate(scans) if not (800 <= k < 1400 and draw(k))]
+    for record in (*run, *kept):
+        said += [r for r in pipeline.handle(record) if isinstance(r, AmbiguityGroup)]
+    told = [(group.outcome, group.stamp_ns - scans[0].stamp_ns) for group in said]
+    turns = [told[0], *(b for a, b in itertools.pairwise(told) if a[0] is not b[0])]
+    assert [outcome for outcome, _ in turns] == [
+        Outcome.NOT_OBSERVABLE, Outcome.NOMINAL, Outcome.DATA_UNUSABLE, Outcome.NOMINAL
+    ]  # fmt: skip
+    assert [ns / 1e9 for _, ns in turns[2:]] == pytest.approx([9.5, 14.5], abs=1.0)
+    assert {g.words for g in said if g.outcome is Outcome.DATA_UNUSABLE} == {STARVING}

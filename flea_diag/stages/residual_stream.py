@@ -15,7 +15,7 @@ from flea_diag.core.observer_block import PREDICTED
 from flea_diag.core.plausibility import VoltagePlausibility
 from flea_diag.core.position_step import SPAN
 from flea_diag.core.regressors import TEMPERATURES, regressors
-from flea_diag.core.residual import SPEED, UNIT_PARAMETERS
+from flea_diag.core.residual import PARITIES, SPEED, UNIT_PARAMETERS
 from flea_diag.core.residual_bank import (
     CHANNELS,
     INDEX,
@@ -45,7 +45,10 @@ POSITION = RESIDUAL_INDEX["actuator_position"]
 VOLTAGE_COLUMNS = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
 SPEED_COLUMNS = [j for j, row in enumerate(RESIDUALS) if SPEED in row.needs]
 FINE_COLUMNS = [RESIDUAL_INDEX["parity_speed"]]
+SPARSE_COLUMNS = [*(RESIDUAL_INDEX[row.name] for row in PARITIES), *INNOVATION_INDEX.values()]
 THERMAL_COLUMNS = [RESIDUAL_INDEX[name] for name in TEMPERATURES]
+MOST_FILLED = KERNEL_LENGTH // 2
+"""Lost scans in a kernel; with more of them it averages less noise than any limit counts on."""
 LEARNED = {
     "parity_mechanical": "current_offset_a",
     "parity_electrical": "voltage_offset_v",
@@ -105,6 +108,7 @@ class ResidualStream:
         """What was learned of this unit, once it was."""
         self._speed_wait = 0
         self._filled_wait = 0
+        self._filled: Flags = np.zeros(KERNEL_LENGTH - 1, dtype=bool)
         self._sensors = SensorTests(c.sensors, CHANNELS, backend)
         self._shifts = ShiftTest(c.shifts, c.tolerances(), backend)
         self._period_ns = round(c.period_s * 1e9)
@@ -167,6 +171,8 @@ class ResidualStream:
         lost = round((int(stamps_ns[0]) - before_ns) / self._period_ns) - 1
         if lost > 0 and len(self._last_rows) == 2:
             self._fill(before_ns, lost, rows[0], frozen)
+        elif lost > 0:
+            self.interrupt()  # no line goes through a single scan
         self._last_rows = [*self._last_rows, *rows[-2:]][-2:]
         return self._follow(stamps_ns, rows, sensors, frozen)
 
@@ -197,7 +203,7 @@ class ResidualStream:
         if not usable.all():
             _leave_out(residuals, ~usable, VOLTAGE_COLUMNS)
         self._distrust_speed(residuals)
-        self._distrust_filled(residuals)
+        self._distrust_filled(residuals, read)
         self._learn(residuals, int(stamps_ns[0]))
         found = self._regressors(rows, residuals)
         residuals.values[:, self._withheld] = np.nan
@@ -256,12 +262,27 @@ class ResidualStream:
         _leave_out(residuals, wrong, SPEED_COLUMNS)
         residuals.moving[wrong] = False
 
-    def _distrust_filled(self, residuals: ResidualRows) -> None:
-        """Two sensors of the same speed agree better than any line through what was lost."""
-        if self._filled_wait:
-            wrong = np.arange(len(residuals.moving)) < self._filled_wait
-            _leave_out(residuals, wrong, FINE_COLUMNS)
-            self._filled_wait -= int(np.count_nonzero(wrong))
+    def _distrust_filled(self, residuals: ResidualRows, read: bool) -> None:
+        """Leave out what a line through lost scans would say otherwise than readings do.
+
+        A reading that was not smoothed has no value there; two sensors of the same speed agree
+        better than any line; a kernel with few readings is noisier than its limits know; and a
+        filter cannot bridge most of what it should have read.
+        """
+        if not self._filled_wait:
+            return
+        scans = len(residuals)
+        filled = np.concatenate((self._filled, np.full(scans, not read)))
+        self._filled = filled[scans:]
+        inside = np.lib.stride_tricks.sliding_window_view(filled, KERNEL_LENGTH).sum(axis=1)
+        starved = inside > MOST_FILLED
+        _leave_out(residuals, starved, SPARSE_COLUMNS)
+        if starved[-1]:
+            self._estimate.interrupt()
+        _leave_out(residuals, filled[-scans:], THERMAL_COLUMNS)
+        wrong = np.arange(scans) < self._filled_wait
+        _leave_out(residuals, wrong, FINE_COLUMNS)
+        self._filled_wait -= int(np.count_nonzero(wrong))
 
     def _reads_wrong(self, jumped: bool) -> bool:
         if jumped:

@@ -24,8 +24,13 @@ AHEAD_NS = 60_000_000_000
 FOLLOWERS = 10
 """Scans in a row that a leap of the stamps needs to be believed. One wrong stamp ends no
 episode, and of two sources the one that was first is used for as long as it goes on."""
+ACCOUNTED = 100
+"""Scans used last, whose spacing tells whether a stream is starved."""
+STARVED = 2 * ACCOUNTED
+"""Periods beyond which they are too sparse. A stop of the source alone never makes them so."""
 SAY_NS = 1_000_000_000
 """Counters that grow are said no oftener than this."""
+STARVING = "starved: more than half of the scans are lost or come too late to be used"
 WORDS = {
     "lost": "lost",
     "late": "too late to be used",
@@ -54,6 +59,7 @@ class StreamOrder:
         self._gap_scans = gap_scans
         self._counters = dict.fromkeys(("samples", *WORDS), 0)
         self._seen: deque[int] = deque(maxlen=2 + BACK_NS // period_ns)
+        self._spans: deque[int] = deque(maxlen=ACCOUNTED)
         self._elsewhere_ns = 0
         self._followers = 0
         self._said_ns = 0
@@ -74,6 +80,7 @@ class StreamOrder:
             return self._pass_over(stamp_ns)
         missing = round(ahead_ns / self._period_ns) - 1
         self._counters["lost"] += max(missing, 0)
+        self._spans.append(missing + 1 if missing < ACCOUNTED else 1)
         self.last_ns = stamp_ns
         self._seen.append(stamp_ns)
         return Place.AFTER_GAP if missing >= self._gap_scans else Place.NEXT
@@ -121,7 +128,7 @@ class StreamOrder:
         A scan before which some were lost is left to ``step``, and so is the one with which
         counters are to be said.
         """
-        if self.last_ns is None:
+        if self.last_ns is None or self.starved:
             return 0
         ahead_ns, missing = self._ahead(stamps_ns)
         wrong = (2 * ahead_ns < self._period_ns) | (missing >= 1)
@@ -133,6 +140,7 @@ class StreamOrder:
         """Take scans that ``leading`` has found to be in order."""
         self._followers = 0
         self._counters["samples"] += len(stamps_ns)
+        self._spans.extend([1] * min(len(stamps_ns), ACCOUNTED))
         self.last_ns = int(stamps_ns[-1])
         self._seen.extend(stamps_ns[-(self._seen.maxlen or 0) :].tolist())
 
@@ -142,7 +150,12 @@ class StreamOrder:
         return ahead_ns, np.rint(ahead_ns / self._period_ns) - 1.0
 
     def _faults(self) -> tuple[int, ...]:
-        return tuple(self._counters[name] for name in WORDS)
+        return (*(self._counters[name] for name in WORDS), int(self.starved))
+
+    @property
+    def starved(self) -> bool:
+        """Whether more than half of the scans of the last seconds could not be used."""
+        return sum(self._spans) > STARVED
 
     @property
     def unsaid(self) -> bool:
@@ -166,4 +179,8 @@ class StreamOrder:
         """The stream as a row of DataQuality."""
         counted = tuple(self._counters.items())
         words = "; ".join(f"{self._counters[k]} {w}" for k, w in WORDS.items() if self._counters[k])
+        if self.starved:
+            return ChannelQuality(
+                STREAM, Quality.BAD, self.first_ns or 0, f"{STARVING}; {words}", counted
+            )
         return ChannelQuality(STREAM, Quality.GOOD, self.first_ns or 0, words, counted)

@@ -20,7 +20,7 @@ from flea_diag.stages.channels import DRIVER_DEAD
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.standing import SEEN_MOVING, Standing, astray, rested
-from flea_diag.stages.stream_order import STREAM
+from flea_diag.stages.stream_order import STARVING, STREAM
 from flea_diag.wire.records import (
     BY_DESIGN,
     NEVER_NS,
@@ -151,8 +151,8 @@ class Verdict:
 
     def _quiet(self, stamp_ns: int, standing: Standing) -> tuple[Outcome, str]:
         bad = [channel for channel in NEEDED if channel in standing.bad]
-        if bad and STREAM in standing.bad:
-            return Outcome.DATA_UNUSABLE, DRIVER_DEAD
+        if STREAM in standing.bad:
+            return Outcome.DATA_UNUSABLE, DRIVER_DEAD if bad else STARVING
         if bad:
             return Outcome.DATA_UNUSABLE, f"{', '.join(bad)} cannot be used, other channels can"
         resting = rested(stamp_ns, standing.moved_ns, self._p.rest_s * 1e9)
