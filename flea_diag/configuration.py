@@ -208,6 +208,18 @@ class Files:
     features: str = parameter("feature_table.yaml", "fault-feature table", read_only=True)
 
 
+@dataclass(frozen=True)
+class Memory:
+    """What a diagnosis in one process leaves to the one that is started after it."""
+
+    memory: str = parameter(
+        "",
+        "file that keeps the verdict for a start in mid-run (empty: below the user's state "
+        "folder, one for each domain and name; off: none)",
+        read_only=True,
+    )
+
+
 def file_texts(files: Files) -> dict[str, str]:
     """Name of each file that the diagnosis rests on -> its text, to be kept with a recording.
 
@@ -301,6 +313,7 @@ DIAGNOSER: Component[Any] = Component(
     _joined(
         "Diagnoser",
         Files,
+        Memory,
         ObserverParameters,
         IsolatorParameters,
         *(

@@ -131,6 +131,34 @@ def test_a_diagnosis_that_comes_late_says_from_when_on_it_watched() -> None:
     assert "watched from" not in in_time.verdict.words
 
 
+@pytest.mark.parametrize(
+    ("fault", "killed"),
+    [
+        ("jam", 1300),
+        ("motor_current_bias", 1020),  # before it is detected
+        ("motor_current_bias", 1300),
+        ("motor_temperature_bias", 1700),
+        ("load_force_bias", 1700),
+    ],
+)
+def test_a_verdict_that_was_kept_tells_both_of_them(fault: str, killed: int) -> None:
+    """Observer and isolator at once, and the memory of their last verdict."""
+    scans, stand = FAULTS[fault](), Stand()
+    stand.run(scans[:killed])
+    kept = stand.verdict
+    stand.isolator = stands.isolator()
+    stand.come(kept)
+    stand.said.clear()
+    stand.run(scans[killed + AWAY :])
+    stand.said += stand.pipeline.finish()
+    assert stand.verdict.offsets == kept.offsets != ()
+    assert fault in stands.members(stand.verdict)
+    groups = stands.of(AmbiguityGroup, stand.said)
+    assert all(fault in stands.members(group) for group in groups if group.episode)
+    if kept.episode:
+        assert all(group.episode for group in groups)
+
+
 def test_what_was_learned_of_the_unit_is_taken_over() -> None:
     first = Stand()
     scans = stands.scans(healthy())

@@ -14,6 +14,7 @@ from typing import Any, Protocol
 from flea_diag.nodes.health import HealthReport
 from flea_diag.nodes.stand_diagnostics import MIRRORED, mirrored
 from flea_diag.nodes.verdict import Verdict
+from flea_diag.nodes.verdict_memory import OFF, VerdictMemory
 from flea_diag.stages import Stage
 from flea_diag.wire.bus import Bus, Program
 from flea_diag.wire.records import (
@@ -95,7 +96,8 @@ def stage_program(
 
     def start(bus: Bus[Any], parameters: Any) -> None:
         component.warm_up(parameters)
-        Adapter(bus, component.build, parameters, ports)
+        memory = getattr(parameters, "memory", OFF)
+        Adapter(bus, component.build, parameters, ports, VerdictMemory(bus, memory))
 
     return Program(
         name,
@@ -122,10 +124,17 @@ class Adapter:
         Values at start.
     ports
         Topics to advertise, and whether only the stand's own are taken.
+    memory
+        Of the verdict, for a stage whose own verdict tells it of the past.
     """
 
     def __init__(
-        self, bus: Bus[Any], build: Callable[[Any], Stage], parameters: Any, ports: Ports
+        self,
+        bus: Bus[Any],
+        build: Callable[[Any], Stage],
+        parameters: Any,
+        ports: Ports,
+        memory: VerdictMemory,
     ) -> None:
         self._bus = bus
         self._build = build
@@ -138,6 +147,10 @@ class Adapter:
         """Those of streams whose stamps have jumped back, in the order of arrival."""
         self._said_once: dict[type, Record] = {}
         self._mirrored: dict[type, Record] = {}
+        self._memory = memory
+        kept = memory.recall()
+        if kept is not None:
+            self._take(kept)
         bus.advertise(*ports.publishes, Health)
         for record_type in self._stage.consumes:
             if record_type in SOURCES or not ports.sources_only:
@@ -158,6 +171,9 @@ class Adapter:
         for record in records:
             if isinstance(record, AmbiguityGroup):
                 record = self._verdict.changed(record, self._health.silent)
+                self._memory.keep(record)
+                if AmbiguityGroup in self._stage.consumes:
+                    self._said_once[AmbiguityGroup] = record
             self._bus.publish(record)
             self._mirror(record)
 

@@ -7,7 +7,6 @@ others see when they read again.
 from __future__ import annotations
 
 import json
-import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 from flea_diag.errors import ConfigurationError, RecordingError
+from flea_diag.nodes.state_folder import state_folder
 from flea_diag.operator.alarm import Alarm, Comment, Key, Member
 from flea_diag.wire.records import NEVER_NS, Outcome, Remark, RemarkKind, Symbol
 
@@ -36,9 +36,8 @@ LONGEST_NAME = 100
 
 
 def default_path() -> Path:
-    """Where the journal lies when nobody says otherwise (XDG base directories)."""
-    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    return Path(state) / "flea_diag" / "alarms.sqlite"
+    """Where the journal lies when nobody says otherwise."""
+    return state_folder() / "alarms.sqlite"
 
 
 class AlarmJournal:

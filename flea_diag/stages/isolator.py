@@ -147,7 +147,7 @@ class IsolatorStage:
         standing = self._standing
         if standing.take(record):
             self._said = ()
-        if standing.first_ns == NEVER_NS:
+        if standing.first_ns == NEVER_NS and self._last is None:
             return ()  # older than what is to come: an open episode is told of next
         said, last = self._say(record.stamp_ns), self._last
         kept = standing.offsets, standing.counters
