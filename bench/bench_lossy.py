@@ -1,7 +1,8 @@
 """A relay that spoils healthy runs of the simulated stand: what is called, and what is counted.
 
-scripts/bench lossy                          50 units for each disturbance
-python bench/bench_lossy.py 4 dropped        some of them
+scripts/bench lossy                              50 units for each disturbance
+python bench/bench_lossy.py 4 dropped            some of them
+python bench/bench_lossy.py 4 dropped --live     by a relay node, over DDS, to a process of its own
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ def main() -> int:
     parser.add_argument("count", nargs="?", type=int, default=50, help="units, each a run")
     parser.add_argument("names", nargs="*", metavar="DISTURBANCE", help="default: all")
     parser.add_argument("--seed", type=int, default=5000, help="of the first unit (default 5000)")
+    parser.add_argument("--live", action="store_true", help="by a relay node, over DDS")
     args = parser.parse_args()
     names = args.names or list(lossy.DISTURBANCES)
     unknown = [name for name in names if name not in lossy.DISTURBANCES]
@@ -28,7 +30,8 @@ def main() -> int:
         parser.error(f"{unknown[0]!r} is no disturbance, choose of {', '.join(lossy.DISTURBANCES)}")
     wrong, count = 0, args.count
     for name in names:
-        runs = [lossy.passed(name, seed) for seed in range(args.seed, args.seed + count)]
+        run = live if args.live else lossy.passed
+        runs = [run(name, seed) for seed in range(args.seed, args.seed + count)]
         called = [run for run in runs if run.called]
         miscounted = [run for run in runs if run.miscounted]
         wrong += len(called) + len(miscounted)
@@ -44,6 +47,16 @@ def main() -> int:
         for run in miscounted:
             print(f"    seed {run.seed}: {', '.join(run.miscounted)}")
     return min(wrong, 1)
+
+
+def live(name: str, seed: int) -> lossy.Passed:
+    """One run in a domain of its own."""
+    from relay import relayed
+
+    from flea_diag.nodes.domain import reserved_domain
+
+    with reserved_domain() as domain:
+        return relayed(name, seed, domain)
 
 
 if __name__ == "__main__":

@@ -215,7 +215,7 @@ class Memory:
     memory: str = parameter(
         "",
         "file that keeps the verdict for a start in mid-run (empty: below the user's state "
-        "folder, one for each domain and name; off: none)",
+        "folder, one for each domain and name; none: no file)",
         read_only=True,
     )
 

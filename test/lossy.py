@@ -246,9 +246,18 @@ def diagnosed(records: Iterable[Record]) -> list[Record | Block]:
 
 def passed(name: str, seed: int) -> Passed:
     """Spoil a healthy run and diagnose it; errors come through."""
+    spoilt = spoilt_run(name, seed)
+    return judged(name, seed, spoilt, diagnosed(spoilt.records))
+
+
+def spoilt_run(name: str, seed: int) -> Spoilt:
+    """A healthy run, spoilt in this way."""
     records = list(nominal(seed, name == "vibration_gaps"))
-    spoilt = DISTURBANCES[name](records, np.random.default_rng((seed, len(name))))
-    said = diagnosed(spoilt.records)
+    return DISTURBANCES[name](records, np.random.default_rng((seed, len(name))))
+
+
+def judged(name: str, seed: int, spoilt: Spoilt, said: list[Any]) -> Passed:
+    """What was said to a spoilt run, held against what was done to it."""
     counted = dict(stream(said).counters)
     wanted = dict.fromkeys(COUNTED, 0) | spoilt.expected
     wrong = [f"{k} {counted[k]} for {n}" for k, n in wanted.items() if counted[k] != n]

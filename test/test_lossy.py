@@ -5,6 +5,7 @@ from __future__ import annotations
 import lossy
 import numpy as np
 import pytest
+import relay
 
 from flea_diag.configuration import make_pipeline
 from flea_diag.wire.records import DataQuality, Detection
@@ -13,6 +14,12 @@ from flea_diag.wire.records import DataQuality, Detection
 @pytest.mark.parametrize("name", lossy.DISTURBANCES)
 def test_no_fault_is_called_and_what_was_lost_is_said(name: str) -> None:
     run = lossy.passed(name, 7)
+    assert (run.called, run.miscounted) == ((), ())
+
+
+def test_a_relay_node_between_stand_and_diagnoser(domain: int) -> None:
+    """Losses, delays and duplicates over DDS, to a process of its own."""
+    run = relay.relayed("everything", 7, domain)
     assert (run.called, run.miscounted) == ((), ())
 
 

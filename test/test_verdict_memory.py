@@ -11,7 +11,7 @@ import pytest
 import stands
 
 from flea_diag.nodes.state_folder import state_folder
-from flea_diag.nodes.verdict_memory import LARGEST_BYTES, OFF, VerdictMemory
+from flea_diag.nodes.verdict_memory import LARGEST_BYTES, NONE, VerdictMemory
 from flea_diag.wire.records import AmbiguityGroup, Outcome
 
 
@@ -54,9 +54,9 @@ def test_each_domain_and_each_stand_has_its_own(
     assert kept == ["0_stand_2_diagnoser.cdr", "7_stand_2_diagnoser.cdr"]
 
 
-def test_off_touches_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_none_touches_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    memory = VerdictMemory(Bus(), OFF)
+    memory = VerdictMemory(Bus(), NONE)
     memory.keep(verdict())
     assert memory.recall() is None
     assert list(tmp_path.iterdir()) == []

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from flea_diag.nodes.health import HealthReport
 from flea_diag.nodes.stand_diagnostics import MIRRORED, mirrored
 from flea_diag.nodes.verdict import Verdict
-from flea_diag.nodes.verdict_memory import OFF, VerdictMemory
+from flea_diag.nodes.verdict_memory import NONE, VerdictMemory
 from flea_diag.stages import Stage
 from flea_diag.wire.bus import Bus, Program
 from flea_diag.wire.records import (
@@ -96,7 +96,7 @@ def stage_program(
 
     def start(bus: Bus[Any], parameters: Any) -> None:
         component.warm_up(parameters)
-        memory = getattr(parameters, "memory", OFF)
+        memory = getattr(parameters, "memory", NONE)
         Adapter(bus, component.build, parameters, ports, VerdictMemory(bus, memory))
 
     return Program(

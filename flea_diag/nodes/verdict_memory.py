@@ -18,7 +18,7 @@ from flea_diag.wire.codec import decode, encode
 from flea_diag.wire.records import AmbiguityGroup
 
 LARGEST_BYTES = 1 << 20
-OFF = "off"
+NONE = "none"
 
 
 class VerdictMemory:
@@ -29,7 +29,7 @@ class VerdictMemory:
     bus
         Of the node that it belongs to.
     path
-        Of the file; empty is one for this domain and node name, "off" none at all.
+        Of the file; empty is one for this domain and node name, "none" none at all.
     """
 
     def __init__(self, bus: Bus[Any], path: str) -> None:
@@ -37,7 +37,7 @@ class VerdictMemory:
         name = f"{domain}_{bus.name.replace('/', '_')}.cdr"
         self._bus = bus
         self._path = Path(path) if path else state_folder() / "verdicts" / name
-        self._used = path != OFF
+        self._used = path != NONE
 
     def recall(self) -> AmbiguityGroup | None:
         """What was kept, None where that is nothing that can be read."""
