@@ -9,20 +9,22 @@ from flea_diag.core.level_shift import (
     LEAST,
     LEAST_ALWAYS,
     REFERENCE,
+    SHIFT_WINDOWS,
     LevelShift,
     ShiftLimit,
     limit_of,
 )
 
-WINDOW = 200
+WINDOW = SHIFT_WINDOWS[0]
 
 
 def shifts(values: np.ndarray, use: np.ndarray | None = None, block: int = 100_000) -> np.ndarray:
-    level = LevelShift([WINDOW])
+    level = LevelShift()
     use = np.ones(len(values), dtype=bool) if use is None else use
+    values, use = values[:, None, None], use[:, None]
     parts = range(0, len(values), block)
-    rows = [level.step(values[k : k + block, None], use[k : k + block]) for k in parts]
-    return np.concatenate(rows)[:, 0, 0]
+    rows = [level.step(values[k : k + block], use[k : k + block]) for k in parts]
+    return np.concatenate(rows)[:, 0, 0, 0]
 
 
 def test_a_shift_is_the_mean_of_the_window_less_that_of_what_came_before():
@@ -37,8 +39,8 @@ def test_a_shift_is_the_mean_of_the_window_less_that_of_what_came_before():
 
 @pytest.mark.parametrize(("gated", "least"), [(True, LEAST), (False, LEAST_ALWAYS)])
 def test_a_level_that_counts_at_rest_needs_more_samples(gated, least):
-    level = LevelShift([WINDOW], gated=gated)
-    found = level.step(np.zeros((1000, 1)), np.ones(1000, dtype=bool))[:, 0, 0]
+    level = LevelShift([gated])
+    found = level.step(np.zeros((1000, 1, 1)), np.ones((1000, 1), dtype=bool))[:, 0, 0, 0]
     assert np.flatnonzero(np.isfinite(found))[0] == least + WINDOW - 1
 
 
@@ -57,22 +59,6 @@ def test_blocks_give_the_same_bits_with_rests_and_holes(block):
     assert np.array_equal(shifts(values, use), shifts(values, use, block), equal_nan=True)
 
 
-@pytest.mark.parametrize("block", [1, 113, 9000])
-def test_compiled_gives_the_bits_of_numpy(block):
-    pytest.importorskip("numba")
-    draw = np.random.default_rng(5)
-    values, use = draw.standard_normal((9000, 8)), draw.random(9000) > 0.2
-    values[[40, 41, 3500], 0] = np.nan
-    levels = [LevelShift(columns=8, backend=backend) for backend in ("numpy", "numba")]
-    for start in range(0, len(values), block):
-        part = slice(start, start + block)
-        if start >= 6000 > start - block:  # an episode opens
-            for level in levels:
-                level.freeze()
-        one, other = (level.step(values[part], use[part]) for level in levels)
-        assert one.tobytes() == other.tobytes()
-
-
 def test_at_rest_the_last_shift_stands():
     values, use = np.random.default_rng(5).standard_normal(900), np.ones(900, dtype=bool)
     use[700:] = False
@@ -89,14 +75,14 @@ def test_after_a_missing_value_a_new_level_begins():
 
 
 def test_a_frozen_level_does_not_follow_the_fault():
-    level, use = LevelShift([WINDOW]), np.ones(1000, dtype=bool)
-    level.step(np.zeros((1000, 1)), use)
+    level, use = LevelShift(), np.ones((1000, 1), dtype=bool)
+    level.step(np.zeros((1000, 1, 1)), use)
     level.freeze()
     for _ in range(5):
-        last = level.step(np.ones((1000, 1)), use)[-1, 0, 0]
+        last = level.step(np.ones((1000, 1, 1)), use)[-1, 0, 0, 0]
     assert last == pytest.approx(1.0)
     level.clear()
-    assert np.isnan(level.step(np.ones((10, 1)), use[:10])).all()
+    assert np.isnan(level.step(np.ones((10, 1, 1)), use[:10])).all()
 
 
 def test_limit_is_the_quantile_or_what_was_seen_whichever_is_more():

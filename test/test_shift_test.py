@@ -126,3 +126,36 @@ def test_in_an_episode_that_something_else_opened_a_shift_says_nothing(alone):
     test.turn(opened=True)
     found = step(test, rows(np.full(300, 2.0)), alone, force=-9.0)
     assert set(np.flatnonzero(found.deviating()[-1])) == {MECHANICAL}
+
+
+@pytest.mark.parametrize("block", [1, 113, 6000])
+def test_compiled_gives_the_bits_of_numpy(block):
+    """Every shift, over rests, missing values, offsets learned, and episodes that open and close."""
+    pytest.importorskip("numba")
+    draw = np.random.default_rng(5)
+    made = ResidualRows(
+        draw.standard_normal((6000, len(RESIDUALS))),
+        draw.standard_normal((6000, len(SPREAD_ROWS), UNITS)),
+        SimpleNamespace(),
+        draw.random(6000) > 0.2,
+    )
+    made.values[[40, 41, 2500], ELECTRICAL] = np.nan
+    limits = [ShiftLimit(RESIDUALS[j].name, w, 0.2, 0.5) for j in SPREAD_ROWS for w in (200, 400)]
+    tests = [ShiftTest(limits[1:], [0.1] * UNITS, backend) for backend in ("numpy", "numba")]
+    counted = False
+    for start in range(0, 6000, block):
+        part = slice(start, start + block)
+        piece = ResidualRows(made.values[part], made.spread[part], made.signals, made.moving[part])
+        results = [detection.TestResults.untested(len(piece)) for _ in tests]
+        for test, result in zip(tests, results, strict=True):
+            if start >= 4000 > start - block:
+                test.adopt([0.3] * UNITS)
+                test.turn(opened=True)
+            if start >= 5000 > start - block:
+                test.turn(opened=False)
+            test.step(piece, result, np.zeros(len(piece), dtype=bool))
+        one, other = results
+        assert one.table.tobytes() == other.table.tobytes()
+        assert one.shift.tobytes() == other.shift.tobytes()
+        counted |= bool(np.isfinite(one.shift).any())
+    assert counted

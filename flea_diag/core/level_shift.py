@@ -17,20 +17,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core import backend as backends
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.shift_loops import shift_loops
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
 
 SHIFT_WINDOWS = (200, 400)
+WINDOWS = np.array(SHIFT_WINDOWS)
 REFERENCE, LEAST = 2000, 300
 """Most and fewest samples that an earlier level is the mean of."""
 LEAST_ALWAYS = 600
@@ -75,120 +75,102 @@ class ShiftLimit(Frozen):
 
 
 class LevelShift:
-    """Shifts of one residual, constant memory; scans singly or in blocks, to the same last bit.
+    """Shifts of residuals side by side, constant memory; scans singly or in blocks, the same bits.
 
-    ``columns`` shift together: the residual, and what its level may follow in a healthy unit.
-    ``gated`` is whether samples in motion alone are to be used.
+    ``columns`` of each shift together: the residual, and what its level may follow in a healthy
+    unit. ``gated`` is, for each residual, whether samples in motion alone are to be used.
     """
 
-    def __init__(
-        self,
-        windows: Sequence[int] = SHIFT_WINDOWS,
-        columns: int = 1,
-        gated: bool = True,
-        backend: str = "numpy",
-    ) -> None:
-        self._windows = np.array(windows)
-        self._columns = columns
-        self._least = LEAST if gated else LEAST_ALWAYS
-        self._compiled = backends.chosen(backend) == "numba"
-        self.clear()
+    def __init__(self, gated: Sequence[bool] = (True,), columns: int = 1) -> None:
+        shape = (len(gated), len(SHIFT_WINDOWS), columns)
+        self._least = np.where(gated, LEAST, LEAST_ALWAYS)
+        self._store = np.zeros((len(gated), _KEPT + _ROOM, columns))
+        self._ends = np.ones(len(gated), dtype=np.int64)  # the sum of nothing
+        self._last, self._frozen = np.full(shape, np.nan), np.full(shape, np.nan)
+        self._is_frozen = np.zeros(len(gated), dtype=bool)
 
     def clear(self) -> None:
         """Forget everything."""
-        self._store = np.zeros((_ROOM, self._columns))
-        self._end = 1  # the sum of nothing
-        self._last = np.full((1, len(self._windows), self._columns), np.nan)
-        self._frozen: Array | None = None
+        for each in range(len(self._ends)):
+            self._begin(each)
+
+    def _begin(self, each: int) -> None:
+        """A new level of one residual."""
+        self._store[each, 0], self._ends[each] = 0.0, 1
+        self._last[each], self._is_frozen[each] = np.nan, False
 
     def freeze(self) -> None:
         """From now on every window is held against the earlier level of now."""
-        self._frozen = self._earlier(self._store, self._end - 1 - self._windows)
+        for each, end in enumerate(self._ends.tolist()):
+            self._frozen[each] = self._earlier(each, end - 1 - WINDOWS)
+        self._is_frozen[:] = True
 
     def step(self, values: Array, use: Flags) -> Array:
-        """Shifts after each of n scans, shape (n, windows, columns).
+        """Shifts after each of n scans, shape (n, residuals, windows, columns).
 
-        ``values`` has shape (n, columns). ``use`` says which of them count; after the others
-        the last shift stands, NaN before the first.
+        ``values`` has shape (n, residuals, columns). ``use``, shape (n, residuals), says which of
+        them count; after the others the last shift stands, NaN before the first.
         Where a value is missing its channel was not to be trusted: a new level begins after it.
         """
-        if self._compiled:
-            return self._loops(values, use)
-        missing = np.isnan(values[:, 0])
-        if not missing.any():
-            return self._follow(values, use)
-        edges = np.flatnonzero(missing[1:] != missing[:-1]) + 1
-        parts = zip(np.split(values, edges), np.split(use, edges), strict=True)
-        return np.concatenate([self._part(*part) for part in parts])
-
-    def _loops(self, values: Array, use: Flags) -> Array:
-        """All of it in one compiled loop."""
-        self._make_room(len(values))
-        shifts, last = np.empty((len(values), *self._last.shape[1:])), self._last[0].copy()
-        is_frozen = self._frozen is not None
-        self._end, stays = backends.exact(shift_loops)(
-            values,
-            use,
-            self._store,
-            self._end,
-            self._windows,
-            (REFERENCE, self._least),
-            last if self._frozen is None else self._frozen,
-            is_frozen,
-            last,
-            shifts,
-        )
-        self._last, self._frozen = last[None], self._frozen if stays else None
+        self.room(len(values))
+        shifts = np.empty((len(values), *self._last.shape))
+        for each in range(len(self._ends)):
+            missing = np.isnan(values[:, each, 0])
+            edges = [0, *(np.flatnonzero(missing[1:] != missing[:-1]) + 1).tolist(), len(values)]
+            for start, end in pairwise(edges):
+                part = slice(start, end)
+                if missing[start]:
+                    self._begin(each)
+                    shifts[part, each] = np.nan
+                else:
+                    shifts[part, each] = self._follow(each, values[part, each], use[part, each])
         return shifts
 
-    def _part(self, values: Array, use: Flags) -> Array:
-        """Scans with all values, or with none."""
-        if np.isnan(values[0, 0]):
-            self.clear()
-            return np.repeat(self._last, len(values), axis=0)
-        return self._follow(values, use)
+    def room(self, count: int) -> tuple[Array, Counts, Array, Array, Flags, Counts]:
+        """What ``shift_loops`` renews, with room for so many scans.
 
-    def _follow(self, values: Array, use: Flags) -> Array:
-        taken = values[use]
+        Sums up to each scan that is still looked back at, where they end, the last shifts, the
+        earlier levels that are frozen, and whether they are; then how few samples make a level.
+        """
+        most = self._store.shape[1]
+        if max(self._ends, default=0) + count > most:
+            store = self._store
+            if _KEPT + count > most:
+                self._store = np.zeros((len(store), _KEPT + count + _ROOM, store.shape[2]))
+            for each, end in enumerate(self._ends.tolist()):
+                kept = store[each, max(end - _KEPT, 0) : end].copy()
+                self._store[each, : len(kept)], self._ends[each] = kept, len(kept)
+        memory = self._store, self._ends, self._last, self._frozen
+        return *memory, self._is_frozen, self._least
+
+    def _follow(self, each: int, values: Array, use: Flags) -> Array:
+        """Scans of one residual that have a value."""
+        taken, last = values[use], self._last[each, None]
         if not len(taken):
-            return np.repeat(self._last, len(values), axis=0)
-        shifts = np.concatenate((self._last, self._shifts(self._summed(taken), len(taken))))
-        self._last = shifts[-1:]
-        return shifts[np.cumsum(use)]
-
-    def _summed(self, taken: Array) -> Array:
-        """Sums up to each scan that is still looked back at; the last are those of ``taken``."""
-        self._make_room(len(taken))
-        start, end = self._end, self._end + len(taken)
-        self._store[start:end] = taken
+            return np.repeat(last, len(values), axis=0)
+        start, end = int(self._ends[each]), int(self._ends[each]) + len(taken)
+        sums = self._store[each]
+        sums[start:end] = taken
         # One after the other, however many come at once.
-        self._store[start - 1 : end] = np.add.accumulate(self._store[start - 1 : end], axis=0)
-        self._end = end
-        return self._store[:end]
+        sums[start - 1 : end] = np.add.accumulate(sums[start - 1 : end], axis=0)
+        shifts = np.concatenate((last, self._shifts(each, np.arange(start, end)[:, None])))
+        self._ends[each], self._last[each] = end, shifts[-1]
+        return np.asarray(shifts[np.cumsum(use)])
 
-    def _make_room(self, count: int) -> None:
-        """For so many scans and many more: one that comes alone moves none of the others."""
-        if self._end + count > len(self._store):
-            kept = self._store[max(self._end - _KEPT, 0) : self._end]
-            self._store = np.empty((len(kept) + count + _ROOM, self._columns))
-            self._store[: len(kept)] = kept
-            self._end = len(kept)
-
-    def _shifts(self, sums: Array, count: int) -> Array:
-        """Shifts at the last ``count`` sums, shape (count, windows, columns)."""
-        last = np.arange(len(sums) - count, len(sums))[:, None]
-        begins = last - self._windows
-        means = (sums[last] - sums[np.maximum(begins, 0)]) / self._windows[:, None]
-        if self._frozen is None:
-            return np.asarray(means - self._earlier(sums, begins))
-        means -= self._frozen
+    def _shifts(self, each: int, last: Counts) -> Array:
+        """Shifts at these sums, shape (count, windows, columns)."""
+        sums, begins = self._store[each], last - WINDOWS
+        means = (sums[last] - sums[np.maximum(begins, 0)]) / WINDOWS[:, None]
+        if not self._is_frozen[each]:
+            return np.asarray(means - self._earlier(each, begins))
+        means -= self._frozen[each]
         means[begins < 0] = np.nan
         return np.asarray(means)
 
-    def _earlier(self, sums: Array, begins: Counts) -> Array:
+    def _earlier(self, each: int, begins: Counts) -> Array:
         """Mean of what lies before windows that begin there, NaN where that is too little."""
-        samples = np.minimum(begins, REFERENCE)
-        enough = np.where(samples >= self._least, samples, np.nan)[..., None]
+        sums, samples = self._store[each], np.minimum(begins, REFERENCE)
+        enough = np.where(samples >= self._least[each], samples, np.nan)[..., None]
         before = sums[np.maximum(begins, 0)] - sums[np.maximum(begins - REFERENCE, 0)]
         return np.asarray(before / enough)
 

@@ -22,7 +22,7 @@ SPAN = 6
 """Scans on either side of a step; so many scans after it, it is known."""
 _OUT = np.arange(SPAN) + 0.5
 _LINE = np.linalg.pinv(np.stack((np.ones(SPAN), _OUT), axis=1))
-LEVEL, SLOPE = _LINE[0].tolist(), _LINE[1].tolist()
+LEVEL, SLOPE = tuple(_LINE[0].tolist()), tuple(_LINE[1].tolist())
 """Weights of a line's value at its nearer end, and of its slope, from the inside outwards."""
 
 
@@ -33,25 +33,32 @@ def position_steps(values: Array) -> Array:
     """
     count = len(values) - 2 * SPAN + 1
     if count == 1:
-        return np.array([_step(values.tolist(), min, max)])
+        return np.array([step_of(values.tolist(), min, max)])
     columns = [values[k : k + count] for k in range(2 * SPAN)]
     with np.errstate(invalid="ignore"):
-        return np.asarray(_step(columns, np.minimum, np.maximum))
+        return np.asarray(step_of(columns, np.minimum, np.maximum))
 
 
-def _step(x: Sequence[Any], least: Any, most: Any) -> Any:
-    """The step of 2 SPAN readings, numbers or columns alike and to the same last bit."""
+def step_of(x: Sequence[Any], least: Any, most: Any) -> Any:
+    """The step of 2 SPAN readings, numbers or columns alike and to the same last bit.
+
+    ``least`` and ``most`` of two of them are chosen by; numba compiles these lines, too.
+    """
     step, bend = 0.0, 0.0
     for k in range(SPAN):
         before, after = x[SPAN - 1 - k], x[SPAN + k]
         step = step + LEVEL[k] * (after - before)
         bend = bend + SLOPE[k] * (after + before)
-    early, near, late, far = (
-        most(least(x[k], x[k + 1]), least(most(x[k], x[k + 1]), x[k + 2])) for k in (0, 3, 6, 9)
-    )
+    early, near = middle_of(x, 0, least, most), middle_of(x, 3, least, most)
+    late, far = middle_of(x, 6, least, most), middle_of(x, 9, least, most)
     middle = (1.5 * late - 0.5 * far) - (1.5 * near - 0.5 * early)
     # x6 - x5 less the mean of x5 - x4 and x7 - x6.
     here = 1.5 * (x[SPAN] - x[SPAN - 1]) - 0.5 * (x[SPAN + 1] - x[SPAN - 2])
     low, high = least(least(step, middle), here), most(most(step, middle), here)
     # A missing reading makes the lines NaN, and through them the sum.
     return most(low - abs(bend), 0.0) + least(high + abs(bend), 0.0) + 0.0 * step
+
+
+def middle_of(x: Sequence[Any], k: int, least: Any, most: Any) -> Any:
+    """Median of three from ``k`` on."""
+    return most(least(x[k], x[k + 1]), least(most(x[k], x[k + 1]), x[k + 2]))

@@ -13,18 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core import backend as backends
 from flea_diag.core.noise_test import NoiseTest
 from flea_diag.core.position_step import SPAN, position_steps
 from flea_diag.core.reading_guard import ReadingGuard, stuck_scans
-from flea_diag.core.sensor_limits import (
-    POSITIONS,
-    RESOLUTIONS,
-    SPEED,
-    SensorLimit,
-    at_rest,
-)
+from flea_diag.core.sensor_limits import POSITIONS, RESOLUTIONS, SPEED, SensorLimit, at_rest
+from flea_diag.core.sensor_loops import LOOKS
 
 Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 TWICE = 1.5
 """Limit of the count of drop-outs: the second one is beyond it."""
@@ -66,6 +64,7 @@ class SensorTests:
     def __init__(
         self, limits: Sequence[SensorLimit], channels: Sequence[str], backend: str = "auto"
     ) -> None:
+        self._compiled = backends.chosen(backend) == "numba"
         self._limits = tuple(limit for limit in limits if limit.channel in channels)
         self._names = [limit.channel for limit in self._limits]
         self._columns = np.array([channels.index(name) for name in self._names], dtype=int)
@@ -73,6 +72,7 @@ class SensorTests:
         self._low = np.full(len(self._limits), -math.inf)
         self._high = np.full(len(self._limits), math.inf)
         self._guards = [ReadingGuard(limit) for limit in self._limits]
+        self._busy = False
         self._noise = NoiseTest(self._limits, backend)
         self._recent = np.full((2 * SPAN - 1, len(self._limits)), np.nan)
         self._positions = [self._names.index(name) for name in POSITIONS if name in self._names]
@@ -88,6 +88,9 @@ class SensorTests:
             for index, limit in enumerate(self._limits)
             if limit.step > 0.0
         ]
+        self._step_places = np.array([place for place, _ in self._steps], dtype=int)
+        self._stepping = np.array([index for _, index in self._steps], dtype=int)
+        self._sizes = np.array([self._limits[index].step for _, index in self._steps])
         self.k = self._all_limits()
         self._calm = np.where(np.isnan(self.k), np.nan, 0.0)
 
@@ -99,8 +102,7 @@ class SensorTests:
             k[noise] = limit.k
             if limit.repeats:
                 k[stuck], k[dropout] = stuck_scans(limit), TWICE
-        for place, _ in self._steps:
-            k[place] = 1.0
+        k[self._step_places] = 1.0
         return k
 
     def bound(self, channel: str, low: float, high: float) -> None:
@@ -117,29 +119,57 @@ class SensorTests:
 
     def step(self, rows: Array) -> Tested:
         """Test n >= 1 rows, shape (n, channels), one after the other."""
-        count = len(rows)
-        recent = np.concatenate((self._recent, rows[:, self._columns]))
+        count, columns = len(rows), len(self._columns)
+        recent = np.empty((len(self._recent) + count, columns))
+        recent[:-count] = self._recent
+        inside, odd = np.empty((count + 3, columns)), np.empty((count, columns), dtype=bool)
+        steps = np.empty((count, len(self._steps)))
+        look = backends.exact(*LOOKS) if self._compiled else self._look
+        bounds = self._low, self._high, self._reach
+        anywhere = look(rows, self._columns, bounds, self._stepping, recent, inside, steps, odd)
         self._recent = recent[count:]
         usable, z = rows.copy(), np.empty((count, len(self._calm)))
         z[:] = self._calm
-        inside = (recent > self._low) & (recent < self._high)
-        z[:, self._places["noise"]] = self._noise.step(
-            np.where(inside, recent, np.nan)[-count - 3 :]
-        )
-        for (place, index), steps in zip(self._steps, self._own_steps(recent), strict=True):
-            z[:, place] = steps / self._limits[index].step
+        z[:, self._places["noise"]] = self._noise.step(inside)
+        z[:, self._step_places] = steps / self._sizes
+        if anywhere or self._busy:
+            self._watch(recent, odd, usable, z)
+        self._scan += count
+        return Tested(usable, z, self.k)
+
+    def _look(
+        self,
+        rows: Array,
+        columns: Counts,
+        bounds: tuple[Array, Array, Array],
+        _: Counts,
+        recent: Array,
+        inside: Array,
+        steps: Array,
+        odd: Flags,
+    ) -> bool:
+        """``sensor_loops.look_loops`` in numpy."""
+        count, (low, high, reach) = len(rows), bounds
+        recent[-count:] = rows[:, columns]
+        last = recent[-count - 3 :]
+        inside[:] = np.where((last > low) & (last < high), last, np.nan)
+        for number, step in enumerate(self._own_steps(recent)):
+            steps[:, number] = step
         before, now = recent[-count - 1 : -1], recent[-count:]
-        odd = (np.abs(now - before) > self._reach) | (now == before)
-        anywhere = odd.any(axis=0).tolist()
+        odd[:] = (np.abs(now - before) > reach) | (now == before)
+        return bool(odd.any())
+
+    def _watch(self, recent: Array, odd: Flags, usable: Array, z: Array) -> None:
+        """Follow the channels that leap or stand still, or did until now."""
+        count, anywhere = len(odd), odd.any(axis=0).tolist()
         for index, guard in enumerate(self._guards):
             if anywhere[index] or guard.busy:
                 rests = self._rests(index, recent)[-count:].tolist()
                 readings = recent[-count - 2 :, index].tolist()
-                self._watch(index, readings, odd[:, index].tolist(), rests, usable, z)
-        self._scan += count
-        return Tested(usable, z, self.k)
+                self._follow(index, readings, odd[:, index].tolist(), rests, usable, z)
+        self._busy = any(guard.busy for guard in self._guards)
 
-    def _rests(self, index: int, recent: Array) -> npt.NDArray[np.bool_]:
+    def _rests(self, index: int, recent: Array) -> Flags:
         """Where a reading rightly stands still, of the last rows: an encoder's at rest."""
         if self._names[index] != SPEED:
             return np.zeros(len(recent), dtype=bool)
@@ -154,7 +184,7 @@ class SensorTests:
         alike = np.where(one * other > 0.0, np.minimum(np.abs(one), np.abs(other)), 0.0)
         return [step - np.copysign(alike, step) for step in steps]
 
-    def _watch(
+    def _follow(
         self,
         index: int,
         readings: list[float],

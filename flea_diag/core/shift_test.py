@@ -14,9 +14,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core import backend as backends
 from flea_diag.core.detection import TestResults
-from flea_diag.core.level_shift import LevelShift, ShiftLimit
+from flea_diag.core.level_shift import SHIFT_WINDOWS, LevelShift, ShiftLimit
 from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS, SPREAD_ROWS, ResidualRows
+from flea_diag.core.shift_loops import SHIFTS
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -35,25 +37,23 @@ class ShiftTest:
     def __init__(
         self, limits: Sequence[ShiftLimit], tolerance: Sequence[float], backend: str = "auto"
     ) -> None:
+        self._compiled = backends.chosen(backend) == "numba"
         self._change = np.zeros(len(tolerance))
         self._tolerance = np.array(tolerance)
         self._open = False
         self._fired: list[int] = []
         self._openers: list[int] = []
         """Columns whose shift has just counted, and those by which an episode was opened."""
-        # Those of one residual stand together, as their tests do.
         names = list(dict.fromkeys(limit.name for limit in limits))
-        self._limits = sorted(limits, key=lambda limit: names.index(limit.name))
-        self._variance = np.array([limit.sigma**2 for limit in self._limits])
-        self._k = np.array([limit.k for limit in self._limits])
-        self._tests = []
-        for name in names:
-            places = [n for n, limit in enumerate(self._limits) if limit.name == name]
-            windows = [self._limits[n].window for n in places]
-            column = RESIDUAL_INDEX[name]
-            gated = RESIDUALS[column].gate == "moving"
-            level = LevelShift(windows, 1 + len(tolerance), gated, backend)
-            self._tests.append((column, level, slice(places[0], places[-1] + 1)))
+        self._columns = np.array([RESIDUAL_INDEX[name] for name in names], dtype=int)
+        self._places = np.array([SPREAD_ROWS.index(RESIDUAL_INDEX[n]) for n in names], dtype=int)
+        self._gated = np.array([RESIDUALS[j].gate == "moving" for j in self._columns], dtype=bool)
+        self._level = LevelShift(self._gated.tolist(), 1 + len(tolerance))
+        # What has no limit is never beyond it.
+        self._variance, self._k = np.full((2, len(names), len(SHIFT_WINDOWS)), np.nan)
+        for limit in limits:
+            at = names.index(limit.name), SHIFT_WINDOWS.index(limit.window)
+            self._variance[at], self._k[at] = limit.sigma**2, limit.k
 
     def adopt(self, change: Sequence[float]) -> None:
         """The unit's parameters changed by so much: levels go on as if they had not."""
@@ -62,8 +62,7 @@ class ShiftTest:
     def turn(self, opened: bool) -> None:
         """An episode has opened: the level before it is the one that counts. Or closed."""
         self._open, self._openers = opened, self._fired if opened else []
-        for _, level, _ in self._tests:
-            level.freeze() if opened else level.clear()
+        self._level.freeze() if opened else self._level.clear()
 
     def step(self, rows: ResidualRows, results: TestResults, alone: Flags) -> None:
         """Where a shift is beyond its limit and no other test of its residual is, it counts.
@@ -75,40 +74,48 @@ class ShiftTest:
         self._fired = []
         if self._open and not self._openers:
             return
-        z, shifts = self._z(rows)
-        if not alone.any() and not (np.abs(z) > self._k).any():
+        z, shifts, beyond = (self._follow if self._compiled else self._z)(rows)
+        if not beyond and not alone.any():
             return
-        for column, _, places in self._tests:
-            here = z[:, places]
+        for test, column in enumerate(self._columns.tolist()):
+            here = z[:, test]
             if "motor_voltage" in RESIDUALS[column].needs and alone.any():
                 here = np.where(alone[:, None], self._witnessed(here, column, results), here)
-            beyond = self._judge(here, column, self._limits[places], results, shifts[:, places])
-            if beyond[-1]:
+            counts = self._judge(here, column, self._k[test], results, shifts[:, test])
+            if counts[-1]:
                 self._fired.append(column)
             if column == ELECTRICAL:
-                self._call_witness(beyond & alone, results)
+                self._call_witness(counts & alone, results)
 
-    def _z(self, rows: ResidualRows) -> tuple[Array, Array]:
+    def _follow(self, rows: ResidualRows) -> tuple[Array, Array, bool]:
+        """``_z`` in one compiled loop."""
+        z, shifts = np.empty((2, len(rows), *self._k.shape))
+        beyond = backends.exact(*SHIFTS)(
+            (rows.values, rows.spread, rows.moving),
+            (self._columns, self._places, self._gated),
+            (self._change, self._tolerance),
+            self._level.room(len(rows)),
+            (self._variance, self._k),
+            z,
+            shifts,
+        )
+        return z, shifts, beyond
+
+    def _z(self, rows: ResidualRows) -> tuple[Array, Array, bool]:
         """Every shift, in sigmas of itself and of what units differ by, and as it is.
 
-        Both of shape (n, limits).
+        Both of shape (n, residuals, windows); then whether any is beyond its limit.
         """
-        if not self._tests:
-            return np.empty((len(rows), 0)), np.empty((len(rows), 0))
-        learned = np.add.reduce(rows.spread * self._change, axis=2)
-        spread = rows.spread * self._tolerance
-        always, shifts = np.ones(len(rows), dtype=bool), []
-        for column, level, _ in self._tests:
-            # The residual as if nothing had been learned of the unit, and what units differ by.
-            place = SPREAD_ROWS.index(column)
-            values = np.empty((len(rows), 1 + len(self._tolerance)))
-            values[:, 0] = rows.values[:, column] - learned[:, place]
-            values[:, 1:] = spread[:, place]
-            gated = RESIDUALS[column].gate == "moving"
-            shifts.append(level.step(values, rows.moving if gated else always))
-        every = np.concatenate(shifts, axis=1)
-        variance = self._variance + np.add.reduce(np.square(every[:, :, 1:]), axis=2)
-        return np.asarray(every[:, :, 0] / np.sqrt(variance)), every[:, :, 0]
+        # The residuals as if nothing had been learned of the unit, and what units differ by.
+        spread = rows.spread.take(self._places, axis=1)
+        values = np.empty((*spread.shape[:2], 1 + len(self._tolerance)))
+        learned = np.add.reduce(spread * self._change, axis=2)
+        values[:, :, 0] = rows.values.take(self._columns, axis=1) - learned
+        values[:, :, 1:] = spread * self._tolerance
+        every = self._level.step(values, rows.moving[:, None] | ~self._gated)
+        variance = self._variance + np.add.reduce(np.square(every[..., 1:]), axis=3)
+        z = every[..., 0] / np.sqrt(variance)
+        return z, every[..., 0], bool((np.abs(z) > self._k).any())
 
     def _witnessed(self, z: Array, column: int, results: TestResults) -> Array:
         """What the shift of a voltage that stands alone amounts to, NaN where to nothing."""
@@ -130,20 +137,14 @@ class ShiftTest:
         results.z[called, MECHANICAL], results.k[called, MECHANICAL] = -both, k
 
     @staticmethod
-    def _judge(
-        z: Array,
-        column: int,
-        limits: Sequence[ShiftLimit],
-        results: TestResults,
-        shifts: Array,
-    ) -> Flags:
+    def _judge(z: Array, column: int, k: Array, results: TestResults, shifts: Array) -> Flags:
         """Fill the results in; after which scans a shift counts."""
         quiet = ~(np.abs(results.z[:, column]) > results.k[:, column])
         counts = np.zeros(len(quiet), dtype=bool)
-        for each, shift, limit in zip(z.T, shifts.T, limits, strict=True):
-            beyond = quiet & (np.abs(each) > limit.k)
-            results.z[beyond, column], results.k[beyond, column] = each[beyond], limit.k
-            results.window[beyond, column] = limit.window
+        for each, shift, limit, window in zip(z.T, shifts.T, k, SHIFT_WINDOWS, strict=True):
+            beyond = quiet & (np.abs(each) > limit)
+            results.z[beyond, column], results.k[beyond, column] = each[beyond], limit
+            results.window[beyond, column] = window
             results.shift[beyond, column] = shift[beyond]
             counts |= beyond
         return counts

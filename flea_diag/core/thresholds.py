@@ -137,9 +137,8 @@ def shift_limits(
 
 def _shifts(row: ResidualRow, column: int, entry: Trace) -> Array:
     gated = row.gate == "moving"
-    return LevelShift(gated=gated).step(entry.values[:, [column]], entry.moving | (not gated))[
-        :, :, 0
-    ]
+    use = entry.moving[:, None] | (not gated)
+    return LevelShift([gated]).step(entry.values[:, [column], None], use)[:, 0, :, 0]
 
 
 def _gated(row: ResidualRow, index: int, entry: Trace) -> tuple[Array, Array]:
