@@ -21,7 +21,7 @@ def test_a_row_that_repeats_the_one_before_in_all_that_reads_is_stale(cuts: tupl
             [1.0, 2.0, NAN, NAN],  # two may agree by chance
         ]
     )
-    stale = StaleRows()
+    stale = StaleRows(4)
     parts = [(part, stale.find(part)) for part in np.split(rows, cuts)]
     found = [np.zeros(len(part), bool) if flags is None else flags for part, flags in parts]
     assert np.flatnonzero(np.concatenate(found)).tolist() == [1, 4]

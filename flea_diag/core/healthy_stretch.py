@@ -59,14 +59,21 @@ class HealthyStretch:
             self._scans += count
             start += count
 
-    @property
-    def keeps_next(self) -> bool:
-        """Whether the next scan will be kept: only those need to be added."""
-        return self._scans % EVERY == 0
-
-    def pass_over(self) -> None:
-        """A scan that is not kept; a piece begins with one that is."""
+    def count(self) -> bool:
+        """One scan, singly; whether it is to be handed to ``keep`` before its piece is over."""
+        if self._scans % PIECE_SCANS == 0:
+            self._next_piece()
         self._scans += 1
+        return self._scans % EVERY == 1
+
+    @property
+    def is_piece_over(self) -> bool:
+        """Whether the next scan begins another piece."""
+        return self._scans % PIECE_SCANS == 0
+
+    def keep(self, values: Array, regressors: Array) -> None:
+        """Scans of this piece that were counted, in their order; shapes as for ``add``."""
+        self._recent[-1].add(values, regressors)
 
     def _next_piece(self) -> None:
         self._recent.append(Evidence(self._residuals))

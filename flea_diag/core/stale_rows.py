@@ -15,18 +15,17 @@ LEAST_CHANNELS = 3
 class StaleRows:
     """Compares each row with the one before it, across blocks."""
 
-    def __init__(self) -> None:
-        self._last: Array | None = None
+    def __init__(self, channels: int) -> None:
+        self.last = np.full(channels, np.nan)
+        """The last row; nothing is equal to NaN, so the first has no predecessor."""
 
     def find(self, rows: Array) -> Flags | None:
         """Which of n >= 1 rows say what the one before says; None where none does.
 
         In every channel that either of them reads, and so that chance will not do.
         """
-        # Nothing is equal to a row of NaN: the first has no predecessor.
-        last = np.full_like(rows[:1], np.nan) if self._last is None else self._last
-        self._last = rows[-1:].copy()
-        before = last if len(rows) == 1 else np.concatenate((last, rows[:-1]))
+        before = np.concatenate((self.last[None], rows[:-1]))
+        self.last = rows[-1].copy()
         same = rows == before
         many = np.add.reduce(same, axis=1) >= LEAST_CHANNELS
         if not many.any():

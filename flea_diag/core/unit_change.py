@@ -53,13 +53,16 @@ class UnitChange:
             return n
         rows = np.ascontiguousarray(np.concatenate(self._rows))
         self._rows = [rows[1 - LENGTH :]]
-        # Where the window begins that ends with each scan that is due.
-        due, back = np.arange(first, n, PERIOD), len(rows) - n + 1 - LENGTH
-        due = due[due >= -back]
-        if not len(due):
+        if len(rows) < LENGTH:
             return n
-        seen = _together(sliding(rows, LENGTH)[due + back])
-        return int(due[seen.argmax()]) if seen.any() else n
+        # Where the window begins that ends with the first scan that is due.
+        begins = len(rows) - n + first + 1 - LENGTH
+        if begins < 0:
+            begins %= PERIOD
+        seen = _together(sliding(rows, LENGTH)[begins::PERIOD])
+        if not seen.any():
+            return n
+        return begins + LENGTH - 1 - (len(rows) - n) + PERIOD * int(seen.argmax())
 
 
 def _together(windows: Array) -> Flags:
@@ -82,5 +85,5 @@ def _surely(windows: Array) -> Flags:
 
 
 def _enough(stepped: Flags) -> Flags:
-    together: Flags = np.count_nonzero(stepped, axis=-1) >= TOGETHER
+    together: Flags = np.add.reduce(stepped, axis=-1) >= TOGETHER
     return together

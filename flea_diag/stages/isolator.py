@@ -26,7 +26,7 @@ from flea_diag.stages.standing import Standing
 from flea_diag.stages.verdict import Verdict, mismatch
 from flea_diag.stages.vibration_watch import VibrationWatch
 from flea_diag.stages.weighing import Weighing, due, weighings
-from flea_diag.wire.blocks import ResidualBlock, alone
+from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
     EARLIER_LEVEL,
@@ -220,7 +220,7 @@ class IsolatorStage:
             self._weighing.see(record)
         if self._episode is None or raised:
             return raised or self._say(record.stamp_ns)
-        self._episode.learn(alone(record), self._onset_ns)
+        self._episode.learn(block_of(record), self._onset_ns)
         return self._weigh(record.stamp_ns, self._episode)
 
     def _residuals(self, block: ResidualBlock) -> Iterable[Record]:

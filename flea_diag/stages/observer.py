@@ -119,12 +119,11 @@ class ObserverStage:
     def _start(self, stamp_ns: int) -> None:
         """Begin a stream: nothing of an earlier one is used any more."""
         c = self._calibration
-        self._channels = Channels(
-            c.channels, f"disagrees with current and motion by more than {c.voltage_limit_v:.1f} V"
-        )
+        p, volts = self._parameters, f"{c.voltage_limit_v:.1f} V"
+        distrust = f"disagrees with current and motion by more than {volts}"
+        self._channels = Channels(c.channels, distrust, p.observer_backend)
         if self._table is not None:
             self._channels.take_ranges(self._table)
-        p = self._parameters
         estimate = StateEstimate(c, p.state_observer, p.observer_seed, p.observer_backend)
         self._stream = ResidualStream(c, estimate, p.warm_up_s, stamp_ns, p.observer_backend)
         if self._table is not None:

@@ -14,9 +14,10 @@ from flea_diag.core.healthy_stretch import HealthyStretch
 from flea_diag.core.likelihood import Evidence
 from flea_diag.core.sensor_models import sensor_models
 from flea_diag.stages.episode import MOTION_ONLY, Episode
-from flea_diag.wire.blocks import ResidualBlock, alone
+from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import Residual
 
+Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
 WEIGHED = (
@@ -62,25 +63,41 @@ class Weighing:
             if any(term.residual in self.names for term in model.terms)
         )
         self._healthy = HealthyStretch(self.names)
+        self._waiting: list[Residual] = []
 
     def begin(self) -> Evidence:
         """An episode begins: what the unit shows from now on is not its healthy self."""
+        self._waiting.clear()
         self._healthy.interrupt()
         return Evidence(self.names)
 
     def forget(self) -> None:
         """Another unit is in use: what the last one showed says nothing of it."""
+        self._waiting.clear()
         self._healthy = HealthyStretch(self.names)
 
     def see(self, record: Residual) -> None:
-        """``show`` for one scan; most scans are passed over, and need no block."""
-        if self._healthy.keeps_next:
-            self.show(alone(record))
-        else:
-            self._healthy.pass_over()
+        """``show`` for one scan; those that are kept wait until their piece is over."""
+        if self._waiting and record.names != self._waiting[0].names:
+            self._keep()
+        if self._healthy.count():
+            self._waiting.append(record)
+        if self._healthy.is_piece_over:
+            self._keep()
+
+    def _keep(self) -> None:
+        """What waits is taken in."""
+        if self._waiting:
+            self._healthy.keep(*self._shown(block_of(*self._waiting)))
+            self._waiting.clear()
 
     def show(self, block: ResidualBlock) -> None:
         """What the unit shows of itself while nothing deviates."""
+        self._keep()
+        self._healthy.add(*self._shown(block))
+
+    def _shown(self, block: ResidualBlock) -> tuple[Array, Array]:
+        """Residuals in which a unit shows its parameters, NaN where it does not; regressors."""
         values = np.full((len(block), len(self.names)), np.nan)
         resting = block.regressors[:, -1] <= 0.5
         for column, name in enumerate(self.names):
@@ -88,7 +105,7 @@ class Weighing:
                 values[:, column] = block.values[:, block.names.index(name)]
                 if name in MOTION_ONLY:
                     values[resting, column] = np.nan
-        self._healthy.add(values, block.regressors[:, : len(REGRESSORS)])
+        return values, block.regressors[:, : len(REGRESSORS)]
 
     def weigh(self, stamp_ns: int, episode: Episode, drop_nats: float, gating: bool) -> None:
         """Take the likelihoods of an episode's evidence into its isolation."""

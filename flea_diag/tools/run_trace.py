@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.tools.envelope import Envelope
-from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, alone
+from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, block_of
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
@@ -86,7 +86,7 @@ class RunTrace:
         self._last_s = max(self._last_s, self._draw(block.stamps_ns, block.channels, block.values))
 
     def _residual(self, residual: Residual) -> None:
-        self._residuals(alone(residual))
+        self._residuals(block_of(residual))
 
     def _residuals(self, block: ResidualBlock) -> None:
         """Each residual as a share of its limit: beyond 1 or -1 it deviates."""

@@ -103,22 +103,21 @@ class ResidualBlock:
             )
 
 
-def alone(record: Residual) -> ResidualBlock:
-    """A block of one record."""
-    columns = (record.values, record.z, record.thresholds)
-    values, z, thresholds = (np.array([column], dtype=float) for column in columns)
+def block_of(*records: Residual) -> ResidualBlock:
+    """A block of records, at least one, which all have the names of the first."""
+    first = records[0]
     return ResidualBlock(
-        np.array([record.stamp_ns]),
-        record.names,
-        values,
-        z,
-        thresholds,
-        record.regressor_names,
-        np.array([record.regressors]),
-        record.estimated,
-        np.array([record.estimates]),
-        np.array([record.estimate_sigmas]),
-        np.array([record.health]),
+        np.array([record.stamp_ns for record in records]),
+        first.names,
+        np.array([record.values for record in records], dtype=float),
+        np.array([record.z for record in records], dtype=float),
+        np.array([record.thresholds for record in records], dtype=float),
+        first.regressor_names,
+        np.array([record.regressors for record in records]),
+        first.estimated,
+        np.array([record.estimates for record in records]),
+        np.array([record.estimate_sigmas for record in records]),
+        np.array([record.health for record in records]),
     )
 
 

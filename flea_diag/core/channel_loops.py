@@ -1,0 +1,41 @@
+"""Whether scans hold anything to look at: what ``stages.channels`` asks first, for numba."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+
+def glance_loops(
+    values: Array, places: tuple[Counts, Counts], bounds: tuple[Array, Array, Flags],
+    most: int, last: Array, raw: Array,
+) -> bool:  # fmt: skip
+    """Put values in their columns of ``raw``; whether all leave their channels as they are.
+
+    So does what is inside ``bounds`` or rightly missing, in scans that have fewer than ``most``
+    readings in common with the one before. ``last`` is the scan before the
+    first, and renewed where all is well.
+    """
+    come, go = places
+    low, high, lacking = bounds
+    steady, before = True, last
+    for i in range(len(values)):
+        raw[i] = math.nan
+        for k in range(len(come)):
+            raw[i, go[k]] = values[i, come[k]]
+        same = 0
+        for c in range(len(low)):
+            value = raw[i, c]
+            same += value == before[c]
+            steady &= low[c] < value < high[c] or (lacking[c] and math.isnan(value))
+        steady &= same < most
+        before = raw[i]
+    if steady:
+        last[:] = before
+    return steady
