@@ -27,7 +27,7 @@ from flea_diag.core.kalman import KalmanFilter
 from flea_diag.core.observer_model import LinearModel, NoiseLevels, linear_model
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.particle_filter import ParticleFilter
-from flea_diag.core.residual_bank import CHANNELS, INDEX
+from flea_diag.core.residual_rows import CHANNELS, INDEX
 from flea_diag.core.state_observer import StateObserver
 
 PERIOD_S = 0.01

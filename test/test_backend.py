@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(
 ESTIMATES = """
 import numpy as np
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual_bank import CHANNELS, INDEX
+from flea_diag.core.residual_rows import CHANNELS, INDEX
 from flea_diag.core.state_observer import StateObserver
 draw = np.random.default_rng(2)
 rows = np.zeros((100, len(CHANNELS)))

@@ -13,7 +13,7 @@ import pytest
 import stands
 
 from flea_diag.configuration import load_calibration
-from flea_diag.core.residual_bank import CHANNELS, RESIDUAL_INDEX, RESIDUALS
+from flea_diag.core.residual_rows import CHANNELS, RESIDUAL_INDEX, RESIDUALS
 from flea_diag.core.thresholds import Trace
 from flea_diag.tools import calibration_plots, extra
 from flea_diag.tools.main import main

@@ -9,7 +9,7 @@ from scipy import stats
 
 from flea_diag.core.detection import Detector, TestResults
 from flea_diag.core.residual import UNIT_PARAMETERS, Signals
-from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS, SPREAD_ROWS, ResidualRows
+from flea_diag.core.residual_rows import RESIDUAL_INDEX, RESIDUALS, SPREAD_ROWS, ResidualRows
 from flea_diag.core.window_limit import ResidualLimit, WindowLimit, speed_region
 
 TestResults.__test__ = False  # a class of the package, not a test
@@ -19,7 +19,7 @@ THERMAL = RESIDUAL_INDEX["motor_temperature"]
 
 
 def signals(speed: float) -> Signals:
-    values = dict.fromkeys(Signals.__dataclass_fields__, 0.0)
+    values = dict.fromkeys(Signals._fields, 0.0)
     return Signals(**{**values, "speed_m_s": speed})
 
 

@@ -11,7 +11,7 @@ from flea_diag.core.calibration import Run
 from flea_diag.core.heat_identification import identify
 from flea_diag.core.identification import Identified
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual_bank import CHANNELS, INDEX
+from flea_diag.core.residual_rows import CHANNELS, INDEX
 
 HEATING, COOLING_S, AIR = 0.010, 600.0, 24.0
 

@@ -12,7 +12,7 @@ import pytest
 import yaml
 from live import ROOT
 
-from flea_diag.core.residual_bank import RESIDUALS
+from flea_diag.core.residual_rows import RESIDUALS
 from flea_diag.wire.bag import read_bag
 from flea_diag.wire.records import ChannelTable, Scan
 from flea_diag.wire.topics import TOPIC_NAMED

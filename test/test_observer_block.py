@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_state_observer import BACKENDS, HAVE_NUMBA, NOISE, P, recording
 
-from flea_diag.core.residual_bank import CHANNELS, INDEX
+from flea_diag.core.residual_rows import CHANNELS, INDEX
 from flea_diag.core.state_observer import StateObserver
 
 FILTERS = [*(("optimal", backend) for backend in BACKENDS), ("kalman", "numpy")]

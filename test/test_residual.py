@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -25,7 +25,7 @@ P = ActuatorParameters(
     position_offset_m=0.001,
     encoder_m_per_rad=5e-4,
 )
-ZERO = dict.fromkeys((entry.name for entry in fields(Signals)), 0.0)
+ZERO = dict.fromkeys(Signals._fields, 0.0)
 
 
 def signals(**values: float) -> Signals:
@@ -59,13 +59,13 @@ def test_worked_values():
 
 def test_friction_opposes_the_motion_and_vanishes_at_rest():
     assert relations.friction_n(P, MOVING) == pytest.approx(24.0)
-    back = replace(MOVING, speed_m_s=-0.05, direction=-MOVING.direction)
+    back = MOVING._replace(speed_m_s=-0.05, direction=-MOVING.direction)
     assert relations.friction_n(P, back) == pytest.approx(-24.0)
-    assert relations.friction_n(P, replace(MOVING, speed_m_s=0.0, direction=0.0)) == 0.0
+    assert relations.friction_n(P, MOVING._replace(speed_m_s=0.0, direction=0.0)) == 0.0
 
 
 def test_a_hot_winding_drops_more_voltage():
-    hot = replace(MOVING, winding_rise_k=100.0)
+    hot = MOVING._replace(winding_rise_k=100.0)
     # Copper: 39.3 % more over 100 K, of a 3 V drop.
     assert relations.electrical_v(P, hot) == pytest.approx(2.0 - 3.0 * 0.393)
 
@@ -101,6 +101,6 @@ def test_sensitivities_are_the_differences_of_the_relations(parity, amps, speed,
     ],
 )
 def test_without_a_signal_there_is_no_residual(name, signal):
-    lacking = replace(MOVING, **{signal: float("nan")})
+    lacking = MOVING._replace(**{signal: float("nan")})
     assert PARITY_NAMED[name].relation(P, MOVING) == PARITY_NAMED[name].relation(P, MOVING)
     assert str(PARITY_NAMED[name].relation(P, lacking)) == "nan"

@@ -1,17 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import linear_ema as ema
 import numpy as np
 import pytest
 
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual_bank import (
-    CHANNELS,
-    INDEX,
-    RESIDUAL_INDEX,
-    RESIDUALS,
-    ResidualBank,
-)
+from flea_diag.core.residual_bank import ResidualBank
+from flea_diag.core.residual_rows import CHANNELS, INDEX, RESIDUAL_INDEX, RESIDUALS
 
 TRUE = ActuatorParameters(
     force_constant_n_per_a=170.0,
@@ -183,8 +180,6 @@ def test_what_is_missing_takes_only_its_own_residuals():
 
 
 def test_adopted_parameters_count_from_then_on():
-    from dataclasses import replace
-
     bank, other = ResidualBank(TRUE), ResidualBank(TRUE)
     other.adopt(replace(TRUE, current_offset_a=0.35))
     rows = ema.rows(WHOLE)[:200]
@@ -228,3 +223,29 @@ def test_a_reversal_is_no_standstill():
     still = np.abs(speed[31:]) <= 0.01
     assert still.any()
     assert not found.moving[31:][still].any()
+
+
+@pytest.mark.parametrize("block", [1, 97, 4000])
+@pytest.mark.parametrize("encoder", [5e-4, 0.0])
+def test_compiled_gives_the_bits_of_python(block, encoder):
+    """In motion, stalled, with readings that are missing, offsets learned, and frozen."""
+    pytest.importorskip("numba")
+    rows = ema.rows(standing(9.0, 0.0), CHANNELS)
+    rows = np.concatenate((ema.rows(WHOLE, CHANNELS), rows))
+    draw = np.random.default_rng(6)
+    rows[draw.random(rows.shape) < 0.002] = np.nan
+    parameters = replace(TRUE, encoder_m_per_rad=encoder, nut_heating_k_per_j=1e-4)
+    banks = [ResidualBank(parameters, backend=backend) for backend in ("numpy", "numba")]
+    moved = 0
+    for start in range(0, len(rows), block):
+        if start >= 700 > start - block:
+            for bank in banks:
+                bank.adopt(replace(parameters, current_offset_a=-0.1))
+        part = rows[start : start + block]
+        one, other = (bank.step(part, frozen=start > 1000) for bank in banks)
+        assert one.values.tobytes() == other.values.tobytes()
+        assert one.spread.tobytes() == other.spread.tobytes()
+        assert one.moving.tobytes() == other.moving.tobytes()
+        assert np.array(one.signals).tobytes() == np.array(other.signals).tobytes()
+        moved += int(one.moving.sum())
+    assert 0 < moved < len(rows)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -61,7 +59,7 @@ def effect(model: FaultModel, sizes: tuple[float, ...], residual: str, read: Sig
 def test_a_model_adds_what_the_faulty_reading_adds(fault, change, sizes, residual):
     true = signals()
     field = READINGS[fault.rsplit("_", 1)[0]]
-    read = replace(true, **{field: change(getattr(true, field))})
+    read = true._replace(**{field: change(getattr(true, field))})
     relation = PARITY_NAMED[residual].relation
     (model,) = [m for m in sensor_models(P, commanded=False) if m.fault == fault]
     added = relation(P, read) - relation(P, true)

@@ -11,7 +11,7 @@ import pytest
 from flea_diag.core import detection
 from flea_diag.core.level_shift import ShiftLimit
 from flea_diag.core.residual import UNIT_PARAMETERS
-from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS, SPREAD_ROWS, ResidualRows
+from flea_diag.core.residual_rows import RESIDUAL_INDEX, RESIDUALS, SPREAD_ROWS, ResidualRows
 from flea_diag.core.shift_test import ShiftTest
 
 UNITS = len(UNIT_PARAMETERS)
@@ -130,7 +130,7 @@ def test_in_an_episode_that_something_else_opened_a_shift_says_nothing(alone):
 
 @pytest.mark.parametrize("block", [1, 113, 6000])
 def test_compiled_gives_the_bits_of_numpy(block):
-    """Every shift, over rests, missing values, offsets learned, and episodes that open and close."""
+    """Every shift, over rests, missing values, offsets learned, and an episode."""
     pytest.importorskip("numba")
     draw = np.random.default_rng(5)
     made = ResidualRows(

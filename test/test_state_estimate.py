@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import stands
 
-from flea_diag.core.residual_bank import (
+from flea_diag.core.residual_rows import (
     CHANNELS,
     INNOVATION_CHANNELS,
     INNOVATION_COLUMNS,

@@ -19,7 +19,7 @@ from flea_diag.core.noise_identification import fitted
 from flea_diag.core.observer_block import PREDICTED
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual_bank import CHANNELS, INDEX
+from flea_diag.core.residual_rows import CHANNELS, INDEX
 from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.core.state_observer import StateObserver
 from flea_diag.core.thermal_filter import ThermalFilter

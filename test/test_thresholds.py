@@ -6,7 +6,7 @@ import pytest
 import stands
 from scipy import stats
 
-from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS
+from flea_diag.core.residual_rows import RESIDUAL_INDEX, RESIDUALS
 from flea_diag.core.thresholds import Trace, limits
 
 SHARE = 0.8 / sum(row.gate != "sensor" for row in RESIDUALS)

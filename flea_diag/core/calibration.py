@@ -21,7 +21,7 @@ from flea_diag.core.level_shift import ShiftLimit
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residual import UNIT_PARAMETERS
-from flea_diag.core.residual_bank import RESIDUALS
+from flea_diag.core.residual_rows import RESIDUALS
 from flea_diag.core.sensor_limits import SensorLimit
 from flea_diag.core.unit_difference import UNIT_DIFFERENCES
 from flea_diag.core.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
@@ -34,7 +34,7 @@ SCHEMA_VERSION = 1
 
 @dataclass(frozen=True)
 class Run:
-    """One nominal recording: rows of ``residual_bank.CHANNELS``, shape (scans, channels)."""
+    """One nominal recording: rows of ``residual_rows.CHANNELS``, shape (scans, channels)."""
 
     name: str
     rows: Array

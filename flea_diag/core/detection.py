@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.residual_bank import RESIDUALS, ResidualRows
+from flea_diag.core.residual_rows import RESIDUALS, ResidualRows
 from flea_diag.core.symbols import Test
 from flea_diag.core.thermal import CORRECTION_S
 from flea_diag.core.window_limit import ResidualLimit

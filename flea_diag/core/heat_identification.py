@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration import Run
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual_bank import INDEX
+from flea_diag.core.residual_rows import INDEX
 
 Array = npt.NDArray[np.float64]
 Source = Callable[[Array, ActuatorParameters, float], float]

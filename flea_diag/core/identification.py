@@ -22,7 +22,7 @@ from flea_diag.core import heat_identification
 from flea_diag.core.calibration import CovarianceBlock, Run
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.residual import COPPER_PER_K
-from flea_diag.core.residual_bank import INDEX
+from flea_diag.core.residual_rows import INDEX
 from flea_diag.core.smoothing import hann_kernels
 from flea_diag.errors import CalibrationError
 

@@ -25,7 +25,7 @@ from flea_diag.core.observer_block import PREDICTED, Innovations
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residual import UNIT_PARAMETERS
-from flea_diag.core.residual_bank import INNOVATION_CHANNELS, INNOVATION_INDEX
+from flea_diag.core.residual_rows import INNOVATION_CHANNELS, INNOVATION_INDEX
 from flea_diag.core.state_observer import StateObserver
 
 Array = npt.NDArray[np.float64]

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -262,4 +262,4 @@ def _signals(p: ActuatorParameters, motion: Motion, time_s: float) -> Signals:
 
 def _driven(bare: Signals, current_a: float, voltage_v: float, p: ActuatorParameters) -> Signals:
     commanded = (voltage_v - p.drive_offset_v) / p.drive_gain if p.drive_gain else math.nan
-    return replace(bare, current_a=current_a, voltage_v=voltage_v, commanded_voltage_v=commanded)
+    return bare._replace(current_a=current_a, voltage_v=voltage_v, commanded_voltage_v=commanded)

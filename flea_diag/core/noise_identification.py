@@ -20,7 +20,7 @@ import numpy.typing as npt
 from flea_diag.core.calibration import Run
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual_bank import INDEX
+from flea_diag.core.residual_rows import INDEX
 from flea_diag.core.smoothing import hann_kernels
 from flea_diag.core.state_observer import StateObserver
 from flea_diag.errors import CalibrationError

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from flea_diag.core.driven_model import CHANNELS as MOVED
 from flea_diag.core.driven_model import STATES
-from flea_diag.core.residual_bank import INDEX
+from flea_diag.core.residual_rows import INDEX
 from flea_diag.core.state_filter import Innovation
 
 Array = npt.NDArray[np.float64]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
 
@@ -34,6 +37,13 @@ class ActuatorParameters(Frozen):
     drive_offset_v: float = 0.0
     position_offset_m: float = 0.0
     encoder_m_per_rad: float = 0.0
+
+
+def as_record(parameters: ActuatorParameters) -> npt.NDArray[np.void]:
+    """The same by the same names, shape (1,): what numba reads fields of."""
+    names = [field.name for field in fields(parameters)]
+    row = tuple(getattr(parameters, name) for name in names)
+    return np.array([row], dtype=[(name, np.float64) for name in names])
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ dead changes its speed within a scan: what that can look like is taken off.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -39,7 +38,7 @@ def position_steps(values: Array) -> Array:
         return np.asarray(step_of(columns, np.minimum, np.maximum))
 
 
-def step_of(x: Sequence[Any], least: Any, most: Any) -> Any:
+def step_of(x: Any, least: Any, most: Any) -> Any:
     """The step of 2 SPAN readings, numbers or columns alike and to the same last bit.
 
     ``least`` and ``most`` of two of them are chosen by; numba compiles these lines, too.
@@ -59,6 +58,6 @@ def step_of(x: Sequence[Any], least: Any, most: Any) -> Any:
     return most(low - abs(bend), 0.0) + least(high + abs(bend), 0.0) + 0.0 * step
 
 
-def middle_of(x: Sequence[Any], k: int, least: Any, most: Any) -> Any:
+def middle_of(x: Any, k: int, least: Any, most: Any) -> Any:
     """Median of three from ``k`` on."""
     return most(least(x[k], x[k + 1]), least(most(x[k], x[k + 1]), x[k + 2]))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import itemgetter
 
 from flea_diag.core.fault_models import REGRESSORS
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.residual import Signals, Value, direction, friction_n, motor_force_n
 
 TEMPERATURES = ("motor_temperature", "nut_temperature", "ambient_temperature")
+_IN_ORDER = itemgetter(*REGRESSORS)
 
 
 def regressors(
@@ -47,4 +49,5 @@ def regressors(
         "rate_direction": direction(p, s.position_rate_m_s),
         **{f"{name}_degc": expected[name] for name in TEMPERATURES},
     }
-    return tuple(values[name] for name in REGRESSORS)
+    found: tuple[Value, ...] = _IN_ORDER(values)
+    return found

@@ -1,7 +1,7 @@
 """Residuals of one scan or of many, formed on smoothed signals from calibrated parameters.
 
 Relations are written elementwise: signals are numbers for one scan and columns for many, and
-the same lines give the same bits for both.
+the same lines give the same bits for both. Numba compiles them, too (``bank_loops``).
 
 Linear coordinates throughout: forces and speeds at the nut. Of a motor and screw only the
 product K * 2 pi / lead can be identified from current, voltage, position and load, so the
@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,8 +37,7 @@ COPPER_PER_K = 0.00393
 """Temperature coefficient of resistance of copper near 20 degC."""
 
 
-@dataclass(frozen=True, slots=True)
-class Signals:
+class Signals(NamedTuple):
     """Smoothed signals, SI; NaN where a channel is absent or bad.
 
     Numbers at one instant, or arrays of one shape (n,) over so many scans. ``direction`` is the
@@ -157,12 +156,14 @@ UNIT_PARAMETERS = (
 """Parameters in which healthy units of one design differ; see ``UnitTolerance``."""
 
 
-def _mechanical_spread(p: ActuatorParameters, s: Signals) -> tuple[Value, ...]:
+def mechanical_spread(p: ActuatorParameters, s: Signals) -> tuple[Value, ...]:
+    """By how much ``mechanical_n`` moves with each of ``UNIT_PARAMETERS``."""
     K = p.force_constant_n_per_a
     return (-s.direction, -s.speed_m_s, -s.acceleration_m_s2, 0.0, 0.0, 0.0, -K)
 
 
-def _electrical_spread(p: ActuatorParameters, s: Signals) -> tuple[Value, ...]:
+def electrical_spread(p: ActuatorParameters, s: Signals) -> tuple[Value, ...]:
+    """By how much ``electrical_v`` moves with each of ``UNIT_PARAMETERS``."""
     current, R = s.current_a - p.current_offset_a, p.winding_resistance_ohm
     return (0.0, 0.0, 0.0, -current, -s.speed_m_s, -1.0, R)
 
@@ -173,10 +174,10 @@ _MECHANICAL = ("motor_current", "load_force", SPEED)
 _ELECTRICAL = ("motor_voltage", "motor_current", SPEED)
 
 PARITIES: tuple[Parity, ...] = (
-    Parity("parity_mechanical", "N", _MECHANICAL, True, False, mechanical_n, _mechanical_spread),
-    Parity("parity_mechanical_dn", "N", _MECHANICAL, True, True, mechanical_n, _mechanical_spread),
-    Parity("parity_electrical", "V", _ELECTRICAL, False, False, electrical_v, _electrical_spread),
-    Parity("parity_electrical_dn", "V", _ELECTRICAL, True, True, electrical_v, _electrical_spread),
+    Parity("parity_mechanical", "N", _MECHANICAL, True, False, mechanical_n, mechanical_spread),
+    Parity("parity_mechanical_dn", "N", _MECHANICAL, True, True, mechanical_n, mechanical_spread),
+    Parity("parity_electrical", "V", _ELECTRICAL, False, False, electrical_v, electrical_spread),
+    Parity("parity_electrical_dn", "V", _ELECTRICAL, True, True, electrical_v, electrical_spread),
     Parity(
         "parity_drive",
         "V",

@@ -1,4 +1,4 @@
-"""What ``sensor_tests.SensorTests`` looks for in every scan, for numba to compile: the same bits."""
+"""``sensor_tests.SensorTests._look`` as a loop, for numba to compile: the same bits as in numpy."""
 
 from __future__ import annotations
 

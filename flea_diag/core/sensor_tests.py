@@ -161,7 +161,7 @@ class SensorTests:
 
     def _watch(self, recent: Array, odd: Flags, usable: Array, z: Array) -> None:
         """Follow the channels that leap or stand still, or did until now."""
-        count, anywhere = len(odd), odd.any(axis=0).tolist()
+        count, anywhere = len(odd), np.any(odd, axis=0).tolist()
         for index, guard in enumerate(self._guards):
             if anywhere[index] or guard.busy:
                 rests = self._rests(index, recent)[-count:].tolist()

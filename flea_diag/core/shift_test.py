@@ -17,7 +17,7 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.detection import TestResults
 from flea_diag.core.level_shift import SHIFT_WINDOWS, LevelShift, ShiftLimit
-from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS, SPREAD_ROWS, ResidualRows
+from flea_diag.core.residual_rows import RESIDUAL_INDEX, RESIDUALS, SPREAD_ROWS, ResidualRows
 from flea_diag.core.shift_loops import SHIFTS
 
 Array = npt.NDArray[np.float64]

@@ -161,7 +161,7 @@ class StateObserver:
         Parameters
         ----------
         rows : shape (n, channels)
-            Order of ``residual_bank.CHANNELS``, NaN = not measured.
+            Order of ``residual_rows.CHANNELS``, NaN = not measured.
         frozen : bool
             Compare, but correct nothing.
         """

@@ -11,40 +11,56 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 
 CORRECTION_S = 15.0
 """Slow against a step or a drift of a sensor, fast against what heat alone can do."""
 
 
+ESTIMATE, SUM, STARTED, COOLING_S, SAMPLES = range(5)
+"""Places in the state of a node."""
+
+
+def advance(
+    node: Any,
+    measured_degc: float,
+    heating_k_per_s: float,
+    ambient_degc: float,
+    dt_s: float,
+    frozen: bool,
+) -> float:
+    """Take the state of a node on by one scan; measured less estimate, NaN until it is started.
+
+    It is any sequence of five numbers that can be changed; numba compiles these lines, too.
+    """
+    if node[STARTED] < node[SAMPLES]:
+        if not math.isnan(measured_degc):
+            node[SUM] += measured_degc
+            node[STARTED] += 1.0
+            node[ESTIMATE] = node[SUM] / node[STARTED]
+        return math.nan
+    rate = 0.0 if math.isnan(heating_k_per_s) else heating_k_per_s
+    if not math.isnan(ambient_degc):
+        rate -= (node[ESTIMATE] - ambient_degc) / node[COOLING_S]
+    residual: float = measured_degc - node[ESTIMATE]
+    node[ESTIMATE] += dt_s * rate
+    if not frozen and not math.isnan(residual):
+        node[ESTIMATE] += residual * dt_s / CORRECTION_S
+    return residual
+
+
 class ThermalNode:
-    """Estimate of one temperature in degC; starts at the mean of its first readings."""
+    """Estimate of one temperature; starts at the mean of its first readings."""
 
     def __init__(self, cooling_s: float, start_samples: int) -> None:
-        self._cooling_s = cooling_s
-        self._start_samples = start_samples
-        self._start_sum = 0.0
-        self._started = 0
-        self.estimate_degc = math.nan
+        self.state = np.array([math.nan, 0.0, 0.0, cooling_s, float(start_samples)])
 
-    def step(
-        self,
-        measured_degc: float,
-        heating_k_per_s: float,
-        ambient_degc: float,
-        dt_s: float,
-        frozen: bool,
-    ) -> float:
-        """Advance by one scan; returns measured less estimate, NaN until started."""
-        if self._started < self._start_samples:
-            return self._start(measured_degc)
-        rate = 0.0 if math.isnan(heating_k_per_s) else heating_k_per_s
-        if not math.isnan(ambient_degc):
-            rate -= (self.estimate_degc - ambient_degc) / self._cooling_s
-        residual = measured_degc - self.estimate_degc
-        self.estimate_degc += dt_s * rate
-        if not frozen and not math.isnan(residual):
-            self.estimate_degc += residual * dt_s / CORRECTION_S
-        return residual
+    @property
+    def estimate_degc(self) -> float:
+        """NaN before the first reading."""
+        return float(self.state[ESTIMATE])
 
     def follow(
         self,
@@ -54,18 +70,10 @@ class ThermalNode:
         dt_s: float,
         frozen: bool,
     ) -> tuple[list[float], list[float]]:
-        """``step`` for many scans: the residual of each, and the estimate before it."""
-        residuals, before = [], []
-        for measured, heating, ambient in zip(
-            measured_degc, heating_k_per_s, ambient_degc, strict=True
-        ):
-            before.append(self.estimate_degc)
-            residuals.append(self.step(measured, heating, ambient, dt_s, frozen))
+        """``advance`` for many scans: the residual of each, and the estimate before it."""
+        node, residuals, before = self.state.tolist(), [], []
+        for scan in zip(measured_degc, heating_k_per_s, ambient_degc, strict=True):
+            before.append(node[ESTIMATE])
+            residuals.append(advance(node, *scan, dt_s, frozen))
+        self.state[:] = node
         return residuals, before
-
-    def _start(self, measured_degc: float) -> float:
-        if not math.isnan(measured_degc):
-            self._start_sum += measured_degc
-            self._started += 1
-            self.estimate_degc = self._start_sum / self._started
-        return math.nan

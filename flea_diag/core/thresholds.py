@@ -20,12 +20,12 @@ from flea_diag.core.calibration import BadStretch, Run
 from flea_diag.core.identification import Identified
 from flea_diag.core.level_shift import SHIFT_WINDOWS, LevelShift, ShiftLimit, limit_of
 from flea_diag.core.plausibility import ENTER_SAMPLES, usable
-from flea_diag.core.residual_bank import (
+from flea_diag.core.residual_bank import ResidualBank
+from flea_diag.core.residual_rows import (
     INDEX,
     INNOVATION_INDEX,
     RESIDUAL_INDEX,
     RESIDUALS,
-    ResidualBank,
     ResidualRow,
 )
 from flea_diag.core.sensor_limits import SENSOR_SHARE

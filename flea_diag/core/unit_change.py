@@ -29,6 +29,8 @@ TOGETHER = 2
 MEDIAN_ERROR = np.sqrt(np.pi / 2.0 * (1.0 / BEFORE + 1.0 / AFTER))
 """Standard error of a difference of medians of normal noise, in its sigma."""
 MAD_SIGMA = 1.4826
+MEANS_APART = np.repeat([-1.0 / BEFORE, 1.0 / AFTER], [BEFORE, AFTER])
+"""Weights of a window's scans in the mean after a step less that before it."""
 
 
 class UnitChange:
@@ -67,9 +69,7 @@ class UnitChange:
 
 def _together(windows: Array) -> Flags:
     """Whether enough channels step at the end of each window, shape (m, scans, channels)."""
-    after = np.add.reduce(windows[:, BEFORE:], axis=1) / AFTER
-    step = after - np.add.reduce(windows[:, :BEFORE], axis=1) / BEFORE
-    seen = _enough(np.abs(step) > 0.5 * LEAST_STEP_K)
+    seen = _enough(np.abs(MEANS_APART @ windows) > 0.5 * LEAST_STEP_K)
     # Means are cheap, but a spike moves them: medians of those few windows decide.
     if seen.any():
         seen[seen] = _surely(windows[seen])

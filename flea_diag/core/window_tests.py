@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.residual_bank import RESIDUALS, SPREAD_ROWS, ResidualRow, ResidualRows, together
+from flea_diag.core.residual_rows import RESIDUALS, SPREAD_ROWS, ResidualRow, ResidualRows, together
 from flea_diag.core.running_mean import WindowedMeans
 from flea_diag.core.window_limit import SPEED_REGIONS_M_S, ResidualLimit
 from flea_diag.core.window_loops import WINDOWS

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.channel_loops import glance_loops
 from flea_diag.core.quality import BEYOND_BOUNDS, ChannelMonitor
-from flea_diag.core.residual_bank import CHANNELS, INDEX
+from flea_diag.core.residual_rows import CHANNELS, INDEX
 from flea_diag.core.stale_rows import LEAST_CHANNELS, StaleRows
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import ChannelQuality, ChannelTable, Quality

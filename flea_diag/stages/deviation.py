@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flea_diag.core import symbols
 from flea_diag.core.detection import TestResults
-from flea_diag.core.residual_bank import RESIDUALS
+from flea_diag.core.residual_rows import RESIDUALS
 from flea_diag.core.symbols import SLOPE_S, UNKNOWN, SymbolState
 from flea_diag.wire.records import (
     EARLIER_LEVEL,

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.regressors import TEMPERATURES
-from flea_diag.core.residual_bank import INDEX, RESIDUALS, ResidualRow
+from flea_diag.core.residual_rows import INDEX, RESIDUALS, ResidualRow
 from flea_diag.core.unit_change import UnitChange
 from flea_diag.stages.channels import DRIVER_DEAD, Channels, Reading
 from flea_diag.stages.deviation import Deviation

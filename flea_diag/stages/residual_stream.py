@@ -16,7 +16,8 @@ from flea_diag.core.plausibility import VoltagePlausibility
 from flea_diag.core.position_step import SPAN
 from flea_diag.core.regressors import TEMPERATURES, regressors
 from flea_diag.core.residual import PARITIES, SPEED, UNIT_PARAMETERS
-from flea_diag.core.residual_bank import (
+from flea_diag.core.residual_bank import ResidualBank
+from flea_diag.core.residual_rows import (
     CHANNELS,
     INDEX,
     INNOVATION_INDEX,
@@ -24,7 +25,6 @@ from flea_diag.core.residual_bank import (
     RESIDUALS,
     SENSOR_COLUMNS,
     SPREAD_ROWS,
-    ResidualBank,
     ResidualRows,
 )
 from flea_diag.core.sensor_tests import SensorTests
@@ -90,7 +90,9 @@ class ResidualStream:
     ) -> None:
         c = self._calibration = calibration
         self._p = c.parameters
-        self._bank = ResidualBank(c.parameters, period_s=c.period_s, kernel_length=KERNEL_LENGTH)
+        self._bank = ResidualBank(
+            c.parameters, period_s=c.period_s, kernel_length=KERNEL_LENGTH, backend=backend
+        )
         # What nobody estimates has no innovation to wait for.
         limits = [
             limit for limit in c.limits if estimate.runs or limit.name not in INNOVATION_INDEX

@@ -17,7 +17,7 @@ from flea_diag.core import innovation_residual
 from flea_diag.core.calibration import Calibration
 from flea_diag.core.observer_block import PREDICTED, Innovations
 from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.residual_bank import INDEX, INNOVATION_COLUMNS
+from flea_diag.core.residual_rows import INDEX, INNOVATION_COLUMNS
 from flea_diag.core.state_observer import StateObserver
 
 Array = npt.NDArray[np.float64]

@@ -110,7 +110,7 @@ def learn(
     from flea_diag.core import identification, innovation_residual, thresholds
     from flea_diag.core.calibration import Calibration, Run
     from flea_diag.core.parameters import UnitTolerance
-    from flea_diag.core.residual_bank import INDEX
+    from flea_diag.core.residual_rows import INDEX
     from flea_diag.core.sensor_limits import RESOLUTIONS, sensor_limits
     from flea_diag.core.smoothing import KERNEL_LENGTH
 
@@ -165,7 +165,7 @@ def learn(
 
 def _trusted(run: Run, seen: Trace) -> Any:
     """Rows without the voltage where it is not to be trusted: not measured there."""
-    from flea_diag.core.residual_bank import INDEX
+    from flea_diag.core.residual_rows import INDEX
 
     rows = run.rows.copy()
     rows[~seen.voltage_usable, INDEX["motor_voltage"]] = float("nan")

@@ -57,7 +57,7 @@ def draw(calibration: Calibration, traces: Sequence[Trace], folder: Path, kind: 
 
 
 def _panel(panel: Any, limit: ResidualLimit, trace: Trace, period_s: float) -> None:
-    from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS
+    from flea_diag.core.residual_rows import RESIDUAL_INDEX, RESIDUALS
 
     row = RESIDUALS[RESIDUAL_INDEX[limit.name]]
     window = limit.windows[len(limit.windows) // 2]
@@ -79,7 +79,7 @@ def windowed(limit: ResidualLimit, window: WindowLimit, trace: Trace) -> tuple[A
     NaN where nothing was tested. The limits are those of nominal scatter alone; what healthy
     units differ by comes on top in a diagnosis.
     """
-    from flea_diag.core.residual_bank import RESIDUAL_INDEX, RESIDUALS
+    from flea_diag.core.residual_rows import RESIDUAL_INDEX, RESIDUALS
     from flea_diag.core.window_limit import SPEED_REGIONS_M_S
 
     index = RESIDUAL_INDEX[limit.name]

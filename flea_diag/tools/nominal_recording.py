@@ -53,7 +53,7 @@ def _read(bag: Path) -> NominalRecording:
     import numpy as np
 
     from flea_diag.core.calibration import Run
-    from flea_diag.core.residual_bank import CHANNELS, INDEX
+    from flea_diag.core.residual_rows import CHANNELS, INDEX
 
     table, stamps, measured = _content(bag)
     if len(stamps) < 2 or table is None:
@@ -105,7 +105,7 @@ def _rows(channels: Sequence[str], values: Any) -> Any:
     """The columns that the residual bank knows, in its order; NaN for those that are not here."""
     import numpy as np
 
-    from flea_diag.core.residual_bank import CHANNELS, INDEX
+    from flea_diag.core.residual_rows import CHANNELS, INDEX
 
     rows = np.full((len(values), len(CHANNELS)), np.nan)
     for column, name in enumerate(channels):
