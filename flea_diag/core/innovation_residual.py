@@ -20,20 +20,17 @@ import numpy.typing as npt
 
 from flea_diag.core import noise_identification
 from flea_diag.core.calibration import Run
-from flea_diag.core.driven_model import STATES
-from flea_diag.core.observer_block import PREDICTED, Innovations
+from flea_diag.core.innovation_loops import SPEED, TESTED
+from flea_diag.core.observer_block import Innovations
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residual import UNIT_PARAMETERS
-from flea_diag.core.residual_rows import INNOVATION_CHANNELS, INNOVATION_INDEX
+from flea_diag.core.residual_rows import INNOVATION_INDEX
 from flea_diag.core.state_observer import StateObserver
 
 Array = npt.NDArray[np.float64]
 MakeObserver = Callable[[ActuatorParameters], StateObserver]
 """A fresh observer of an actuator with these parameters, always of the same seed."""
-
-_AT = np.array([PREDICTED.index(channel) for channel in INNOVATION_CHANNELS])
-_SPEED = STATES.index("speed_m_s")
 
 SEED = 1
 PIECES = 4
@@ -46,11 +43,11 @@ def normalised(told: Innovations) -> Array:
 
     Shape (scans, columns), order of ``INNOVATION_INDEX``; NaN where nothing was measured.
     """
-    sigma = told.sigmas.take(_AT, axis=1)
+    sigma = told.sigmas.take(TESTED, axis=1)
     sigma[~(sigma > 0.0)] = math.nan
     found = np.empty((len(sigma), len(INNOVATION_INDEX)))
-    np.divide(told.residuals.take(_AT, axis=1), sigma, out=found[:, ::2])
-    sign = np.copysign(1.0, told.means[:, _SPEED, None])
+    np.divide(told.residuals.take(TESTED, axis=1), sigma, out=found[:, ::2])
+    sign = np.copysign(1.0, told.means[:, SPEED, None])
     np.multiply(found[:, ::2], sign, out=found[:, 1::2])
     return found
 

@@ -25,23 +25,23 @@ ABSURD = 1.0e6
 """No channel of a test stand reads so much in SI units: not a measurement."""
 VOLTAGE, SPEED = MOVED.index("motor_voltage"), MOVED.index("motor_speed")
 
-_MOVED = np.array([INDEX[name] for name in MOVED])
-_INPUTS = np.array([INDEX["motor_voltage"], INDEX["load_force"]])
-_COMMAND = INDEX["commanded_voltage"]
-_DEGC = np.array(
+MOTION = np.array([INDEX[name] for name in MOVED])
+INPUTS = np.array([INDEX["motor_voltage"], INDEX["load_force"]])
+COMMAND = INDEX["commanded_voltage"]
+DEGC = np.array(
     [INDEX[name] for name in ("motor_temperature", "nut_temperature", "ambient_temperature")]
 )
 
-_P, _ALL = len(MOVED), len(PREDICTED)
-HEATED = 3 * _P + len(STATES) + 2
+P, ALL = len(MOVED), len(PREDICTED)
+HEATED = 3 * P + len(STATES) + 2
 """Where the two temperatures begin in a raw row, after the numbers of a filter's innovation."""
 RAW = HEATED + 8
 """Numbers of a raw row: for each temperature prediction, residual, sigma and estimate."""
 _HEAT = HEATED + 4 * np.arange(2)
-_ORDER = np.concatenate(
+ORDER = np.concatenate(
     [
-        *(np.concatenate([part * _P + np.arange(_P), _HEAT + part]) for part in range(3)),
-        3 * _P + np.arange(len(STATES)),
+        *(np.concatenate([part * P + np.arange(P), _HEAT + part]) for part in range(3)),
+        3 * P + np.arange(len(STATES)),
         _HEAT + 3,
         [HEATED - 2, HEATED - 1],
     ]
@@ -61,18 +61,24 @@ class Scans(NamedTuple):
     degc: Array
 
     @classmethod
+    def empty(cls, count: int) -> Scans:
+        """Room for so many scans."""
+        y, held = np.empty((2, count, len(MOTION)))
+        return cls(np.empty((count, len(INPUTS))), y, held, np.empty((count, len(DEGC))))
+
+    @classmethod
     def read(
-        cls, rows: Array, unmeasured: list[int], command: tuple[float, float], driving: Flags
+        cls, rows: Array, absent: Flags, command: tuple[float, float], driving: Flags
     ) -> Scans:
         """From rows of ``CHANNELS``; without a voltage ``command`` (offset, gain) gives it."""
         rows = np.where(np.abs(rows) < ABSURD, rows, np.nan)
-        y = rows.take(_MOVED, axis=1)
-        y[:, unmeasured] = np.nan
-        u = rows.take(_INPUTS, axis=1)
+        y = rows.take(MOTION, axis=1)
+        y[:, absent] = np.nan
+        u = rows.take(INPUTS, axis=1)
         lost = np.isnan(u[:, 0])
         if lost.any():
-            u[lost, 0] = command[0] + command[1] * rows[lost, _COMMAND]
-        return cls(u, y, np.where(driving, y, np.nan), rows.take(_DEGC, axis=1))
+            u[lost, 0] = command[0] + command[1] * rows[lost, COMMAND]
+        return cls(u, y, np.where(driving, y, np.nan), rows.take(DEGC, axis=1))
 
 
 class Innovations(NamedTuple):
@@ -85,8 +91,8 @@ class Innovations(NamedTuple):
     @classmethod
     def joined(cls, raw: Array, measured: npt.NDArray[np.int64], diverged: Flags) -> Innovations:
         """Motion and the independent temperatures in one, from raw rows; ``measured`` of motion."""
-        table = raw.take(_ORDER, axis=1)
-        warmth = table[:, _ALL + _P : 2 * _ALL] / table[:, 2 * _ALL + _P : 3 * _ALL]
+        table = raw.take(ORDER, axis=1)
+        warmth = table[:, ALL + P : 2 * ALL] / table[:, 2 * ALL + P : 3 * ALL]
         seen = warmth == warmth
         warmth[~seen] = 0.0
         table[:, -2] += (warmth * warmth).sum(axis=1)
@@ -95,27 +101,27 @@ class Innovations(NamedTuple):
     def scan(self, number: int) -> Innovation:
         """The one of a single scan."""
         measured, diverged = self.measured.item(number), self.diverged.item(number)
-        return Innovation(self.table[number], _ALL, measured, diverged)
+        return Innovation(self.table[number], ALL, measured, diverged)
 
     @property
     def predictions(self) -> Array:
         """Shape (n, channels)."""
-        return self.table[:, :_ALL]
+        return self.table[:, :ALL]
 
     @property
     def residuals(self) -> Array:
         """Shape (n, channels), NaN where nothing was measured."""
-        return self.table[:, _ALL : 2 * _ALL]
+        return self.table[:, ALL : 2 * ALL]
 
     @property
     def sigmas(self) -> Array:
         """Shape (n, channels), 0 where nothing was measured."""
-        return self.table[:, 2 * _ALL : 3 * _ALL]
+        return self.table[:, 2 * ALL : 3 * ALL]
 
     @property
     def means(self) -> Array:
         """Estimated states after each scan: of motion, then temperatures; shape (n, 6)."""
-        return self.table[:, 3 * _ALL : -2]
+        return self.table[:, 3 * ALL : -2]
 
     @property
     def nis(self) -> Array:

@@ -20,6 +20,8 @@ from flea_diag.core.driven_model import STATES, DrivenModel
 from flea_diag.core.kalman import KalmanFilter
 from flea_diag.core.observer_block import (
     HEATED,
+    MOTION,
+    ORDER,
     PREDICTED,
     RAW,
     SPEED,
@@ -27,6 +29,7 @@ from flea_diag.core.observer_block import (
     Innovations,
     Scans,
 )
+from flea_diag.core.observer_loops import READ, join_loops
 from flea_diag.core.observer_noise import ObserverNoise
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.particle_filter import ParticleFilter
@@ -132,8 +135,8 @@ class StateObserver:
         """What follows from the model's parameters."""
         p, model = self._model.parameters, self._model
         # The mean voltage is an input, and not every stand has an encoder.
-        absent = {VOLTAGE: not model.pwm, SPEED: p.encoder_m_per_rad == 0.0}
-        self._unmeasured = [channel for channel, is_absent in absent.items() if is_absent]
+        self._absent = np.zeros(len(MOTION), dtype=bool)
+        self._absent[VOLTAGE], self._absent[SPEED] = not model.pwm, p.encoder_m_per_rad == 0.0
         self._law = np.array(
             [
                 1.0 / model.resistance_ohm,
@@ -165,11 +168,8 @@ class StateObserver:
         frozen : bool
             Compare, but correct nothing.
         """
-        p = self._model.parameters
-        command = p.drive_offset_v, p.drive_gain
-        scans = Scans.read(rows, self._unmeasured, command, self._model.driving)
+        scans, measured = self._read(rows)
         raw, lost = np.empty((len(rows), RAW)), np.empty(len(rows), dtype=bool)
-        measured = np.isfinite(scans.y).sum(axis=1)
         done = 0
         while done < len(rows):
             if self._compiled and isinstance(self._filter, ParticleFilter):
@@ -183,7 +183,22 @@ class StateObserver:
             else:
                 self._one(scans, done, frozen, raw[done], lost)
                 done += 1
-        return Innovations.joined(raw, measured, lost)
+        if not self._compiled:
+            return Innovations.joined(raw, measured, lost)
+        table = np.empty((len(rows), len(ORDER)))
+        backends.exact(join_loops)(raw, measured, table)
+        return Innovations(table, measured, lost)
+
+    def _read(self, rows: Array) -> tuple[Scans, npt.NDArray[np.int64]]:
+        """What the filter takes, and how many channels of motion each scan has measured."""
+        p, driving = self._model.parameters, self._model.driving
+        command = p.drive_offset_v, p.drive_gain
+        if not self._compiled:
+            read = Scans.read(rows, self._absent, command, driving)
+            return read, np.isfinite(read.y).sum(axis=1)
+        scans, measured = Scans.empty(len(rows)), np.empty(len(rows), dtype=np.int64)
+        backends.exact(*READ)(rows, self._absent, command, driving, tuple(scans), measured)
+        return scans, measured
 
     def _track(
         self, particles: ParticleFilter, scans: Scans, first: int, frozen: bool, raw: Array

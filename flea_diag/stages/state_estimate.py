@@ -13,8 +13,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core import backend as backends
 from flea_diag.core import innovation_residual
 from flea_diag.core.calibration import Calibration
+from flea_diag.core.innovation_loops import told_loops
 from flea_diag.core.observer_block import PREDICTED, Innovations
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.residual_rows import INDEX, INNOVATION_COLUMNS
@@ -49,6 +51,7 @@ class StateEstimate:
         self._channels = tuple(name for name in PREDICTED if name in calibration.channels)
         self._at = np.array([PREDICTED.index(name) for name in self._channels], dtype=int)
         self._frozen = False
+        self._compiled = backends.chosen(backend) == "numba"
         self._pwm = calibration.voltage_sampling == "instant_pwm"
         self._observer: StateObserver | None = None
         if kind != NONE:
@@ -82,7 +85,15 @@ class StateEstimate:
             rows = rows.copy()
             rows[~voltage_usable, _VOLTAGE] = math.nan
         found = observer.follow(rows, frozen)
-        self._innovations(found, rows, frozen, values)
+        # A mean voltage that no command corroborates is an input on trust: its own error would
+        # read as an innovation. Raw PWM is a measurement among others.
+        testable = ~np.isnan(rows[:, _COMMAND]) | self._pwm
+        if self._compiled:
+            return self._follow(found, testable, frozen, values)
+        values[:, INNOVATION_COLUMNS] = math.nan
+        if not frozen:
+            tested = innovation_residual.normalised(found)
+            values[testable, INNOVATION_COLUMNS] = tested[testable]
         sigmas = found.sigmas.take(self._at, axis=1)
         sigmas[sigmas == 0.0] = math.nan
         health = np.empty((count, 3))
@@ -91,19 +102,15 @@ class StateEstimate:
         np.divide(found.nis, np.maximum(found.measured, 1), out=health[:, 1])
         return Told(self._channels, found.predictions.take(self._at, axis=1), sigmas, health)
 
-    def _innovations(self, found: Innovations, rows: Array, frozen: bool, values: Array) -> None:
-        """Fill in what may be tested.
-
-        A mean voltage that no command corroborates is an input on trust: its own error would
-        read as an innovation. Raw PWM is a measurement among others.
-        """
-        if frozen:
-            values[:, INNOVATION_COLUMNS] = math.nan
-            return
-        tested = innovation_residual.normalised(found)
-        if not self._pwm:
-            tested[np.isnan(rows[:, _COMMAND])] = math.nan
-        values[:, INNOVATION_COLUMNS] = tested
+    def _follow(
+        self, found: Innovations, testable: npt.NDArray[np.bool_], frozen: bool, values: Array
+    ) -> Told:
+        """The same in one compiled loop."""
+        count = len(testable)
+        estimates, sigmas = np.empty((2, count, len(self._at)))
+        told = estimates, sigmas, np.empty((count, 3))
+        backends.exact(told_loops)(tuple(found), testable, frozen, self._at, told, values)
+        return Told(self._channels, *told)
 
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Go on with other parameters (the offsets of this unit, once they are learned)."""
