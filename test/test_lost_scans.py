@@ -13,7 +13,7 @@ import pytest
 from decisions import BAGS
 
 from flea_diag.configuration import make_pipeline
-from flea_diag.stages.residual_stream import _parabola
+from flea_diag.stages.lost_scans import parabola
 from flea_diag.stages.stream_order import STARVING
 from flea_diag.tools.replay_summary import summarise
 from flea_diag.wire.bag import BagReader
@@ -72,7 +72,7 @@ def test_a_parabola_is_met_exactly() -> None:
         return np.array([2.0 - 3.0 * t + 0.5 * t * t])
 
     steps = np.array([[1.0], [2.0], [3.0]])
-    found = _parabola(steps, 4, (at(-1.0), at(0.0), at(4.0)))
+    found = parabola(steps, 4, (at(-1.0), at(0.0), at(4.0)))
     assert found.ravel() == pytest.approx([at(t)[0] for t in (1.0, 2.0, 3.0)])
 
 

@@ -13,6 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_state_observer import BACKENDS, HAVE_NUMBA, NOISE, P, recording
 
+from flea_diag.core import backend as backends
+from flea_diag.core.observer_block import HEATED, ORDER, RAW, Innovations, Scans
+from flea_diag.core.observer_loops import join_loops
 from flea_diag.core.residual_rows import CHANNELS, INDEX
 from flea_diag.core.state_observer import StateObserver
 
@@ -89,6 +92,25 @@ def test_both_backends_tell_the_same_of_a_block():
     one, two = (observer("optimal", backend).follow(rows) for backend in ("numpy", "numba"))
     np.testing.assert_allclose(one.table, two.table, rtol=1e-6, atol=1e-9)
     assert one.table.shape == (300, 29)
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="compares numba with numpy")
+@pytest.mark.parametrize("sampling", ["mean", "instant_pwm"])
+def test_what_goes_in_and_out_has_the_same_bits_compiled(sampling):
+    rows, made = eventful(), observer("optimal", "numba", sampling)
+    rows[500, INDEX["commanded_voltage"]] = math.inf
+    scans, measured = made._read(rows)
+    command = P.drive_offset_v, P.drive_gain
+    plain = Scans.read(rows, made._absent, command, made._model.driving)
+    assert [part.tobytes() for part in scans] == [part.tobytes() for part in plain]
+    assert measured.tolist() == np.isfinite(plain.y).sum(axis=1).tolist()
+    raw = np.random.default_rng(4).standard_normal((300, RAW))
+    raw[::7, HEATED + 1] = math.nan
+    lost, table = np.zeros(300, dtype=bool), np.empty((300, len(ORDER)))
+    joined = Innovations.joined(raw, measured[:300], lost)
+    backends.exact(join_loops)(raw, measured[:300], table)
+    assert table.tobytes() == joined.table.tobytes()
+    assert measured[:300].tolist() == joined.measured.tolist()
 
 
 @pytest.mark.parametrize(("kind", "backend"), FILTERS)

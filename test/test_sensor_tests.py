@@ -322,3 +322,35 @@ def test_a_spoilt_limit_is_refused_by_name(limits, key, value):
 def test_every_test_names_its_channel():
     assert channel_of("actuator_position") == "actuator_position"
     assert channel_of("motor_temperature_dropout") == "motor_temperature"
+
+
+@pytest.mark.parametrize("block", [1, 700, SCANS])
+def test_compiled_gives_the_bits_of_numpy(block):
+    """Two positions that move together, step, are held, clipped or missing."""
+    pytest.importorskip("numba")
+    names = ("motor_speed", "actuator_position", "load_position")
+
+    def recording(seed: int) -> np.ndarray:
+        found = encoded(seed)
+        return np.column_stack(
+            (found, found[:, 1] + 4e-6 * np.random.default_rng(seed).integers(-9, 9, SCANS))
+        )
+
+    runs = [dict(zip(names, recording(seed).T, strict=True)) for seed in range(8)]
+    learned = sensor_limits(runs, 0.1, 0.01)
+    rows = recording(20)
+    rows[800:, 1] += 0.01
+    rows[1200:, 1:] += 0.004
+    rows[1500:1560, 2] = rows[1500, 2]
+    rows[2000:2010, 1] = math.nan
+    tests = [SensorTests(learned, names, backend) for backend in ("numpy", "numba")]
+    stepped = 0
+    for test in tests:
+        test.bound("load_position", 0.0, 0.07)
+    for start in range(0, SCANS, block):
+        one, other = (test.step(rows[start : start + block]) for test in tests)
+        assert one.usable.tobytes() == other.usable.tobytes()
+        assert np.array_equal(one.z, other.z, equal_nan=True)
+        stepped += int((np.abs(one.z[:, 0]) > one.k[0]).sum())
+    assert stepped > 0
+    assert tests[0].stuck == tests[1].stuck != dict.fromkeys(names, 0)

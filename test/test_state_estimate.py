@@ -55,6 +55,16 @@ def test_readings_lie_in_the_band_of_the_estimate_as_often_as_sigma_says(kind):
     assert (ess == math.inf).all() if kind == "kalman" else (ess <= 200.0).all()
 
 
+def test_what_is_told_has_the_same_bits_compiled():
+    """The Kalman filter itself is not compiled; an episode freezes it."""
+    pytest.importorskip("numba")
+    one, other = (
+        residuals(jammed(), state_observer="kalman", observer_backend=backend)
+        for backend in ("numpy", "numba")
+    )
+    assert repr(one) == repr(other)
+
+
 def test_without_a_state_observer_the_relations_stay_as_they_are():
     scans = jammed()
     bare, full = residuals(scans, state_observer="none"), residuals(scans)

@@ -113,3 +113,8 @@ class ResidualRows:
 
     def __len__(self) -> int:
         return len(self.values)
+
+    def leave_out(self, scans: Flags, columns: list[int]) -> None:
+        """These residuals are not to be used in these scans."""
+        for column in columns:
+            self.values[scans, column] = np.nan

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from flea_diag.core.observer_block import PREDICTED
 from flea_diag.core.plausibility import VoltagePlausibility
 from flea_diag.core.position_step import SPAN
 from flea_diag.core.regressors import TEMPERATURES, regressors
-from flea_diag.core.residual import PARITIES, SPEED, UNIT_PARAMETERS
+from flea_diag.core.residual import SPEED, UNIT_PARAMETERS
 from flea_diag.core.residual_bank import ResidualBank
 from flea_diag.core.residual_rows import (
     CHANNELS,
@@ -31,6 +31,7 @@ from flea_diag.core.sensor_tests import SensorTests
 from flea_diag.core.shift_test import ShiftTest
 from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.core.unit_offsets import OffsetLearning
+from flea_diag.stages.lost_scans import THERMAL_COLUMNS, LostScans
 from flea_diag.stages.state_estimate import StateEstimate, Told
 from flea_diag.wire.records import ChannelTable, UnitOffset
 
@@ -44,11 +45,6 @@ ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
 POSITION = RESIDUAL_INDEX["actuator_position"]
 VOLTAGE_COLUMNS = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
 SPEED_COLUMNS = [j for j, row in enumerate(RESIDUALS) if SPEED in row.needs]
-FINE_COLUMNS = [RESIDUAL_INDEX["parity_speed"]]
-SPARSE_COLUMNS = [*(RESIDUAL_INDEX[row.name] for row in PARITIES), *INNOVATION_INDEX.values()]
-THERMAL_COLUMNS = [RESIDUAL_INDEX[name] for name in TEMPERATURES]
-MOST_FILLED = KERNEL_LENGTH // 2
-"""Lost scans in a kernel; with more of them it averages less noise than any limit counts on."""
 LEARNED = {
     "parity_mechanical": "current_offset_a",
     "parity_electrical": "voltage_offset_v",
@@ -109,13 +105,11 @@ class ResidualStream:
         self.offsets: tuple[UnitOffset, ...] = ()
         """What was learned of this unit, once it was."""
         self._speed_wait = 0
-        self._filled_wait = 0
-        self._filled: Flags = np.zeros(KERNEL_LENGTH - 1, dtype=bool)
+        self._lost = LostScans()
         self._sensors = SensorTests(c.sensors, CHANNELS, backend)
         self._shifts = ShiftTest(c.shifts, c.tolerances(), backend)
         self._period_ns = round(c.period_s * 1e9)
         self._last_ns = start_ns
-        self._last_rows: list[Array] = []
 
     def take_ranges(self, table: ChannelTable) -> None:
         """A reading that stands at the end of its range is clipped, not held."""
@@ -131,7 +125,7 @@ class ResidualStream:
 
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
-        self._last_rows = []
+        self._lost.interrupt()
         self._bank.interrupt()
         self._sensors.interrupt()
         self._estimate.interrupt()
@@ -171,24 +165,19 @@ class ResidualStream:
         before_ns = self._last_ns
         rows, sensors = self._test_sensors(stamps_ns, rows)
         lost = round((int(stamps_ns[0]) - before_ns) / self._period_ns) - 1
-        if lost > 0 and len(self._last_rows) == 2:
+        if lost > 0:
             self._fill(before_ns, lost, rows[0], frozen)
-        elif lost > 0:
-            self.interrupt()  # no line goes through a single scan
-        self._last_rows = [*self._last_rows, *rows[-2:]][-2:]
+        self._lost.remember(rows)
         return self._follow(stamps_ns, rows, sensors, frozen)
 
     def _fill(self, before_ns: int, count: int, row: Array, frozen: bool) -> None:
-        """Put so many lost scans on the parabola through their neighbours.
-
-        A kernel knows no time: without them it would read a lost scan as a faster motion. They
-        fill memories, and nothing is told of them.
-        """
-        steps = np.arange(1.0, count + 1.0)
-        filled = _parabola(steps[:, None], count + 1, (*self._last_rows, row))
-        self._filled_wait = KERNEL_LENGTH + count
+        """Follow rows in place of so many lost ones, or begin anew where there are none."""
+        filled = self._lost.filled(count, row)
+        if filled is None:
+            self.interrupt()
+            return
         nothing = np.full((count, len(self._sensors.k)), np.nan)
-        stamps_ns = before_ns + steps.astype(np.int64) * self._period_ns
+        stamps_ns = before_ns + np.arange(1, count + 1) * self._period_ns
         self._follow(stamps_ns, filled, nothing, frozen, read=False)
 
     def _follow(
@@ -203,9 +192,10 @@ class ResidualStream:
         seen = rows if read else np.where(_IS_PREDICTED, np.nan, rows)
         told = self._estimate.step(seen, usable, frozen, residuals.values)
         if not usable.all():
-            _leave_out(residuals, ~usable, VOLTAGE_COLUMNS)
+            residuals.leave_out(~usable, VOLTAGE_COLUMNS)
         self._distrust_speed(residuals)
-        self._distrust_filled(residuals, read)
+        if self._lost.leave_out(residuals, read):
+            self._estimate.interrupt()
         self._learn(residuals, int(stamps_ns[0]))
         found = self._regressors(rows, residuals)
         residuals.values[:, self._withheld] = np.nan
@@ -261,30 +251,8 @@ class ResidualStream:
         if not self._speed_wait and not jumped.any():
             return
         wrong = np.array([self._reads_wrong(jump) for jump in jumped.tolist()])
-        _leave_out(residuals, wrong, SPEED_COLUMNS)
+        residuals.leave_out(wrong, SPEED_COLUMNS)
         residuals.moving[wrong] = False
-
-    def _distrust_filled(self, residuals: ResidualRows, read: bool) -> None:
-        """Leave out what a line through lost scans would say otherwise than readings do.
-
-        A reading that was not smoothed has no value there; two sensors of the same speed agree
-        better than any line; a kernel with few readings is noisier than its limits know; and a
-        filter cannot bridge most of what it should have read.
-        """
-        if not self._filled_wait:
-            return
-        scans = len(residuals)
-        filled = np.concatenate((self._filled, np.full(scans, not read)))
-        self._filled = filled[scans:]
-        inside = np.lib.stride_tricks.sliding_window_view(filled, KERNEL_LENGTH).sum(axis=1)
-        starved = inside > MOST_FILLED
-        _leave_out(residuals, starved, SPARSE_COLUMNS)
-        if starved[-1]:
-            self._estimate.interrupt()
-        _leave_out(residuals, filled[-scans:], THERMAL_COLUMNS)
-        wrong = np.arange(scans) < self._filled_wait
-        _leave_out(residuals, wrong, FINE_COLUMNS)
-        self._filled_wait -= int(np.count_nonzero(wrong))
 
     def _reads_wrong(self, jumped: bool) -> bool:
         if jumped:
@@ -352,19 +320,3 @@ class ResidualStream:
         for number, column in enumerate(found):
             table[:, number] = column
         return table
-
-
-def _leave_out(residuals: ResidualRows, scans: Flags, columns: list[int]) -> None:
-    """These residuals are not to be used in these scans."""
-    for column in columns:
-        residuals.values[scans, column] = np.nan
-
-
-def _parabola(at: Array, ahead: int, rows: Sequence[Array]) -> Array:
-    """Values at ``at`` of the parabola through rows at -1, 0 and ``ahead`` (Lagrange)."""
-    before, last, following = rows
-    return np.asarray(
-        before * at * (at - ahead) / (1 + ahead)
-        - last * (at + 1) * (at - ahead) / ahead
-        + following * (at + 1) * at / ((ahead + 1) * ahead)
-    )
