@@ -14,6 +14,7 @@ from live import ROOT
 
 from flea_diag.core.residual_rows import RESIDUALS
 from flea_diag.wire.bag import read_bag
+from flea_diag.wire.joint_state import KURTOSIS
 from flea_diag.wire.records import ChannelTable, Scan
 from flea_diag.wire.topics import TOPIC_NAMED
 from flea_sim_driver.sensors import ACCELEROMETER_AXES
@@ -33,7 +34,8 @@ def wire_names() -> dict[str, tuple[str, ...]]:
     axes = [row.name for row in table.channels if row.name.startswith("accelerometer")]
     assert tuple(axes) == ACCELEROMETER_AXES
     parts = tuple(f"{row.name}{part}" for row in RESIDUALS for part in ("", "/z", "/threshold"))
-    return {"sensors/slow": scan.channels, "residual": parts, "vibration_level": tuple(axes)}
+    level = (*axes, *(axis + KURTOSIS for axis in axes))
+    return {"sensors/slow": scan.channels, "residual": parts, "vibration_level": level}
 
 
 def foxglove_paths() -> Iterator[tuple[str, str]]:

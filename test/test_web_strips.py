@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flea_diag.web.strips import KEPT_NS, STRETCH_NS, StripCharts
-from flea_diag.wire.records import ChannelInfo, ChannelTable, Residual, Scan
+from flea_diag.wire.records import ChannelInfo, ChannelTable, Residual, Scan, VibrationLevel
 
 PERIOD_NS = 10_000_000
 EACH = STRETCH_NS["channel"] // PERIOD_NS
@@ -84,3 +84,13 @@ def test_a_new_run_and_other_channels_begin_anew() -> None:
     assert charts.after("channel", -1) == []
     charts.take(scan(1, 1.0, names=("a",)))
     assert charts.generation == before + 2
+
+
+def test_vibration_shows_what_the_sentinel_hears() -> None:
+    charts = StripCharts()
+    charts.take(VibrationLevel(START_NS, ("x", "y"), (0.1, 0.2), (3.0, 9.0)))
+    charts.take(VibrationLevel(START_NS + STRETCH_NS["vibration"], ("x", "y"), (0.1, 0.2), (3, 3)))
+    names = [chart["name"] for chart in charts.description("vibration")]
+    assert names == ["x", "y", "x kurtosis", "y kurtosis"]
+    ((_, row),) = charts.after("vibration", -1)
+    assert row == [0.1, 0.1, 0.2, 0.2, 3.0, 3.0, 9.0, 9.0]

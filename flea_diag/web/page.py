@@ -31,7 +31,7 @@ NOTES = {
     "◆ a mark. What has passed its limit within a minute comes first; “all” shows the rest.",
     "channel": "Blue: measured; orange: the state observer's estimate, with a band of two standard "
     "deviations; ▼ a detection, ◆ a mark. From a detection on the estimate is no longer corrected.",
-    "vibration": "Standard deviation of each block; ▼ a detection, ◆ a mark.",
+    "vibration": "Standard deviation and kurtosis of each block; ▼ a detection, ◆ a mark.",
 }
 ORDER = (
     "answer", "group", "symbols", "residual", "causes", "tree", "episodes", "channel", "vibration",

@@ -115,7 +115,8 @@ class StripCharts:
             self._estimated = {name: (value, sigma) for name, value, sigma in rows}
             self._add("residual", record.stamp_ns, record.names, record.z, record.thresholds)
         elif isinstance(record, VibrationLevel):
-            self._add("vibration", record.stamp_ns, record.axes, record.std, ())
+            names = (*record.axes, *(axis + " kurtosis" for axis in record.axes if record.kurtosis))
+            self._add("vibration", record.stamp_ns, names, (*record.std, *record.kurtosis), ())
         elif isinstance(record, ChannelTable):
             units = {row.name: row.unit for row in record.channels}
             self.generation += units != self._units
