@@ -64,3 +64,25 @@ def test_a_model_adds_what_the_faulty_reading_adds(fault, change, sizes, residua
     (model,) = [m for m in sensor_models(P, commanded=False) if m.fault == fault]
     added = relation(P, read) - relation(P, true)
     np.testing.assert_allclose(effect(model, sizes, residual, read), added, atol=1e-9)
+
+
+def added(channel: str, factor: float) -> tuple[str, np.ndarray, Signals]:
+    """A residual, what a scaled reading of the channel adds to it, and all signals then."""
+    true = signals()
+    if channel in TEMPERATURES:  # what it should read is 30 degC in `effect`
+        return channel, np.full(N, 30.0 * factor - 30.0), true
+    field = READINGS[channel]
+    read = true._replace(**{field: factor * getattr(true, field)})
+    relation = PARITY_NAMED["parity_mechanical"].relation
+    return "parity_mechanical", relation(P, read) - relation(P, true), read
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.4, 1.6])
+@pytest.mark.parametrize("channel", [*READINGS, *TEMPERATURES])
+def test_any_scaling_from_0_6_to_1_6_lies_within_the_bounds_of_its_model(channel, factor):
+    residual, error, read = added(channel, factor)
+    (model,) = [m for m in sensor_models(P) if m.fault == f"{channel}_scaling"]
+    of_one = effect(model, (1.0,), residual, read)
+    size = float(of_one @ error / (of_one @ of_one))
+    np.testing.assert_allclose(size * of_one, error, atol=1e-9)
+    assert model.sizes[0].low - 1e-9 <= size <= model.sizes[0].high + 1e-9

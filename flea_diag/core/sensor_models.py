@@ -25,8 +25,9 @@ from flea_diag.core.fault_models import (
 from flea_diag.core.parameters import ActuatorParameters
 from flea_diag.core.thermal import CORRECTION_S
 
-# Scaling y = g y' with g in [0.6, 1.6]: the share 1 - 1/g of the reading that is wrong.
-SHARE_LOW, SHARE_HIGH = 1.0 - 1.0 / 0.6, 1.0 - 1.0 / 1.6
+# Scaling y = g y' with g in [0.6, 1.6]: the share of the reading that is wrong, or of the truth.
+SHARES_OF_READING = (1.0 - 1.0 / 0.6, 1.0 - 1.0 / 1.6)
+SHARES_OF_TRUTH = (0.6 - 1.0, 1.6 - 1.0)
 
 DRIFT_AGES_S = (0.3, 1.0, 2.0, 4.0, 8.0, 15.0)
 """How long a drift may have gone on when it is detected."""
@@ -37,8 +38,9 @@ class Reading:
     """One sensor: where its error goes, and the largest errors that count as its faults.
 
     ``gains`` and ``rates``: (residual, gain) of the error and of its rate. ``reading`` and
-    ``reading_rate``: regressors of its own signal. ``truth``: (residual, regressor, gain), what
-    is missing from each relation once the signal is dead.
+    ``reading_rate``: regressors of its own signal, of which a scaling adds one of ``shares``.
+    ``truth``: (residual, regressor, gain), what is missing from each relation once the signal is
+    dead.
     """
 
     channel: str
@@ -50,6 +52,7 @@ class Reading:
     truth: tuple[tuple[str, str, float], ...] = ()
     rates: tuple[tuple[str, float], ...] = ()
     reading_rate: str = ""
+    shares: tuple[float, float] = SHARES_OF_READING
 
 
 def readings(p: ActuatorParameters, commanded: bool = True) -> tuple[Reading, ...]:
@@ -166,7 +169,8 @@ def _temperatures(p: ActuatorParameters) -> tuple[Reading, ...]:
         "ambient_temperature": air,
     }
     return tuple(
-        Reading(name, "K", 60.0, 2.0, f"{name}_degc", gains) for name, gains in own.items()
+        Reading(name, "K", 60.0, 2.0, f"{name}_degc", gains, shares=SHARES_OF_TRUTH)
+        for name, gains in own.items()
     )
 
 
@@ -193,7 +197,7 @@ def _bias(row: Reading) -> FaultModel:
 
 
 def _scaling(row: Reading) -> FaultModel:
-    size = Size("scaling share", "1", SHARE_LOW, SHARE_HIGH)
+    size = Size("scaling share", "1", *row.shares)
     terms = _level(row, row.reading) + _rate(row, row.reading_rate)
     return FaultModel(f"{row.channel}_scaling", (size,), terms)
 
