@@ -217,6 +217,22 @@ def test_faults_defined_by_a_symptom_stay_when_it_shows():
     assert not gone & alive(isolation)
 
 
+@pytest.mark.parametrize(
+    ("deviating", "waits"), [("motor_temperature", False), ("actuator_position", True)]
+)
+def test_noise_that_stays_out_is_ruled_out_early_but_where_a_reading_jumped(deviating, waits):
+    isolation = fresh()
+    isolation.require(9, {deviating: "+"}, (), settled=False)
+    assert not {"load_force_noise", "motor_temperature_dropout"} & alive(isolation)
+    assert ("actuator_position_noise" in alive(isolation)) is waits
+    # To be quiet, or held, takes longer; to go on moving speaks against a dead sensor at once.
+    assert {"motor_temperature_dead", "actuator_position_dead"} <= alive(isolation)
+    isolation.require(10, {deviating: "+"}, ("actuator_position",), settled=False)
+    assert "actuator_position_dead" not in alive(isolation)
+    isolation.require(11, {deviating: "+"}, ())
+    assert not {"motor_temperature_dead", "actuator_position_noise"} & alive(isolation)
+
+
 def test_a_feature_leaves_what_it_names():
     isolation = fresh()
     isolation.believe(3, "accelerometer_2_std", "1", {"jam": 0.7, "spall": 0.3})

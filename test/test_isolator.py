@@ -190,6 +190,17 @@ def test_a_recording_that_ends_at_once_stays_detected():
     assert outcomes(diagnose(soon))[-1] is Outcome.DETECTED
 
 
+def test_a_second_tells_whose_drift_it_is():
+    drift = 0.8 * 0.01 * np.arange(1000)
+    out = diagnose(faulty_sensor("motor_temperature", lambda y: y + drift))
+    (detection,) = stands.of(Detection, out)
+    soon = detection.stamp_ns + S
+    group = [g for g in stands.of(AmbiguityGroup, out) if g.stamp_ns <= soon][-1]
+    assert group.outcome is Outcome.DETECTED
+    assert "motor_temperature_drift" in stands.members(group)
+    assert all(fault.startswith("motor_temperature") for fault in stands.members(group))
+
+
 def test_symbols_that_no_fault_unites_are_unexplained():
     stage, at = stands.isolator(), 25 * S
     out = clock(stage, 5.0, 25.05)

@@ -41,6 +41,9 @@ DEFINED_BY = {
     "dead": (("stuck", "+"), ("noise", "-")),
 }
 """Modes that such a test defines: without one of these symbols they are ruled out in time."""
+HEARD_AT_ONCE = ("noise", "dropout")
+"""Modes that the sensor's own test hears no later than any mean of a relation; that a reading
+has fallen quiet, or is held, takes longer."""
 MOTION_TELLS = ("actuator_position", "load_position", "motor_speed")
 """Channels whose death motion itself tells: a reading that goes on moving is not dead."""
 
@@ -182,11 +185,18 @@ class Isolation:
                 if residual in variant.row:
                     yield variant.row[residual]
 
-    def require(self, stamp_ns: int, symbols: Mapping[str, str], moved: Collection[str]) -> None:
+    def require(
+        self,
+        stamp_ns: int,
+        symbols: Mapping[str, str],
+        moved: Collection[str],
+        settled: bool = True,
+    ) -> None:
         """Drop faults whose defining symptom has stayed out, once there was time for it.
 
         Noise and dropout are changes of noise, a dead sensor reads a constant. ``symbols`` are
-        the magnitudes seen so far; ``moved`` the channels that moved since the detection.
+        the magnitudes seen so far; ``moved`` the channels that moved since the detection. Before
+        all is ``settled`` only those are dropped whose symptom would have come with the detection.
         """
         for hypothesis in self.alive():
             fault = hypothesis.fault
@@ -199,7 +209,8 @@ class Isolation:
             else:
                 words = f"{fault.channel} does not read as one with {fault.mode} would"
                 wanted = [symbol for _, symbol in defining]
-                ruled_out = bool(defining) and not any(map(str.__eq__, seen, wanted))
+                timely = settled or _heard(fault, symbols)
+                ruled_out = timely and bool(defining) and not any(map(str.__eq__, seen, wanted))
             if ruled_out:
                 found = Finding(stamp_ns, source, "".join(seen[:1]), "", False, words)
                 hypothesis.add(found)
@@ -250,6 +261,12 @@ class Isolation:
         weights = [math.exp(each - best) for each in evidence]
         for hypothesis, weight in zip(alive, weights, strict=True):
             hypothesis.probability = weight / sum(weights)
+
+
+def _heard(fault: Fault, symbols: Collection[str]) -> bool:
+    """Whether the sensor's own test is not behind what has deviated, as it is behind a jump."""
+    jumped = fault.channel in JUMP_RESIDUALS and fault.channel in symbols
+    return fault.mode in HEARD_AT_ONCE and not jumped
 
 
 def _own(fault: Fault, channels: Collection[str], symbol: str, what: str) -> FaultSignature:

@@ -26,7 +26,7 @@ MOVING_M_S = 0.010
 MOVED_SAMPLES = 50
 """So many scans in motion since the detection say that a channel still reads."""
 CONCLUSIVE_SAMPLES = 50
-"""Scans of evidence before likelihoods may drop anything."""
+"""Scans of evidence before likelihoods, or a symptom that stays out, may drop anything."""
 BOTH_WAYS_SAMPLES = 30
 """Scans in each direction of motion before parity residuals may decide by likelihood."""
 

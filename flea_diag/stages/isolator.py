@@ -17,7 +17,7 @@ from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.isolation import Isolation
 from flea_diag.core.operating_point import QUADRANTS
 from flea_diag.core.sentinel import Alarm
-from flea_diag.stages.episode import Episode, cause
+from flea_diag.stages.episode import CONCLUSIVE_SAMPLES, Episode, cause
 from flea_diag.stages.inquiry import Inquiry
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.merge import Merge
@@ -255,8 +255,10 @@ class IsolatorStage:
         waited = (stamp_ns - episode.start_ns) / 1e9 >= self._p.settle_s
         if waited or episode.moving >= self._p.settle_samples:
             episode.settled = True
-        if episode.settled and episode.symbols:
-            episode.isolation.require(stamp_ns, episode.magnitudes(), episode.moved_channels())
+        if episode.symbols and (episode.settled or episode.scans >= CONCLUSIVE_SAMPLES):
+            episode.isolation.require(
+                stamp_ns, episode.magnitudes(), episode.moved_channels(), episode.settled
+            )
         return self._go_on(stamp_ns)
 
     def _listen(self, stamp_ns: int) -> Iterable[Record]:
