@@ -19,8 +19,10 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "test")]
 INSTRUMENTED = ["flea_diag", "flea_sim_driver", "mcap", "yaml"]
-MOST_MB, MOST_S = 500, 5
-"""Beside what Python and its libraries take: so much memory, so long for one input."""
+MOST_MB, MOST_S = 500, 60
+"""Beside what Python and its libraries take: so much memory, so long for one input. That is on
+the clock, and a parser that is traced takes seconds for a long file on a busy machine; a reader
+that is only slow is found without a tracer, by its processor time."""
 LIBRARIES_MB = 300
 DONE = re.compile(r"Done (\d+) runs in (\d+) second")
 
