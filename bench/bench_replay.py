@@ -69,8 +69,7 @@ def main() -> None:
         for name, bag in runs.items():
             for kind, backend in KINDS:
                 quick, slow = compared(bag, kind, backend)
-                what = kind if kind != "particle" else f"{kind}, {backend}"
-                print(f"{name:14s}{what:20s}{quick:14.0f}{slow:10.0f}{quick / slow:8.1f}")
+                print(f"{name:14s}{kind + ', ' + backend:20s}{quick:14.0f}{slow:10.0f}{quick / slow:8.1f}")
 
 
 if __name__ == "__main__":
