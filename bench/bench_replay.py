@@ -69,7 +69,8 @@ def main() -> None:
         for name, bag in runs.items():
             for kind, backend in KINDS:
                 quick, slow = compared(bag, kind, backend)
-                print(f"{name:14s}{kind + ', ' + backend:20s}{quick:14.0f}{slow:10.0f}{quick / slow:8.1f}")
+                what = f"{kind}, {backend}"
+                print(f"{name:14s}{what:20s}{quick:14.0f}{slow:10.0f}{quick / slow:8.1f}")
 
 
 if __name__ == "__main__":

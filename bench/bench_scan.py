@@ -124,7 +124,8 @@ def main() -> None:
         for kind, backend in KINDS:
             singly, in_blocks = costs(bag, kind, backend)
             ratio = singly / in_blocks
-            print(f"{kind + ', ' + backend:20s}{singly * 1e6:18.1f}{in_blocks * 1e6:12.1f}{ratio:8.1f}")
+            name = f"{kind}, {backend}"
+            print(f"{name:20s}{singly * 1e6:18.1f}{in_blocks * 1e6:12.1f}{ratio:8.1f}")
         print(f"\nresident memory over {arguments.scans} scans (a day has {DAY_SCANS})")
         for fed, size in memory(bag, arguments.scans):
             print(f"{fed:10d} scans {size:8.1f} MB")
