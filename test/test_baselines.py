@@ -36,7 +36,7 @@ def test_without_vibration_no_feature_is_computed(jam: dict[str, Any]) -> None:
     assert jam["hybrid"]["features_computed"]
     assert jam["hybrid"]["ambiguity_group"] == ["jam"]
     assert jam["without_vibration"]["features_computed"] == []
-    assert jam["without_vibration"]["ambiguity_group"] == ["ball_nut_friction", "jam"]
+    assert set(jam["without_vibration"]["ambiguity_group"]) == {"ball_nut_friction", "jam"}
 
 
 def test_likelihoods_shrink_the_group_and_spare_features(jam: dict[str, Any]) -> None:

@@ -40,9 +40,10 @@ def faulty_sensor(channel: str, error, seconds: float = 20.0) -> list[Scan]:
     return stands.scans({**columns, channel: wrong})
 
 
-@lru_cache(maxsize=1)
-def jammed() -> tuple[Scan, ...]:
-    worse = ema.changed(coulomb=200.0, viscous=1500.0)
+@lru_cache(maxsize=2)
+def jammed(coulomb: float = 110.0, viscous: float = 3000.0) -> tuple[Scan, ...]:
+    """As on the FLEA, unless said otherwise."""
+    worse = ema.changed(coulomb=coulomb, viscous=viscous)
     return tuple(stands.scans(ema.noisy(ema.run(seconds=20.0, faulty=worse, onset_s=10.0), 60)))
 
 
@@ -97,6 +98,14 @@ def test_a_jam_cannot_be_told_from_friction_by_design():
         assert {e.source for e in member.evidence} >= {"parity_mechanical_dn"}
     assert len(group.members) + len(group.dropped) == len(stands.knowledge().faults)
     assert all(candidate.reason and candidate.probability == 0.0 for candidate in group.dropped)
+
+
+def test_a_drag_far_drier_than_the_real_jams_is_a_jam_without_any_vibration():
+    group = stands.verdict(diagnose(jammed(coulomb=200.0, viscous=1500.0)))
+    assert group.outcome is Outcome.ISOLATED
+    assert stands.members(group) == {"jam"}
+    (lost,) = (c for c in group.dropped if c.fault == "ball_nut_friction")
+    assert lost.reason.startswith("likelihood: less likely than the best by ")
 
 
 @lru_cache(maxsize=2)

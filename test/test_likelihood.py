@@ -206,6 +206,30 @@ def test_without_evidence_there_is_no_preference():
         assert all(math.isfinite(size) for size in fit.sizes)
 
 
+@pytest.mark.parametrize(
+    # Beside 45 N of its own, of which healthy units differ by 10; 65 N are the FLEA's jam.
+    ("dry_n", "viscous", "turning", "jammed"),
+    [(110.0, 0.0, False, True), (110.0, 0.0, True, True), (65.0, 2000.0, True, False)],
+)
+def test_lost_lubrication_neither_holds_the_shaft_nor_rubs_as_a_jam_does(
+    dry_n, viscous, turning, jammed
+):
+    from flea_diag.core.fault_models import plant_models
+    from flea_diag.core.parameters import ActuatorParameters
+
+    columns = window(5, 600)
+    columns["direction"] = np.sign(columns["speed_m_s"])
+    columns["speed_m_s"] = columns["speed_m_s"] * turning
+    y = np.stack((dry_n * columns["direction"] + viscous * columns["speed_m_s"], np.zeros(600)))
+    y[0] += 12.0 * np.random.default_rng(5).standard_normal(600)
+    models = plant_models(ActuatorParameters(coulomb_friction_n=45.0, load_friction_ratio=0.05))
+    best: dict[str, float] = {}
+    for fit in fits(evidence(y, columns), models):
+        best[fit.fault] = max(best.get(fit.fault, -math.inf), fit.log_likelihood)
+    behind = best["jam"] - best["ball_nut_friction"]
+    assert behind > 3.5 if jammed else behind == pytest.approx(0.0, abs=1e-6)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_the_sizes_of_a_jam_are_held_to_their_bounds_at_the_optimum(seed):
     from flea_diag.core.fault_models import plant_models

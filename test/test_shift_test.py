@@ -159,3 +159,19 @@ def test_compiled_gives_the_bits_of_numpy(block):
         assert one.shift.tobytes() == other.shift.tobytes()
         counted |= bool(np.isfinite(one.shift).any())
     assert counted
+
+
+@pytest.mark.parametrize("opener", [MECHANICAL, ELECTRICAL])
+def test_where_forces_alone_opened_an_episode_the_circuit_of_another_unit_says_nothing(opener):
+    """The drag may be that of a unit just switched in, whose winding is another, too."""
+    test = ShiftTest([LIMIT, ShiftLimit("parity_mechanical", 200, 2.0, 5.0)], [0.0] * UNITS)
+    made = rows(np.zeros(1000))
+    made.moving[:] = True
+    made.values[800:, opener] = 40.0
+    step(test, made)
+    test.turn(opened=True)
+    later = rows(np.full(3000, 40.0))
+    later.moving[:] = True
+    later.values[:, MECHANICAL] = 40.0
+    heard = {ELECTRICAL, MECHANICAL} if opener == ELECTRICAL else {MECHANICAL}
+    assert set(np.flatnonzero(step(test, later).deviating()[-1])) == heard

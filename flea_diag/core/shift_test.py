@@ -25,6 +25,8 @@ Flags = npt.NDArray[np.bool_]
 
 ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
 MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
+CIRCUIT = {ELECTRICAL, RESIDUAL_INDEX["parity_electrical_dn"]}
+"""Relations of the winding, by which a drag that comes with another unit must not be judged."""
 WITNESS = 2.0
 """Sigmas of the mechanical relation from which on it is a witness."""
 SHIFTING = tuple(RESIDUALS[j].name for j in SPREAD_ROWS)
@@ -68,8 +70,10 @@ class ShiftTest:
         """Where a shift is beyond its limit and no other test of its residual is, it counts.
 
         In an episode that no shift has opened it says nothing: the fault may have come with
-        another unit, whose level is another. A voltage that stands ``alone``, shape (n,), needs a
-        witness to open one, and says nothing in one that anything else has opened.
+        another unit, whose level is another. Nor does the circuit's where a shift of the forces
+        alone opened it: that drag, too, may be another unit's, with its winding. A voltage that
+        stands ``alone``, shape (n,), needs a witness to open one, and says nothing in one that
+        anything else has opened.
         """
         self._fired = []
         if self._open and not self._openers:
@@ -78,6 +82,8 @@ class ShiftTest:
         if not beyond and not alone.any():
             return
         for test, column in enumerate(self._columns.tolist()):
+            if self._open and column in CIRCUIT and CIRCUIT.isdisjoint(self._openers):
+                continue
             here = z[:, test]
             if "motor_voltage" in RESIDUALS[column].needs and alone.any():
                 here = np.where(alone[:, None], self._witnessed(here, column, results), here)

@@ -20,6 +20,10 @@ from flea_diag.wire.records import FeatureRequest, FeatureValue
 
 REVERSAL_NS = 2_000_000_000
 """So long a window with a reversal is waited for; half a period of the slowest usual motion."""
+RUBBING = frozenset(("jam", "ball_nut_friction"))
+CREEPING_RAD_S = 7.0
+"""From this root mean square speed on these two can be told apart, if need be: a jam often lets
+the shaft go no faster. That is taken once a whole such period gave no better window."""
 
 
 @dataclass
@@ -43,9 +47,11 @@ class Inquiry:
     _windows: int = 1
     _until_ns: int = 0
     _end_ns: int | None = None
+    _rubs: bool = False
 
     def plan(self, group: Mapping[str, float], chooser: FeatureChooser) -> None:
         """Choose what to ask for next, of this window or of a fresh one; `wanted` holds it."""
+        self._rubs = RUBBING.issuperset(group)
         self.wanted = chooser.next(group, self._tried) if len(group) > 1 else None
         if self.wanted or not self._answered or self._windows >= self.most_windows:
             return
@@ -68,7 +74,10 @@ class Inquiry:
         if self.wanted is None or self._end_ns is not None:
             return self.wanted is not None
         waited_ns = stamp_ns - self.window_ns - self.since_ns
-        return waited_ns >= 0 and pace.is_moving and (waited_ns >= REVERSAL_NS or pace.reverses)
+        if self._rubs and waited_ns >= 2 * REVERSAL_NS:
+            return pace.reaches(CREEPING_RAD_S)
+        turns = waited_ns >= REVERSAL_NS or pace.reverses
+        return waited_ns >= 0 and turns and pace.reaches(MOVING_RAD_S)
 
     def is_open(self, stamp_ns: int, patience_ns: int) -> bool:
         """Whether an answer, or a window to ask about, is still waited for."""
@@ -113,11 +122,10 @@ class Pace:
         while self._scans[0][0] <= stamp_ns - self.window_ns:
             self._scans.popleft()
 
-    @property
-    def is_moving(self) -> bool:
-        """Whether the shaft turned as in the windows learned from; true where nothing says."""
+    def reaches(self, speed_rad_s: float) -> bool:
+        """Whether the shaft turned so fast, root mean square; true where nothing says."""
         known = [speed * speed for _, speed, _ in self._scans if math.isfinite(speed)]
-        return not known or math.fsum(known) / len(known) >= MOVING_RAD_S**2
+        return not known or math.fsum(known) / len(known) >= speed_rad_s**2
 
     @property
     def reverses(self) -> bool:
