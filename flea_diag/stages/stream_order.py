@@ -59,7 +59,8 @@ class StreamOrder:
         self._gap_scans = gap_scans
         self._counters = dict.fromkeys(("samples", *WORDS), 0)
         self._seen: deque[int] = deque(maxlen=2 + BACK_NS // period_ns)
-        self._spans: deque[int] = deque(maxlen=ACCOUNTED)
+        self._places: deque[int] = deque([0], maxlen=1 + ACCOUNTED)
+        """Periods from the first scan to each of the last ones, stops left out."""
         self._elsewhere_ns = 0
         self._followers = 0
         self._said_ns = 0
@@ -80,7 +81,7 @@ class StreamOrder:
             return self._pass_over(stamp_ns)
         missing = round(ahead_ns / self._period_ns) - 1
         self._counters["lost"] += max(missing, 0)
-        self._spans.append(missing + 1 if missing < ACCOUNTED else 1)
+        self._places.append(self._places[-1] + (missing + 1 if missing < ACCOUNTED else 1))
         self.last_ns = stamp_ns
         self._seen.append(stamp_ns)
         return Place.AFTER_GAP if missing >= self._gap_scans else Place.NEXT
@@ -140,7 +141,8 @@ class StreamOrder:
         """Take scans that ``leading`` has found to be in order."""
         self._followers = 0
         self._counters["samples"] += len(stamps_ns)
-        self._spans.extend([1] * min(len(stamps_ns), ACCOUNTED))
+        place = self._places[-1]
+        self._places.extend(range(place + 1, place + 1 + len(stamps_ns)))
         self.last_ns = int(stamps_ns[-1])
         self._seen.extend(stamps_ns[-(self._seen.maxlen or 0) :].tolist())
 
@@ -155,7 +157,7 @@ class StreamOrder:
     @property
     def starved(self) -> bool:
         """Whether more than half of the scans of the last seconds could not be used."""
-        return sum(self._spans) > STARVED
+        return self._places[-1] - self._places[0] > STARVED
 
     @property
     def unsaid(self) -> bool:
