@@ -205,18 +205,32 @@ def test_order_tracking_names_the_nut_through_a_simulated_sweep(
     assert names == [line] * 4
 
 
-def test_of_a_jam_that_stops_the_actuator_the_verdict_says_that_motion_would_split_it() -> None:
-    """No feature was ever computed: it is not the sensors that cannot."""
-    made = records(
+def jammed(size: float) -> tuple[Record, ...]:
+    """A jam at 8 s, on a stand with accelerometers."""
+    return records(
         motion={"kind": "sine", "amplitude_m": 0.018, "frequency_hz": 0.5},
         duration_s=15.0,
         sensors={},
-        **fault("jam", 8.0, size=3.0),
+        **fault("jam", 8.0, size=size),
     )
+
+
+def verdict_without(kinds: tuple[type, ...], made: tuple[Record, ...]) -> AmbiguityGroup:
     pipeline = make_pipeline(None)
-    out = [caused for r in made if not isinstance(r, Truth) for caused in pipeline.handle(r)]
-    group = last([*out, *pipeline.finish()])
-    assert [member.fault for member in group.members] == ["ball_nut_friction", "jam"]
+    out = [caused for r in made if not isinstance(r, kinds) for caused in pipeline.handle(r)]
+    return last([*out, *pipeline.finish()])
+
+
+def test_a_jam_that_all_but_stops_the_actuator_is_called() -> None:
+    """What still creeps gives windows enough where it is this or lost lubrication."""
+    group = verdict_without((Truth,), jammed(3.0))
+    assert [member.fault for member in group.members] == ["jam"]
+
+
+def test_where_no_feature_could_be_computed_the_verdict_says_that_one_would_split() -> None:
+    """The accelerometers are there and say nothing: it is not the sensors that cannot."""
+    group = verdict_without((Truth, VibrationBlock), jammed(1.0))
+    assert {member.fault for member in group.members} == {"ball_nut_friction", "jam"}
     assert group.features_computed == ()
     assert "not split yet: features of vibration would" in group.words
     assert "by design" not in group.words

@@ -44,6 +44,8 @@ DEFINED_BY = {
 HEARD_AT_ONCE = ("noise", "dropout")
 """Modes that the sensor's own test hears no later than any mean of a relation; that a reading
 has fallen quiet, or is held, takes longer."""
+TWINS = ("parity_speed", "parity_kinematic")
+"""Relations of two sensors of one motion: they hear either of them before its own test does."""
 MOTION_TELLS = ("actuator_position", "load_position", "motor_speed")
 """Channels whose death motion itself tells: a reading that goes on moving is not dead."""
 
@@ -264,9 +266,9 @@ class Isolation:
 
 
 def _heard(fault: Fault, symbols: Collection[str]) -> bool:
-    """Whether the sensor's own test is not behind what has deviated, as it is behind a jump."""
+    """Whether the sensor's own test is not behind what has deviated: a jump of it, or a twin's."""
     jumped = fault.channel in JUMP_RESIDUALS and fault.channel in symbols
-    return fault.mode in HEARD_AT_ONCE and not jumped
+    return fault.mode in HEARD_AT_ONCE and not jumped and not any(t in symbols for t in TWINS)
 
 
 def _own(fault: Fault, channels: Collection[str], symbol: str, what: str) -> FaultSignature:
