@@ -209,7 +209,7 @@ def jammed(size: float) -> tuple[Record, ...]:
     """A jam at 8 s, on a stand with accelerometers."""
     return records(
         motion={"kind": "sine", "amplitude_m": 0.018, "frequency_hz": 0.5},
-        duration_s=15.0,
+        duration_s=28.0,
         sensors={},
         **fault("jam", 8.0, size=size),
     )
