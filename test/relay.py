@@ -21,6 +21,8 @@ BATCH = 20
 """Messages under way at once; far fewer than a reader's queue holds, so that DDS loses none."""
 RESTARTS = ("set_back",)
 """After these a live diagnosis begins a new run, and counts from there."""
+STILL_HELD = {"two_clocks": {"elsewhere": 1}}
+"""What jumps back waits for what comes next, and after the last there is nothing."""
 END_S = 10.0
 """For the last counters; what restarts the diagnosis never counts all."""
 ECHO_S = 0.3
@@ -42,6 +44,8 @@ def relayed(name: str, seed: int, domain: int) -> lossy.Passed:
         relay.bus.wait_until(lambda: _counted(relay) == sent, END_S)
     if name in RESTARTS:
         spoilt.expected = {}
+    for counter, scans in STILL_HELD.get(name, {}).items():
+        spoilt.expected[counter] -= scans
     return lossy.judged(name, seed, spoilt, relay.records)
 
 
