@@ -17,8 +17,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
-import yaml
-
 from flea_diag.core import calibration as calibrations
 from flea_diag.core.actuator import actuator as read_actuator
 from flea_diag.core.calibration import Calibration
@@ -38,6 +36,7 @@ from flea_diag.stages.observer import ObserverParameters, ObserverStage
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import Scan, VibrationBlock
+from flea_diag.wire.yaml_text import parse_yaml
 
 LARGEST_YAML_BYTES = 1 << 20
 WARM_UP_SCANS = 60
@@ -93,10 +92,9 @@ def load_yaml(name_or_path: str | Path) -> Any:
 
 def _parsed(text: str, path: Path) -> Any:
     try:
-        return yaml.safe_load(text)
-    except _UNREADABLE as error:
-        words = " ".join(str(error).split())[:300]
-        raise ConfigurationError(f"{path}: not a YAML file: {words}") from error
+        return parse_yaml(text)
+    except ValueError as error:
+        raise ConfigurationError(f"{path}: not a YAML file: {error}") from error
 
 
 def found_file(name_or_path: str | Path) -> Path:
@@ -125,10 +123,6 @@ def _text(path: Path) -> str:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: not a text file: {error}") from error
-
-
-# Beside its own errors the parser lets through what Python makes of a date, number or tag.
-_UNREADABLE = (yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError)
 
 
 def load_calibration(path: str | Path) -> Calibration:

@@ -8,10 +8,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from flea_diag.errors import ConfigurationError
 from flea_diag.wire.parameters import build
+from flea_diag.wire.yaml_text import parse_yaml
 from flea_sim_driver.feasibility import checked_scenario
 from flea_sim_driver.flight import Flight, read_flight
 from flea_sim_driver.settings import FaultSetting, Load, Motion, Run, Sensors, Switch
@@ -66,6 +65,7 @@ def scenario_from_mapping(values: Mapping[str, Any], where: str, folder: Path = 
     ConfigurationError
         Unknown key, wrong type, value out of its limits, or a run that the stand cannot follow.
     """
+    values = _mapping(values, where, "the file")
     plain = {k: v for k, v in values.items() if k not in SECTIONS and k != "faults"}
     sections: dict[str, Any] = {
         name: build(kind, _mapping(values.get(name, {}), where, name), f"{where}: {name}")
@@ -161,13 +161,10 @@ def load_scenario(path: Path) -> Scenario:
             raise ConfigurationError(
                 f"{path}: {path.stat().st_size} bytes, the limit is {FILE_LIMIT_BYTES}"
             )
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+        values = parse_yaml(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path}: cannot be read: {error}") from error
-    except (yaml.YAMLError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise ConfigurationError(f"{path}: not valid YAML: {reason}") from error
-    if values is None:
-        values = {}
+    except ValueError as error:
+        raise ConfigurationError(f"{path}: not valid YAML: {error}") from error
     where = str(path)
-    return scenario_from_mapping(_mapping(values, where, "the file"), where, path.parent)
+    return scenario_from_mapping({} if values is None else values, where, path.parent)

@@ -38,7 +38,7 @@ from flea_diag.wire.records import (
 )
 from flea_diag.wire.scan_columns import scan_block
 from flea_diag.wire.topics import TOPIC_NAMED
-from flea_sim_driver.scenario import scenario_from_mapping
+from flea_sim_driver.scenario import load_scenario, scenario_from_mapping
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "winding_short"
 ODD = (
@@ -132,6 +132,8 @@ def as_text(target: Target) -> Target:
     return Target(target.name, read, tuple(yaml.safe_dump(s).encode() for s in target.seeds))
 
 
+SCENARIO = "scenarios/winding_short.yaml"
+
 # --- the readers ------------------------------------------------------------------------
 
 
@@ -159,6 +161,10 @@ def _read_bag(content: bytes) -> object:
 
 def _read_yaml(content: bytes) -> object:
     return configuration.load_yaml(_file("damaged.yaml", content))
+
+
+def _read_scenario(content: bytes) -> object:
+    return load_scenario(_file("damaged.yaml", content))
 
 
 def _read_catalogue(content: Any) -> object:
@@ -208,9 +214,10 @@ def targets() -> tuple[Target, ...]:
     found.append(Target("importer", _read_data, (_data_text(),)))
     texts = {name: configuration.config_path(name) for name in (
         "actuator.yaml", "faults.yaml", "feature_table.yaml", configuration.CALIBRATION,
-        "scenarios/winding_short.yaml", "campaigns/small.yaml",
+        SCENARIO, "campaigns/small.yaml",
     )}  # fmt: skip
     found.append(Target("yaml text", _read_yaml, tuple(p.read_bytes() for p in texts.values())))
+    found.append(Target("scenario text", _read_scenario, (texts[SCENARIO].read_bytes(),)))
     trees = {name: yaml.safe_load(path.read_bytes()) for name, path in texts.items()}
     values = {d.name: d.default for d in parameters.descriptors(configuration.DIAGNOSER.parameters)}
     readers: dict[str, tuple[Callable[[Any], object], Any]] = {
@@ -223,7 +230,7 @@ def targets() -> tuple[Target, ...]:
             lambda tree: calibration.from_mapping(tree, "x"), trees[configuration.CALIBRATION],
         ),
         "scenario": (
-            lambda tree: scenario_from_mapping(tree, "x"), trees["scenarios/winding_short.yaml"],
+            lambda tree: scenario_from_mapping(tree, "x"), trees[SCENARIO],
         ),
         "campaign": (
             lambda tree: campaign_from_mapping(tree, "x"), trees["campaigns/small.yaml"],

@@ -109,6 +109,8 @@ def test_any_mapping_is_a_scenario_or_one_clear_refusal(values: dict[str, Any]) 
         b"\xff\xfe\x00",
         b"!!python/object/apply:os.getcwd []",
         b"name: " + b"x" * 2**21,
+        b"seed: 2020-13-45",
+        b"seed: 0x_",
     ],
 )
 def test_a_bad_file_is_named(tmp_path: Path, content: bytes) -> None:

@@ -16,6 +16,7 @@ from flea_diag.wire import bag_layout as layout
 from flea_diag.wire.bag_layout import TopicEntry
 from flea_diag.wire.bag_segment import BagSegment
 from flea_diag.wire.mcap_scan import Channel, McapScan, Message
+from flea_diag.wire.yaml_text import parse_yaml
 
 NAME = "recover"
 SUMMARY = "write a truncated bag anew, with summary, index and metadata.yaml"
@@ -166,8 +167,8 @@ def _entry(channel: Channel) -> TopicEntry:
     else:
         entry = TopicEntry(channel.message, "", [])
     try:
-        profiles = yaml.safe_load(known.get("offered_qos_profiles", ""))
-    except (yaml.YAMLError, RecursionError):
+        profiles = parse_yaml(known.get("offered_qos_profiles", ""))
+    except ValueError:
         profiles = None
     qos = profiles if isinstance(profiles, list) else entry.qos
     return TopicEntry(channel.message, known.get("topic_type_hash", entry.type_hash), qos)

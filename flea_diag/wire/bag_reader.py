@@ -11,8 +11,6 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from flea_diag.errors import RecordingError, WireError
 from flea_diag.wire.bag_layout import (
     METADATA_FILE,
@@ -26,6 +24,7 @@ from flea_diag.wire.mcap_scan import Channel, McapScan, Message
 from flea_diag.wire.records import Record, Scan
 from flea_diag.wire.scan_columns import scan_block
 from flea_diag.wire.topics import TOPIC_OF, Topic
+from flea_diag.wire.yaml_text import parse_yaml
 
 BLOCK_SCANS = 1024
 _METADATA_LIMIT_BYTES = 1 << 20
@@ -268,10 +267,10 @@ def described(path: Path, losses: list[str]) -> dict[str, Any]:
     try:
         if file.stat().st_size > _METADATA_LIMIT_BYTES:
             raise ValueError(f"above its limit of {_METADATA_LIMIT_BYTES} bytes")
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        content = parse_yaml(file.read_text(encoding="utf-8"))
         return dict(content["rosbag2_bagfile_information"])
     except FileNotFoundError:
         losses.append(f"{METADATA_FILE} is missing")
-    except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError) as error:
+    except (OSError, ValueError, TypeError, KeyError) as error:
         losses.append(f"{METADATA_FILE} is unreadable ({type(error).__name__})")
     return {}
