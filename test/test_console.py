@@ -73,12 +73,19 @@ def words(pilot: Any) -> str:
     return html.unescape(re.sub(r"<[^>]+>", "\n", svg)).replace("\xa0", " ")
 
 
+async def shown(pilot: Any, text: str) -> str:
+    """Everything on the screen, once it holds ``text``: a busy machine draws late."""
+    deadline_s = time.monotonic() + 30.0
+    while text not in words(pilot):
+        assert time.monotonic() < deadline_s, f"no {text!r} on the screen:\n{words(pilot)}"
+        await pilot.pause(0.05)
+    return words(pilot)
+
+
 def test_the_screen_has_the_verdict_the_group_and_the_alarm(desk: Desk) -> None:
     async def act(pilot: Any) -> None:
-        await pilot.pause(0.3)
-        text = words(pilot)
+        text = await shown(pilot, "POSSIBLE (3)")
         assert "VERDICT  WARN  DETECTED  words" in text
-        assert "POSSIBLE (3)" in text
         assert "NEW" in text
         assert "z = 6.5, limit 5" in text
 
@@ -113,8 +120,7 @@ def test_a_mark_is_of_the_moment_of_its_key_and_not_of_its_last_word(desk: Desk)
         await pilot.press("m", *"loa")
         desk.take(Scan(START + 9000, ("motor_current",), (0.0,)))
         await pilot.press(*"d", "enter")
-        await pilot.pause()
-        assert "MARKS  1 kept" in words(pilot)
+        await shown(pilot, "MARKS  1 kept")
 
     piloted(desk, act)
     assert [mark.stamp_ns for mark in desk.state.marks] == [START + 1000]
@@ -126,8 +132,7 @@ def test_inject_asks_and_says_what_came_of_it(desk: Desk) -> None:
     async def act(pilot: Any) -> None:
         assert "Inject" in words(pilot)
         await pilot.press("i", *"jam:0.5", "enter")
-        await pilot.pause(0.3)
-        assert "not injected: there is no node daq here" in words(pilot)
+        await shown(pilot, "not injected: there is no node daq here")
         await pilot.press("i", *"clear", "enter")
         await pilot.pause()
 
