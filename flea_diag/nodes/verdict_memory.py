@@ -16,6 +16,7 @@ from flea_diag.nodes.state_folder import state_folder
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.codec import decode, encode
 from flea_diag.wire.records import AmbiguityGroup
+from flea_diag.wire.whole_file import replace_file
 
 LARGEST_BYTES = 1 << 20
 NONE = "none"
@@ -56,11 +57,9 @@ class VerdictMemory:
         """Put this verdict in place of the last one: a reader sees the one or the other."""
         if not self._used:
             return
-        fresh = self._path.with_suffix(".new")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            fresh.write_bytes(encode(group))
-            fresh.replace(self._path)
+            replace_file(self._path, encode(group))
         except OSError as error:
             self._used = False
             self._bus.warn(

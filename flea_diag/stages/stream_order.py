@@ -181,8 +181,7 @@ class StreamOrder:
         """The stream as a row of DataQuality."""
         counted = tuple(self._counters.items())
         words = "; ".join(f"{self._counters[k]} {w}" for k, w in WORDS.items() if self._counters[k])
+        quality = Quality.GOOD
         if self.starved:
-            return ChannelQuality(
-                STREAM, Quality.BAD, self.first_ns or 0, f"{STARVING}; {words}", counted
-            )
-        return ChannelQuality(STREAM, Quality.GOOD, self.first_ns or 0, words, counted)
+            quality, words = Quality.BAD, f"{STARVING}; {words}"
+        return ChannelQuality(STREAM, quality, self.first_ns or 0, words, counted)

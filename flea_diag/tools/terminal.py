@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.wire.whole_file import replace_file
 
 IN_PART = 1
 """Exit status of a batch of which something was refused or lost."""
@@ -52,12 +53,7 @@ def write_text(path: Path, text: str) -> None:
         When the file cannot be written.
     """
     with writing(path):
-        # A pipe or a device is written to; a file in its place would take it from everybody.
-        in_place = path.exists() and not path.is_file()
-        fresh = path if in_place else path.with_name(f".{path.name}.new")
-        fresh.write_text(text, encoding="utf-8")
-        if not in_place:
-            fresh.replace(path)
+        replace_file(path, text.encode())
 
 
 def write_json(target: str, content: Any) -> None:

@@ -17,6 +17,7 @@ import yaml
 
 from flea_diag.errors import RecordingError
 from flea_diag.wire.topics import TOPICS, Topic
+from flea_diag.wire.whole_file import replace_file
 
 VERSION = 9
 DISTRIBUTION = "jazzy"
@@ -191,9 +192,5 @@ def _topic_metadata(name: str, entry: TopicEntry) -> dict[str, Any]:
 
 def replace_metadata(directory: Path, content: dict[str, Any]) -> None:
     """Write metadata.yaml in one step: a reader finds the old one or the new one."""
-    fresh = directory / f".{METADATA_FILE}"
-    with fresh.open("w", encoding="utf-8") as stream:
-        yaml.safe_dump({"rosbag2_bagfile_information": content}, stream, sort_keys=False)
-        stream.flush()
-        os.fsync(stream.fileno())
-    fresh.replace(directory / METADATA_FILE)
+    text: str = yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
+    replace_file(directory / METADATA_FILE, text.encode(), durable=True)

@@ -1,0 +1,26 @@
+"""Files that are replaced in one step: a reader finds the old one or the new one."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def replace_file(path: Path, content: bytes, *, durable: bool = False) -> None:
+    """Write a file whole; ``durable`` waits until it would outlive a power cut.
+
+    Raises
+    ------
+    OSError
+        When it cannot be written; the old one is still there then.
+    """
+    # A pipe or a device is written to; a file in its place would take it from everybody.
+    in_place = path.exists() and not path.is_file()
+    fresh = path if in_place else path.with_name(f".{path.name}.new")
+    with fresh.open("wb") as file:
+        file.write(content)
+        if durable:
+            file.flush()
+            os.fsync(file.fileno())
+    if not in_place:
+        fresh.replace(path)
