@@ -134,7 +134,10 @@ class Browser:
         return self.driver.execute_cdp_cmd(name, arguments)
 
     def _page(self) -> str:
-        return str(self.run("document.body.innerText"))[:1500]
+        """What people would tell of it: where the focus is, what lies above, and the page."""
+        focus = self.run("document.activeElement.outerHTML.slice(0, 200)")
+        above = self.run("[...document.querySelectorAll('.q-dialog')].map(e => e.innerText)")
+        return f"focus: {focus}\ndialogs: {above}\n{self.run('document.body.innerText')}"[:2000]
 
 
 def _scheme(url: str) -> str:

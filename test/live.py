@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from flea_diag.nodes.children import end_with_parent
+from flea_diag.nodes.live_run import discovery
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMIT_S = 60.0
@@ -20,11 +21,14 @@ LIMIT_S = 60.0
 
 
 def environment(domain: int, **more: str) -> dict[str, str]:
-    """Environment of a process in a domain of its own, on this machine only."""
+    """Environment of a process in a domain of its own, on this machine only.
+
+    As ``scripts/run`` has it: many a test kills a node, which may spoil shared memory for the rest.
+    """
     return {
         **os.environ,
+        **discovery(),
         "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "PYTHONPATH": str(ROOT),
         "PYTHONUNBUFFERED": "1",
         **more,
@@ -126,7 +130,7 @@ class Peer:
     def __init__(self, domain: int, namespace: str = "", name: str = "peer") -> None:
         from flea_diag.wire.bus import guest
 
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        os.environ.update(discovery())
         self._guest = guest(name, domain, namespace)
         self.records: list[Any] = []
 

@@ -6,15 +6,16 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
-from live import ROOT, Peer, Process, node
+from live import ROOT, Process, node
 
 from flea_diag.configuration import config_path
-from flea_diag.wire.records import AmbiguityGroup, Outcome
+from flea_diag.nodes.live_run import discovery
 from flea_diag.wire.topics import TOPICS
 
 PROFILE = config_path("security/loopback.xml")
 POLICY = config_path("security/policy.xml")
 LOOPBACK = "127.0.0.1"
+NO_PROFILE = {"FASTRTPS_DEFAULT_PROFILES_FILE": ""}
 DEFAULT = {"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"}
 NODES = sorted(path.name for path in (ROOT / "launcher").iterdir() if not path.suffix)
 
@@ -41,7 +42,7 @@ def test_no_node_shares_memory_unless_it_is_asked_to(
     """A reader that is killed may spoil that memory for all who are left."""
     pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
     console = node("flea_diag.nodes.console", "-p", "style:=lines")
-    alone = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", **transports}
+    alone = {**NO_PROFILE, "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", **transports}
     with Process(console, domain, **alone) as process:
         process.wait_for("no verdict yet")
         assert bool(segments(process.child.pid)) == shared
@@ -49,10 +50,9 @@ def test_no_node_shares_memory_unless_it_is_asked_to(
 
 def test_with_the_profile_every_socket_is_on_loopback_and_the_verdict_arrives(domain: int) -> None:
     pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
-    profile = {
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(PROFILE),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
-    }
+    profile = discovery()
+    assert profile["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(PROFILE)
+    without = {**NO_PROFILE, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     console = node("flea_diag.nodes.console", "-p", "style:=lines")
     daq = node(
         "flea_sim_driver.daq_node", "-p", "duration_s:=30.0", "-p", "wait_for_subscribers:=1"
@@ -61,15 +61,15 @@ def test_with_the_profile_every_socket_is_on_loopback_and_the_verdict_arrives(do
         Process(console, domain, **profile) as screen,
         Process(node("flea_diag.nodes.diagnoser"), domain, **profile) as diagnoser,
         Process(daq, domain, **profile) as stand,
-        Peer(domain) as outside,
+        Process(console, domain, **without) as outside,
     ):
         screen.wait_for("NOMINAL", limit_s=40.0)
         for process in (screen, diagnoser, stand):
             assert udp_addresses(process.child.pid) == {LOOPBACK}
             assert not segments(process.child.pid)
         # Who has no such profile is still told, on this machine.
-        outside.listen(AmbiguityGroup)
-        outside.find(lambda record: record.outcome is Outcome.NOMINAL)
+        outside.wait_for("NOMINAL", limit_s=40.0)
+        assert LOOPBACK not in udp_addresses(outside.child.pid)
 
 
 def profiles() -> dict[str, ET.Element]:

@@ -127,6 +127,8 @@ INKED = """(() => {
 """Pixels of the first residual's chart that are drawn on."""
 
 
+NO_DIALOG = "!document.querySelector('.q-dialog')"
+"""Also not one that fades: its field would take the next key."""
 SHOWS_INJECT = "!!document.querySelector('[data-key=i]').offsetParent"
 RUNG = "window.fleaBell.rung"
 TALLY = """(() => {
@@ -151,14 +153,14 @@ def people_say_something(browser: Browser) -> None:
     browser.until("document.activeElement.tagName === 'TEXTAREA'")
     browser.press("<b>nut is hot</b>", "\ue007")
     browser.until_text("#panel-episodes", "Ada: <b>nut is hot</b>")
-    browser.until("!document.querySelector('.q-dialog__backdrop')")
+    browser.until(NO_DIALOG)
     browser.until(f"{RUNG} > 1")
     assert "mute" not in browser.text(".chips")
     browser.press("m")
     browser.until("document.activeElement.tagName === 'TEXTAREA'")
     browser.press("load changed", "\ue007")
     browser.until_text("#panel-episodes", "load changed")
-    browser.until("!document.querySelector('.q-dialog__backdrop')")
+    browser.until(NO_DIALOG)
     browser.press("a")
     browser.until_text("#panel-episodes", "acknowledged")
     browser.until("!document.querySelector('.chips').innerText.includes('not acknowledged')")
@@ -174,7 +176,7 @@ def a_fault_is_put_into_the_simulated_stand(peer: Peer, browser: Browser) -> Non
         browser.until("document.activeElement.tagName === 'INPUT'")
         browser.press(asked, "\ue007")
         browser.until_text(".q-notifications", answer)
-        browser.until("!document.querySelector('.q-dialog__backdrop')")
+        browser.until(NO_DIALOG)
     peer.find(lambda r: isinstance(r, Truth) and r.fault == "spall")
 
 
