@@ -122,9 +122,14 @@ def _motion(kind: str, draw: np.random.Generator) -> dict[str, Any]:
     return motion | {"amplitude_m": round(amplitude, 4)}
 
 
+def _digits(largest: float) -> int:
+    """Decimal places of a drawn size: thousandths, or three digits of one as small as a play."""
+    return max(3, 2 - math.floor(math.log10(largest))) if largest > 0.0 else 3
+
+
 def _fault(row: Row, number: int, draw: np.random.Generator, shared: Shared) -> dict[str, Any]:
     onset = round(float(draw.uniform(shared.earliest_onset_s, shared.latest_onset_s)), 2)
-    size = round(float(draw.uniform(row.low, row.high)), 3)
+    size = round(float(draw.uniform(row.low, row.high)), _digits(row.high))
     if row.sizes:
         size = row.sizes[number // len(MOTIONS) % len(row.sizes)]
     if row.either_sign and draw.random() < 0.5:

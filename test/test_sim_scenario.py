@@ -276,3 +276,11 @@ def test_the_spread_between_units_can_be_stated() -> None:
     assert shares.min() >= 0.2
     with pytest.raises(ConfigurationError, match=r"spread: unknown parameter 'colour'"):
         scenario_from_mapping({"spread": {"colour": 0.1}}, "test")
+
+
+def test_small_sizes_are_drawn_as_finely_as_large_ones() -> None:
+    row = Row("Backlash", "backlash", 40, 0.0003, 0.001)
+    sizes = [scenario.faults[0].size or 0.0 for _, scenario in draw((row,), seed=1)]
+    assert len(set(sizes)) > 30
+    assert min(sizes) >= 0.0003
+    assert max(sizes) <= 0.001
