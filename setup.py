@@ -45,6 +45,7 @@ EXTRAS = {
     "fuzz": ["atheris>=3.0"],
     "test": [
         "pytest>=7.4",
+        "pytest-xdist>=3.5",
         "hypothesis>=6.100",
         "mypy>=1.11",
         "ruff>=0.9",

@@ -18,6 +18,20 @@ if os.environ.get("CI"):
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Who goes to one worker: a file, for its fixtures are shared, and all that start nodes.
+
+    Two stands at once would take each other's time on a small machine.
+    """
+    if not config.pluginmanager.hasplugin("xdist"):
+        return
+    live = {item.path for item in items if "domain" in getattr(item, "fixturenames", ())}
+    for item in items:
+        group = "nodes" if item.path in live else item.path.stem
+        item.add_marker(pytest.mark.xdist_group(group))
+
+
 @pytest.fixture
 def domain() -> Iterator[int]:
     """A ROS domain that nobody else on this machine uses."""
