@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -19,6 +20,7 @@ pytest.importorskip("nicegui", reason="the page needs NiceGUI: pip install niceg
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.web import WebParameters, start
+from flea_diag.web.server import Server
 from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Truth
 
 MODULE = "flea_diag.nodes.web"
@@ -236,6 +238,15 @@ def test_the_node_says_why_it_does_not_start(domain: int, serve: Callable[..., P
             assert second.end() == 2
     assert f"port = {port}: cannot be served" in second.output
     assert "Traceback" not in second.output
+
+
+def test_who_asks_before_the_server_is_at_it_waits_for_the_answer() -> None:
+    server = Server("flea_diag", "127.0.0.1", 0, token="")
+    with socket.create_connection(("127.0.0.1", server.port), timeout=60.0) as early:
+        early.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n".encode())
+        server.start()
+        assert early.recv(64).startswith(b"HTTP/1.1 ")
+    server.close()
 
 
 def test_the_network_needs_a_token_file() -> None:

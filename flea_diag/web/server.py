@@ -72,6 +72,8 @@ def _bound(address: str, port: int) -> socket.socket:
         server = socket.socket(family, socket.SOCK_STREAM)
         server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         server.bind((address, port))
+        # From now on who asks waits, and is not refused, until the server's thread is at it.
+        server.listen()
     except OSError as error:
         raise ConfigurationError(
             f"address = {address!r}, port = {port}: cannot be served ({error.strerror}): "
