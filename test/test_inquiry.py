@@ -82,23 +82,66 @@ def test_a_window_with_a_reversal_is_waited_for_but_not_for_ever() -> None:
 
 
 @pytest.mark.parametrize(
-    # A jam may let the shaft creep only; what else vibration shows, it shows in faster motion.
-    ("group", "speed", "waited_s", "due"),
-    [
-        (("ball_nut_friction", "jam"), 8.0, 4, True),
-        (("ball_nut_friction", "jam"), 8.0, 3, False),
-        (("ball_nut_friction", "jam"), 6.0, 9, False),
-        (("jam", "spall"), 8.0, 9, False),
-        (("jam", "spall"), 16.0, 2, True),
-    ],
-)
-def test_what_rubs_is_asked_about_in_slower_motion_too(group, speed, waited_s, due) -> None:
-    rows = {fault: {"f": symbol} for fault, symbol in zip(group, "0+", strict=True)}
-    table = {"features": {"f": {"cost": 1}}, "alphabet": ["-", "0", "+"], "faults": rows}
-    chooser = FeatureChooser(FaultFeatureTable.from_mapping(table, "test"))
+    ("speed", "waited_s", "due"),
+    [(60.0, 0, True), (50.0, 1, False), (50.0, 2, True), (14.0, 3, False), (14.0, 4, True),
+     (8.0, 4, True), (6.0, 9, False)],
+)  # fmt: skip
+def test_the_longer_none_comes_the_slower_a_window_is_taken(speed, waited_s, due) -> None:
     inquiry = Inquiry(10 * S, S, most_windows=1)
-    inquiry.plan(dict.fromkeys(group, 0.5), chooser)
+    inquiry.plan(PAIR, CHOOSER)
     assert inquiry.is_due((11 + waited_s) * S, pace((speed, 40.0), (-speed, 40.0))) is due
+
+
+def moved(*speeds: float) -> Pace:
+    """100 scans a second at each of these speeds in turn, from 10 s on."""
+    made = Pace(S)
+    for number in range(100 * len(speeds)):
+        made.add(10 * S + number * S // 100, speeds[number // 100], 40.0)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("speeds", "due"),
+    [((50.0, 50.0, 50.0), True), ((50.0, 50.0, 30.0), False), ((50.0, 50.0, 45.0), True),
+     ((50.0, 50.0, 50.0, 50.0, 30.0), True), ((50.0, 50.0, 50.0, 50.0, 20.0), False),
+     ((54.0, 30.0, 30.0, 30.0), False)],
+)  # fmt: skip
+def test_of_a_slow_motion_a_window_near_its_fastest_is_taken(speeds, due) -> None:
+    inquiry = Inquiry(10 * S, S, most_windows=1)
+    inquiry.plan(PAIR, CHOOSER)
+    assert inquiry.is_due((10 + len(speeds)) * S, moved(*speeds)) is due
+
+
+def test_while_the_shaft_gathers_pace_a_better_window_is_to_come() -> None:
+    inquiry = Inquiry(10 * S, S, most_windows=1)
+    inquiry.plan(PAIR, CHOOSER)
+    gathers = moved(0.0, 0.0)
+    for number in range(50):
+        gathers.add(12 * S + number * S // 100, float(number), 40.0)
+    assert gathers.rises
+    assert gathers.reaches(15.0)
+    assert not inquiry.is_due(13 * S, gathers)
+    for number in range(50, 70):
+        gathers.add(12 * S + number * S // 100, 15.0, 40.0)
+    assert inquiry.is_due(13 * S + S // 5, gathers)
+
+
+def test_the_fastest_window_is_a_whole_one_since_then() -> None:
+    path = moved(80.0, 20.0, 40.0, math.nan)
+    assert path.fastest_rad_s(9 * S) == pytest.approx(80.0, rel=0.01)
+    assert path.fastest_rad_s(11 * S) == pytest.approx(40.0, rel=0.01)
+    assert path.fastest_rad_s(13 * S) == 0.0
+    assert Pace(S).fastest_rad_s(0) == 0.0
+
+
+def test_a_window_is_looked_for_ten_times_a_second_while_one_is_wanted() -> None:
+    inquiry = Inquiry(0, S, most_windows=1)
+    assert not inquiry.looks_out(5 * S)
+    inquiry.plan(PAIR, CHOOSER)
+    looks = [stamp for stamp in range(5 * S, 6 * S, S // 100) if inquiry.looks_out(stamp)]
+    assert len(looks) == 10
+    inquiry.ask(6 * S, 1, 1)
+    assert not inquiry.looks_out(7 * S)
 
 
 def test_what_one_window_does_not_give_the_next_one_may() -> None:

@@ -19,8 +19,10 @@ from flea_diag.tools.feature_bench import FLEA_SCREW
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
+    Detection,
     FeatureRequest,
     FeatureValue,
+    Outcome,
     Record,
     Scan,
     Truth,
@@ -203,6 +205,50 @@ def test_order_tracking_names_the_nut_through_a_simulated_sweep(
         for at in (1, 3, 5, 6)
     ]
     assert names == [line] * 4
+
+
+UNIT_FIRST = {
+    "duration_s": 27.0,
+    "seed": 642367727,
+    "ambient_degc": 23.8,
+    "warm_degc": 6.8,
+    "motion": {
+        "kind": "trapezoid", "amplitude_m": 0.0205, "frequency_hz": 0.089, "centre_m": 0.0505,
+        "rise_s": 1.2,
+    },
+    "load": {"constant_n": 292.4},
+    "switch": {"at_s": 13.9},
+    "faults": [{"fault": "spall", "size": 1.759, "unit": "X"}],
+}  # fmt: skip
+PIT_FIRST = {
+    "duration_s": 22.0,
+    "seed": 418501655,
+    "ambient_degc": 20.4,
+    "warm_degc": 1.2,
+    "motion": {
+        "kind": "triangle", "amplitude_m": 0.0211, "frequency_hz": 0.271, "centre_m": 0.0508,
+    },
+    "load": {"constant_n": 184.5},
+    "switch": {"at_s": 12.49},
+    "faults": [{"fault": "spall", "size": 0.611, "unit": "X"}],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("scenario", "first"), [(UNIT_FIRST, True), (PIT_FIRST, False)])
+def test_the_winding_of_another_unit_hides_no_pit_that_came_with_it(
+    scenario: dict[str, Any], first: bool
+) -> None:
+    """Whether it or the vibration is heard first."""
+    pipeline = make_pipeline(None)
+    made = [r for r in records(**scenario, sensors={}) if not isinstance(r, Truth)]
+    out = [said for record in made for said in pipeline.handle(record)]
+    said = [r for r in out if isinstance(r, Detection | AmbiguityGroup)]
+    shifts = [n for n, r in enumerate(said) if isinstance(r, Detection) and r.detected]
+    heard = [n for n, r in enumerate(said) if "kurtosis" in getattr(r, "opened_by", "")]
+    assert [said[n].residual for n in shifts] == ["parity_electrical"]
+    assert (shifts[0] < heard[0]) is first
+    assert [member.fault for member in last(out).members] == ["spall"]
+    assert last(out).outcome is Outcome.ISOLATED
 
 
 def jammed(size: float) -> tuple[Record, ...]:

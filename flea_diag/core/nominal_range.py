@@ -20,6 +20,11 @@ SPEED_UNIT_RAD_S = 100.0
 LOAD_UNIT_N = 100.0
 MOVING_RAD_S = 15.0
 """Root mean square speed from which on mechanical faults show."""
+FAST_RAD_S = 55.0
+"""From this one on impacts follow so close upon one another that a pit is told from a jam: the few
+that a slow shaft gives look alike."""
+NEAR_FASTEST = 0.8
+"""Of a slower motion windows are taken that are this near to the fastest of it."""
 
 KEYS = frozenset(
     {"logarithmic", "coefficients", "low", "high", "much", "count", "speed_rad_s", "load_n"}

@@ -12,7 +12,7 @@ from flea_diag.core.isolation import Isolation
 from flea_diag.core.likelihood import Evidence
 from flea_diag.stages.inquiry import Inquiry
 from flea_diag.wire.blocks import ResidualBlock
-from flea_diag.wire.records import TAKEN_OVER, Detection
+from flea_diag.wire.records import EARLIER_LEVEL, TAKEN_OVER, Detection
 
 Array = npt.NDArray[np.float64]
 
@@ -43,6 +43,8 @@ class Episode:
     opened_by: str = ""
     shifted: str = ""
     """The residual that opened it by leaving its own level of this run: before, all was well."""
+    heard: bool = False
+    """Whether vibration opened it: what shows that may have come with another unit."""
     taken_over: bool = False
     """Whether the observer came back within it: then only a reset ends it."""
     step: int = 0
@@ -58,6 +60,19 @@ class Episode:
     def group(self) -> dict[str, float]:
         """Faults still possible, each with its probability."""
         return {h.name: h.probability for h in self.isolation.alive()}
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether only the circuit has left its own level: to what is then heard in vibration.
+
+        Another unit, whose winding is another, may have come with a fault of its screw.
+        """
+        deviating = (self.shifted, *(residual for residual, _, _ in self.symbols))
+        return not self.heard and all(map(is_circuit, deviating))
+
+    def is_of_unit(self, residual: str) -> bool:
+        """Whether this deviates by what another unit differs by, and vibration has the word."""
+        return self.heard and is_circuit(self.shifted) and is_circuit(residual)
 
     def learn(self, block: ResidualBlock, onset_ns: int) -> None:
         """Evidence of more scans, but for those that still show the onset."""
@@ -102,6 +117,16 @@ class Episode:
     def magnitudes(self) -> dict[str, str]:
         """Magnitude symbol of every residual that has deviated."""
         return {residual: magnitude for residual, magnitude, _ in self.symbols}
+
+
+def is_circuit(residual: str) -> bool:
+    """Whether this is a relation of the winding."""
+    return residual.removesuffix("_dn") == CIRCUIT
+
+
+def shifted(detection: Detection) -> str:
+    """The residual that left its own level of this run, and no limit; empty where none did."""
+    return detection.residual if detection.test.endswith(EARLIER_LEVEL) else ""
 
 
 def cause(detection: Detection) -> str:

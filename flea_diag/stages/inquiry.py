@@ -8,22 +8,39 @@ they are asked for anew on the next.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+
+import numpy as np
 
 from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.features_motion import reverses
-from flea_diag.core.nominal_range import MOVING_RAD_S
+from flea_diag.core.nominal_range import FAST_RAD_S, MOVING_RAD_S, NEAR_FASTEST
 from flea_diag.wire.records import FeatureRequest, FeatureValue
+
+Rules = tuple[tuple[int, float, float], ...]
 
 REVERSAL_NS = 2_000_000_000
 """So long a window with a reversal is waited for; half a period of the slowest usual motion."""
+LOOK_BACK_NS = 6_500_000_000
+"""So far back: the slowest usual motion, with its rests, is fast once in it."""
+RISING_NS = 200_000_000
+NO_SLOWER = 0.98
+"""A window that is no slower than any before, and faster in its last 0.2 s, is not the best yet."""
+LOOK_EVERY_NS = 100_000_000
+"""More often than half a second, at which many a motion is always at the same place."""
+FASTEST_FIRST: Rules = (
+    (0, FAST_RAD_S, 1.0), (REVERSAL_NS, MOVING_RAD_S, NEAR_FASTEST),
+    (2 * REVERSAL_NS, 7.0, 0.5),
+)  # fmt: skip
+"""Which window is taken: from when on, how fast at least, and how near to the fastest since the
+detection. A jam often lets the shaft do no more than creep."""
+ANY_MOTION: Rules = ((0, MOVING_RAD_S, 0.0), (2 * REVERSAL_NS, 7.0, 0.0))
 RUBBING = frozenset(("jam", "ball_nut_friction"))
-CREEPING_RAD_S = 7.0
-"""From this root mean square speed on these two can be told apart, if need be: a jam often lets
-the shaft go no faster. That is taken once a whole such period gave no better window."""
+"""These two are told apart in any motion: the knocks of a weak jam drown in that of a fast one."""
 
 
 @dataclass
@@ -47,11 +64,12 @@ class Inquiry:
     _windows: int = 1
     _until_ns: int = 0
     _end_ns: int | None = None
-    _rubs: bool = False
+    _looked_ns: int = 0
+    _rules: Rules = FASTEST_FIRST
 
     def plan(self, group: Mapping[str, float], chooser: FeatureChooser) -> None:
         """Choose what to ask for next, of this window or of a fresh one; `wanted` holds it."""
-        self._rubs = RUBBING.issuperset(group)
+        self._rules = ANY_MOTION if RUBBING.issuperset(group) else FASTEST_FIRST
         self.wanted = chooser.next(group, self._tried) if len(group) > 1 else None
         if self.wanted or not self._answered or self._windows >= self.most_windows:
             return
@@ -74,10 +92,26 @@ class Inquiry:
         if self.wanted is None or self._end_ns is not None:
             return self.wanted is not None
         waited_ns = stamp_ns - self.window_ns - self.since_ns
-        if self._rubs and waited_ns >= 2 * REVERSAL_NS:
-            return pace.reaches(CREEPING_RAD_S)
-        turns = waited_ns >= REVERSAL_NS or pace.reverses
-        return waited_ns >= 0 and turns and pace.reaches(MOVING_RAD_S)
+        if waited_ns < 0 or not (waited_ns >= REVERSAL_NS or pace.reverses):
+            return False
+        least, share = [taken for after_ns, *taken in self._rules if waited_ns >= after_ns][-1]
+        return pace.reaches(FAST_RAD_S) or self._is_best(pace, least, share)
+
+    def _is_best(self, pace: Pace, least_rad_s: float, share: float) -> bool:
+        """Whether this window of a slow motion is to be taken, for there will be none better."""
+        if not share:
+            return pace.reaches(least_rad_s)
+        fastest = pace.fastest_rad_s(self.since_ns)
+        best_to_come = pace.rises and pace.reaches(NO_SLOWER * fastest)
+        return not best_to_come and pace.reaches(max(least_rad_s, share * fastest))
+
+    def looks_out(self, stamp_ns: int) -> bool:
+        """Whether it is time to look for a window once more; takes note that it is."""
+        waits = self.wanted is not None and self._end_ns is None and self.request is None
+        if not waits or stamp_ns - self._looked_ns < LOOK_EVERY_NS:
+            return False
+        self._looked_ns = stamp_ns
+        return True
 
     def is_open(self, stamp_ns: int, patience_ns: int) -> bool:
         """Whether an answer, or a window to ask about, is still waited for."""
@@ -111,7 +145,7 @@ class Inquiry:
 
 @dataclass
 class Pace:
-    """Speed of the shaft and load over the last window."""
+    """Speed of the shaft and load over the last window, and the fastest window of late."""
 
     window_ns: int
     _scans: deque[tuple[int, float, float]] = field(default_factory=deque)
@@ -119,15 +153,52 @@ class Pace:
     def add(self, stamp_ns: int, speed_rad_s: float, load_n: float) -> None:
         """One scan; not a number what is not measured."""
         self._scans.append((stamp_ns, speed_rad_s, load_n))
-        while self._scans[0][0] <= stamp_ns - self.window_ns:
+        while self._scans[0][0] <= stamp_ns - self.history_ns:
             self._scans.popleft()
+
+    @property
+    def history_ns(self) -> int:
+        """So far back scans are kept."""
+        return self.window_ns + LOOK_BACK_NS
 
     def reaches(self, speed_rad_s: float) -> bool:
         """Whether the shaft turned so fast, root mean square; true where nothing says."""
-        known = [speed * speed for _, speed, _ in self._scans if math.isfinite(speed)]
-        return not known or math.fsum(known) / len(known) >= speed_rad_s**2
+        pace = _rms(scan[1] for scan in self._last(self.window_ns))
+        return not pace < speed_rad_s
+
+    @property
+    def rises(self) -> bool:
+        """Whether the shaft is faster now than in the window as a whole."""
+        now, whole = (
+            _rms(scan[1] for scan in self._last(reach)) for reach in (RISING_NS, self.window_ns)
+        )
+        return now > whole
+
+    def fastest_rad_s(self, since_ns: int) -> float:
+        """Root mean square speed of the fastest whole window since then; 0 where nothing says."""
+        scans = [scan for scan in self._scans if scan[0] > since_ns]
+        stamps_ns = np.array([stamp_ns for stamp_ns, _, _ in scans])
+        squares = np.square([speed for _, speed, _ in scans])
+        known = np.append(0, np.cumsum(np.isfinite(squares)))
+        sums = np.append(0.0, np.cumsum(np.nan_to_num(squares)))
+        ends = np.flatnonzero(stamps_ns - stamps_ns[:1] >= self.window_ns) + 1
+        starts = np.searchsorted(stamps_ns, stamps_ns[ends - 1] - self.window_ns, side="right")
+        means = (sums[ends] - sums[starts]) / np.maximum(known[ends] - known[starts], 1)
+        return math.sqrt(means.max(initial=0.0))
 
     @property
     def reverses(self) -> bool:
         """Whether motion or load reverses in it."""
-        return reverses([row[1] for row in self._scans], [row[2] for row in self._scans])
+        last = list(self._last(self.window_ns))
+        return reverses([scan[1] for scan in last], [scan[2] for scan in last])
+
+    def _last(self, reach_ns: int) -> Iterator[tuple[int, float, float]]:
+        """Scans of so long ago and later, the newest first."""
+        since_ns = self._scans[-1][0] - reach_ns if self._scans else 0
+        return itertools.takewhile(lambda scan: scan[0] > since_ns, reversed(self._scans))
+
+
+def _rms(values: Iterable[float]) -> float:
+    """Root mean square of those that are known; not a number where there are none."""
+    known = [value * value for value in values if math.isfinite(value)]
+    return math.sqrt(math.fsum(known) / len(known)) if known else math.nan

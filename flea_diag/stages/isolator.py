@@ -17,7 +17,7 @@ from flea_diag.core.feature_choice import FeatureChooser
 from flea_diag.core.isolation import Isolation
 from flea_diag.core.operating_point import QUADRANTS
 from flea_diag.core.sentinel import Alarm
-from flea_diag.stages.episode import CONCLUSIVE_SAMPLES, Episode, cause
+from flea_diag.stages.episode import CONCLUSIVE_SAMPLES, Episode, cause, shifted
 from flea_diag.stages.inquiry import Inquiry
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.merge import Merge
@@ -29,7 +29,6 @@ from flea_diag.stages.weighing import Weighing, due, weighings
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
-    EARLIER_LEVEL,
     NEVER_NS,
     TAKEN_OVER,
     AmbiguityGroup,
@@ -163,7 +162,7 @@ class IsolatorStage:
             # The symbols of the same scan come next, and make the first group.
             episode = self._open(record.stamp_ns)
             episode.opened_by, episode.taken_over = cause(record), record.test == TAKEN_OVER
-            episode.shifted = record.residual if record.test.endswith(EARLIER_LEVEL) else ""
+            episode.shifted = shifted(record)
             early, self._early = self._early, None
             if early is not None and early.episode == record.episode:
                 return self._symbols(early)
@@ -171,6 +170,8 @@ class IsolatorStage:
         if record.test == TAKEN_OVER and self._episode is not None:
             self._episode.taken_over, self._said = True, ()
             return self._say(self._merge.now_ns)
+        if record.detected and self._episode is not None and self._episode.heard:
+            self._episode.shifted = shifted(record)
         if record.test == ANOTHER_UNIT:
             self._standing.unit_ns, self._said = record.stamp_ns, ()
             self._weighing.forget()
@@ -201,7 +202,7 @@ class IsolatorStage:
             visited = set(QUADRANTS)
         for symbol in record.symbols:
             seen = (symbol.residual, symbol.magnitude, symbol.slope)
-            if seen not in episode.symbols:
+            if seen not in episode.symbols and not episode.is_of_unit(symbol.residual):
                 episode.symbols += (seen,)
                 episode.isolation.observe(
                     record.stamp_ns,
@@ -247,7 +248,7 @@ class IsolatorStage:
     def _weigh(self, stamp_ns: int, episode: Episode) -> Iterable[Record]:
         """Every half second of evidence: likelihoods, and whether the slow channels are done."""
         if not due(episode, stamp_ns):
-            return ()
+            return self._ask(stamp_ns) if episode.inquiry.looks_out(stamp_ns) else ()
         if not episode.symbols and not episode.settled:
             return ()  # the observer's innovation detected; no relation has deviated yet
         if self._p.likelihood:
@@ -264,10 +265,12 @@ class IsolatorStage:
     def _listen(self, stamp_ns: int) -> Iterable[Record]:
         """Vibration out of its nominal range opens an episode of its own."""
         alarm = self._watch.alarm(stamp_ns)
-        if alarm is None or self._episode is not None:
+        if alarm is None or (self._episode is not None and not self._episode.gives_way):
             return ()
+        before = self._episode.shifted if self._episode is not None else ""
+        self._merge.hold(None)
         episode = self._open(stamp_ns)
-        episode.opened_by = alarm.words
+        episode.opened_by, episode.heard, episode.shifted = alarm.words, True, before
         for hypothesis in episode.isolation.alive():
             if not hypothesis.fault.vibration:
                 hypothesis.why_dropped = (

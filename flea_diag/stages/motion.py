@@ -32,7 +32,6 @@ class Motion:
 
     def __init__(self, encoder_m_per_rad: float, window_ns: int, sentinel: Sentinel) -> None:
         self._lead = encoder_m_per_rad
-        self._window_ns = window_ns
         self._sentinel = sentinel
         self._visited: deque[tuple[float, float]] = deque(maxlen=VISITED_SCANS)
         self.pace = Pace(window_ns)
@@ -51,7 +50,7 @@ class Motion:
         moving = block.regressors[:, -1] > 0.5
         visited = block.regressors[moving][-VISITED_SCANS:, [CURRENT, DIRECTION]].tolist()
         self._visited.extend((current, direction) for current, direction in visited)
-        recent = int((block.stamps_ns > block.stamps_ns[-1] - self._window_ns).sum())
+        recent = int((block.stamps_ns > block.stamps_ns[-1] - self.pace.history_ns).sum())
         last = block.part(slice(-max(recent, SCANS), None))
         for stamp_ns, row in zip(last.stamps_ns.tolist(), last.regressors.tolist(), strict=True):
             self.step(stamp_ns, row, moving=False)

@@ -12,7 +12,7 @@ from flea_diag.core.feature_learning import NOMINAL, Sample
 from flea_diag.core.features import all_ids, compute_all
 from flea_diag.core.features_motion import reverses
 from flea_diag.core.level_learning import Levels
-from flea_diag.core.nominal_range import OperatingPoint
+from flea_diag.core.nominal_range import FAST_RAD_S, NEAR_FASTEST, OperatingPoint
 from flea_diag.core.smoothing import KERNEL_LENGTH, hann_kernels
 from flea_diag.core.window import NotComputableError
 from flea_diag.stages.condition_indicators import condition_indicators
@@ -47,13 +47,21 @@ class Run:
     levels: Levels = ()
     kurtosis: Levels = ()
 
+    @property
+    def typical(self) -> tuple[Sample, ...]:
+        """Samples of windows as features are asked on: fast, or near the fastest of this motion."""
+        moving = [sample for sample in self.samples if sample.moving]
+        fastest = max((sample.point.speed_rad_s for sample in moving), default=0.0)
+        least = min(FAST_RAD_S, NEAR_FASTEST * fastest)
+        return tuple(sample for sample in moving if sample.point.speed_rad_s >= least)
+
     def asked(self, group: Sequence[str], windows: int) -> list[Sample]:
         """The first windows under a fault of the group that features would be asked on.
 
-        In motion, those with a reversal before the others.
+        Those with a reversal come before the others.
         """
-        moving = [s for s in self.samples if s.moving and s.fault in group]
-        return sorted(moving, key=lambda sample: not sample.reverses)[:windows]
+        fitting = [sample for sample in self.typical if sample.fault in group]
+        return sorted(fitting, key=lambda sample: not sample.reverses)[:windows]
 
 
 def run_of_bag(directory: Path, grid: Grid) -> Run:
