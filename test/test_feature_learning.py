@@ -103,7 +103,7 @@ def test_probabilities_are_counts_with_half_a_count_added() -> None:
     [((90.0, 60.0, 54.0, 20.0), (90.0, 60.0)), ((30.0, 25.0, 23.0, 16.0), (30.0, 25.0)),
      ((18.0, 14.0, 1.0), (18.0,)), ((1.0, math.nan), ())],
 )  # fmt: skip
-def test_what_is_learned_from_and_asked_is_fast_or_near_the_fastest(speeds, taken) -> None:
+def test_features_are_asked_on_windows_that_are_fast_or_near_the_fastest(speeds, taken) -> None:
     samples = tuple(Sample("jam", OperatingPoint(speed, 50.0), {}) for speed in speeds)
     run = Run("made up", 1.0, samples)
     assert tuple(sample.point.speed_rad_s for sample in run.typical) == taken

@@ -92,6 +92,19 @@ def test_the_longer_none_comes_the_slower_a_window_is_taken(speed, waited_s, due
     assert inquiry.is_due((11 + waited_s) * S, pace((speed, 40.0), (-speed, 40.0))) is due
 
 
+@pytest.mark.parametrize(
+    ("speed", "waited_s", "due"),
+    [(16.0, 0, True), (14.0, 3, False), (8.0, 4, True), (6.0, 9, False)],
+)
+def test_what_rubs_is_asked_about_in_any_motion(speed, waited_s, due) -> None:
+    rows = {"ball_nut_friction": {"f": "0"}, "jam": {"f": "+"}}
+    table = {"features": {"f": {"cost": 1}}, "alphabet": ["-", "0", "+"], "faults": rows}
+    chooser = FeatureChooser(FaultFeatureTable.from_mapping(table, "test"))
+    inquiry = Inquiry(10 * S, S, most_windows=1)
+    inquiry.plan(dict.fromkeys(rows, 0.5), chooser)
+    assert inquiry.is_due((11 + waited_s) * S, pace((speed, 40.0), (-speed, 40.0))) is due
+
+
 def moved(*speeds: float) -> Pace:
     """100 scans a second at each of these speeds in turn, from 10 s on."""
     made = Pace(S)

@@ -40,7 +40,7 @@ FASTEST_FIRST: Rules = (
 detection. A jam often lets the shaft do no more than creep."""
 ANY_MOTION: Rules = ((0, MOVING_RAD_S, 0.0), (2 * REVERSAL_NS, 7.0, 0.0))
 RUBBING = frozenset(("jam", "ball_nut_friction"))
-"""These two are told apart in any motion: the knocks of a weak jam drown in that of a fast one."""
+"""These two are told apart in slow motion as well: what is left to do then is done at once."""
 
 
 @dataclass

@@ -102,7 +102,7 @@ def _tree(arguments: argparse.Namespace) -> int:
 
 def _learn(arguments: argparse.Namespace) -> int:
     runs, source, failed = labelled_runs(arguments)
-    samples = [sample for run in runs for sample in run.typical]
+    samples = [sample for run in runs for sample in run.samples]
     ids = _candidates(samples)
     learned = learn(samples, ids, arguments.false_alarm_rate)
     costs = {feature: FeatureId.parse(feature).feature.cost for feature in ids}
