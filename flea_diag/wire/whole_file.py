@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -17,10 +18,16 @@ def replace_file(path: Path, content: bytes, *, durable: bool = False) -> None:
     # A pipe or a device is written to; a file in its place would take it from everybody.
     in_place = path.exists() and not path.is_file()
     fresh = path if in_place else path.with_name(f".{path.name}.new")
-    with fresh.open("wb") as file:
-        file.write(content)
-        if durable:
-            file.flush()
-            os.fsync(file.fileno())
-    if not in_place:
-        fresh.replace(path)
+    try:
+        with fresh.open("wb") as file:
+            file.write(content)
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
+        if not in_place:
+            fresh.replace(path)
+    except OSError:
+        if not in_place:
+            with suppress(OSError):
+                fresh.unlink()
+        raise
