@@ -234,9 +234,28 @@ PIT_FIRST = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("scenario", "first"), [(UNIT_FIRST, True), (PIT_FIRST, False)])
-def test_the_winding_of_another_unit_hides_no_pit_that_came_with_it(
-    scenario: dict[str, Any], first: bool
+OTHER_FRICTION = {
+    "duration_s": 22.0,
+    "seed": 1032047964,
+    "ambient_degc": 21.8,
+    "warm_degc": 2.1,
+    "motion": {"amplitude_m": 0.0196, "frequency_hz": 0.754, "centre_m": 0.044},
+    "load": {"constant_n": -174.2},
+    "switch": {"at_s": 13.64},
+    "faults": [{"fault": "spall", "size": 0.929, "unit": "X"}],
+}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "relation", "first"),
+    [
+        (UNIT_FIRST, "parity_electrical", True),
+        (PIT_FIRST, "parity_electrical", False),
+        (OTHER_FRICTION, "parity_mechanical_dn", False),
+    ],
+)
+def test_what_another_unit_differs_by_hides_no_pit_that_came_with_it(
+    scenario: dict[str, Any], relation: str, first: bool
 ) -> None:
     """Whether it or the vibration is heard first."""
     pipeline = make_pipeline(None)
@@ -245,7 +264,7 @@ def test_the_winding_of_another_unit_hides_no_pit_that_came_with_it(
     said = [r for r in out if isinstance(r, Detection | AmbiguityGroup)]
     shifts = [n for n, r in enumerate(said) if isinstance(r, Detection) and r.detected]
     heard = [n for n, r in enumerate(said) if "kurtosis" in getattr(r, "opened_by", "")]
-    assert [said[n].residual for n in shifts] == ["parity_electrical"]
+    assert [said[n].residual for n in shifts] == [relation]
     assert (shifts[0] < heard[0]) is first
     assert [member.fault for member in last(out).members] == ["spall"]
     assert last(out).outcome is Outcome.ISOLATED

@@ -71,8 +71,9 @@ class Episode:
         return not self.heard and all(map(is_circuit, deviating))
 
     def is_of_unit(self, residual: str) -> bool:
-        """Whether this deviates by what another unit differs by, and vibration has the word."""
-        return self.heard and is_circuit(self.shifted) and is_circuit(residual)
+        """Whether this has left its own level of this run alone, and vibration has the word."""
+        slid = self.shifted.removesuffix("_dn")
+        return self.heard and residual.removesuffix("_dn") == slid
 
     def learn(self, block: ResidualBlock, onset_ns: int) -> None:
         """Evidence of more scans, but for those that still show the onset."""

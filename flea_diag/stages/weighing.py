@@ -114,7 +114,8 @@ class Weighing:
         if not (models and episode.symbols and episode.scans):
             return
         healthy = self._healthy.evidence
-        own = healthy is not None and episode.shifted.removesuffix("_dn") in MOTION_ONLY
+        slid = episode.shifted.removesuffix("_dn") in MOTION_ONLY
+        own = healthy is not None and slid and not episode.heard
         fits = episode.likelihood.fit(
             models,
             self._own_sigma if own else self._sigma,
