@@ -207,43 +207,40 @@ def test_order_tracking_names_the_nut_through_a_simulated_sweep(
     assert names == [line] * 4
 
 
-UNIT_FIRST = {
-    "duration_s": 27.0,
-    "seed": 642367727,
-    "ambient_degc": 23.8,
-    "warm_degc": 6.8,
-    "motion": {
-        "kind": "trapezoid", "amplitude_m": 0.0205, "frequency_hz": 0.089, "centre_m": 0.0505,
-        "rise_s": 1.2,
-    },
-    "load": {"constant_n": 292.4},
-    "switch": {"at_s": 13.9},
-    "faults": [{"fault": "spall", "size": 1.759, "unit": "X"}],
-}  # fmt: skip
-PIT_FIRST = {
-    "duration_s": 22.0,
-    "seed": 418501655,
-    "ambient_degc": 20.4,
-    "warm_degc": 1.2,
-    "motion": {
-        "kind": "triangle", "amplitude_m": 0.0211, "frequency_hz": 0.271, "centre_m": 0.0508,
-    },
-    "load": {"constant_n": 184.5},
-    "switch": {"at_s": 12.49},
-    "faults": [{"fault": "spall", "size": 0.611, "unit": "X"}],
-}  # fmt: skip
+def pit_of_another_unit(
+    seed: int,
+    until_s: float,
+    degc: tuple[float, float],
+    load_n: float,
+    at_s: float,
+    size: float,
+    **motion: Any,
+) -> dict[str, Any]:
+    """Scenario: control is switched to a unit with a pit; ``degc`` of the room, and above it."""
+    return {
+        "seed": seed,
+        "duration_s": until_s,
+        "ambient_degc": degc[0],
+        "warm_degc": degc[1],
+        "motion": motion,
+        "load": {"constant_n": load_n},
+        "switch": {"at_s": at_s},
+        "faults": [{"fault": "spall", "size": size, "unit": "X"}],
+    }
 
 
-OTHER_FRICTION = {
-    "duration_s": 22.0,
-    "seed": 1032047964,
-    "ambient_degc": 21.8,
-    "warm_degc": 2.1,
-    "motion": {"amplitude_m": 0.0196, "frequency_hz": 0.754, "centre_m": 0.044},
-    "load": {"constant_n": -174.2},
-    "switch": {"at_s": 13.64},
-    "faults": [{"fault": "spall", "size": 0.929, "unit": "X"}],
-}
+UNIT_FIRST = pit_of_another_unit(
+    642367727, 27.0, (23.8, 6.8), 292.4, 13.9, 1.759,
+    kind="trapezoid", amplitude_m=0.0205, frequency_hz=0.089, centre_m=0.0505, rise_s=1.2,
+)  # fmt: skip
+PIT_FIRST = pit_of_another_unit(
+    418501655, 22.0, (20.4, 1.2), 184.5, 12.49, 0.611,
+    kind="triangle", amplitude_m=0.0211, frequency_hz=0.271, centre_m=0.0508,
+)  # fmt: skip
+OTHER_FRICTION = pit_of_another_unit(
+    1032047964, 22.0, (21.8, 2.1), -174.2, 13.64, 0.929,
+    amplitude_m=0.0196, frequency_hz=0.754, centre_m=0.044,
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(
