@@ -72,8 +72,7 @@ class Episode:
 
     def is_of_unit(self, residual: str) -> bool:
         """Whether this has left its own level of this run alone, and vibration has the word."""
-        slid = self.shifted.removesuffix("_dn")
-        return self.heard and residual.removesuffix("_dn") == slid
+        return self.heard and relation(residual) == relation(self.shifted)
 
     def learn(self, block: ResidualBlock, onset_ns: int) -> None:
         """Evidence of more scans, but for those that still show the onset."""
@@ -120,9 +119,14 @@ class Episode:
         return {residual: magnitude for residual, magnitude, _ in self.symbols}
 
 
+def relation(residual: str) -> str:
+    """The residual itself, of which one normalised by the direction of motion is another view."""
+    return residual.removesuffix("_dn")
+
+
 def is_circuit(residual: str) -> bool:
     """Whether this is a relation of the winding."""
-    return residual.removesuffix("_dn") == CIRCUIT
+    return relation(residual) == CIRCUIT
 
 
 def shifted(detection: Detection) -> str:

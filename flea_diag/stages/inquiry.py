@@ -95,15 +95,15 @@ class Inquiry:
         if waited_ns < 0 or not (waited_ns >= REVERSAL_NS or pace.reverses):
             return False
         least, share = [taken for after_ns, *taken in self._rules if waited_ns >= after_ns][-1]
-        return pace.reaches(FAST_RAD_S) or self._is_best(pace, least, share)
+        return pace.reaches(least) and (pace.reaches(FAST_RAD_S) or self._is_best(pace, share))
 
-    def _is_best(self, pace: Pace, least_rad_s: float, share: float) -> bool:
+    def _is_best(self, pace: Pace, share: float) -> bool:
         """Whether this window of a slow motion is to be taken, for there will be none better."""
         if not share:
-            return pace.reaches(least_rad_s)
+            return True
         fastest = pace.fastest_rad_s(self.since_ns)
         best_to_come = pace.rises and pace.reaches(NO_SLOWER * fastest)
-        return not best_to_come and pace.reaches(max(least_rad_s, share * fastest))
+        return not best_to_come and pace.reaches(share * fastest)
 
     def looks_out(self, stamp_ns: int) -> bool:
         """Whether it is time to look for a window once more; takes note that it is."""
@@ -152,8 +152,12 @@ class Pace:
 
     def add(self, stamp_ns: int, speed_rad_s: float, load_n: float) -> None:
         """One scan; not a number what is not measured."""
-        self._scans.append((stamp_ns, speed_rad_s, load_n))
-        while self._scans[0][0] <= stamp_ns - self.history_ns:
+        self.extend([(stamp_ns, speed_rad_s, load_n)])
+
+    def extend(self, scans: Iterable[tuple[int, float, float]]) -> None:
+        """Scans, one at least: stamp, speed and load of each."""
+        self._scans.extend(scans)
+        while self._scans[0][0] <= self._scans[-1][0] - self.history_ns:
             self._scans.popleft()
 
     @property

@@ -38,10 +38,9 @@ class Motion:
 
     def step(self, stamp_ns: int, regressors: Sequence[float], moving: bool) -> None:
         """Take one scan."""
-        speed = regressors[SPEED]
-        screw_rad_s = speed / self._lead if self._lead else math.nan
-        self.pace.add(stamp_ns, screw_rad_s, regressors[LOAD])
-        self._sentinel.motion(screw_rad_s, regressors[LOAD])
+        screw_rad_s, load_n = self._screw_rad_s(regressors[SPEED]), regressors[LOAD]
+        self.pace.add(stamp_ns, screw_rad_s, load_n)
+        self._sentinel.motion(screw_rad_s, load_n)
         if moving:
             self._visited.append((regressors[CURRENT], regressors[DIRECTION]))
 
@@ -52,8 +51,14 @@ class Motion:
         self._visited.extend((current, direction) for current, direction in visited)
         recent = int((block.stamps_ns > block.stamps_ns[-1] - self.pace.history_ns).sum())
         last = block.part(slice(-max(recent, SCANS), None))
-        for stamp_ns, row in zip(last.stamps_ns.tolist(), last.regressors.tolist(), strict=True):
-            self.step(stamp_ns, row, moving=False)
+        speeds = [self._screw_rad_s(speed) for speed in last.regressors[:, SPEED].tolist()]
+        loads_n = last.regressors[:, LOAD].tolist()
+        self.pace.extend(zip(last.stamps_ns.tolist(), speeds, loads_n, strict=True))
+        for screw_rad_s, load_n in zip(speeds[-SCANS:], loads_n[-SCANS:], strict=True):
+            self._sentinel.motion(screw_rad_s, load_n)
+
+    def _screw_rad_s(self, speed_m_s: float) -> float:
+        return speed_m_s / self._lead if self._lead else math.nan
 
     def quadrants(self) -> set[Quadrant]:
         """Quadrants that the last scans in motion lay in."""

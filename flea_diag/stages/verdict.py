@@ -17,7 +17,7 @@ from flea_diag.core.isolation import Hypothesis
 from flea_diag.core.observability import unseen
 from flea_diag.stages.advice import Advice
 from flea_diag.stages.channels import DRIVER_DEAD
-from flea_diag.stages.episode import Episode
+from flea_diag.stages.episode import Episode, relation
 from flea_diag.stages.isolator_parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.standing import SEEN_MOVING, Standing, astray, rested
 from flea_diag.stages.stream_order import STARVING, STREAM
@@ -115,9 +115,7 @@ class Verdict:
 
     def _unexplained(self, episode: Episode, alive: list[Hypothesis]) -> bool:
         """Relations deviate, every hypothesis has a model of them, and none gains on 'no fault'."""
-        weighable = all(
-            residual.removesuffix("_dn") in self._weighed for residual, _, _ in episode.symbols
-        )
+        weighable = all(relation(residual) in self._weighed for residual, _, _ in episode.symbols)
         if not weighable or any(h.fit is None for h in alive):
             return False
         return max(h.log_likelihood for h in alive) < self._p.explain_nats

@@ -13,7 +13,7 @@ from flea_diag.core.fault_models import DRIVE, REGRESSORS, plant_models
 from flea_diag.core.healthy_stretch import HealthyStretch
 from flea_diag.core.likelihood import Evidence
 from flea_diag.core.sensor_models import sensor_models
-from flea_diag.stages.episode import MOTION_ONLY, Episode
+from flea_diag.stages.episode import MOTION_ONLY, Episode, relation
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import Residual
 
@@ -114,7 +114,7 @@ class Weighing:
         if not (models and episode.symbols and episode.scans):
             return
         healthy = self._healthy.evidence
-        slid = episode.shifted.removesuffix("_dn") in MOTION_ONLY
+        slid = relation(episode.shifted) in MOTION_ONLY
         own = healthy is not None and slid and not episode.heard
         fits = episode.likelihood.fit(
             models,

@@ -16,18 +16,18 @@ def replace_file(path: Path, content: bytes, *, durable: bool = False) -> None:
         When it cannot be written; the old one is still there then.
     """
     # A pipe or a device is written to; a file in its place would take it from everybody.
-    in_place = path.exists() and not path.is_file()
-    fresh = path if in_place else path.with_name(f".{path.name}.new")
+    if path.exists() and not path.is_file():
+        path.write_bytes(content)
+        return
+    fresh = path.with_name(f".{path.name}.new")
     try:
         with fresh.open("wb") as file:
             file.write(content)
             if durable:
                 file.flush()
                 os.fsync(file.fileno())
-        if not in_place:
-            fresh.replace(path)
+        fresh.replace(path)
     except OSError:
-        if not in_place:
-            with suppress(OSError):
-                fresh.unlink()
+        with suppress(OSError):
+            fresh.unlink()
         raise
