@@ -65,6 +65,11 @@ DRIED = 1.5
 """By how many times its own dry friction lost lubrication adds to it at most: it is a drag that
 grows with the speed. So much the real jammed unit added (110 N beside 45 N), which nothing in the
 slow channels tells from it; what stalls holds against twice as much."""
+LEAST_SHARE = 0.5
+"""A drag is at least this share of the unit's own friction, dry for a jam and viscous for lost
+lubrication: by so much healthy units differ. So a screw that shows none speaks against it."""
+LEAST_FORCED = 0.1
+"""And at least this share of the motor's force, where it grows with that."""
 REGRESSORS = (
     "one",
     "elapsed_s",
@@ -103,8 +108,9 @@ KINEMATIC, SPEED = "parity_kinematic", "parity_speed"
 
 def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
     """Faults of screw, motor and supply that the parity relations can size."""
-    jammed = INFINITE, INFINITE
-    dried = DRIED * p.coulomb_friction_n, DRIED * p.load_friction_ratio
+    fc, B = p.coulomb_friction_n, p.viscous_friction_n_s_per_m
+    jammed = _drag((LEAST_SHARE * fc, INFINITE), 0.0), INFINITE
+    dried = _drag((0.0, DRIED * fc), LEAST_SHARE * B), DRIED * p.load_friction_ratio
     K, Ke = p.force_constant_n_per_a, p.back_emf_v_s_per_m
     shorted = (
         Term(ELECTRICAL, "current_a", -1.0, 0),
@@ -120,18 +126,22 @@ def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
     # The drive's gain holds what the bridge loses to the current, which now is none.
     regained = Size("bridge drop lost", "1", 0.0, 0.1)
     nearer = (*opened, Term(DRIVE, "commanded_voltage_v", 1.0, 1))
+    dragging = (Term(MECHANICAL, "direction", 1.0),)
     torqueless = (Term(MECHANICAL, "current_a", K), Term(ELECTRICAL, "speed_m_s", -Ke))
     unpowered = (Term(DRIVE, "commanded_voltage_v", -1.0),)
-    # A spall is a rattle with next to no mean drag: no more than healthy units differ by.
-    rattle = (Size("coulomb drag", "N", 0.0, SPALL_DRAG_N),)
     return (
         *(
             FaultModel(fault, sizes, terms, roughness)
-            for fault, dry in (("jam", jammed), ("ball_nut_friction", dried))
-            for sizes, terms in _frictions(*dry)
+            for fault, drag in (("jam", jammed), ("ball_nut_friction", dried))
+            for sizes, terms in _frictions(*drag)
             for roughness in (0.0, ROUGHNESS)
         ),
-        FaultModel("spall", rattle, (Term(MECHANICAL, "direction", 1.0),)),
+        # A spall is a rattle with next to no mean drag: none at all, or no more than healthy
+        # units differ by.
+        *(
+            FaultModel("spall", (Size("coulomb drag", "N", 0.0, most_n),), dragging)
+            for most_n in (0.0, SPALL_DRAG_N)
+        ),
         FaultModel("winding_short", short, shorted),
         *(
             FaultModel(fault, sizes, terms)
@@ -144,22 +154,28 @@ def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
     )
 
 
-def _frictions(most_n: float, most_share: float) -> tuple[tuple[tuple[Size, ...], Terms], ...]:
-    """Shapes of a drag at the nut, whose dry part is at most so large.
+def _drag(coulomb_n: tuple[float, float], least_viscous: float) -> tuple[Size, Size]:
+    return (
+        Size("coulomb drag", "N", *coulomb_n),
+        Size("viscous drag", "N s/m", least_viscous, INFINITE),
+    )
 
-    So lost lubrication never holds the shaft against a push under which it counts as stalled.
+
+def _frictions(
+    drag: tuple[Size, ...], most_share: float
+) -> tuple[tuple[tuple[Size, ...], Terms], ...]:
+    """Shapes of a drag at the nut, whose part that grows with the load is at most so large.
+
+    Dry friction of lost lubrication has a bound, too: it never holds the shaft against a push
+    under which that counts as stalled.
     """
     rub = (
         Term(MECHANICAL, "direction", 1.0, 0),
         Term(MECHANICAL, "speed_m_s", 1.0, 1),
     )
-    drag = (
-        Size("coulomb drag", "N", 0.0, most_n),
-        Size("viscous drag", "N s/m", 0.0, INFINITE),
-    )
     # Drag that grows with what the screw carries: with the load, or with the motor's force.
     pressed = (Size("load-dependent drag", "1", 0.0, most_share),)
-    forced = (Size("force-dependent drag", "1", 0.0, 0.9),)
+    forced = (Size("force-dependent drag", "1", LEAST_FORCED, 0.9),)
     return (
         (drag, rub),
         (drag + pressed, (*rub, Term(MECHANICAL, "load_and_direction_n", 1.0, 2))),

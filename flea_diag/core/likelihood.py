@@ -9,7 +9,7 @@ long the episode:
     J_h = min_theta,eta  sum (y - Phi theta - Psi eta)^2 / (c sigma^2) + eta' Lambda eta
     log L_h = (J_0 - J_h) / 2 - dim(theta) ln(n) / 2          (BIC; J_0 without a fault)
 
-Only sizes that are not held at a bound count as dimensions.
+Only sizes that are not 0 count as dimensions.
 
 After Biswas et al. and Willsky and Jones: parameter estimation takes over where signs do not
 help any further.
@@ -171,7 +171,7 @@ class Evidence:
             rough, loss = self._roughened(model, sizes, weight)
             misfit, sizes, sigmas = self._solve(model, rough, unit)
             gain = 0.5 * (nominal - misfit) - loss
-        return Fit(model.fault, float(gain - _penalty(model, sizes, independent)), sizes, sigmas)
+        return Fit(model.fault, float(gain - _penalty(sizes, independent)), sizes, sigmas)
 
     def _roughened(
         self, model: FaultModel, sizes: Sequence[float], weight: Array
@@ -267,16 +267,13 @@ def _bounded(model: FaultModel | None, A: Array, b: Array) -> Array:
     return x
 
 
-def _penalty(model: FaultModel, sizes: Sequence[float], independent: float) -> float:
-    """BIC: half a logarithm of the sample count for each size that is not held at its least.
+def _penalty(sizes: Sequence[float], independent: float) -> float:
+    """BIC: half a logarithm of the sample count for each size that is not 0.
 
-    One that the evidence drives against its other bound is fitted as any: else the largest spall
-    would be the simpler explanation of a weak jam.
+    One that the evidence drives against a bound is fitted as any: else the largest spall would be
+    the simpler explanation of a weak jam, and the weakest jam that of lost lubrication.
     """
-    fitted = sum(
-        abs(value) > max(size.low, -size.high, 0.0)
-        for size, value in zip(model.sizes, sizes, strict=True)
-    )
+    fitted = sum(map(bool, sizes))
     return 0.5 * fitted * float(np.log(independent))
 
 

@@ -70,6 +70,11 @@ class Episode:
         deviating = (self.shifted, *(residual for residual, _, _ in self.symbols))
         return not self.heard and all(map(is_circuit, deviating))
 
+    @property
+    def is_silent(self) -> bool:
+        """Whether vibration alone shows something, no relation: that there is no drag says much."""
+        return self.heard and not self.symbols and not self.shifted
+
     def is_of_unit(self, residual: str) -> bool:
         """Whether this has left its own level of this run alone, and vibration has the word."""
         return self.heard and relation(residual) == relation(self.shifted)

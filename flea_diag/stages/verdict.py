@@ -115,7 +115,8 @@ class Verdict:
 
     def _unexplained(self, episode: Episode, alive: list[Hypothesis]) -> bool:
         """Relations deviate, every hypothesis has a model of them, and none gains on 'no fault'."""
-        weighable = all(relation(residual) in self._weighed for residual, _, _ in episode.symbols)
+        deviating = [relation(residual) for residual, _, _ in episode.symbols]
+        weighable = deviating and all(residual in self._weighed for residual in deviating)
         if not weighable or any(h.fit is None for h in alive):
             return False
         return max(h.log_likelihood for h in alive) < self._p.explain_nats

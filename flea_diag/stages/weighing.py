@@ -111,11 +111,11 @@ class Weighing:
         """Take the likelihoods of an episode's evidence into its isolation."""
         alive = {hypothesis.name for hypothesis in episode.isolation.alive()}
         models = [model for model in self.models if model.fault in alive]
-        if not (models and episode.symbols and episode.scans):
+        if not (models and (episode.symbols or episode.is_silent) and episode.scans):
             return
         healthy = self._healthy.evidence
-        slid = relation(episode.shifted) in MOTION_ONLY
-        own = healthy is not None and slid and not episode.heard
+        slid = relation(episode.shifted) in MOTION_ONLY and not episode.heard
+        own = healthy is not None and (slid or episode.is_silent)
         fits = episode.likelihood.fit(
             models,
             self._own_sigma if own else self._sigma,
