@@ -19,12 +19,15 @@ from flea_diag.core.nominal_range import NominalRange, OperatingPoint, learn_nom
 from flea_diag.errors import CalibrationError
 
 NOMINAL = "nominal"
-SYMBOLS = ("--", "-", "0", "+", "++")
+SYMBOLS = ("--", "-", "0", "0+", "+", "++")
 
-Ends = tuple[float, float]
+Ends = tuple[float, float, float]
+"""What is much below and much above, and the upper part of the range, in its half widths."""
 WIDTHS = (1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0)
-ALL_ENDS: tuple[Ends, ...] = tuple(product(WIDTHS, WIDTHS))
-"""Half widths of the nominal range that are tried as ends of what is much below or above."""
+UPPER = (1.0, 0.7, 0.4, 0.1, -0.2)
+"""Where the upper part of the range may begin; 1 is at its end, so that there is none."""
+ALL_ENDS: tuple[Ends, ...] = tuple(product(WIDTHS, WIDTHS, UPPER))
+"""All that are tried."""
 
 ENOUGH_EVIDENCE = 4.5
 """Sum of Bhattacharyya distances at which a pair of faults counts as split: were features
@@ -68,15 +71,16 @@ class Learned:
         """Faults seen, without nominal."""
         return tuple(fault for fault in self.counts if fault != NOMINAL)
 
-    def probability(self, fault: str, feature: str, much: Ends) -> tuple[float, ...]:
-        """P(symbol) of the five symbols, with ``much`` half widths as the outer ends.
+    def probability(self, fault: str, feature: str, ends: Ends) -> tuple[float, ...]:
+        """P(symbol) of ``SYMBOLS``, parted at these ``ends``.
 
         Counts of windows with half a count added to each symbol, so none is ever 0.
         """
         values = self.deviations[feature][fault]
         known = np.sort(values[~np.isnan(values)])
-        below = np.searchsorted(known, [-much[0], -1.0], "left")
-        upto = np.searchsorted(known, [1.0, much[1]], "right")
+        low, high, upper = ends
+        below = np.searchsorted(known, [-low, -1.0], "left")
+        upto = np.searchsorted(known, [upper, 1.0, high], "right")
         counts = np.diff([0, *below, *upto, len(known)])
         smoothed = (counts + 0.5) / (len(known) + 0.5 * len(SYMBOLS))
         return tuple(float(p) for p in smoothed)
@@ -130,7 +134,7 @@ def rank(learned: Learned, costs: Mapping[str, float]) -> list[Score]:
     ``variance_ratio``: between-class over within-class variance of the deviations (squashed
     to a few ranges, for one wild value is as good as a large one). ``auc``: mean over the
     faults of the area under the ROC curve against nominal, whichever side. ``information_bit``:
-    mutual information of symbol and fault, all faults equally likely, ``much`` at 4.
+    mutual information of symbol and fault, all faults equally likely, what is much at 4.
     """
     scores = [
         Score(
@@ -148,7 +152,7 @@ def rank(learned: Learned, costs: Mapping[str, float]) -> list[Score]:
 def select(
     learned: Learned, costs: Mapping[str, float], most: int, kept: Sequence[str] = ()
 ) -> dict[str, Ends]:
-    """Features, with the ends of what is ``much``, that together split every pair of faults.
+    """Features, with the ends of their symbols, that together split every pair of faults.
 
     Greedy, from those ``kept`` on: what adds most evidence where pairs still lack it, per root
     of the cost; features that correlate with a chosen one above ``REDUNDANT`` are left out.
@@ -245,7 +249,7 @@ def _auc(learned: Learned, feature: str) -> float:
 
 def _information(learned: Learned, feature: str) -> float:
     """Mutual information of symbol and fault in bits, all faults equally likely."""
-    rows = np.array([learned.probability(f, feature, (4.0, 4.0)) for f in learned.faults])
+    rows = np.array([learned.probability(f, feature, (4.0, 4.0, 1.0)) for f in learned.faults])
     return float(np.mean(np.sum(rows * np.log2(rows / rows.mean(axis=0)), axis=1)))
 
 

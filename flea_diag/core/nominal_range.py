@@ -27,7 +27,7 @@ NEAR_FASTEST = 0.8
 """Of a slower motion windows are taken that are this near to the fastest of it."""
 
 KEYS = frozenset(
-    {"logarithmic", "coefficients", "low", "high", "much", "count", "speed_rad_s", "load_n"}
+    {"logarithmic", "coefficients", "low", "high", "much", "upper", "count", "speed_rad_s", "load_n"}
 )
 
 
@@ -50,7 +50,8 @@ class NominalRange:
 
     ``much`` says how far below and above the middle, in half widths of the range, a value is
     much below or much above nominal: two faults that both raise a feature, one little and one
-    much, are told apart by it. ``speed_rad_s`` and ``load_n`` are the (lowest, highest) that
+    much, are told apart by it. ``upper`` is where the upper part of the range begins: two that
+    both stay inside it may do so in one part each. ``speed_rad_s`` and ``load_n`` are the (lowest, highest) that
     were seen in learning; a point outside is moved to the nearest end, not extrapolated.
     """
 
@@ -62,6 +63,7 @@ class NominalRange:
     speed_rad_s: tuple[float, float] = (0.0, 0.0)
     load_n: tuple[float, float] = (0.0, 0.0)
     much: tuple[float, float] = (math.inf, math.inf)
+    upper: float = 1.0
 
     def at(self, point: OperatingPoint) -> tuple[float, float]:
         """Lowest and highest nominal value at an operating point; NaN where it is unknown."""
@@ -79,13 +81,15 @@ class NominalRange:
         return sum(a * b for a, b in zip(self.coefficients, row, strict=False))
 
     def symbol(self, value: float, point: OperatingPoint) -> str:
-        """``--`` much below, ``-`` below, ``0`` inside, ``+`` above, ``++`` much above, ``?``."""
+        """``--`` much below, ``-`` below, ``0`` inside, ``0+`` in its upper part, ``+``, ``++``, ``?``."""
         deviation = self.deviation(value, point)
         if math.isnan(deviation):
             return "?"
         sign = "-" if deviation < 0.0 else "+"
         much = self.much[0] if deviation < 0.0 else self.much[1]
-        return "0" if abs(deviation) <= 1.0 else sign if abs(deviation) <= much else 2 * sign
+        if abs(deviation) <= 1.0:
+            return "0" if deviation <= self.upper else "0+"
+        return sign if abs(deviation) <= much else 2 * sign
 
     def deviation(self, value: float, point: OperatingPoint) -> float:
         """Value on the scale of the range: -1 at its lower end, +1 at its upper; NaN unknown."""
@@ -111,6 +115,7 @@ class NominalRange:
             "low": self.low,
             "high": self.high,
             "much": list(self.much),
+            "upper": self.upper,
             "count": self.count,
             "speed_rad_s": list(self.speed_rad_s),
             "load_n": list(self.load_n),
@@ -142,6 +147,7 @@ class NominalRange:
                 _pair(mapping.get("speed_rad_s", (0.0, 0.0))),
                 _pair(mapping.get("load_n", (0.0, 0.0))),
                 _pair(mapping.get("much", (math.inf, math.inf))),
+                float(mapping.get("upper", 1.0)),
             )
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ConfigurationError(f"{where}: not a nominal range: {error!r}") from error
@@ -151,6 +157,8 @@ class NominalRange:
             )
         if not min(found.much) >= 1.0:
             raise ConfigurationError(f"{where}: much = {found.much!r} must be 1 half width or more")
+        if not -1.0 <= found.upper <= 1.0:
+            raise ConfigurationError(f"{where}: upper = {found.upper!r} must lie in the range, -1 to 1")
         return found
 
 

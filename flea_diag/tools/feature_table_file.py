@@ -71,8 +71,8 @@ def table_mapping(
             "false_alarm_rate": making.false_alarm_rate,
             "orders": {name: _rounded(order) for name, order in making.orders.items()},
             "ranges": {
-                f: _rounded_range(replace(learned.ranges[f], much=ends))
-                for f, ends in features.items()
+                f: _rounded_range(replace(learned.ranges[f], much=(low, high), upper=upper))
+                for f, (low, high, upper) in features.items()
             },
             **{
                 section: {axis: _rounded_range(found) for axis, found in ranges.items()}
