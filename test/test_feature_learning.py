@@ -12,7 +12,15 @@ import numpy as np
 import pytest
 import yaml
 
-from flea_diag.core.feature_learning import Sample, bhattacharyya, learn, nearest, rank, select
+from flea_diag.core.feature_learning import (
+    SYMBOLS,
+    Sample,
+    bhattacharyya,
+    learn,
+    nearest,
+    rank,
+    select,
+)
 from flea_diag.core.feature_table import FaultFeatureTable
 from flea_diag.core.nominal_range import OperatingPoint
 from flea_diag.errors import CalibrationError, ConfigurationError, RecordingError
@@ -84,17 +92,17 @@ def test_little_and_much_are_told_apart() -> None:
     learned = learn(made_up(), [STD], 0.02)
     much = select(learned, COSTS, 1)[STD]
     jam, spall = (learned.probability(fault, STD, much) for fault in ("jam", "spall"))
-    assert jam[3] > 0.95
-    assert spall[4] > 0.95
+    assert jam[SYMBOLS.index("+")] > 0.95
+    assert spall[SYMBOLS.index("++")] > 0.95
     assert bhattacharyya(jam, spall) > 1.5
 
 
 def test_probabilities_are_counts_with_half_a_count_added() -> None:
     samples = made_up()
-    found = learn(samples, [CREST], 0.02).probability("jam", CREST, (4.0, 4.0))
+    found = learn(samples, [CREST], 0.02).probability("jam", CREST, (4.0, 4.0, 1.0))
     outside = 100 * (1.0 - found[2])
     assert sum(found) == pytest.approx(1.0)
-    assert min(found) >= 0.5 / 102.5
+    assert min(found) >= 0.5 / 103.0
     assert outside < 10.0
 
 

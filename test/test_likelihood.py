@@ -242,7 +242,7 @@ def test_the_sizes_of_a_jam_are_held_to_their_bounds_at_the_optimum(seed):
     columns["load_and_direction_n"] = np.abs(columns["load_n"]) * columns["direction"]
     columns["force_and_direction_n"] = np.abs(force) * columns["direction"]
     y = effect(
-        jam, [random.uniform(0, 150), random.uniform(0, 2000), 0.3, 0.0][: len(jam.sizes)], columns
+        jam, [random.uniform(30, 150), random.uniform(0, 2000), 0.3, 0.0][: len(jam.sizes)], columns
     )
     y += random.standard_normal(y.shape) * [[24.0], [0.8]]
     (fit,) = fits(evidence(y, columns), (jam,))
@@ -317,10 +317,10 @@ def test_a_bias_of_a_temperature_is_told_from_a_scaling_once_more_changes_than_a
         (60.0, 0.0, 20.0, 20.0, 1),  # as large as it may be: fitted like any other
         (-60.0, 0.0, 20.0, 0.0, 0),  # not there
         (-60.0, -20.0, 20.0, -20.0, 1),
-        (5.0, 15.0, 20.0, 15.0, 0),
+        (5.0, 15.0, 20.0, 15.0, 1),  # as small as it may be: fitted, too
     ],
 )
-def test_a_size_costs_unless_it_is_held_at_its_least(drag_n, low, high, held, counted):
+def test_a_size_costs_unless_it_is_0(drag_n, low, high, held, counted):
     rattle = FaultModel("rattle", (Size("coulomb", "N", low, high),), DRAG.terms[:1])
     columns = window(3)
     y = effect(DRAG, (drag_n, 0.0), columns)
