@@ -97,6 +97,25 @@ def test_little_and_much_are_told_apart() -> None:
     assert bhattacharyya(jam, spall) > 1.5
 
 
+def test_faults_that_both_stay_in_the_range_are_told_apart_inside_it() -> None:
+    """Healthy units differ by more than these two faults do."""
+    draw = np.random.default_rng(1)
+    means = {"nominal": (0.0, 1.0), "jam": (1.3, 0.3), "ball_nut_friction": (-0.6, 0.3)}
+    samples = [
+        Sample(fault, POINT, {STD: math.exp(mean + scatter * draw.normal())})
+        for fault, (mean, scatter) in means.items()
+        for _ in range(200)
+    ]
+    learned = learn(samples, [STD], 0.01)
+    ends = select(learned, COSTS, 1)[STD]
+    jam, dry = (learned.probability(fault, STD, ends) for fault in ("jam", "ball_nut_friction"))
+    assert jam[SYMBOLS.index("0^")] > 0.95
+    assert dry[SYMBOLS.index("0")] > 0.95
+    whole = (*ends[:2], 1.0)
+    coarse = [learned.probability(f, STD, whole) for f in ("jam", "ball_nut_friction")]
+    assert bhattacharyya(*coarse) < 0.1 < 1.5 < bhattacharyya(jam, dry)
+
+
 def test_probabilities_are_counts_with_half_a_count_added() -> None:
     samples = made_up()
     found = learn(samples, [CREST], 0.02).probability("jam", CREST, (4.0, 4.0, 1.0))

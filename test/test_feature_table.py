@@ -65,6 +65,8 @@ def test_unknown_fault_is_neither_favoured_nor_dropped() -> None:
         (["0", "1"], "+", 1), (["0", "1"], "--", 1), (["0", "1"], "0", 0),
         (["-", "0", "+"], "++", 2), (["-", "0", "+"], "--", 0),
         (["--", "-", "0", "+", "++"], "++", 4), (["--", "-", "0", "+", "++"], "+", 3),
+        (["0", "1"], "0^", 0), (["--", "-", "0", "+", "++"], "0^", 2),
+        (["--", "-", "0", "0^", "+", "++"], "0^", 3),
     ],
 )  # fmt: skip
 def test_coarser_tables_read_finer_symbols(alphabet: list[str], symbol: str, place: int) -> None:
@@ -123,6 +125,10 @@ GOOD: dict[str, Any] = {"features": {"f": {"cost": 1}}, "faults": {"a": {"f": "0
         ({"nominal": {"ranges": {"g": {}}}}, "ranges: unknown key 'g'"),
         ({"nominal": {"ranges": {"f": {"low": 1}}}}, "not a nominal range"),
         ({"nominal": {"ranges": {"f": {"coefficients": [0], "low": 1, "high": 0}}}}, "below high"),
+        (
+            {"nominal": {"ranges": {"f": {"coefficients": [0], "low": -1, "high": 1, "upper": 2}}}},
+            "f: upper = 2.0 must lie in the range",
+        ),
         ({"nominal": {"orders": {"nut": -1}}}, "orders: nut = -1"),
     ],
 )
@@ -191,12 +197,19 @@ def test_symbols_tell_little_from_much() -> None:
     ]  # fmt: skip
 
 
-@given(st.floats(-5, 5), st.floats(0.01, 5), st.booleans(), st.floats(1, 20), st.floats(0, 100))
+def test_the_upper_part_of_the_range_has_a_symbol_of_its_own() -> None:
+    found = NominalRange((10.0,), -1.0, 1.0, upper=0.4)
+    values = [8.9, 9.1, 10.3, 10.5, 10.9, 11.1]
+    assert [found.symbol(v, OperatingPoint()) for v in values] == ["-", "0", "0", "0^", "0^", "+"]
+
+
+@given(st.floats(-5, 5), st.floats(0.01, 5), st.booleans(), st.floats(1, 20), st.floats(-1, 1))
 def test_range_survives_yaml(
-    centre: float, half: float, logarithmic: bool, much: float, speed: float
+    centre: float, half: float, logarithmic: bool, much: float, upper: float
 ) -> None:
+    coefficients, ends = (centre, 0.1, 0.2, 0.0), (much, much)
     found = NominalRange(
-        (centre, 0.1, 0.2, 0.0), -half, half, logarithmic, 7, (0.0, speed), much=(much, much)
+        coefficients, -half, half, logarithmic, 7, (0.0, 90.0), much=ends, upper=upper
     )
     text = yaml.safe_dump(found.as_mapping())
     assert NominalRange.from_mapping(yaml.safe_load(text), "here") == found

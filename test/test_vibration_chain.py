@@ -131,6 +131,23 @@ def test_a_pit_of_half_a_millimetre_is_heard_by_its_kurtosis_and_told_from_the_r
     assert "accelerometer_2_kurtosis" not in found.features_computed
 
 
+def test_a_screw_that_shows_no_drag_is_not_jammed() -> None:
+    """A pit in slow motion knocks as a jam does; that no relation deviates is held against it."""
+    made = records(
+        motion={"kind": "sine", "amplitude_m": 0.011, "frequency_hz": 0.4},
+        load={"constant_n": -80.0},
+        duration_s=20.0,
+        sensors={},
+        **fault("spall", 8.0, size=1.2),
+    )
+    pipeline = make_pipeline(None)
+    kept = [r for r in made if isinstance(r, ChannelTable | Scan | VibrationBlock)]
+    found = last([said for record in kept for said in pipeline.handle(record)])
+    assert [member.fault for member in found.members] == ["spall"]
+    (jam,) = [row for row in found.dropped if row.fault == "jam"]
+    assert "less likely than the best" in jam.reason
+
+
 @pytest.mark.parametrize(
     ("spoil", "extractor", "reason"),
     [

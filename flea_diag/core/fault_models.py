@@ -155,6 +155,7 @@ def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
 
 
 def _drag(coulomb_n: tuple[float, float], least_viscous: float) -> tuple[Size, Size]:
+    """Sizes of a drag whose dry part lies between these, and whose viscous part is no less."""
     return (
         Size("coulomb drag", "N", *coulomb_n),
         Size("viscous drag", "N s/m", least_viscous, INFINITE),

@@ -19,7 +19,7 @@ from flea_diag.core.nominal_range import NominalRange, OperatingPoint, learn_nom
 from flea_diag.errors import CalibrationError
 
 NOMINAL = "nominal"
-SYMBOLS = ("--", "-", "0", "0+", "+", "++")
+SYMBOLS = ("--", "-", "0", "0^", "+", "++")
 
 Ends = tuple[float, float, float]
 """What is much below and much above, and the upper part of the range, in its half widths."""

@@ -25,7 +25,7 @@ ALPHABETS: tuple[tuple[str, ...], ...] = (
     ("0", "1"),
     ("-", "0", "+"),
     ("--", "-", "0", "+", "++"),
-    ("--", "-", "0", "0+", "+", "++"),
+    ("--", "-", "0", "0^", "+", "++"),
 )
 KEYS = frozenset(
     {
@@ -139,10 +139,10 @@ class FaultFeatureTable:
     def place(self, symbol: str) -> int:
         """Index of a symbol in the alphabet.
 
-        A coarser table reads ``++`` as ``+`` and ``0+`` as ``0``, and a table of 0 and 1 what lies
+        A coarser table reads ``++`` as ``+`` and ``0^`` as ``0``, and a table of 0 and 1 what lies
         outside as ``1``.
         """
-        if symbol == "0+" and symbol not in self.alphabet:
+        if symbol == "0^" and symbol not in self.alphabet:
             symbol = "0"
         if symbol in ("--", "-", "+", "++") and symbol not in self.alphabet:
             symbol = "1" if "1" in self.alphabet else symbol[0]
@@ -193,7 +193,7 @@ class FaultFeatureTable:
         if alphabet not in ALPHABETS:
             raise ConfigurationError(
                 f"{where}: alphabet {alphabet!r} is unknown, choose [0, 1], [-, 0, +], "
-                "[--, -, 0, +, ++] or [--, -, 0, 0+, +, ++]"
+                "[--, -, 0, +, ++] or [--, -, 0, 0^, +, ++]"
             )
         columns = _mapping(mapping.get("features"), f"{where}: features")
         known = {str(name): _cost(row, f"{where}: {name}") for name, row in columns.items()}

@@ -27,7 +27,17 @@ NEAR_FASTEST = 0.8
 """Of a slower motion windows are taken that are this near to the fastest of it."""
 
 KEYS = frozenset(
-    {"logarithmic", "coefficients", "low", "high", "much", "upper", "count", "speed_rad_s", "load_n"}
+    (
+        "logarithmic",
+        "coefficients",
+        "low",
+        "high",
+        "much",
+        "upper",
+        "count",
+        "speed_rad_s",
+        "load_n",
+    )
 )
 
 
@@ -51,8 +61,9 @@ class NominalRange:
     ``much`` says how far below and above the middle, in half widths of the range, a value is
     much below or much above nominal: two faults that both raise a feature, one little and one
     much, are told apart by it. ``upper`` is where the upper part of the range begins: two that
-    both stay inside it may do so in one part each. ``speed_rad_s`` and ``load_n`` are the (lowest, highest) that
-    were seen in learning; a point outside is moved to the nearest end, not extrapolated.
+    both stay inside it may do so in one part each. ``speed_rad_s`` and ``load_n`` are the
+    (lowest, highest) that were seen in learning; a point outside is moved to the nearest end, not
+    extrapolated.
     """
 
     coefficients: tuple[float, ...]
@@ -81,14 +92,17 @@ class NominalRange:
         return sum(a * b for a, b in zip(self.coefficients, row, strict=False))
 
     def symbol(self, value: float, point: OperatingPoint) -> str:
-        """``--`` much below, ``-`` below, ``0`` inside, ``0+`` in its upper part, ``+``, ``++``, ``?``."""
+        """``--`` much below, ``-`` below, ``0`` inside, ``0^`` in the upper part, ``+``, ``++``.
+
+        ``?`` where value or range is unknown.
+        """
         deviation = self.deviation(value, point)
         if math.isnan(deviation):
             return "?"
         sign = "-" if deviation < 0.0 else "+"
         much = self.much[0] if deviation < 0.0 else self.much[1]
         if abs(deviation) <= 1.0:
-            return "0" if deviation <= self.upper else "0+"
+            return "0" if deviation <= self.upper else "0^"
         return sign if abs(deviation) <= much else 2 * sign
 
     def deviation(self, value: float, point: OperatingPoint) -> float:
@@ -158,7 +172,9 @@ class NominalRange:
         if not min(found.much) >= 1.0:
             raise ConfigurationError(f"{where}: much = {found.much!r} must be 1 half width or more")
         if not -1.0 <= found.upper <= 1.0:
-            raise ConfigurationError(f"{where}: upper = {found.upper!r} must lie in the range, -1 to 1")
+            raise ConfigurationError(
+                f"{where}: upper = {found.upper!r} must lie in the range, from -1 to 1"
+            )
         return found
 
 

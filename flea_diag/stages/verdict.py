@@ -116,7 +116,7 @@ class Verdict:
     def _unexplained(self, episode: Episode, alive: list[Hypothesis]) -> bool:
         """Relations deviate, every hypothesis has a model of them, and none gains on 'no fault'."""
         deviating = [relation(residual) for residual, _, _ in episode.symbols]
-        weighable = deviating and all(residual in self._weighed for residual in deviating)
+        weighable = bool(deviating) and set(deviating) <= set(self._weighed)
         if not weighable or any(h.fit is None for h in alive):
             return False
         return max(h.log_likelihood for h in alive) < self._p.explain_nats
