@@ -65,11 +65,10 @@ DRIED = 1.5
 """By how many times its own dry friction lost lubrication adds to it at most: it is a drag that
 grows with the speed. So much the real jammed unit added (110 N beside 45 N), which nothing in the
 slow channels tells from it; what stalls holds against twice as much."""
-LEAST_SHARE = 0.5
-"""A drag is at least this share of the unit's own friction, dry for a jam and viscous for lost
-lubrication: by so much healthy units differ. So a screw that shows none speaks against it."""
-LEAST_FORCED = 0.1
-"""And at least this share of the motor's force, where it grows with that."""
+LEAST_DRY, LEAST_VISCOUS, LEAST_FORCED = 0.5, 0.3, 0.1
+"""Where a screw shows no drag: a jam adds at least this share of the unit's own dry friction, lost
+lubrication of its viscous one, either of the motor's force where it grows with that. By about so
+much healthy units differ."""
 REGRESSORS = (
     "one",
     "elapsed_s",
@@ -106,11 +105,36 @@ MECHANICAL, ELECTRICAL, DRIVE = "parity_mechanical", "parity_electrical", "parit
 KINEMATIC, SPEED = "parity_kinematic", "parity_speed"
 
 
+def drag_models(p: ActuatorParameters, dragging: bool = False) -> tuple[FaultModel, ...]:
+    """Faults of the screw, by the drag that they add.
+
+    ``dragging``: a jam and lost lubrication do add some, a spall perhaps none at all. To be held
+    against a screw that vibrates, and in which no relation deviates.
+    """
+    fc, B = p.coulomb_friction_n, p.viscous_friction_n_s_per_m
+    dry, viscous, forced = (
+        (LEAST_DRY * fc, LEAST_VISCOUS * B, LEAST_FORCED) if dragging else (0.0, 0.0, 0.0)
+    )
+    jammed = _frictions((dry, INFINITE), 0.0, INFINITE, forced)
+    dried = _frictions((0.0, DRIED * fc), viscous, DRIED * p.load_friction_ratio, forced)
+    # A spall is a rattle with next to no mean drag: no more than healthy units differ by.
+    rattle, most_n = (Term(MECHANICAL, "direction", 1.0),), (SPALL_DRAG_N, 0.0)
+    return (
+        *(
+            FaultModel(fault, sizes, terms, roughness)
+            for fault, shapes in (("jam", jammed), ("ball_nut_friction", dried))
+            for sizes, terms in shapes
+            for roughness in (0.0, ROUGHNESS)
+        ),
+        *(
+            FaultModel("spall", (Size("coulomb drag", "N", 0.0, most),), rattle)
+            for most in most_n[: 1 + dragging]
+        ),
+    )
+
+
 def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
     """Faults of screw, motor and supply that the parity relations can size."""
-    fc, B = p.coulomb_friction_n, p.viscous_friction_n_s_per_m
-    jammed = _drag((LEAST_SHARE * fc, INFINITE), 0.0), INFINITE
-    dried = _drag((0.0, DRIED * fc), LEAST_SHARE * B), DRIED * p.load_friction_ratio
     K, Ke = p.force_constant_n_per_a, p.back_emf_v_s_per_m
     shorted = (
         Term(ELECTRICAL, "current_a", -1.0, 0),
@@ -126,22 +150,10 @@ def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
     # The drive's gain holds what the bridge loses to the current, which now is none.
     regained = Size("bridge drop lost", "1", 0.0, 0.1)
     nearer = (*opened, Term(DRIVE, "commanded_voltage_v", 1.0, 1))
-    dragging = (Term(MECHANICAL, "direction", 1.0),)
     torqueless = (Term(MECHANICAL, "current_a", K), Term(ELECTRICAL, "speed_m_s", -Ke))
     unpowered = (Term(DRIVE, "commanded_voltage_v", -1.0),)
     return (
-        *(
-            FaultModel(fault, sizes, terms, roughness)
-            for fault, drag in (("jam", jammed), ("ball_nut_friction", dried))
-            for sizes, terms in _frictions(*drag)
-            for roughness in (0.0, ROUGHNESS)
-        ),
-        # A spall is a rattle with next to no mean drag: none at all, or no more than healthy
-        # units differ by.
-        *(
-            FaultModel("spall", (Size("coulomb drag", "N", 0.0, most_n),), dragging)
-            for most_n in (0.0, SPALL_DRAG_N)
-        ),
+        *drag_models(p),
         FaultModel("winding_short", short, shorted),
         *(
             FaultModel(fault, sizes, terms)
@@ -154,29 +166,25 @@ def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
     )
 
 
-def _drag(coulomb_n: tuple[float, float], least_viscous: float) -> tuple[Size, Size]:
-    """Sizes of a drag whose dry part lies between these, and whose viscous part is no less."""
-    return (
-        Size("coulomb drag", "N", *coulomb_n),
-        Size("viscous drag", "N s/m", least_viscous, INFINITE),
-    )
-
-
 def _frictions(
-    drag: tuple[Size, ...], most_share: float
+    coulomb_n: tuple[float, float], least_viscous: float, most_share: float, least_forced: float
 ) -> tuple[tuple[tuple[Size, ...], Terms], ...]:
-    """Shapes of a drag at the nut, whose part that grows with the load is at most so large.
+    """Shapes of a drag at the nut, within these bounds of its parts.
 
-    Dry friction of lost lubrication has a bound, too: it never holds the shaft against a push
-    under which that counts as stalled.
+    The dry one of lost lubrication never holds the shaft against a push under which it counts as
+    stalled.
     """
     rub = (
         Term(MECHANICAL, "direction", 1.0, 0),
         Term(MECHANICAL, "speed_m_s", 1.0, 1),
     )
+    drag = (
+        Size("coulomb drag", "N", *coulomb_n),
+        Size("viscous drag", "N s/m", least_viscous, INFINITE),
+    )
     # Drag that grows with what the screw carries: with the load, or with the motor's force.
     pressed = (Size("load-dependent drag", "1", 0.0, most_share),)
-    forced = (Size("force-dependent drag", "1", LEAST_FORCED, 0.9),)
+    forced = (Size("force-dependent drag", "1", least_forced, 0.9),)
     return (
         (drag, rub),
         (drag + pressed, (*rub, Term(MECHANICAL, "load_and_direction_n", 1.0, 2))),

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration import Calibration
-from flea_diag.core.fault_models import DRIVE, REGRESSORS, plant_models
+from flea_diag.core.fault_models import DRIVE, REGRESSORS, drag_models, plant_models
 from flea_diag.core.healthy_stretch import HealthyStretch
 from flea_diag.core.likelihood import Evidence
 from flea_diag.core.sensor_models import sensor_models
@@ -62,6 +62,7 @@ class Weighing:
             for model in plant_models(fitted) + sensor_models(fitted, DRIVE in self.names)
             if any(term.residual in self.names for term in model.terms)
         )
+        self._dragging = drag_models(fitted, dragging=True)
         self._healthy = HealthyStretch(self.names)
         self._waiting: list[Residual] = []
 
@@ -110,12 +111,14 @@ class Weighing:
     def weigh(self, stamp_ns: int, episode: Episode, drop_nats: float, gating: bool) -> None:
         """Take the likelihoods of an episode's evidence into its isolation."""
         alive = {hypothesis.name for hypothesis in episode.isolation.alive()}
-        models = [model for model in self.models if model.fault in alive]
-        if not (models and (episode.symbols or episode.is_silent) and episode.scans):
+        silent = episode.is_silent
+        known = self._dragging if silent else self.models
+        models = [model for model in known if model.fault in alive]
+        if not (models and (episode.symbols or silent) and episode.scans):
             return
         healthy = self._healthy.evidence
         slid = relation(episode.shifted) in MOTION_ONLY and not episode.heard
-        own = healthy is not None and (slid or episode.is_silent)
+        own = healthy is not None and (slid or silent)
         fits = episode.likelihood.fit(
             models,
             self._own_sigma if own else self._sigma,
