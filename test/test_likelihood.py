@@ -328,6 +328,16 @@ def test_a_size_costs_unless_it_is_0(drag_n, low, high, held, counted):
     (found,) = fits(evidence(y, columns), (rattle, DRAG))[:1]
     assert found.sizes[0] == pytest.approx(held, abs=1e-9)
     gain = 0.5 * (reference(None, y, columns)[0] - reference(rattle, y, columns)[0])
-    independent = 300 / SPACING[MECHANICAL] + 300 / SPACING[ELECTRICAL]
-    cost = 0.5 * counted * math.log(independent)
+    cost = 0.5 * counted * math.log(300 / SPACING[MECHANICAL])
     assert found.log_likelihood == pytest.approx(gain - cost, abs=0.05 + 0.01 * abs(gain))
+
+
+def test_what_nothing_was_seen_of_is_held_against_no_fault():
+    """The shaft stood still: however long the winding was watched, that says nothing of a drag."""
+    least = FaultModel("drag", (Size("coulomb", "N", 20.0, 100.0),), DRAG.terms[:1])
+    columns = window(3)
+    y = np.zeros((2, len(columns["one"])))
+    y[0] = np.nan
+    (found,) = fits(evidence(y, columns), (least,))
+    assert found.sizes == (20.0,)
+    assert found.log_likelihood == pytest.approx(-0.5 * math.log(2.0))

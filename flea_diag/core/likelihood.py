@@ -9,7 +9,8 @@ long the episode:
     J_h = min_theta,eta  sum (y - Phi theta - Psi eta)^2 / (c sigma^2) + eta' Lambda eta
     log L_h = (J_0 - J_h) / 2 - dim(theta) ln(n) / 2          (BIC; J_0 without a fault)
 
-Only sizes that are not 0 count as dimensions.
+Only sizes that are not 0 count as dimensions, and as n the independent samples of the residuals
+that any of the faults moves.
 
 After Biswas et al. and Willsky and Jones: parameter estimation takes over where signs do not
 help any further.
@@ -142,7 +143,9 @@ class Evidence:
             unit = unit.shown(*healthy._normal(None, 0, told, Unit.unknown())[:2])
         weight = weight / self._dispersion(models, weight, unit)
         nominal, _, _ = self._solve(None, weight, unit)
-        independent = max(float((self.samples / self._spacing).sum()), 2.0)
+        moved = {term.residual for model in models for term in model.terms}
+        counts = self.samples / self._spacing * [name in moved for name in self.residuals]
+        independent = max(float(counts.sum()), 2.0)
         return tuple(self._fit(model, nominal, weight, unit, independent) for model in models)
 
     def _dispersion(self, models: Sequence[FaultModel], weight: Array, unit: Unit) -> Array:
