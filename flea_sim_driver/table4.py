@@ -100,12 +100,17 @@ def _scenario(row: Row, number: int, draw: np.random.Generator, shared: Shared) 
         "ambient_degc": round(float(draw.uniform(20.0, 27.0)), 1),
         "warm_degc": round(float(draw.uniform(0.0, 10.0)), 1),
         "motion": _motion(MOTIONS[number % len(MOTIONS)], draw),
-        "load": {"constant_n": round(float(draw.uniform(-LOAD_LIMIT_N, LOAD_LIMIT_N)), 1)},
+        "load": {"constant_n": _load_n(float(draw.uniform(-LOAD_LIMIT_N, LOAD_LIMIT_N)))},
         **shared.values,
     }
     if row.fault:
         values |= _fault(row, number, draw, shared)
     return scenario_from_mapping(values, f"{row.title}, {name}")
+
+
+def _load_n(drawn: float) -> float:
+    """To tenths; the largest loads are not to be rounded to more than the stand can push."""
+    return max(-LOAD_LIMIT_N, min(round(drawn, 1), LOAD_LIMIT_N))
 
 
 def _motion(kind: str, draw: np.random.Generator) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from flea_sim_driver.scenario import (
     scenario_from_mapping,
     scenario_to_mapping,
 )
+from flea_sim_driver.settings import LOAD_LIMIT_N
 from flea_sim_driver.stand import Stand
 from flea_sim_driver.table4 import Row, Shared, draw, table4
 
@@ -284,3 +285,9 @@ def test_small_sizes_are_drawn_as_finely_as_large_ones() -> None:
     assert len(set(sizes)) > 30
     assert min(sizes) >= 0.0003
     assert max(sizes) <= 0.001
+
+
+def test_the_largest_loads_are_not_rounded_beyond_what_the_stand_can_push() -> None:
+    loads = [abs(s.load.constant_n) for _, s in draw((Row("Nominal", "", 48),), seed=121)]
+    assert max(loads) == pytest.approx(LOAD_LIMIT_N, abs=0.05)
+    assert max(loads) <= LOAD_LIMIT_N
