@@ -203,13 +203,20 @@ def test_the_upper_part_of_the_range_has_a_symbol_of_its_own() -> None:
     assert [found.symbol(v, OperatingPoint()) for v in values] == ["-", "0", "0", "0^", "0^", "+"]
 
 
-@given(st.floats(-5, 5), st.floats(0.01, 5), st.booleans(), st.floats(1, 20), st.floats(-1, 1))
+@given(
+    st.floats(-5, 5),
+    st.floats(0.01, 5),
+    st.booleans(),
+    st.floats(1, 20),
+    st.floats(0, 100),
+    st.floats(-1, 1),
+)
 def test_range_survives_yaml(
-    centre: float, half: float, logarithmic: bool, much: float, upper: float
+    centre: float, half: float, logarithmic: bool, much: float, speed: float, upper: float
 ) -> None:
     coefficients, ends = (centre, 0.1, 0.2, 0.0), (much, much)
     found = NominalRange(
-        coefficients, -half, half, logarithmic, 7, (0.0, 90.0), much=ends, upper=upper
+        coefficients, -half, half, logarithmic, 7, (0.0, speed), much=ends, upper=upper
     )
     text = yaml.safe_dump(found.as_mapping())
     assert NominalRange.from_mapping(yaml.safe_load(text), "here") == found

@@ -242,7 +242,7 @@ def test_the_sizes_of_a_jam_are_held_to_their_bounds_at_the_optimum(seed):
     columns["load_and_direction_n"] = np.abs(columns["load_n"]) * columns["direction"]
     columns["force_and_direction_n"] = np.abs(force) * columns["direction"]
     y = effect(
-        jam, [random.uniform(30, 150), random.uniform(0, 2000), 0.3, 0.0][: len(jam.sizes)], columns
+        jam, [random.uniform(0, 150), random.uniform(0, 2000), 0.3, 0.0][: len(jam.sizes)], columns
     )
     y += random.standard_normal(y.shape) * [[24.0], [0.8]]
     (fit,) = fits(evidence(y, columns), (jam,))

@@ -83,10 +83,8 @@ def absent(_: int, __: VibrationBlock) -> None:
     return None
 
 
-def clipped(number: int, block: VibrationBlock) -> VibrationBlock:
-    """The second accelerometer hits its full scale now and then, once the jam is there."""
-    if number < 80:
-        return block
+def clipped(_: int, block: VibrationBlock) -> VibrationBlock:
+    """The second accelerometer hits its full scale now and then."""
     offsets, samples = block.points()
     samples = np.array(samples)
     samples[::100, 3:] = 500.0
