@@ -118,7 +118,8 @@ def drag_models(p: ActuatorParameters, dragging: bool = False) -> tuple[FaultMod
     jammed = _frictions((dry, INFINITE), 0.0, INFINITE, forced)
     dried = _frictions((0.0, DRIED * fc), viscous, DRIED * p.load_friction_ratio, forced)
     # A spall is a rattle with next to no mean drag: no more than healthy units differ by.
-    rattle, most_n = (Term(MECHANICAL, "direction", 1.0),), (SPALL_DRAG_N, 0.0)
+    rattle = (Term(MECHANICAL, "direction", 1.0),)
+    rattling_n = (SPALL_DRAG_N, 0.0) if dragging else (SPALL_DRAG_N,)
     return (
         *(
             FaultModel(fault, sizes, terms, roughness)
@@ -127,8 +128,8 @@ def drag_models(p: ActuatorParameters, dragging: bool = False) -> tuple[FaultMod
             for roughness in (0.0, ROUGHNESS)
         ),
         *(
-            FaultModel("spall", (Size("coulomb drag", "N", 0.0, most),), rattle)
-            for most in most_n[: 1 + dragging]
+            FaultModel("spall", (Size("coulomb drag", "N", 0.0, most_n),), rattle)
+            for most_n in rattling_n
         ),
     )
 

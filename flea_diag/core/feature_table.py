@@ -142,10 +142,9 @@ class FaultFeatureTable:
         A coarser table reads ``++`` as ``+`` and ``0^`` as ``0``, and a table of 0 and 1 what lies
         outside as ``1``.
         """
-        if symbol == "0^" and symbol not in self.alphabet:
-            symbol = "0"
-        if symbol in ("--", "-", "+", "++") and symbol not in self.alphabet:
-            symbol = "1" if "1" in self.alphabet else symbol[0]
+        if symbol in ("--", "-", "0^", "+", "++") and symbol not in self.alphabet:
+            outside = symbol[0] != "0"
+            symbol = "1" if outside and "1" in self.alphabet else symbol[0]
         if symbol not in self.alphabet:
             raise ConfigurationError(
                 f"symbol {symbol!r} is not of the table's alphabet {' '.join(self.alphabet)}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -25,20 +25,6 @@ FAST_RAD_S = 55.0
 that a slow shaft gives look alike."""
 NEAR_FASTEST = 0.8
 """Of a slower motion windows are taken that are this near to the fastest of it."""
-
-KEYS = frozenset(
-    (
-        "logarithmic",
-        "coefficients",
-        "low",
-        "high",
-        "much",
-        "upper",
-        "count",
-        "speed_rad_s",
-        "load_n",
-    )
-)
 
 
 @dataclass(frozen=True)
@@ -146,10 +132,11 @@ class NominalRange:
         """
         if not isinstance(mapping, Mapping):
             raise ConfigurationError(f"{where}: {mapping!r} is no mapping of a nominal range")
-        unknown = sorted(set(mapping) - KEYS, key=repr)
+        keys = {entry.name for entry in fields(cls)}
+        unknown = sorted(set(mapping) - keys, key=repr)
         if unknown:
             raise ConfigurationError(
-                f"{where}: unknown key {unknown[0]!r}, known are {', '.join(sorted(KEYS))}"
+                f"{where}: unknown key {unknown[0]!r}, known are {', '.join(sorted(keys))}"
             )
         try:
             found = cls(

@@ -9,7 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration import Calibration
-from flea_diag.core.fault_models import DRIVE, REGRESSORS, drag_models, plant_models
+from flea_diag.core.fault_models import (
+    DRIVE,
+    REGRESSORS,
+    FaultModel,
+    drag_models,
+    plant_models,
+)
 from flea_diag.core.healthy_stretch import HealthyStretch
 from flea_diag.core.likelihood import Evidence
 from flea_diag.core.sensor_models import sensor_models
@@ -57,14 +63,14 @@ class Weighing:
         self._own_sigma = self._sigma | _own_sigma(calibration)
         self._correlation = {limit.name: limit.correlation_samples for limit in limits}
         self.names = tuple(name for name in WEIGHED if name in self._sigma)
-        self.models = tuple(
-            model
-            for model in plant_models(fitted) + sensor_models(fitted, DRIVE in self.names)
-            if any(term.residual in self.names for term in model.terms)
-        )
-        self._dragging = drag_models(fitted, dragging=True)
+        self.models = self._told(plant_models(fitted) + sensor_models(fitted, DRIVE in self.names))
+        self._dragging = self._told(drag_models(fitted, dragging=True))
         self._healthy = HealthyStretch(self.names)
         self._waiting: list[Residual] = []
+
+    def _told(self, models: tuple[FaultModel, ...]) -> tuple[FaultModel, ...]:
+        """Models that move one of the residuals of this stand."""
+        return tuple(m for m in models if any(term.residual in self.names for term in m.terms))
 
     def begin(self) -> Evidence:
         """An episode begins: what the unit shows from now on is not its healthy self."""
