@@ -126,7 +126,7 @@ def still_holds(name: str) -> bool:
     if not (HERE / name).exists():
         return False
     summary = replay(HERE / name, make_pipeline(None))
-    return bool(summary["digest"] == summary["recorded_digest"])
+    return bool(summary["decision_digest"] == summary["recorded_decision_digest"])
 
 
 def fly(name: str, made: Path) -> None:

@@ -29,7 +29,11 @@ def decisions(summary: dict[str, Any]) -> dict[str, Any]:
 
 def write_expected(name: str, summary: dict[str, Any]) -> None:
     """Expect of this bag what the summary says; the digest holds for its backend alone."""
-    expected = {**decisions(summary), "backend": summary["backend"], "digest": summary["digest"]}
+    expected = {
+        **decisions(summary),
+        "backend": summary["backend"],
+        "decision_digest": summary["decision_digest"],
+    }
     text = json.dumps(expected, indent=2, allow_nan=False) + "\n"
     (EXPECTED / f"{name}.json").write_text(text, encoding="utf-8")
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from flea_diag.stages.digest import Digest, canonical, digest
+from flea_diag.stages.digest import Digest, canonical, decision_digest, digest
 from flea_diag.wire import records as r
 
 GROUP = r.AmbiguityGroup(
@@ -24,6 +24,7 @@ GROUP = r.AmbiguityGroup(
     words="the fault is jam",
     calibration_sha256="ab",
     source="live",
+    not_observable=(("spall", "no accelerometer"),),
 )
 DETECTION = r.Detection(8, 1, True, "motor_current", 7.5, 5.0, "z")
 SYMBOLS = r.Symbols(8, 1, (r.Symbol("motor_current", "+", "0", 8),))
@@ -75,6 +76,42 @@ def test_every_decision_matters(place: int, change: dict[str, Any]) -> None:
     changed = list(DIAGNOSIS)
     changed[place] = replace(changed[place], **change)
     assert digest(changed) != digest(DIAGNOSIS)
+
+
+WORDS: list[tuple[int, dict[str, Any]]] = [
+    (0, {"test": "window"}),
+    (3, {"reason": "no motion", "cost_ms": 1.0}),
+    (4, {"words": "a jam", "calibration_sha256": "cd"}),
+    (4, {"members": (r.Candidate("jam", "friction+", 1.0, "so", (r.Evidence(1, *"abcd"),)),)}),
+    (4, {"dropped": (r.Candidate("spall", "", 0.0, "silent"),), "next_tests": ()}),
+    (4, {"not_observable": (("spall", "said otherwise"),)}),
+]
+
+
+@pytest.mark.parametrize(("place", "change"), WORDS)
+def test_words_and_hashes_of_files_are_not_in_the_decision_digest(
+    place: int, change: dict[str, Any]
+) -> None:
+    said = list(DIAGNOSIS)
+    said[place] = replace(said[place], **change)
+    assert decision_digest(said) == decision_digest(DIAGNOSIS)
+    assert digest(said) != digest(DIAGNOSIS)
+
+
+DECIDED: list[tuple[int, dict[str, Any]]] = [
+    *(change for change in CHANGES if "calibration_sha256" not in change[1]),
+    (4, {"members": (r.Candidate("jam", "friction+", 1.0, "fits", size=0.5, size_sigma=0.1),)}),
+    (4, {"stamp_ns": 11}),
+    (4, {"not_observable": (("backlash", "no reversal"),)}),
+    (3, {"nominal_high": 0.3}),
+]
+
+
+@pytest.mark.parametrize(("place", "change"), DECIDED)
+def test_all_that_is_decided_is_in_the_decision_digest(place: int, change: dict[str, Any]) -> None:
+    changed = list(DIAGNOSIS)
+    changed[place] = replace(changed[place], **change)
+    assert decision_digest(changed) != decision_digest(DIAGNOSIS)
 
 
 def test_a_change_and_back_again_is_two_changes() -> None:

@@ -13,7 +13,7 @@ from decisions import BAGS
 
 from flea_diag.configuration import config_path
 from flea_diag.errors import ConfigurationError, RecordingError
-from flea_diag.stages.digest import digest
+from flea_diag.stages.digest import decision_digest, digest
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.main import main
 from flea_diag.tools.replay import replay
@@ -86,6 +86,7 @@ def test_a_quiet_run() -> None:
         "features_computed": [],
         "data_quality": {},
         "digest": digest(records),
+        "decision_digest": decision_digest(records),
         "scans": 2,
         "duration_s": 29.99,
     }
@@ -211,6 +212,7 @@ def test_a_bag_through_a_pipeline(tmp_path: Path) -> None:
     assert summary["bag"] == str(tmp_path / "run")
     assert summary["backend"].startswith("numpy ")
     assert summary["recorded_digest"] is None
+    assert summary["recorded_decision_digest"] is None
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
 
 
@@ -228,6 +230,7 @@ def test_truth_and_recorded_verdicts_reach_no_stage(tmp_path: Path) -> None:
     summary = replay(bag, Pipeline([Nosy()]))
     assert summary["ambiguity_group"] == ["jam"]
     assert summary["recorded_digest"] == digest([live])
+    assert summary["recorded_decision_digest"] == decision_digest([live])
 
 
 def test_two_replays_are_equal(tmp_path: Path) -> None:

@@ -109,7 +109,7 @@ def test_replay_gives_the_expected_decisions(name: str, replayed: Summaries) -> 
     told = expected(name)
     assert decisions(replayed[name]) == {key: told[key] for key in (*DECIDED, "episodes")}
     if replayed[name]["backend"] == told["backend"]:
-        assert replayed[name]["digest"] == told["digest"]
+        assert replayed[name]["decision_digest"] == told["decision_digest"]
 
 
 def test_two_replays_give_the_same_digest(replayed: Summaries, tmp_path: Path) -> None:

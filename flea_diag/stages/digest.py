@@ -7,6 +7,10 @@ silent just then, whether it was live or a replay; and what decides nothing: adv
 what opened an episode, offsets kept for an observer that comes back, counters of samples. Each
 kind keeps its own order and the kinds follow one another in the rank of their topics, so that
 records of several topics may arrive interleaved in any way.
+
+The decision digest is the same over fewer fields: outcome, members, sizes, symbols, features
+and their stamps. Prose, evidence texts and hashes of files are not in it, so that a change of
+wording keeps it and a change of what is decided does not.
 """
 
 from __future__ import annotations
@@ -14,7 +18,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -38,11 +42,33 @@ LEFT_OUT: dict[type, tuple[str, ...]] = {
 
 DECISIONS = tuple(LEFT_OUT)
 
+OF_A_MEMBER = ("fault", "probability", "size", "size_sigma")
+DECIDED: dict[type, tuple[str, ...]] = {
+    Detection: ("stamp_ns", "episode", "detected", "residual", "z", "threshold"),
+    Symbols: ("stamp_ns", "episode", "symbols"),
+    FeatureRequest: (
+        "stamp_ns", "episode", "step", "feature", "window_start_ns", "window_end_ns",
+    ),
+    FeatureValue: (
+        "stamp_ns", "episode", "step", "feature", "window_start_ns", "window_end_ns",
+        "value", "symbol", "nominal_low", "nominal_high",
+    ),
+    AmbiguityGroup: ("stamp_ns", "outcome", "episode", "step", "detected_stamp_ns"),
+}  # fmt: skip
+"""Decisions -> fields of the decision digest; those of a group go through `decided` as well."""
+
 
 class Digest:
-    """Take records one by one; ``hexdigest`` at any time."""
+    """Take records one by one; ``hexdigest`` at any time.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    line
+        Canonical line of a decision: ``canonical``, or ``decided`` for the decision digest.
+    """
+
+    def __init__(self, line: Callable[[Record], str] | None = None) -> None:
+        self._line = line or canonical
         self._lines: dict[type, list[str]] = {kind: [] for kind in DECISIONS}
 
     def add(self, record: Record) -> None:
@@ -50,7 +76,7 @@ class Digest:
         lines = self._lines.get(type(record))
         if lines is None:
             return
-        line = canonical(record)
+        line = self._line(record)
         if not isinstance(record, AmbiguityGroup) or lines[-1:] != [line]:
             lines.append(line)
 
@@ -71,11 +97,35 @@ def digest(records: Iterable[Record]) -> str:
     return whole.hexdigest()
 
 
+def decision_digest(records: Iterable[Record]) -> str:
+    """Decision digest of a whole diagnosis."""
+    whole = Digest(decided)
+    for record in records:
+        whole.add(record)
+    return whole.hexdigest()
+
+
 def canonical(record: Record) -> str:
     """Canonical JSON of a decision: sorted keys, no blanks, numbers as ``repr`` writes them."""
     content = asdict(record)
     for name in LEFT_OUT[type(record)]:
         del content[name]
+    return _line(record, content)
+
+
+def decided(record: Record) -> str:
+    """Canonical JSON of what was decided, without the words it was said in."""
+    whole = asdict(record)
+    content = {name: whole[name] for name in DECIDED[type(record)]}
+    if isinstance(record, AmbiguityGroup):
+        content["members"] = [
+            {name: member[name] for name in OF_A_MEMBER} for member in whole["members"]
+        ]
+        content["not_observable"] = [fault for fault, _ in record.not_observable]
+    return _line(record, content)
+
+
+def _line(record: Record, content: dict[str, Any]) -> str:
     content["record"] = type(record).__name__
     return json.dumps(_plain(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
 

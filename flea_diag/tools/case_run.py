@@ -170,6 +170,7 @@ def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dic
         cpu_s=round(done.cpu_s, 6),
         peak_memory_bytes=peak_bytes(),
         digest=summary["digest"],
+        decision_digest=summary["decision_digest"],
         backend=numeric_backend(),
         detail=f"{DETAILS}/{case.configuration}/{case.id.replace('/', '.')}{case.fold}.json",
         duration_s=summary["duration_s"],

@@ -32,6 +32,7 @@ class Decision:
     alarms_s: tuple[float, ...]
     episodes: tuple[Episode, ...] = ()
     digest: str = ""
+    decision_digest: str = ""
     backend: str = ""
     right: bool | None = None
     failure: str = ""
@@ -41,6 +42,12 @@ class Decision:
         """What must be equal for two runs to be decided alike."""
         said = [(e["outcome"], sorted(e["ambiguity_group"])) for e in self.episodes]
         return self.outcome, self.group, self.alarms_s, said, bool(self.failure)
+
+    def same_numbers(self, other: Decision) -> bool:
+        """Whether both rest on the same numbers; a file of before has no digest of them alone."""
+        if self.decision_digest and other.decision_digest:
+            return self.decision_digest == other.decision_digest
+        return self.digest == other.digest
 
     def words(self) -> str:
         """The verdict in a few words."""
@@ -95,6 +102,7 @@ def _of_results(results: tuple[RunResult, ...], folder: Path) -> Iterator[Decisi
             result.alarms_s,
             _of_detail(detail) if told else (),
             result.digest,
+            result.decision_digest,
             result.backend,
             result.right,
             result.failure,
@@ -116,6 +124,7 @@ def _of_summary(summary: Any, path: Path) -> Decision:
             tuple(episode["detected_at_s"] for episode in episodes),
             episodes,
             str(summary["digest"]),
+            str(summary.get("decision_digest", "")),
             str(summary.get("backend", "")),
         )
 

@@ -49,6 +49,12 @@ def compare(a: dict[str, Decision], b: dict[str, Decision]) -> dict[str, Any]:
     from flea_diag.tools.decision import differences
 
     both = [name for name in a if name in b]
+    # Digests of two backends differ in last bits.
+    alike = [
+        name
+        for name in both
+        if a[name].verdict == b[name].verdict and a[name].backend == b[name].backend
+    ]
     changed = [
         {
             "run": name,
@@ -64,13 +70,11 @@ def compare(a: dict[str, Decision], b: dict[str, Decision]) -> dict[str, Any]:
         "changed": changed,
         "only_a": sorted(set(a) - set(b)),
         "only_b": sorted(set(b) - set(a)),
-        # Same verdict from other numbers: of interest where the backend is the same.
-        "other_digest": [
+        "other_digest": [name for name in alike if not a[name].same_numbers(b[name])],
+        "other_words": [
             name
-            for name in both
-            if a[name].verdict == b[name].verdict
-            and a[name].backend == b[name].backend
-            and a[name].digest != b[name].digest
+            for name in alike
+            if a[name].same_numbers(b[name]) and a[name].digest != b[name].digest
         ],
     }
 
@@ -91,6 +95,6 @@ def words(report: dict[str, Any]) -> str:
     lines.append(
         f"{report['compared']} runs compared, {len(report['changed'])} decided otherwise "
         f"({won} now right, {lost} no longer), {len(report['other_digest'])} decided alike by "
-        "other numbers"
+        f"other numbers, {len(report['other_words'])} said in other words"
     )
     return "\n".join(lines)

@@ -87,21 +87,22 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
     RecordingError
         When there is no bag of ours, or no scan in it.
     """
-    from flea_diag.stages.digest import DECISIONS, Digest
+    from flea_diag.stages.digest import DECISIONS, Digest, decided
     from flea_diag.tools.replay_summary import BULK, summarise, without_values
     from flea_diag.wire.bag import BagReader
     from flea_diag.wire.records import AmbiguityGroup
 
     reader = BagReader(bag)
-    recorded, published = Digest(), False
+    recorded, published = (Digest(), Digest(decided)), False
 
     def sent() -> Iterator[Record | ScanBlock]:
-        """What the stand said; what was decided back then goes into a digest of its own."""
+        """What the stand said; what was decided back then goes into digests of its own."""
         nonlocal published
         for record in reader.blocks((*sources(), *DECISIONS), namespace):
             if isinstance(record, DECISIONS):
                 published = published or isinstance(record, AmbiguityGroup)
-                recorded.add(record)
+                for each in recorded:
+                    each.add(record)
             else:
                 yield record
 
@@ -114,7 +115,8 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
         **summary,
         "backend": numeric_backend(),
         "bag": str(bag),
-        "recorded_digest": recorded.hexdigest() if published else None,
+        "recorded_digest": recorded[0].hexdigest() if published else None,
+        "recorded_decision_digest": recorded[1].hexdigest() if published else None,
         "losses": reader.losses,
     }
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flea_diag.stages.digest import digest
+from flea_diag.stages.digest import decision_digest, digest
 from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, Stamps
 from flea_diag.wire.records import (
     NEVER_NS,
@@ -66,6 +66,7 @@ def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
         "features_computed": _features(known),
         "data_quality": _data_quality(known, start_ns),
         "digest": digest(known),
+        "decision_digest": decision_digest(known),
         "scans": len(scans),
         "duration_s": _seconds(int(scans.max()), start_ns) if len(scans) else 0.0,
     }

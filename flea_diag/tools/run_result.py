@@ -62,6 +62,8 @@ class RunResult:
         Vibration features that were paid for, and how many of the table were not.
     cpu_s, peak_memory_bytes
         Processor time of the diagnosis alone; largest resident set of the process meanwhile.
+    digest, decision_digest, backend
+        What was decided, with and without the words; equal runs are equal on equal backends.
     detail
         File with the whole replay summary, relative to the evaluation's folder.
     """
@@ -96,6 +98,7 @@ class RunResult:
     cpu_s: float = 0.0
     peak_memory_bytes: int = 0
     digest: str = ""
+    decision_digest: str = ""
     backend: str = ""
     detail: str = ""
     schema_version: int = SCHEMA_VERSION
