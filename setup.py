@@ -105,7 +105,7 @@ setup(
         "Topic :: Scientific/Engineering",
     ],
     package_data={
-        "flea_diag.tools": ["templates/*.html"],
+        "flea_diag.tools.score": ["templates/*.html"],
         "flea_diag.web": ["static/*.js", "static/*.css"],
     },
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "flea_sim_driver*"]),

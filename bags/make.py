@@ -25,12 +25,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parent / "test")]
 
-from decisions import expected, write_expected
+from support.decisions import expected, write_expected
 
 from flea_diag.configuration import make_pipeline
 from flea_diag.tools.main import main as flea
-from flea_diag.tools.replay import replay
-from flea_diag.wire.bag import BagReader, BagWriter
+from flea_diag.tools.replay.replay import replay
+from flea_diag.wire.bags.bag import BagReader, BagWriter
 from flea_diag.wire.records import ChannelTable, FeatureRequest, Scan, VibrationBlock
 
 LARGEST_BYTES = 1_000_000
@@ -131,7 +131,7 @@ def still_holds(name: str) -> bool:
 
 def fly(name: str, made: Path) -> None:
     """Record a live run over DDS."""
-    command = [sys.executable, "-m", "flea_diag.nodes.live_run", *LIVE[name].split()]
+    command = [sys.executable, "-m", "flea_diag.nodes.run.live_run", *LIVE[name].split()]
     given = {**os.environ, "PYTHONPATH": str(HERE.parent)}
     done = subprocess.run([*command, "--bag", str(made)], cwd=HERE.parent, env=given, check=False)
     if done.returncode != 0:

@@ -18,7 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
-from live import Peer, Process, node
+from support.live import Peer, Process, node
 
 from flea_diag.configuration import load_features
 from flea_diag.tools.interval import wilson

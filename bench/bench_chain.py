@@ -23,11 +23,11 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 import numpy as np
 from bench_scan import recording
 from bench_stand import cpu_s
-from live import Peer, Process, node
+from support.live import Peer, Process, node
 
-from flea_diag.nodes.domain import reserved_domain
-from flea_diag.wire import codec
-from flea_diag.wire.bag import BagReader
+from flea_diag.nodes.run.domain import reserved_domain
+from flea_diag.wire.bags.bag import BagReader
+from flea_diag.wire.messages import codec
 from flea_diag.wire.records import ChannelTable, Scan
 
 PERIOD_S = 0.01

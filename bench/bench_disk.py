@@ -19,13 +19,13 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
-import lossy
 import numpy as np
 from rosbags.highlevel import AnyReader
+from support import lossy
 
 from flea_diag.errors import RecordingError
-from flea_diag.nodes.recorder import WHOLE_EVERY_S
-from flea_diag.wire.bag import BagReader, BagWriter
+from flea_diag.nodes.recording.recorder import WHOLE_EVERY_S
+from flea_diag.wire.bags.bag import BagReader, BagWriter
 from flea_diag.wire.records import Record, Scan
 
 FIRST_SEED = 5000

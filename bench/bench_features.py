@@ -18,11 +18,11 @@ import numpy as np
 from scipy import signal, stats
 
 from flea_diag.configuration import load_features
-from flea_diag.core.feature_choice import FeatureChooser
-from flea_diag.core.features import compute_all
-from flea_diag.core.window import Window
-from flea_diag.tools.feature_bench import AXES, bench_window, costs_s, library_s
-from flea_diag.tools.feature_study import Plan, study
+from flea_diag.core.choice.feature_choice import FeatureChooser
+from flea_diag.core.vibration.features import compute_all
+from flea_diag.core.vibration.window import Window
+from flea_diag.tools.features.bench import AXES, bench_window, costs_s, library_s
+from flea_diag.tools.features.study import Plan, study
 
 ROUNDS = 7
 SEEDS = range(7000, 7003)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
-import lossy
+from support import lossy
 
 
 def main() -> int:
@@ -51,9 +51,9 @@ def main() -> int:
 
 def live(name: str, seed: int) -> lossy.Passed:
     """One run in a domain of its own."""
-    from relay import relayed
+    from support.relay import relayed
 
-    from flea_diag.nodes.domain import reserved_domain
+    from flea_diag.nodes.run.domain import reserved_domain
 
     with reserved_domain() as domain:
         return relayed(name, seed, domain)

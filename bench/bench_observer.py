@@ -22,13 +22,13 @@ from importlib.util import find_spec
 import numpy as np
 
 from flea_diag.configuration import load_yaml
-from flea_diag.core.actuator import actuator
-from flea_diag.core.kalman import KalmanFilter
-from flea_diag.core.observer_model import LinearModel, NoiseLevels, linear_model
-from flea_diag.core.parameters import ActuatorParameters
-from flea_diag.core.particle_filter import ParticleFilter
-from flea_diag.core.residual_rows import CHANNELS, INDEX
-from flea_diag.core.state_observer import StateObserver
+from flea_diag.core.bond_graph.actuator import actuator
+from flea_diag.core.observers.kalman import KalmanFilter
+from flea_diag.core.observers.observer_model import LinearModel, NoiseLevels, linear_model
+from flea_diag.core.observers.particle_filter import ParticleFilter
+from flea_diag.core.observers.state_observer import StateObserver
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
 
 PERIOD_S = 0.01
 STEPS = 1500

@@ -23,10 +23,10 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
 import numpy as np
 from bench_stand import cpu_s
-from live import Process, node
+from support.live import Process, node
 
-from flea_diag.nodes.domain import reserved_domain
-from flea_diag.wire.bag import BagReader
+from flea_diag.nodes.run.domain import reserved_domain
+from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.records import Scan, VibrationBlock
 
 RATES_HZ = {Scan: 100.0, VibrationBlock: 10.0}
@@ -35,7 +35,9 @@ LIMIT = 0.10
 
 def recorded(bag: Path, seconds: float) -> tuple[float, float]:
     """Share of a core and peak memory in MB of a recorder, from the first scan to the last."""
-    keep = node("flea_diag.nodes.recorder", "-p", f"directory:={bag}", "-p", "clips:=false")
+    keep = node(
+        "flea_diag.nodes.recording.recorder", "-p", f"directory:={bag}", "-p", "clips:=false"
+    )
     send = node("flea_sim_driver.daq_node", "-p", f"duration_s:={seconds}",
                 "-p", "wait_for_subscribers:=1")  # fmt: skip
     with (

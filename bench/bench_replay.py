@@ -22,7 +22,7 @@ PERIOD_S = 0.01
 
 def in_blocks(bag: Path, kind: str, backend: str) -> tuple[float, str, int]:
     """CPU seconds of the replay command's own function; digest and number of scans."""
-    from flea_diag.tools.replay import replay
+    from flea_diag.tools.replay.replay import replay
 
     stage = pipeline(kind, backend)
     begin = time.process_time()
@@ -33,7 +33,7 @@ def in_blocks(bag: Path, kind: str, backend: str) -> tuple[float, str, int]:
 def singly(bag: Path, kind: str, backend: str) -> tuple[float, str]:
     """The same, record by record."""
     from flea_diag.stages.digest import digest
-    from flea_diag.wire.bag import BagReader
+    from flea_diag.wire.bags.bag import BagReader
     from flea_diag.wire.records import ChannelTable, Scan
 
     stage = pipeline(kind, backend)

@@ -61,7 +61,7 @@ def pipeline(kind: str, backend: str):
 
 def costs(bag: Path, kind: str, backend: str) -> tuple[float, float]:
     """CPU seconds of a scan, singly and in a block: medians over pieces of ``BLOCK`` scans."""
-    from flea_diag.wire.bag import BagReader
+    from flea_diag.wire.bags.bag import BagReader
     from flea_diag.wire.blocks import ScanBlock
     from flea_diag.wire.records import ChannelTable, Scan
 
@@ -85,7 +85,7 @@ def costs(bag: Path, kind: str, backend: str) -> tuple[float, float]:
 
 def memory(bag: Path, scans: int) -> list[tuple[int, float]]:
     """Scans fed and resident memory in MB, ten times on the way."""
-    from flea_diag.wire.bag import BagReader
+    from flea_diag.wire.bags.bag import BagReader
     from flea_diag.wire.blocks import ScanBlock
     from flea_diag.wire.records import Scan
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
-from simulated_faults import Judged, judged, table
+from support.simulated_faults import Judged, judged, table
 
 from flea_diag.tools.interval import wilson
 

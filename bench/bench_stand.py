@@ -24,14 +24,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
-from live import Peer, Process, node
+from support.live import Peer, Process, node
 
-from flea_diag.nodes.domain import reserved_domain
-from flea_diag.tools.simulate import write_bag
+from flea_diag.nodes.run.domain import reserved_domain
+from flea_diag.tools.stand.simulate import write_bag
 from flea_diag.wire.records import Health, Scan
-from flea_sim_driver.library import find_scenario
-from flea_sim_driver.plant import integrator
-from flea_sim_driver.scenario import Scenario
+from flea_sim_driver.plant.plant import integrator
+from flea_sim_driver.scenario.library import find_scenario
+from flea_sim_driver.scenario.scenario import Scenario
 
 RUN_S = 30.0
 REPEATS = 5

@@ -16,10 +16,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))
 
-from browser import Browser, chromium, missing
-from live import Peer, Process, node
+from support.browser import Browser, chromium, missing
+from support.live import Peer, Process, node
 
-from flea_diag.nodes.domain import reserved_domain
+from flea_diag.nodes.run.domain import reserved_domain
 from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome
 
 MINUTES = float(os.environ.get("FLEA_BENCH_MINUTES", "10"))
@@ -55,7 +55,7 @@ def sample(pid: int, browser: Browser) -> tuple[float, float, float, float]:
 def measure(domain: int, folder: Path) -> None:
     """Run the stand and print the figures."""
     journal = f"journal:={folder / 'alarms.sqlite'}"
-    web = node("flea_diag.nodes.web", "-p", f"port:={PORT}", "-p", journal)
+    web = node("flea_diag.nodes.operator.web", "-p", f"port:={PORT}", "-p", journal)
     daq = node(
         "flea_sim_driver.daq_node", "-p", "fault:=jam", "-p", "fault_onset_s:=8.0",
         "-p", f"duration_s:={60.0 * MINUTES + 60.0}", "-p", "wait_for_subscribers:=3",

@@ -1,4 +1,4 @@
-"""Damaged input for every reader of what others write; see ``test/fuzzing.py``.
+"""Damaged input for every reader of what others write; see ``test/support/fuzzing.py``.
 
 scripts/fuzz 10                 so many seconds of processor time for each reader
 scripts/fuzz 10 bag importer    some of them
@@ -18,7 +18,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
-import fuzzing
+from support import fuzzing
 
 SLOW_S = 2.0
 """A reader that takes longer over one input hangs."""

@@ -27,11 +27,12 @@ from statistics import median
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
-from live import Peer, Process, process_of
+from support.live import Peer, Process, process_of
 
-from flea_diag.nodes.domain import reserved_domain
-from flea_diag.nodes.live_run import COMPOSED, MODULES, SEPARATE
-from flea_diag.wire.bag import read_bag
+from flea_diag.nodes.executables import EXECUTABLES
+from flea_diag.nodes.run.domain import reserved_domain
+from flea_diag.nodes.run.live_run import COMPOSED, SEPARATE
+from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.records import AmbiguityGroup, Outcome, Scan, Truth
 
 FAULTS = ("jam", "motor_current_bias", "motor_temperature_bias", "winding_short", "nominal")
@@ -103,7 +104,14 @@ class Campaign:
         fault, onset_s = FAULTS[number % len(FAULTS)], self._random.uniform(*ONSET_S)
         bag = self._folder / f"run_{number}"
         arguments = ["--fault", fault, "--at", f"{onset_s:.2f}", "--for", "1200"]
-        run = [sys.executable, "-m", "flea_diag.nodes.live_run", "--headless", "--bag", str(bag)]
+        run = [
+            sys.executable,
+            "-m",
+            "flea_diag.nodes.run.live_run",
+            "--headless",
+            "--bag",
+            str(bag),
+        ]
         command = [*run, *self._options, *arguments, "--seed", str(1000 + number)]
         with reserved_domain() as domain, Peer(domain) as peer:
             peer.bus.subscribe(AmbiguityGroup, peer.records.append)
@@ -125,7 +133,7 @@ class Campaign:
         pause_s = self._random.uniform(*PAUSE_S)
         peer.bus.wait_until(lambda: False, pause_s)
         before = _endpoints(peer, kill.node)
-        os.kill(process_of(process.child.pid, MODULES[kill.node]), signal.SIGKILL)
+        os.kill(process_of(process.child.pid, EXECUTABLES[kill.node]), signal.SIGKILL)
         killed_s, killed_ns = time.monotonic(), time.time_ns()
         kill.after_onset_s = killed_ns / 1e9 - onset_s
         if kill.node == "daq":

@@ -16,12 +16,12 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "test"))
 
-from browser import Browser, chromium, missing
-from live import Peer, Process, node
+from support.browser import Browser, chromium, missing
+from support.live import Peer, Process, node
 
-from flea_diag.nodes.alarm_journal import AlarmJournal
-from flea_diag.nodes.desk import Desk, connect
-from flea_diag.nodes.domain import reserved_domain
+from flea_diag.nodes.operator.alarm_journal import AlarmJournal
+from flea_diag.nodes.operator.desk import Desk, connect
+from flea_diag.nodes.run.domain import reserved_domain
 from flea_diag.wire.records import Outcome
 
 DOCS = ROOT / "docs"
@@ -33,7 +33,7 @@ LIMIT_S = 120.0
 
 def console_picture(desk: Desk, peer: Peer, browser: Browser, target: Path) -> None:
     """The console as Textual draws it, at a size at which most panels have room."""
-    from flea_diag.nodes.console_app import ConsoleApp
+    from flea_diag.nodes.operator.console_app import ConsoleApp
 
     drawn: list[str] = []
 
@@ -108,7 +108,7 @@ def make(domain: int, folder: Path) -> None:
     with (
         Peer(domain) as peer,
         Process(node("flea_diag.nodes.diagnoser"), domain),
-        Process(node("flea_diag.nodes.web", "-p", "port:=0", *journal), domain) as web,
+        Process(node("flea_diag.nodes.operator.web", "-p", "port:=0", *journal), domain) as web,
         chromium() as browser,
     ):
         port = web.wait_for(SAYS_WHERE, LIMIT_S).partition(SAYS_WHERE)[2]

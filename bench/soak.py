@@ -25,10 +25,11 @@ from pathlib import Path
 import numpy as np
 
 from flea_diag.configuration import make_pipeline
-from flea_diag.stages.stream_order import STREAM
+from flea_diag.wire.bags.scan_columns import scan_block
 from flea_diag.wire.blocks import Block
-from flea_diag.wire.codec import decode, encode
+from flea_diag.wire.messages.codec import decode, encode
 from flea_diag.wire.records import (
+    STREAM,
     AmbiguityGroup,
     DataQuality,
     Detection,
@@ -36,8 +37,7 @@ from flea_diag.wire.records import (
     Record,
     Scan,
 )
-from flea_diag.wire.scan_columns import scan_block
-from flea_sim_driver.scenario import scenario_from_mapping
+from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import Stand
 
 USUAL = float("nan")

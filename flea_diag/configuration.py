@@ -17,22 +17,22 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
-from flea_diag.core import calibration as calibrations
-from flea_diag.core.actuator import actuator as read_actuator
-from flea_diag.core.calibration import Calibration
-from flea_diag.core.causal_map import CausalMap, causal_map
-from flea_diag.core.diagnosis_tree import Node, asked_tree
-from flea_diag.core.fault import Fault, catalogue
-from flea_diag.core.feature_choice import FeatureChooser
-from flea_diag.core.feature_table import FaultFeatureTable
-from flea_diag.core.features import try_out
-from flea_diag.core.operating_point import QUADRANTS, Quadrant
-from flea_diag.core.signature import SignatureTable, signature_table
+from flea_diag.core.bond_graph.actuator import actuator as read_actuator
+from flea_diag.core.calibration import calibration as calibrations
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
+from flea_diag.core.choice.diagnosis_tree import Node, asked_tree
+from flea_diag.core.choice.feature_choice import FeatureChooser
+from flea_diag.core.choice.feature_table import FaultFeatureTable
+from flea_diag.core.drawing.causal_map import CausalMap, causal_map
+from flea_diag.core.faults.fault import Fault, catalogue
+from flea_diag.core.signatures.signature import SignatureTable, signature_table
+from flea_diag.core.vibration.features import try_out
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.stages import Stage
-from flea_diag.stages.extractor import ExtractorParameters, ExtractorStage
-from flea_diag.stages.isolator import IsolatorParameters, IsolatorStage, Knowledge
-from flea_diag.stages.observer import ObserverParameters, ObserverStage
+from flea_diag.stages.extractor.extractor import ExtractorParameters, ExtractorStage
+from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
+from flea_diag.stages.observer.observer import ObserverParameters, ObserverStage
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import Scan, VibrationBlock

@@ -25,7 +25,7 @@ from flea_diag.wire.records import (
 )
 
 if TYPE_CHECKING:
-    from flea_sim_driver.scenario import Scenario
+    from flea_sim_driver.scenario.scenario import Scenario
 
 TICK_S = 0.01
 PHASE = 0.3
@@ -230,8 +230,8 @@ class Daq:
 
 def _scenario(parameters: DaqParameters) -> Scenario:
     """The scenario with what the parameters say instead."""
-    from flea_sim_driver.library import find_scenario
-    from flea_sim_driver.scenario import overridden
+    from flea_sim_driver.scenario.library import find_scenario
+    from flea_sim_driver.scenario.scenario_file import overridden
 
     run: dict[str, Any] = {}
     if parameters.duration_s > 0.0:

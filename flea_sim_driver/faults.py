@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from flea_diag.errors import ConfigurationError
-from flea_sim_driver.plant import Coefficients
+from flea_sim_driver.plant.plant import Coefficients
 
 Change = Callable[[Coefficients, float], Coefficients]
 

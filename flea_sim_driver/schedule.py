@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flea_sim_driver.faults import CATALOGUE, Fault
-from flea_sim_driver.settings import FaultSetting, Run, Switch
+from flea_sim_driver.scenario.settings import FaultSetting, Run, Switch
 
 GAP_S = 0.05
 GRID_S = 0.01

@@ -14,19 +14,19 @@ import numpy.typing as npt
 
 from flea_diag.wire.records import NEVER_NS, ChannelTable, Record, Scan, Truth, VibrationBlock
 from flea_diag.wire.topics import TOPIC_OF
-from flea_sim_driver.acquisition import SCAN_S, SCANS, Acquisition, Block, pwm
-from flea_sim_driver.actuator import Actuator, Sizes, coefficients, with_faults
-from flea_sim_driver.disturbance import Catches, Disturbance
-from flea_sim_driver.feasibility import checked_fault
-from flea_sim_driver.plant import STEP_S, Coefficients
-from flea_sim_driver.profile import commanded
-from flea_sim_driver.scenario import Scenario
+from flea_sim_driver.acquisition.acquisition import SCAN_S, SCANS, Acquisition, Block, pwm
+from flea_sim_driver.acquisition.sensors import ACCELEROMETER_AXES, CHANNELS, Panel, channel_infos
+from flea_sim_driver.plant.actuator import Actuator, Sizes, coefficients, with_faults
+from flea_sim_driver.plant.disturbance import Catches, Disturbance
+from flea_sim_driver.plant.plant import STEP_S, Coefficients
+from flea_sim_driver.plant.thermal import Temperatures, warmed
+from flea_sim_driver.plant.unit import Bench, Unit, draw_unit
+from flea_sim_driver.plant.vibration import Severity, Vibration
+from flea_sim_driver.scenario.feasibility import checked_fault
+from flea_sim_driver.scenario.profile import commanded
+from flea_sim_driver.scenario.scenario import Scenario
+from flea_sim_driver.scenario.settings import FaultSetting
 from flea_sim_driver.schedule import Episode, cleared, episodes, on_grid
-from flea_sim_driver.sensors import ACCELEROMETER_AXES, CHANNELS, Panel, channel_infos
-from flea_sim_driver.settings import FaultSetting
-from flea_sim_driver.thermal import Temperatures, warmed
-from flea_sim_driver.unit import Bench, Unit, draw_unit
-from flea_sim_driver.vibration import Severity, Vibration
 
 Array = npt.NDArray[np.float64]
 BLOCK_S = 0.1

@@ -36,7 +36,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def domain() -> Iterator[int]:
     """A ROS domain that nobody else on this machine uses."""
     pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
-    from flea_diag.nodes.domain import reserved_domain
+    from flea_diag.nodes.run.domain import reserved_domain
 
     with reserved_domain() as number:
         yield number

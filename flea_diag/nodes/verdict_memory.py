@@ -14,7 +14,7 @@ from typing import Any
 from flea_diag.errors import FleaError
 from flea_diag.nodes.state_folder import state_folder
 from flea_diag.wire.bus import Bus
-from flea_diag.wire.codec import decode, encode
+from flea_diag.wire.messages.codec import decode, encode
 from flea_diag.wire.records import AmbiguityGroup
 from flea_diag.wire.whole_file import replace_file
 

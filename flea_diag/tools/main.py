@@ -18,19 +18,19 @@ from flea_diag import __version__
 from flea_diag.errors import FleaError
 
 MODULES = (
-    "model",
-    "calibrate",
-    "simulate",
-    "scenarios",
-    "realism",
-    "features",
-    "importer",
-    "replay",
-    "evaluate",
-    "diff",
-    "trend",
-    "bag_check",
-    "recover",
+    "model.model",
+    "calibrate.calibrate",
+    "stand.simulate",
+    "stand.scenarios",
+    "stand.realism",
+    "features.features",
+    "recordings.importer",
+    "replay.replay",
+    "evaluate.evaluate",
+    "score.diff",
+    "replay.trend",
+    "bags.check",
+    "bags.recover",
 )
 """Modules of this package that are subcommands, in the order of ``flea --help``."""
 

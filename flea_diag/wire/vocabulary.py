@@ -14,6 +14,12 @@ ANOTHER_UNIT = "another unit"
 """What ends a Detection when the stand has gone over to another unit: a new one begins."""
 EARLIER_LEVEL = "its earlier level"
 """Ends the ``test`` of a Detection that held a residual against the same run before it."""
+STREAM = "sensors/slow"
+"""The stream of scans, as ``data_quality`` counts it beside the channels."""
+STARVING = "starved: more than half of the scans are lost or come too late to be used"
+"""Reason of a stream of which too little is left to be tested."""
+DRIVER_DEAD = "driver dead: scans come, and no channel of them has a new value"
+"""Reason of a stream of which all channels that read have fallen silent."""
 
 
 class Outcome(str, Enum):

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from flea_diag.errors import FleaError, InputError, WireError
-from flea_diag.wire import codec
 from flea_diag.wire.bus.declared import Declared
 from flea_diag.wire.bus.remote_parameter import RemoteParameter
+from flea_diag.wire.messages import codec
 from flea_diag.wire.records import Record
 from flea_diag.wire.topics import TOPIC_OF, Topic
 

@@ -1,0 +1,279 @@
+"""An actuator from its description, the mapping of ``config/actuator.yaml``.
+
+The FLEA's graph (Narasimhan et al. 2010, Figure 5, with screw, load cell and thermal nodes)
+is data, and so is any other actuator: a new description needs no code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from flea_diag.core import schema
+from flea_diag.core.bond_graph.actuator_model import (
+    Actuator,
+    ModelView,
+    OperatingPoint,
+    ResidualSpec,
+    Sensor,
+)
+from flea_diag.core.bond_graph.bond_graph import DOMAINS, BondGraph, Element, Parameter, bond_graph
+from flea_diag.core.bond_graph.causality import require_sound
+from flea_diag.core.schema import REQUIRED
+from flea_diag.core.symbolic.unit import SECOND, dimension, spelled, times
+from flea_diag.errors import ConfigurationError
+
+__all__ = ["Actuator", "ModelView", "OperatingPoint", "ResidualSpec", "Sensor", "actuator"]
+
+KINDS_OF_RESIDUAL = ("measurement", "junction", "difference")
+
+_PARAMETER: schema.Keys = {
+    "value": (float, REQUIRED),
+    "unit": (str, REQUIRED),
+    "symbol": (str, ""),
+    "note": (str, ""),
+}
+_JUNCTION: schema.Keys = {"type": (str, REQUIRED), "domain": (str, REQUIRED)}
+_ELEMENT: schema.Keys = {
+    "type": (str, REQUIRED),
+    "law": (str, ""),
+    "parameters": (dict, {}),
+    "signal": (str, ""),
+    "state": (str, ""),
+    "powers": (list, []),
+}
+_SENSOR: schema.Keys = {
+    "at": (str, REQUIRED),
+    "unit": (str, REQUIRED),
+    "noise": (float, REQUIRED),
+    "integrates": (bool, False),
+    "state": (str, ""),
+}
+_INPUT: schema.Keys = {"unit": (str, REQUIRED), "noise": (float, 0.0), "sensor": (bool, False)}
+_VIEW: schema.Keys = {"measured": (list, []), "moved": (dict, {})}
+_OPERATING: schema.Keys = {"hold": (dict, REQUIRED), "by": (list, REQUIRED), "fixed": (dict, {})}
+_RESIDUAL: schema.Keys = {
+    "kind": (str, REQUIRED),
+    "unit": (str, REQUIRED),
+    "channel": (str, ""),
+    "model": (str, ""),
+    "junction": (str, ""),
+    "reference": (str, ""),
+    "divided_by": (str, ""),
+    "normalised": (bool, False),
+    "motion": (str, ""),
+}
+_TOP: schema.Keys = {
+    "schema_version": (int, REQUIRED),
+    "name": (str, REQUIRED),
+    "description": (str, ""),
+    "scan_period_s": (float, REQUIRED),
+    "parameters": (dict, REQUIRED),
+    "junctions": (dict, REQUIRED),
+    "elements": (dict, REQUIRED),
+    "bonds": (list, REQUIRED),
+    "sensors": (dict, REQUIRED),
+    "inputs": (dict, REQUIRED),
+    "models": (dict, {"stand": {}}),
+    "operating_point": (dict, REQUIRED),
+    "residuals": (dict, {}),
+}
+
+
+def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) -> Actuator:
+    """Actuator from the mapping of its description; not ``sound``, only to be looked at.
+
+    Raises
+    ------
+    ConfigurationError
+        Unknown keys, names, units and values out of range, each by name.
+    ModelError
+        A graph that is no bond graph, or has no sound causality.
+    """
+    schema.version(content, where, 1)
+    top = schema.read(content, where, _TOP)
+    if not top["scan_period_s"] > 0:
+        raise ConfigurationError(f"{where}: scan_period_s = {top['scan_period_s']} must be > 0")
+    sensors, inputs = _sensors(top, where)
+    parameters = tuple(
+        Parameter(name, **schema.read(row, f"{where}: parameter {name!r}", _PARAMETER))
+        for name, row in schema.rows(top["parameters"], f"{where}: parameters").items()
+    )
+    elements, arrows = _elements(top, where), _arrows(top, where)
+    for sensor in sensors.values():
+        if sensor.at:
+            elements.append(_detector(sensor, elements, where))
+            arrows.append((sensor.at, elements[-1].name))
+    graph = bond_graph(top["name"], tuple(elements), tuple(arrows), parameters)
+    result = Actuator(
+        top["name"],
+        top["description"],
+        top["scan_period_s"],
+        graph,
+        sensors,
+        inputs,
+        _views(top, sensors, graph, where),
+        _operating(top, where),
+        _residuals(top, where),
+    )
+    if sound:
+        _check(result, where)
+    return result
+
+
+def _elements(top: Mapping[str, Any], where: str) -> list[Element]:
+    found = []
+    for name, row in schema.rows(top["junctions"], f"{where}: junctions").items():
+        values = schema.read(row, f"{where}: junction {name!r}", _JUNCTION)
+        found.append(Element(name, values["type"], values["domain"]))
+    for name, row in schema.rows(top["elements"], f"{where}: elements").items():
+        place = f"{where}: element {name!r}"
+        values = schema.read(row, place, _ELEMENT)
+        roles = schema.pairs(values.pop("parameters"), f"{place}: parameters")
+        powers = schema.texts(values.pop("powers"), f"{place}: powers")
+        found.append(Element(name, values.pop("type"), parameters=roles, powers=powers, **values))
+    return found
+
+
+def _arrows(top: Mapping[str, Any], where: str) -> list[tuple[str, str]]:
+    found = []
+    for bond in schema.texts(top["bonds"], f"{where}: bonds"):
+        ends = [end.strip() for end in bond.split("->")]
+        if len(ends) != 2 or not all(ends):
+            raise ConfigurationError(f"{where}: bond {bond!r} must be written 'tail -> head'")
+        found.append((ends[0], ends[1]))
+    return found
+
+
+def _sensors(top: Mapping[str, Any], where: str) -> tuple[dict[str, Sensor], dict[str, str]]:
+    sensors, inputs = {}, {}
+    for name, row in schema.rows(top["sensors"], f"{where}: sensors").items():
+        values = schema.read(row, f"{where}: sensor {name!r}", _SENSOR)
+        sensors[name] = Sensor(name, **values)
+    for name, row in schema.rows(top["inputs"], f"{where}: inputs").items():
+        values = schema.read(row, f"{where}: input {name!r}", _INPUT)
+        inputs[name] = values["unit"]
+        if values["sensor"]:
+            sensors[name] = Sensor(name, "", values["unit"], values["noise"])
+    for sensor in sensors.values():
+        dimension(sensor.unit)
+        if not sensor.noise > 0:
+            raise ConfigurationError(
+                f"{where}: sensor {sensor.channel!r}, noise = {sensor.noise} must be > 0"
+            )
+    return sensors, inputs
+
+
+def _detector(sensor: Sensor, elements: list[Element], where: str) -> Element:
+    place = next((e for e in elements if e.name == sensor.at and e.kind in ("0", "1")), None)
+    if place is None:
+        raise ConfigurationError(
+            f"{where}: sensor {sensor.channel!r} is at {sensor.at!r}, which is no junction;"
+            " attach it to one"
+        )
+    _check_sensor_unit(sensor, place, where)
+    return Element(
+        f"{sensor.channel}_sensor",
+        "De" if place.kind == "0" else "Df",
+        signal=sensor.channel,
+        state=sensor.state,
+        integrates=sensor.integrates,
+    )
+
+
+def _check_sensor_unit(sensor: Sensor, place: Element, where: str) -> None:
+    if place.domain not in DOMAINS:
+        return
+    wanted = dimension(DOMAINS[place.domain][0 if place.kind == "0" else 1])
+    wanted = times(wanted, SECOND) if sensor.integrates else wanted
+    if dimension(sensor.unit) != wanted:
+        raise ConfigurationError(
+            f"{where}: sensor {sensor.channel!r} has unit {sensor.unit!r},"
+            f" at {sensor.at!r} it reads {spelled(wanted)}; correct unit or place"
+        )
+
+
+def _views(
+    top: Mapping[str, Any], sensors: Mapping[str, Sensor], graph: BondGraph, where: str
+) -> dict[str, ModelView]:
+    found = {"stand": ModelView("stand", (), {})}
+    for name, row in schema.rows(top["models"], f"{where}: models").items():
+        place = f"{where}: model {name!r}"
+        values = schema.read(row, place, _VIEW)
+        measured = schema.texts(values["measured"], f"{place}: measured")
+        moved = schema.pairs(values["moved"], f"{place}: moved")
+        for channel in (*measured, *moved):
+            if channel not in sensors or not sensors[channel].at:
+                raise ConfigurationError(f"{place}: {channel!r} is no sensor of the graph")
+            if channel in measured and sensors[channel].integrates:
+                raise ConfigurationError(
+                    f"{place}: {channel!r} is an integral; an input must be an effort or a flow"
+                )
+        for junction in moved.values():
+            if junction not in graph.elements:
+                raise ConfigurationError(f"{place}: there is no junction {junction!r} to move to")
+        found[name] = ModelView(name, measured, moved)
+    return found
+
+
+def _operating(top: Mapping[str, Any], where: str) -> OperatingPoint:
+    place = f"{where}: operating_point"
+    values = schema.read(top["operating_point"], place, _OPERATING)
+    by = schema.texts(values["by"], f"{place}: by")
+    hold = schema.numbers(values["hold"], f"{place}: hold")
+    if len(by) != len(hold) or not hold:
+        raise ConfigurationError(
+            f"{place} holds {len(hold)} values by {len(by)} inputs; give one input for each value"
+        )
+    return OperatingPoint(hold, by, schema.numbers(values["fixed"], f"{place}: fixed"))
+
+
+def _residuals(top: Mapping[str, Any], where: str) -> dict[str, ResidualSpec]:
+    found = {}
+    for name, row in schema.rows(top["residuals"], f"{where}: residuals").items():
+        values = schema.read(row, f"{where}: residual {name!r}", _RESIDUAL)
+        if values["kind"] not in KINDS_OF_RESIDUAL:
+            raise ConfigurationError(
+                f"{where}: residual {name!r} has kind {values['kind']!r},"
+                f" known are {', '.join(KINDS_OF_RESIDUAL)}"
+            )
+        found[name] = ResidualSpec(name, **values)
+    return found
+
+
+def _check(made: Actuator, where: str) -> None:
+    require_sound(made.graph, made.causality)
+    fed = {e.signal for e in made.graph.elements.values() if e.kind in ("Se", "Sf", "MSe", "MSf")}
+    for name in sorted((fed - {""}) ^ set(made.inputs)):
+        said = "is an input that no source uses" if name in made.inputs else "is used but no input"
+        raise ConfigurationError(f"{where}: {name!r} {said}; make inputs and sources agree")
+    known = {*made.sensors, *made.inputs}
+    for name in (*made.operating.hold, *made.operating.by):
+        if name not in known:
+            raise ConfigurationError(
+                f"{where}: operating_point names {name!r}, no channel or input"
+            )
+    for spec in made.residuals.values():
+        _check_residual(made, spec, where)
+
+
+def _check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:
+    place = f"{where}: residual {spec.name!r}"
+    if spec.kind == "measurement":
+        made.view(spec.model)
+    if spec.kind == "junction":
+        junction = made.graph.elements.get(spec.junction)
+        if junction is None or junction.kind not in ("0", "1"):
+            raise ConfigurationError(f"{place}: {spec.junction!r} is no junction")
+        if spec.motion and spec.motion not in made.graph.elements:
+            raise ConfigurationError(f"{place}: motion {spec.motion!r} is no junction of the graph")
+        if spec.divided_by and spec.divided_by not in made.graph.parameters:
+            raise ConfigurationError(f"{place}: divided_by {spec.divided_by!r} is no parameter")
+        return
+    for channel in (spec.channel, *((spec.reference,) if spec.kind == "difference" else ())):
+        if channel not in made.units:
+            raise ConfigurationError(f"{place}: {channel!r} is no channel or input")
+        if dimension(made.units[channel]) != dimension(spec.unit):
+            raise ConfigurationError(
+                f"{place} has unit {spec.unit!r}, but {channel} is in {made.units[channel]!r}"
+            )

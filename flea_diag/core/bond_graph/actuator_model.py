@@ -1,0 +1,183 @@
+"""An actuator as values: bond graph, sensors, models with measured inputs, residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from flea_diag.core.bond_graph.bond_graph import Bond, BondGraph, bond_graph
+from flea_diag.core.bond_graph.causal_relation import (
+    Relation,
+    causal_relations,
+    effort_of,
+    flow_of,
+    solve,
+    with_measured,
+)
+from flea_diag.core.bond_graph.causality import Causality, require_sound, strong_bonds
+from flea_diag.core.bond_graph.state_space import StateSpace, state_space
+from flea_diag.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One channel: the junction it is attached to, or the input that it reads (``at`` empty)."""
+
+    channel: str
+    at: str
+    unit: str
+    noise: float
+    integrates: bool = False
+    state: str = ""
+
+
+@dataclass(frozen=True)
+class ModelView:
+    """A model with some channels as inputs, and sensors moved to where it still has them."""
+
+    name: str
+    measured: tuple[str, ...]
+    moved: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class ResidualSpec:
+    """One named residual; which fields count depends on its kind.
+
+    A normalised one is multiplied by the sign of the flow of ``motion``, a junction; of its own
+    junction where that is empty.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    channel: str = ""
+    model: str = ""
+    junction: str = ""
+    reference: str = ""
+    divided_by: str = ""
+    normalised: bool = False
+    motion: str = ""
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Magnitudes to hold, the inputs that hold them, and values that are simply given."""
+
+    hold: Mapping[str, float]
+    by: tuple[str, ...]
+    fixed: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """Everything known of one actuator before the first sample."""
+
+    name: str
+    description: str
+    scan_period_s: float
+    graph: BondGraph
+    sensors: Mapping[str, Sensor]
+    inputs: Mapping[str, str]
+    views: Mapping[str, ModelView]
+    operating: OperatingPoint
+    residuals: Mapping[str, ResidualSpec]
+
+    @cached_property
+    def causality(self) -> Causality:
+        """Causality of the whole graph."""
+        return solve(self.graph)[0]
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Unit of every channel and input."""
+        return {**self.inputs, **{s.channel: s.unit for s in self.sensors.values()}}
+
+    def relations(self, view: str = "stand") -> tuple[Relation, ...]:
+        """Causal relations of a view of the model.
+
+        Raises
+        ------
+        ModelError
+            When the graph has no sound causality.
+        """
+        model = self.view(view)
+        graph = _moved(self.graph, model.moved)
+        causality, _ = solve(graph)
+        require_sound(graph, causality)
+        measured = {channel: self.variable(channel) for channel in model.measured}
+        return with_measured(causal_relations(graph, causality), measured)
+
+    def view(self, name: str) -> ModelView:
+        """A view by name."""
+        if name not in self.views:
+            raise ConfigurationError(
+                f"{self.name}: there is no model {name!r}, known are {', '.join(self.views)}"
+            )
+        return self.views[name]
+
+    def variable(self, channel: str) -> str:
+        """The effort or flow that a channel measures (of which it may be the integral)."""
+        sensor = self.sensors[channel]
+        if not sensor.at:
+            return channel
+        node = self.graph.elements[sensor.at]
+        ends = self.causality.effort_from
+        (strong,) = strong_bonds(node.kind, node.name, self.graph.at(node.name), ends)
+        return (effort_of if node.kind == "0" else flow_of)(self.graph, strong)
+
+    def state_space(self, view: str = "stand", outputs: Sequence[str] | None = None) -> StateSpace:
+        """Equations of a view; outputs default to every channel that is not an input of it."""
+        model = self.view(view)
+        if outputs is None:
+            outputs = [c for c, s in self.sensors.items() if s.at and c not in model.measured]
+        where = f"{self.name}, model {view}"
+        return state_space(self.relations(view), outputs, self.graph.values(), where)
+
+    def with_parameters(self, values: Mapping[str, float]) -> Actuator:
+        """The same actuator with other parameter values (a calibration), checked again."""
+        unknown = sorted(set(values) - set(self.graph.parameters))
+        if unknown:
+            raise ConfigurationError(
+                f"{self.name}: there is no parameter {unknown[0]!r},"
+                f" known are {', '.join(self.graph.parameters)}"
+            )
+        changed = tuple(
+            replace(p, value=float(values.get(name, p.value)))
+            for name, p in self.graph.parameters.items()
+        )
+        arrows = tuple((bond.tail, bond.head) for bond in self.graph.bonds)
+        graph = bond_graph(self.name, tuple(self.graph.elements.values()), arrows, changed)
+        return replace(self, graph=graph)
+
+    def with_sensors(self, channels: Sequence[str]) -> Actuator:
+        """The same actuator with only these sensors, and the residuals they allow."""
+        unknown = sorted(set(channels) - set(self.sensors))
+        if unknown:
+            raise ConfigurationError(
+                f"actuator {self.name!r} has no sensor {unknown[0]!r},"
+                f" known are {', '.join(self.sensors)}"
+            )
+        kept = {name: sensor for name, sensor in self.sensors.items() if name in channels}
+        return replace(self, sensors=kept, residuals=self._possible(kept))
+
+    def _possible(self, kept: Mapping[str, Sensor]) -> dict[str, ResidualSpec]:
+        known = {*kept, *(name for name in self.inputs if name not in self.sensors)}
+        return {
+            name: spec
+            for name, spec in self.residuals.items()
+            if {spec.channel, spec.reference, *self._driven_by(spec)} - {""} <= known
+        }
+
+    def _driven_by(self, spec: ResidualSpec) -> tuple[str, ...]:
+        return self.view(spec.model).measured if spec.kind == "measurement" else ()
+
+
+def _moved(graph: BondGraph, moved: Mapping[str, str]) -> BondGraph:
+    if not moved:
+        return graph
+    bonds = tuple(
+        Bond(b.name, moved.get(graph.elements[b.head].signal, b.tail), b.head) for b in graph.bonds
+    )
+    return replace(graph, bonds=bonds)

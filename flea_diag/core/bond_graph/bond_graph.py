@@ -1,0 +1,332 @@
+"""Bond graphs as frozen data, validated once: elements, junctions, bonds with half-arrows.
+
+Elements are Se, Sf, MSe, MSf (sources), I, C, R, TF, GY, De, Df (detectors) and 0- and
+1-junctions (Narasimhan et al. 2010, section 3.1). A bond ``a -> b`` counts power from a to b
+as positive. The domain (what effort and flow are) is declared at junctions and inherited.
+"""
+
+from __future__ import annotations
+
+import keyword
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from flea_diag.core.bond_graph.law import DEFAULT_LAW, LAWS, Law, Ports
+from flea_diag.core.symbolic.expression import FUNCTIONS
+from flea_diag.core.symbolic.unit import dimension, spelled
+from flea_diag.errors import ConfigurationError, ModelError
+
+JUNCTIONS = ("0", "1")
+SOURCES = ("Se", "Sf", "MSe", "MSf")
+STORES = ("I", "C")
+PASSIVE = ("I", "C", "R")
+TWO_PORTS = ("TF", "GY")
+DETECTORS = ("De", "Df")
+KINDS = (*SOURCES, *PASSIVE, *TWO_PORTS, *DETECTORS, *JUNCTIONS)
+
+DOMAINS: dict[str, tuple[str, str]] = {
+    "electrical": ("V", "A"),
+    "rotation": ("N*m", "rad/s"),
+    "translation": ("N", "m/s"),
+    "thermal": ("K", "W"),
+    "hydraulic": ("Pa", "m^3/s"),
+}
+"""Units of effort and flow. ``thermal`` is a pseudo bond graph: temperature and heat flow."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One constant of the model: SI value, unit, the symbol it prints as, where it is from."""
+
+    name: str
+    value: float
+    unit: str
+    symbol: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Element:
+    """One node of the graph.
+
+    ``parameters`` maps the roles of the law to parameter names; ``signal`` is the input of a
+    source or the channel of a detector; ``powers`` names the R elements whose dissipation an
+    MSf carries; ``state`` names the variable of a store, or of a detector that integrates.
+    """
+
+    name: str
+    kind: str
+    domain: str = ""
+    law: str = ""
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    signal: str = ""
+    state: str = ""
+    powers: tuple[str, ...] = ()
+    integrates: bool = False
+
+
+@dataclass(frozen=True)
+class Bond:
+    """Power bond with its half-arrow from ``tail`` to ``head``."""
+
+    name: str
+    tail: str
+    head: str
+
+    @property
+    def effort(self) -> str:
+        """Name of its effort variable."""
+        return f"e_{self.name}"
+
+    @property
+    def flow(self) -> str:
+        """Name of its flow variable."""
+        return f"f_{self.name}"
+
+    def other(self, end: str) -> str:
+        """The node at the other end."""
+        return self.head if end == self.tail else self.tail
+
+
+@dataclass(frozen=True)
+class BondGraph:
+    """Elements, bonds and parameters of one actuator, already validated by ``bond_graph``."""
+
+    name: str
+    elements: Mapping[str, Element]
+    bonds: tuple[Bond, ...]
+    parameters: Mapping[str, Parameter]
+
+    def at(self, node: str) -> tuple[Bond, ...]:
+        """Bonds of one node; of a TF or GY, port 1 (half-arrow in) comes first."""
+        bonds = [bond for bond in self.bonds if node in (bond.tail, bond.head)]
+        if self.elements[node].kind in TWO_PORTS:
+            bonds.sort(key=lambda bond: bond.tail == node)
+        return tuple(bonds)
+
+    def of_kind(self, *kinds: str) -> tuple[Element, ...]:
+        """Elements of the given kinds, in order of definition."""
+        return tuple(e for e in self.elements.values() if e.kind in kinds)
+
+    def law(self, element: Element) -> Law | None:
+        """Constituent law of an element, None for junctions, detectors and plain sources."""
+        return LAWS.get(element.law or DEFAULT_LAW.get(element.kind, ""))
+
+    def domain(self, bond: Bond) -> str:
+        """Domain of a bond: that of the junction at one of its ends."""
+        return self.elements[bond.tail].domain or self.elements[bond.head].domain
+
+    def values(self) -> dict[str, float]:
+        """Nominal value of every parameter, SI."""
+        return {name: parameter.value for name, parameter in self.parameters.items()}
+
+    def tokens(self) -> dict[str, str]:
+        """Short symbol of every parameter that has one, for printing."""
+        return {name: p.symbol for name, p in self.parameters.items() if p.symbol}
+
+
+def bond_graph(
+    name: str,
+    elements: tuple[Element, ...],
+    arrows: tuple[tuple[str, str], ...],
+    parameters: tuple[Parameter, ...],
+) -> BondGraph:
+    """Build and validate a graph from elements, (tail, head) pairs and parameters.
+
+    Raises
+    ------
+    ConfigurationError
+        An unknown kind, law, role or unit, or a value out of its range.
+    ModelError
+        A structure that is no bond graph: dangling bonds, wrong ports, wrong half-arrows.
+    """
+    _refuse_repeats(name, [e.name for e in elements], "element")
+    _refuse_repeats(name, [p.name for p in parameters], "parameter")
+    by_name = {element.name: element for element in elements}
+    for element in elements:
+        if element.kind not in KINDS:
+            raise ConfigurationError(
+                f"{name}: element {element.name!r} has unknown type {element.kind!r},"
+                f" known are {', '.join(KINDS)}"
+            )
+    for tail, head in arrows:
+        _check_ends(name, by_name, tail, head)
+    bonds = tuple(Bond(_bond_name(by_name, tail, head), tail, head) for tail, head in arrows)
+    _refuse_repeats(name, [bond.name for bond in bonds], "bond")
+    graph = BondGraph(name, by_name, bonds, {p.name: p for p in parameters})
+    _check_variables(graph)
+    for bond in bonds:
+        _check_domain(graph, bond)
+    for element in elements:
+        _check_ports(graph, element)
+        _check_law(graph, element)
+    return graph
+
+
+def _bond_name(elements: Mapping[str, Element], tail: str, head: str) -> str:
+    for end, port in ((tail, "_2"), (head, "_1")):
+        if elements[end].kind in TWO_PORTS:
+            return end + port
+    for end in (tail, head):
+        if elements[end].kind not in JUNCTIONS:
+            return end
+    return f"{tail}_{head}"
+
+
+def _refuse_repeats(graph: str, names: list[str], what: str) -> None:
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise ConfigurationError(
+                f"{graph}: {what} {name!r} is given {count} times, name it once"
+            )
+        _check_name(graph, name, what)
+
+
+RESERVED = (*FUNCTIONS, "x", "u", "p", "result", "empty")
+"""Names that the compiled equations use themselves."""
+
+
+def _check_name(graph: str, name: str, what: str) -> None:
+    """Names end up in compiled equations: identifiers only, and none that means something else."""
+    if not name.isidentifier() or keyword.iskeyword(name) or name in RESERVED:
+        raise ConfigurationError(
+            f"{graph}: {what} {name!r} cannot be a name; use letters, digits and underscores,"
+            f" and none of {', '.join(RESERVED)}"
+        )
+
+
+def _check_variables(graph: BondGraph) -> None:
+    """Parameters, states, channels and the efforts and flows of bonds must not share a name."""
+    elements = graph.elements.values()
+    inputs = {e.signal for e in elements if e.kind in SOURCES and e.signal}
+    named = [("parameter", name) for name in graph.parameters]
+    named += [("input", name) for name in inputs]
+    named += [("channel", e.signal) for e in elements if e.kind in DETECTORS]
+    named += [("state", e.state) for e in elements if e.state]
+    named += [("variable", name) for bond in graph.bonds for name in (bond.effort, bond.flow)]
+    taken: dict[str, str] = {}
+    for what, name in named:
+        _check_name(graph.name, name, what)
+        if name in taken:
+            raise ConfigurationError(
+                f"{graph.name}: {name!r} is a {taken[name]} and a {what}; rename one of them"
+            )
+        taken[name] = what
+
+
+def _check_ends(graph: str, elements: Mapping[str, Element], tail: str, head: str) -> None:
+    for end in (tail, head):
+        if end not in elements:
+            raise ModelError(
+                f"{graph}: bond {tail} -> {head} is dangling, there is no element {end!r};"
+                " define it or remove the bond"
+            )
+    if tail == head:
+        raise ModelError(f"{graph}: bond {tail} -> {head} joins an element to itself; remove it")
+    if not any(elements[end].kind in JUNCTIONS for end in (tail, head)):
+        raise ModelError(
+            f"{graph}: bond {tail} -> {head} has a junction at neither end;"
+            " put a 0- or 1-junction between the two"
+        )
+
+
+def _check_domain(graph: BondGraph, bond: Bond) -> None:
+    found = [graph.elements[end].domain for end in (bond.tail, bond.head)]
+    named = [domain for domain in found if domain]
+    for domain in named:
+        if domain not in DOMAINS:
+            raise ConfigurationError(
+                f"{graph.name}: domain {domain!r} at bond {bond.tail} -> {bond.head} is unknown,"
+                f" known are {', '.join(DOMAINS)}"
+            )
+    if not named or len(set(named)) > 1:
+        raise ModelError(
+            f"{graph.name}: bond {bond.tail} -> {bond.head} joins domains {found};"
+            " give both junctions one domain, or put a TF or GY between them"
+        )
+
+
+_PORTS = {**dict.fromkeys((*SOURCES, *PASSIVE, *DETECTORS), (1, 1)), "TF": (2, 2), "GY": (2, 2)}
+
+
+def _check_ports(graph: BondGraph, element: Element) -> None:
+    bonds, where = graph.at(element.name), f"{graph.name}: {element.kind} {element.name!r}"
+    least, most = _PORTS.get(element.kind, (2, 10_000))
+    if not least <= len(bonds) <= most:
+        wanted = f"exactly {least}" if least == most else f"at least {least}"
+        raise ModelError(f"{where} has {len(bonds)} bonds, it needs {wanted}; connect it")
+    if element.kind in PASSIVE and bonds[0].head != element.name:
+        raise ModelError(
+            f"{where} has its half-arrow pointing away; a passive element takes up power,"
+            f" write {bonds[0].head} -> {element.name}"
+        )
+    if element.kind in TWO_PORTS and bonds[0].head == bonds[1].head:
+        raise ModelError(f"{where} needs one half-arrow in (port 1) and one out (port 2)")
+    wanted_junction = {"De": "0", "Df": "1"}.get(element.kind)
+    if wanted_junction and graph.elements[bonds[0].other(element.name)].kind != wanted_junction:
+        raise ModelError(
+            f"{where} must sit on a {wanted_junction}-junction, where its variable is common"
+        )
+
+
+def _check_law(graph: BondGraph, element: Element) -> None:
+    where = f"{graph.name}: {element.kind} {element.name!r}"
+    law = graph.law(element)
+    if law is None:
+        if element.law or element.parameters:
+            raise ConfigurationError(
+                f"{where} has unknown law {element.law!r}, known are {', '.join(LAWS)}"
+            )
+        if element.kind in (*SOURCES, *DETECTORS) and not element.signal:
+            raise ConfigurationError(f"{where} has no signal; name the input or channel it is")
+        return
+    if law.kind != element.kind and not (law.kind == "M" and element.kind in SOURCES):
+        raise ConfigurationError(f"{where} cannot have law {element.law!r}, that is for {law.kind}")
+    if set(law.roles) != set(element.parameters):
+        raise ConfigurationError(
+            f"{where} has parameters {sorted(element.parameters)},"
+            f" its law needs {sorted(law.roles)}; name each once"
+        )
+    for role, parameter in element.parameters.items():
+        _check_parameter(graph, element, law, role, parameter)
+    _check_source_law(graph, element, where)
+
+
+def _check_source_law(graph: BondGraph, element: Element, where: str) -> None:
+    if element.law == "gain" and not element.signal:
+        raise ConfigurationError(f"{where} has no signal; name the input that it amplifies")
+    if element.law != "dissipation":
+        return
+    for name in element.powers or ("",):
+        if name not in graph.elements or graph.elements[name].kind != "R":
+            raise ConfigurationError(
+                f"{where} carries the power of {name!r}, which is no R element; name R elements"
+            )
+
+
+def _check_parameter(graph: BondGraph, element: Element, law: Law, role: str, name: str) -> None:
+    where = f"{graph.name}: {element.kind} {element.name!r}, {role} {name!r}"
+    parameter = graph.parameters.get(name)
+    if parameter is None:
+        raise ConfigurationError(f"{where} is not among the parameters; give it a value and a unit")
+    wanted = law.roles[role].dimension(ports(graph, element))
+    if dimension(parameter.unit) != wanted:
+        raise ConfigurationError(
+            f"{where} has unit {parameter.unit!r}, it must be of {spelled(wanted)};"
+            " convert the value and its unit"
+        )
+    if not math.isfinite(parameter.value) or not law.roles[role].admits(parameter.value):
+        raise ConfigurationError(
+            f"{where} = {parameter.value!r} {parameter.unit} must be finite and"
+            f" {law.roles[role].bound}; correct its value"
+        )
+
+
+def ports(graph: BondGraph, element: Element) -> Ports:
+    """Dimensions of effort and flow at the ports of an element."""
+    found = [
+        dimension(unit) for bond in graph.at(element.name) for unit in DOMAINS[graph.domain(bond)]
+    ]
+    return Ports(*found[:4])

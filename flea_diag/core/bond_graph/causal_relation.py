@@ -1,0 +1,231 @@
+"""What the causal strokes mean: one assignment for every variable of the graph.
+
+``target = expression`` when instantaneous, ``d target/dt = expression`` when temporal. The
+state equations, the temporal causal graph and the model with measured inputs are all read
+off this one list, so they cannot disagree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from flea_diag.core.bond_graph.bond_graph import Bond, BondGraph, Element
+from flea_diag.core.bond_graph.causality import (
+    Causality,
+    assign_causality,
+    strong_bonds,
+    with_loops,
+)
+from flea_diag.core.symbolic.expression import Expression, Symbol, product, symbols, total
+from flea_diag.errors import ModelError
+
+
+@dataclass(frozen=True)
+class Relation:
+    """Assignment of one variable, and the element that it comes from."""
+
+    target: str
+    expression: Expression
+    element: str
+    temporal: bool = False
+
+
+def flow_of(graph: BondGraph, bond: Bond) -> str:
+    """Name of the flow variable of a bond; an I names its own state."""
+    return _own_state(graph, bond, "I") or bond.flow
+
+
+def effort_of(graph: BondGraph, bond: Bond) -> str:
+    """Name of the effort variable of a bond; a C with a capacity names its own state."""
+    return _own_state(graph, bond, "C") or bond.effort
+
+
+def _own_state(graph: BondGraph, bond: Bond, kind: str) -> str:
+    element = graph.elements[bond.head]
+    return element.state if element.kind == kind and element.law != "stiffness" else ""
+
+
+def solve(graph: BondGraph) -> tuple[Causality, tuple[Relation, ...]]:
+    """SCAP, relations and algebraic loops of a graph.
+
+    Relations are empty when SCAP met a conflict or derivative causality.
+    """
+    causality = assign_causality(graph)
+    if not causality.sound:
+        return causality, ()
+    relations = causal_relations(graph, causality)
+    return with_loops(causality, algebraic_loops(relations)), relations
+
+
+def causal_relations(graph: BondGraph, causality: Causality) -> tuple[Relation, ...]:
+    """One relation for each effort, flow, state and channel of a graph with sound causality."""
+    relations: list[Relation] = []
+    for element in graph.elements.values():
+        relations += _BUILD[element.kind](graph, element, causality.effort_from)
+    return tuple(relations)
+
+
+def _symbols(graph: BondGraph, bond: Bond) -> tuple[Symbol, Symbol]:
+    return Symbol(effort_of(graph, bond)), Symbol(flow_of(graph, bond))
+
+
+def _parameters(element: Element) -> dict[str, Expression]:
+    return {role: Symbol(name) for role, name in element.parameters.items()}
+
+
+def _junction(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> list[Relation]:
+    node, zero = element.name, element.kind == "0"
+    bonds = graph.at(node)
+    (strong,) = strong_bonds(element.kind, node, bonds, ends)
+    common, summed = (effort_of, flow_of) if zero else (flow_of, effort_of)
+    others = [bond for bond in bonds if bond is not strong]
+    lead = Symbol(common(graph, strong))
+    relations = [Relation(common(graph, bond), lead, node) for bond in others]
+    # Power in and power out balance: a bond that points the way the strong one does counts
+    # against it, the others with it. Detectors take no power.
+    balance = total(
+        (-1 if (bond.head == node) == (strong.head == node) else 1) * Symbol(summed(graph, bond))
+        for bond in others
+        if graph.elements[bond.other(node)].kind not in ("De", "Df")
+    )
+    return [*relations, Relation(summed(graph, strong), balance, node)]
+
+
+def _source(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> list[Relation]:
+    (bond,) = graph.at(element.name)
+    name = effort_of if element.kind in ("Se", "MSe") else flow_of
+    return [Relation(name(graph, bond), _source_value(graph, element), element.name)]
+
+
+def _source_value(graph: BondGraph, element: Element) -> Expression:
+    p = _parameters(element)
+    if element.law == "dissipation":
+        heats = [product(_symbols(graph, graph.at(name)[0])) for name in element.powers]
+        return p["share"] * total(heats)
+    signal = Symbol(element.signal)
+    return p["gain"] * signal if element.law == "gain" else signal
+
+
+def _inertia(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> list[Relation]:
+    effort, flow = _symbols(graph, graph.at(element.name)[0])
+    rate = effort / _parameters(element)["inertia"]
+    return [Relation(flow.name, rate, element.name, temporal=True)]
+
+
+def _capacity(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> list[Relation]:
+    effort, flow = _symbols(graph, graph.at(element.name)[0])
+    p = _parameters(element)
+    if "capacity" in p:
+        return [Relation(effort.name, flow / p["capacity"], element.name, temporal=True)]
+    displacement = Symbol(element.state or f"q_{element.name}")
+    return [
+        Relation(displacement.name, flow, element.name, temporal=True),
+        Relation(effort.name, p["stiffness"] * displacement, element.name),
+    ]
+
+
+def _resistor(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> list[Relation]:
+    (bond,) = graph.at(element.name)
+    effort, flow = _symbols(graph, bond)
+    law, p = graph.law(element), _parameters(element)
+    assert law is not None
+    assert law.effort is not None
+    if ends[bond.name] == element.name:
+        return [Relation(effort.name, law.effort(flow, p), element.name)]
+    if law.flow is None:
+        raise ModelError(f"{graph.name}: law of R {element.name!r} cannot take an effort")
+    return [Relation(flow.name, law.flow(effort, p), element.name)]
+
+
+def _transformer(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> list[Relation]:
+    one, two = graph.at(element.name)
+    (e1, f1), (e2, f2) = _symbols(graph, one), _symbols(graph, two)
+    n = _parameters(element)["ratio"]
+    if ends[one.name] == element.name:
+        return [Relation(e1.name, n * e2, element.name), Relation(f2.name, n * f1, element.name)]
+    return [Relation(e2.name, e1 / n, element.name), Relation(f1.name, f2 / n, element.name)]
+
+
+def _gyrator(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> list[Relation]:
+    one, two = graph.at(element.name)
+    (e1, f1), (e2, f2) = _symbols(graph, one), _symbols(graph, two)
+    p = _parameters(element)
+    r1, r2 = p.get("back_emf") or p["modulus"], p.get("torque") or p["modulus"]
+    if ends[one.name] == element.name:
+        return [Relation(e1.name, r1 * f2, element.name), Relation(e2.name, r2 * f1, element.name)]
+    return [Relation(f2.name, e1 / r1, element.name), Relation(f1.name, e2 / r2, element.name)]
+
+
+def _detector(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> list[Relation]:
+    (bond,) = graph.at(element.name)
+    effort, flow = _symbols(graph, bond)
+    seen = effort if element.kind == "De" else flow
+    if not element.integrates:
+        return [Relation(element.signal, seen, element.name)]
+    state = element.state or f"x_{element.name}"
+    return [
+        Relation(state, seen, element.name, temporal=True),
+        Relation(element.signal, Symbol(state), element.name),
+    ]
+
+
+_BUILD = {
+    **dict.fromkeys(("0", "1"), _junction),
+    **dict.fromkeys(("Se", "Sf", "MSe", "MSf"), _source),
+    "I": _inertia,
+    "C": _capacity,
+    "R": _resistor,
+    "TF": _transformer,
+    "GY": _gyrator,
+    **dict.fromkeys(("De", "Df"), _detector),
+}
+
+
+def algebraic_loops(relations: Iterable[Relation]) -> tuple[tuple[str, ...], ...]:
+    """Loops of instantaneous relations, each as the variables it runs through."""
+    return _order(relations)[1]
+
+
+def in_order(relations: Iterable[Relation]) -> tuple[Relation, ...]:
+    """Instantaneous relations so sorted that each uses only what came before it."""
+    return _order(relations)[0]
+
+
+def _order(
+    relations: Iterable[Relation],
+) -> tuple[tuple[Relation, ...], tuple[tuple[str, ...], ...]]:
+    instant = {r.target: r for r in relations if not r.temporal}
+    done: dict[str, Relation] = {}
+    loops: list[tuple[str, ...]] = []
+
+    def visit(target: str, path: tuple[str, ...]) -> None:
+        if target in path:
+            loops.append(path[path.index(target) :])
+        elif target in instant and target not in done:
+            for name in symbols(instant[target].expression):
+                visit(name, (*path, target))
+            done[target] = instant[target]
+
+    for target in instant:
+        visit(target, ())
+    return tuple(done.values()), tuple(loops)
+
+
+def with_measured(
+    relations: Iterable[Relation], measured: Mapping[str, str]
+) -> tuple[Relation, ...]:
+    """The same relations with some variables given by a measurement instead of by the model.
+
+    Parameters
+    ----------
+    measured
+        Channel -> variable that it measures. That variable, whatever made it, becomes an
+        input named as the channel: the loop through it is cut.
+    """
+    of = {variable: channel for channel, variable in measured.items()}
+    kept = [r for r in relations if r.target not in measured]
+    return tuple(
+        replace(r, expression=Symbol(of[r.target]), temporal=False) if r.target in of else r
+        for r in kept
+    )

@@ -1,0 +1,122 @@
+"""Constituent laws of bond graph elements: roles, units, bounds and formulas, one row each.
+
+A new law is a row here. ``roles`` name the parameters of the law with the dimension they
+must have, as a function of the dimensions of effort and flow at the element's ports.
+Friction uses tanh(flow/smooth_flow) for the sign of the flow: Coulomb and Stribeck laws
+stay differentiable, and tend to the textbook law as ``smooth_flow`` goes to zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from flea_diag.core.symbolic.expression import Expression, apply
+from flea_diag.core.symbolic.unit import SECOND, UNITS, Dimension, per, times
+
+Values = Mapping[str, Expression]
+Formula = Callable[[Expression, Values], Expression]
+
+
+@dataclass(frozen=True)
+class Ports:
+    """Dimensions of effort and flow at port 1, and at port 2 of a TF or GY."""
+
+    effort: Dimension
+    flow: Dimension
+    effort_2: Dimension = UNITS["1"]
+    flow_2: Dimension = UNITS["1"]
+
+
+@dataclass(frozen=True)
+class Role:
+    """One parameter of a law: its dimension and the range it must lie in."""
+
+    dimension: Callable[[Ports], Dimension]
+    bound: str = "> 0"
+    """``> 0``, ``>= 0`` or ``!= 0``."""
+
+    def admits(self, value: float) -> bool:
+        """Whether a value lies in the range; NaN lies in none."""
+        return {"> 0": value > 0, ">= 0": value >= 0, "!= 0": abs(value) > 0}[self.bound]
+
+
+@dataclass(frozen=True)
+class Law:
+    """How the parameters of an element relate its effort and flow.
+
+    ``effort`` gives the effort of an R for a flow, ``flow`` the reverse (None where the law
+    cannot be inverted, so that the element demands the flow); ``forward`` is the value of
+    the coefficient of an I, C, TF or GY, of its second port in ``backward``.
+    """
+
+    kind: str
+    roles: Mapping[str, Role]
+    effort: Formula | None = None
+    flow: Formula | None = None
+    extra: Mapping[str, str] = field(default_factory=dict)
+
+
+def _smooth_sign(flow: Expression, p: Values) -> Expression:
+    return apply("tanh", flow / p["smooth_flow"])
+
+
+def _stribeck(flow: Expression, p: Values) -> Expression:
+    decay = apply("exp", -((flow / p["stribeck_flow"]) ** 2))
+    level = p["coulomb"] + (p["breakaway"] - p["coulomb"]) * decay
+    return level * _smooth_sign(flow, p) + p["viscous"] * flow
+
+
+_RESISTANCE = Role(lambda d: per(d.effort, d.flow))
+_VISCOUS = Role(lambda d: per(d.effort, d.flow), ">= 0")
+_LEVEL = Role(lambda d: d.effort, ">= 0")
+_FLOW = Role(lambda d: d.flow)
+
+LAWS: dict[str, Law] = {
+    "resistance": Law(
+        "R",
+        {"resistance": _RESISTANCE},
+        effort=lambda f, p: p["resistance"] * f,
+        flow=lambda e, p: e / p["resistance"],
+    ),
+    "friction": Law(
+        "R",
+        {"coulomb": _LEVEL, "viscous": _VISCOUS, "smooth_flow": _FLOW},
+        effort=lambda f, p: p["coulomb"] * _smooth_sign(f, p) + p["viscous"] * f,
+    ),
+    "stribeck": Law(
+        "R",
+        {
+            "coulomb": _LEVEL,
+            "breakaway": _LEVEL,
+            "stribeck_flow": _FLOW,
+            "viscous": _VISCOUS,
+            "smooth_flow": _FLOW,
+        },
+        effort=_stribeck,
+    ),
+    "inertia": Law("I", {"inertia": Role(lambda d: per(times(d.effort, SECOND), d.flow))}),
+    "stiffness": Law("C", {"stiffness": Role(lambda d: per(d.effort, times(d.flow, SECOND)))}),
+    "capacity": Law("C", {"capacity": Role(lambda d: per(times(d.flow, SECOND), d.effort))}),
+    "transformer": Law("TF", {"ratio": Role(lambda d: per(d.effort, d.effort_2), "!= 0")}),
+    "gyrator": Law("GY", {"modulus": Role(lambda d: per(d.effort, d.flow_2), "!= 0")}),
+    "motor": Law(
+        "GY",
+        {
+            "back_emf": Role(lambda d: per(d.effort, d.flow_2), "!= 0"),
+            "torque": Role(lambda d: per(d.effort_2, d.flow), "!= 0"),
+        },
+    ),
+    "gain": Law("M", {"gain": Role(lambda d: UNITS["1"], "!= 0")}),
+    "dissipation": Law("M", {"share": Role(lambda d: UNITS["1"], "> 0")}),
+}
+"""Law by name. A TF obeys e1 = n e2, f2 = n f1; a GY e1 = r f2, e2 = r f1 (a motor may have
+different constants for back-EMF and torque); an I has e = I f', a C has f = C e' = (e/K)'."""
+
+DEFAULT_LAW = {
+    "R": "resistance",
+    "I": "inertia",
+    "C": "capacity",
+    "TF": "transformer",
+    "GY": "gyrator",
+}

@@ -1,0 +1,1 @@
+"""The frozen calibration; parameters, noise and limits identified from nominal runs."""

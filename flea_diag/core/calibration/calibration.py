@@ -1,0 +1,321 @@
+"""What is learned from nominal recordings: parameters, uncertainties, limits. One frozen value.
+
+``calibrate`` is the whole procedure: identify the parameters (``identification``), then run
+the residuals of the same recordings through the limits (``thresholds``). The mapping form is
+what a calibration file holds; it names the recordings that it came from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from reprlib import repr as short
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.detection.mean_shift import ShiftLimit
+from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
+from flea_diag.core.frozen import Frozen
+from flea_diag.core.observers.observer_noise import ObserverNoise
+from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
+from flea_diag.core.residuals.residual import UNIT_PARAMETERS
+from flea_diag.core.residuals.residual_rows import RESIDUALS
+from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES
+from flea_diag.core.sensors.sensor_limits import SensorLimit
+from flea_diag.errors import CalibrationError
+
+Array = npt.NDArray[np.float64]
+
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Run:
+    """One nominal recording: rows of ``residual_rows.CHANNELS``, shape (scans, channels)."""
+
+    name: str
+    rows: Array
+
+
+@dataclass(frozen=True, slots=True)
+class BadStretch:
+    """A piece of a recording in which a channel was not to be trusted (and was left out)."""
+
+    run: str
+    channel: str
+    start_s: float
+    end_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class CovarianceBlock:
+    """Covariance of parameters that were fitted together, ``matrix`` in their order.
+
+    Blocks come from different relations, and are taken as independent of one another.
+    """
+
+    parameters: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Calibration(Frozen):
+    """Everything the diagnoser knows of an actuator beyond its structure.
+
+    ``sigmas`` holds the standard error of each identified parameter; a parameter that the
+    recordings do not identify is in ``not_identified`` with the reason and keeps its default.
+    """
+
+    actuator: str
+    period_s: float
+    channels: tuple[str, ...]
+    voltage_sampling: str
+    parameters: ActuatorParameters
+    sigmas: Mapping[str, float]
+    not_identified: Mapping[str, str]
+    tolerance: UnitTolerance
+    limits: tuple[ResidualLimit, ...]
+    false_alarms_per_hour: float
+    voltage_limit_v: float
+    nominal_s: float
+    sources: tuple[str, ...]
+    bad_stretches: tuple[BadStretch, ...] = ()
+    observer_noise: ObserverNoise = field(default_factory=ObserverNoise)
+    sensors: tuple[SensorLimit, ...] = ()
+    covariance: tuple[CovarianceBlock, ...] = ()
+    shifts: tuple[ShiftLimit, ...] = ()
+
+    def tolerances(self) -> tuple[float, ...]:
+        """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
+        return tuple(getattr(self.tolerance, name) for name in UNIT_PARAMETERS)
+
+    def differences(self) -> tuple[float, ...]:
+        """The same with that of the heating rates, in the order of ``UNIT_DIFFERENCES``."""
+        rates = len(UNIT_DIFFERENCES) - len(UNIT_PARAMETERS)
+        return (*self.tolerances(), *(self.tolerance.thermal_rate_k_per_s,) * rates)
+
+    def limit(self, residual: str) -> ResidualLimit | None:
+        """Limits of one residual, None when this stand cannot form it."""
+        return next((entry for entry in self.limits if entry.name == residual), None)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Plain mapping of numbers, strings and lists (what a YAML file holds)."""
+        plain = {name: _plain(getattr(self, name)) for name in (f.name for f in fields(self))}
+        return {
+            "schema_version": SCHEMA_VERSION,
+            **plain,
+            "speed_regions_m_s": list(SPEED_REGIONS_M_S),
+        }
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "__dataclass_fields__"):
+        return {key: _plain(entry) for key, entry in asdict(value).items()}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return value
+
+
+def from_mapping(mapping: object, where: str) -> Calibration:
+    """Calibration from its plain mapping.
+
+    Raises
+    ------
+    CalibrationError
+        Naming ``where`` and the entry that is missing, unknown, of the wrong kind or not finite.
+    """
+    if not isinstance(mapping, Mapping):
+        raise CalibrationError(
+            f"{where}: a calibration is a mapping, this is {type(mapping).__name__}"
+        )
+    if mapping.get("schema_version") != SCHEMA_VERSION:
+        raise CalibrationError(
+            f"{where}: schema_version = {short(mapping.get('schema_version'))}, this version reads "
+            f"{SCHEMA_VERSION}; make it anew with 'flea calibrate'"
+        )
+    if mapping.get("speed_regions_m_s") != list(SPEED_REGIONS_M_S):
+        raise CalibrationError(
+            f"{where}: speed_regions_m_s = {short(mapping.get('speed_regions_m_s'))}, this version "
+            f"tests in {list(SPEED_REGIONS_M_S)!r}; make it anew with 'flea calibrate'"
+        )
+    known = {"schema_version", "speed_regions_m_s", *_READERS}
+    for key in mapping:
+        if key not in known:
+            raise CalibrationError(
+                f"{where}: unknown entry {short(key)}, known are {sorted(known)}"
+            )
+    values: dict[str, Any] = {}
+    for key, reader in _READERS.items():
+        if key not in mapping and key in LATER:
+            continue  # an older file: the default holds
+        if key not in mapping:
+            raise CalibrationError(f"{where}: entry {key!r} is missing")
+        try:
+            values[key] = reader(mapping[key])
+        except (TypeError, ValueError, KeyError, AttributeError, OverflowError) as error:
+            raise CalibrationError(f"{where}: {key}: {error}") from error
+    return Calibration(**values)
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ValueError(f"{short(value)} is not a finite number")
+    return float(value)
+
+
+def _positive(value: Any) -> float:
+    if not _number(value) > 0.0:
+        raise ValueError(f"{value!r} must be above 0")
+    return float(value)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str) or len(value) > 10_000:
+        raise ValueError(f"{short(value)} is not a text")
+    return value
+
+
+def _list(value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise ValueError(f"{short(value)} is not a list")
+    return value
+
+
+def _texts(value: Any) -> tuple[str, ...]:
+    return tuple(_text(entry) for entry in _list(value))
+
+
+def _numbers_of(
+    kind: type, above_zero: Collection[str] = (), retired: Collection[str] = ()
+) -> Callable[[Any], Any]:
+    names = {entry.name for entry in fields(kind)}
+
+    def read(value: Any) -> Any:
+        if not isinstance(value, Mapping) or set(value) - set(retired) != names:
+            odd = sorted(map(short, (set(value) - set(retired)) ^ names))
+            raise ValueError(f"{odd[0]} is missing or unknown")
+        for key in above_zero:
+            if not _number(value[key]) > 0.0:
+                raise ValueError(f"{key} = {value[key]!r} must be above 0")
+        return kind(**{key: _number(value[key]) for key in names})
+
+    return read
+
+
+def _limits(value: Any) -> tuple[ResidualLimit, ...]:
+    return tuple(_limit(entry) for entry in _list(value))
+
+
+def _limit(value: Any) -> ResidualLimit:
+    name = _text(value["name"])
+    row = next((row for row in RESIDUALS if row.name == name), None)
+    if row is None:
+        raise ValueError(f"{name!r} is no residual of this version")
+    windows = tuple(_window_limit(window) for window in _list(value["windows"]))
+    known = [limit.window for limit in windows if limit.window in row.windows]
+    if not windows or len(known) != len(windows) or len(set(known)) != len(known):
+        raise ValueError(f"{name}: windows {[w.window for w in windows]}, known {row.windows}")
+    return ResidualLimit(
+        name,
+        windows,
+        _regions(value["sigma"], _positive, name),
+        _positive(value["correlation_samples"]),
+        _spread(value.get("spread", []), name),
+    )
+
+
+def _spread(value: Any, name: str) -> tuple[float, ...]:
+    numbers = tuple(map(_number, _list(value)))
+    if len(numbers) not in (0, len(UNIT_PARAMETERS)):
+        raise ValueError(f"{name}: spread has {len(numbers)} numbers, not {len(UNIT_PARAMETERS)}")
+    return numbers
+
+
+def _window_limit(value: Any) -> WindowLimit:
+    window = _positive(value["window"])
+    what = f"window {window:g}"
+    return WindowLimit(
+        int(window) if window == int(window) else 0,
+        _regions(value["centre"], _number, what),
+        _regions(value["sigma"], _positive, what),
+        _positive(value["k"]),
+    )
+
+
+def _regions(value: Any, read: Callable[[Any], float], what: str) -> tuple[float, ...]:
+    numbers = tuple(read(number) for number in _list(value))
+    if len(numbers) != len(SPEED_REGIONS_M_S) + 1:
+        raise ValueError(f"{what}: needs {len(SPEED_REGIONS_M_S) + 1} speed regions")
+    return numbers
+
+
+def _stretches(value: Any) -> tuple[BadStretch, ...]:
+    return tuple(
+        BadStretch(
+            _text(entry["run"]),
+            _text(entry["channel"]),
+            _number(entry["start_s"]),
+            _number(entry["end_s"]),
+        )
+        for entry in _list(value)
+    )
+
+
+def _covariance(value: Any) -> tuple[CovarianceBlock, ...]:
+    known = {entry.name for entry in fields(ActuatorParameters)}
+    blocks = []
+    for entry in _list(value):
+        names = _texts(entry["parameters"])
+        odd = [name for name in names if name not in known]
+        if odd:
+            raise ValueError(f"{odd[0]!r} is no parameter")
+        matrix = tuple(tuple(map(_number, _list(row))) for row in _list(entry["matrix"]))
+        if [len(row) for row in matrix] != [len(names)] * len(names):
+            raise ValueError(f"{names[0] if names else 'a block'}: matrix is not square")
+        blocks.append(CovarianceBlock(names, matrix))
+    return tuple(blocks)
+
+
+ABOVE_ZERO = (
+    "force_constant_n_per_a",
+    "back_emf_v_s_per_m",
+    "winding_resistance_ohm",
+    "stribeck_speed_m_s",
+    "reflected_mass_kg",
+    "motor_cooling_s",
+    "nut_cooling_s",
+)
+"""Parameters that no actuator has at or below zero; the diagnosis divides by most of them."""
+
+
+_READERS: dict[str, Callable[[Any], Any]] = {
+    "actuator": _text,
+    "period_s": _positive,
+    "channels": _texts,
+    "voltage_sampling": _text,
+    "parameters": _numbers_of(ActuatorParameters, ABOVE_ZERO),
+    "sigmas": lambda value: {_text(key): _number(entry) for key, entry in value.items()},
+    "not_identified": lambda value: {_text(key): _text(entry) for key, entry in value.items()},
+    "tolerance": _numbers_of(
+        UnitTolerance, [f.name for f in fields(UnitTolerance)], retired=("noise_log",)
+    ),
+    "limits": _limits,
+    "false_alarms_per_hour": _positive,
+    "voltage_limit_v": _positive,
+    "nominal_s": _positive,
+    "sources": _texts,
+    "bad_stretches": _stretches,
+    "sensors": lambda value: tuple(SensorLimit.from_mapping(entry) for entry in _list(value)),
+    "covariance": _covariance,
+    "shifts": lambda value: tuple(ShiftLimit.from_mapping(entry) for entry in _list(value)),
+    "observer_noise": _numbers_of(ObserverNoise, [f.name for f in fields(ObserverNoise)]),
+}
+LATER = ("observer_noise", "sensors", "covariance", "shifts")
+"""Entries that files of this schema may lack."""

@@ -1,0 +1,118 @@
+"""What nominal recordings teach of the observer: its noise, and how far units move its innovations.
+
+How far another healthy unit of the same design moves them is not known in closed form: it is
+measured, by running nominal recordings with each parameter off by its tolerance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.calibration import noise_identification
+from flea_diag.core.calibration.calibration import Run
+from flea_diag.core.observers.innovation_residual import normalised
+from flea_diag.core.observers.observer_noise import ObserverNoise
+from flea_diag.core.observers.state_observer import StateObserver
+from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
+from flea_diag.core.residuals.residual import UNIT_PARAMETERS
+from flea_diag.core.residuals.residual_rows import INNOVATION_INDEX
+
+Array = npt.NDArray[np.float64]
+MakeObserver = Callable[[ActuatorParameters], StateObserver]
+"""A fresh observer of an actuator with these parameters, always of the same seed."""
+
+SEED = 1
+PIECES = 4
+PIECE_SCANS = 1000
+SETTLE_SCANS = 50
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What nominal recordings teach of the observer.
+
+    ``residuals`` of each recording, shape (scans, columns); ``spread`` as of ``unit_spread``.
+    """
+
+    noise: ObserverNoise
+    residuals: tuple[Array, ...]
+    spread: Mapping[str, tuple[float, ...]]
+
+
+def learn(
+    runs: Sequence[Run],
+    parameters: ActuatorParameters,
+    tolerance: UnitTolerance,
+    period_s: float,
+    voltage_sampling: str,
+) -> Learned:
+    """Noise levels, then residuals under them; in ``runs`` a distrusted voltage is NaN.
+
+    Raises
+    ------
+    CalibrationError
+        No recording is long enough.
+    """
+    noise = noise_identification.fitted(runs, parameters, period_s, voltage_sampling)
+
+    def make(tried: ActuatorParameters) -> StateObserver:
+        generator = np.random.default_rng(SEED)
+        return StateObserver(
+            tried, period_s, generator, noise=noise, voltage_sampling=voltage_sampling
+        )
+
+    rows = [run.rows for run in runs]
+    residuals = tuple(trace(make(parameters), each) for each in rows)
+    return Learned(noise, residuals, unit_spread(rows, parameters, tolerance, make))
+
+
+def trace(observer: StateObserver, rows: Array) -> Array:
+    """Innovation residuals of a whole recording, shape (scans, columns)."""
+    return normalised(observer.follow(rows))
+
+
+def unit_spread(
+    recordings: Sequence[Array],
+    parameters: ActuatorParameters,
+    tolerance: UnitTolerance,
+    make: MakeObserver,
+) -> Mapping[str, tuple[float, ...]]:
+    """Change of each innovation residual per unit of each parameter that healthy units differ in.
+
+    Parameters
+    ----------
+    recordings
+        Rows of nominal recordings, shape (scans, channels) each.
+
+    Returns
+    -------
+    Residual -> root mean square sensitivities, order of ``UNIT_PARAMETERS``.
+    """
+    chosen = recordings[:: max(1, len(recordings) // PIECES)][:PIECES]
+    pieces = [rows[:PIECE_SCANS] for rows in chosen]
+    nominal = [trace(make(parameters), rows) for rows in pieces]
+    spread = np.zeros((len(INNOVATION_INDEX), len(UNIT_PARAMETERS)))
+    for k, name in enumerate(UNIT_PARAMETERS):
+        step = getattr(tolerance, name)
+        other = replace(parameters, **{name: getattr(parameters, name) + step})
+        moved = [
+            trace(make(other), rows) - before for rows, before in zip(pieces, nominal, strict=True)
+        ]
+        # Equal seeds: what is left after smoothing over a window is the parameter's doing.
+        changes = [_smoothed(each[SETTLE_SCANS:]) for each in moved]
+        seen = np.concatenate([each for each in changes if len(each)] or [spread[None, :, 0]])
+        square = np.nansum(seen**2, axis=0) / np.maximum(np.isfinite(seen).sum(axis=0), 1)
+        spread[:, k] = np.sqrt(square) / step
+    return {name: tuple(row.tolist()) for name, row in zip(INNOVATION_INDEX, spread, strict=True)}
+
+
+def _smoothed(values: Array, window: int = 100) -> Array:
+    if len(values) < window:
+        return values[:0]
+    sums = np.cumsum(np.concatenate((np.zeros((1, values.shape[1])), values)), axis=0)
+    smoothed: Array = (sums[window:] - sums[:-window]) / window
+    return smoothed

@@ -1,0 +1,1 @@
+"""The temporal causal graph, its quadrants, and signs propagated backward and forward."""

@@ -1,0 +1,129 @@
+"""Where the plant stands while signatures are evaluated: quadrants and their steady values.
+
+The sign of a parameter's effect depends on the signs of current and speed (the quadrant);
+in each, the inputs are solved for that hold the given magnitudes steadily.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flea_diag.core.bond_graph.actuator_model import Actuator
+from flea_diag.core.bond_graph.causal_relation import Relation, in_order
+from flea_diag.core.bond_graph.state_space import StateSpace
+from flea_diag.core.symbolic.expression import evaluate
+from flea_diag.errors import ModelError
+
+NEGLIGIBLE = 1e-9
+"""Values below this are solver residue and count as zero."""
+
+
+@dataclass(frozen=True)
+class Quadrant:
+    """Signs of the held values, in their order in the description (current, speed)."""
+
+    current: int
+    speed: int
+
+    @property
+    def motoring(self) -> bool:
+        """Whether the motor gives power to the shaft."""
+        return self.current * self.speed > 0
+
+    def __str__(self) -> str:
+        sign = {1: ">0", -1: "<0", 0: "=0"}
+        return f"i{sign[self.current]}, omega{sign[self.speed]}"
+
+
+QUADRANTS = (Quadrant(1, 1), Quadrant(-1, 1), Quadrant(-1, -1), Quadrant(1, -1))
+"""Motoring out, braking out, motoring in, braking in."""
+
+
+def operating_values(
+    actuator: Actuator, quadrant: Quadrant, scale: float = 1.0
+) -> dict[str, float]:
+    """Number of every variable, input and parameter in a quadrant, held steadily.
+
+    Parameters
+    ----------
+    scale
+        Factor on the magnitudes of the description.
+
+    Raises
+    ------
+    ModelError
+        When no steady state holds the values asked for.
+    """
+    channels = [element.signal for element in actuator.graph.of_kind("De", "Df")]
+    model = actuator.state_space("stand", channels)
+    point = actuator.operating
+    signs = (quadrant.current, quadrant.speed)
+    targets = [
+        scale * sign * value for sign, value in zip(signs, point.hold.values(), strict=False)
+    ]
+    x = np.array([point.fixed.get(name, 0.0) for name in model.states])
+    u = np.array([point.fixed.get(name, 0.0) for name in model.inputs])
+    free_x = [k for k, name in enumerate(model.states) if name not in point.fixed]
+    free_u = [k for k, name in enumerate(model.inputs) if name in point.by]
+    held = [model.outputs.index(name) for name in point.hold]
+    for _ in range(50):
+        step = _newton_step(model, x, u, free_x, free_u, held, np.array(targets), actuator.name)
+        x[free_x] += step[: len(free_x)]
+        u[free_u] += step[len(free_x) :]
+        if np.max(np.abs(step)) <= 1e-12 * (1.0 + np.max(np.abs(x))):
+            return _all_values(actuator.relations("stand"), model.values(x, u))
+    raise ModelError(
+        f"{actuator.name}: no steady state holds {dict(zip(point.hold, targets, strict=False))};"
+        " choose other values in operating_point"
+    )
+
+
+def _newton_step(
+    model: StateSpace,
+    x: np.ndarray,
+    u: np.ndarray,
+    free_x: list[int],
+    free_u: list[int],
+    held: list[int],
+    targets: np.ndarray,
+    where: str,
+) -> np.ndarray:
+    linear = model.linearise(x, u)
+    error = np.concatenate([-model.derivatives(x, u)[free_x], targets - model.measure(x, u)[held]])
+    top = np.hstack([linear.a[np.ix_(free_x, free_x)], linear.b[np.ix_(free_x, free_u)]])
+    low = np.hstack([linear.c[np.ix_(held, free_x)], linear.d[np.ix_(held, free_u)]])
+    matrix = np.vstack([top, low])
+    if matrix.shape[0] != matrix.shape[1]:
+        raise ModelError(f"{where}: operating_point needs one input for each value that it holds")
+    scale = np.maximum(np.max(np.abs(matrix), axis=1), 1e-300)
+    try:
+        step: np.ndarray = np.linalg.solve(matrix / scale[:, None], error / scale)
+    except np.linalg.LinAlgError as cause:
+        raise ModelError(
+            f"{where}: operating_point cannot be held by those inputs, or a state has no steady"
+            " value; put integrating states under 'fixed'"
+        ) from cause
+    return step
+
+
+def _all_values(relations: tuple[Relation, ...], known: dict[str, float]) -> dict[str, float]:
+    values = dict(known)
+    for relation in in_order(relations):
+        value = float(evaluate(relation.expression, values))
+        values[relation.target] = value if abs(value) > NEGLIGIBLE else 0.0
+    return values
+
+
+def sign_of(number: float) -> int:
+    """1, -1 or 0."""
+    return (number > 0) - (number < 0)
+
+
+def rates(actuator: Actuator, values: dict[str, float]) -> dict[str, float]:
+    """Channel -> its rate of change at a steady point: that of a displacement is a flow."""
+    return {
+        channel: values.get(actuator.variable(channel), 0.0) if sensor.integrates else 0.0
+        for channel, sensor in actuator.sensors.items()
+    }

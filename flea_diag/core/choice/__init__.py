@@ -1,0 +1,1 @@
+"""Fault feature table, Bayes, the next best feature and the next best test."""

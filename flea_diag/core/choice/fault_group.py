@@ -1,0 +1,87 @@
+"""Groups of faults with probabilities, and what one answer makes of them (Bayes)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from flea_diag.core.choice.feature_table import FaultFeatureTable
+
+Group = Mapping[str, float]
+"""Faults still possible, each with its probability."""
+
+DROP_BELOW = 0.01
+"""A fault whose probability falls below this leaves the group for good."""
+
+
+def normalised(group: Group) -> dict[str, float]:
+    """Group whose probabilities sum to 1, by name."""
+    total = math.fsum(group.values())
+    return {fault: group[fault] / total for fault in sorted(group)} if total > 0.0 else {}
+
+
+def refine(
+    group: Group,
+    table: FaultFeatureTable,
+    feature: str,
+    symbol: str,
+    drop_below: float = DROP_BELOW,
+) -> dict[str, float]:
+    """Group after one answer: Bayes with P(symbol | fault), then the improbable leave.
+
+    Never grows. Empty where no fault of the group can give this symbol; unchanged by ``?``.
+    """
+    if symbol == "?":
+        return normalised(group)
+    place = table.place(symbol)
+    return _after(
+        {fault: p * table.probabilities(fault, feature)[place] for fault, p in group.items()},
+        drop_below,
+    )
+
+
+def refine_side(
+    group: Group,
+    table: FaultFeatureTable,
+    feature: str,
+    side: str,
+    drop_below: float = DROP_BELOW,
+) -> dict[str, float]:
+    """Group after a feature was seen above its range (``+``) or below (``-``), however far."""
+    places = {table.place(side), table.place(2 * side)}
+    rows = {fault: table.probabilities(fault, feature) for fault in group}
+    joint = {fault: p * sum(rows[fault][k] for k in places) for fault, p in group.items()}
+    return _after(joint, drop_below)
+
+
+def _after(joint: Group, drop_below: float) -> dict[str, float]:
+    """Posterior of joint probabilities, without those below the limit."""
+    posterior = normalised(joint)
+    left = {fault: p for fault, p in posterior.items() if p >= drop_below and p > 0.0}
+    return posterior if len(left) == len(posterior) else normalised(left)
+
+
+def outcomes(
+    group: Group,
+    table: FaultFeatureTable,
+    feature: str,
+    drop_below: float = DROP_BELOW,
+    rarest: float = 0.0,
+) -> dict[str, tuple[float, dict[str, float]]]:
+    """Symbol -> (probability, group left), for each symbol more probable than ``rarest``.
+
+    The probabilities of ``group`` must sum to 1.
+    """
+    rows = [(fault, p, table.probabilities(fault, feature)) for fault, p in group.items()]
+    found: dict[str, tuple[float, dict[str, float]]] = {}
+    for place, symbol in enumerate(table.alphabet):
+        joint = {fault: p * row[place] for fault, p, row in rows}
+        total = sum(joint.values())
+        if total > rarest:
+            found[symbol] = total, _after(joint, drop_below)
+    return found
+
+
+def entropy(group: Group) -> float:
+    """Shannon entropy of a group in bits."""
+    return -math.fsum(p * math.log2(p) for p in normalised(group).values() if p > 0.0)

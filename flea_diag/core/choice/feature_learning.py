@@ -1,0 +1,280 @@
+"""From windows of known faults to a fault feature table: ranges, ranking, selection, entries.
+
+Good features vary much between faults and little within one, are cheap, and tell what the
+others do not (Narasimhan et al. 2010, section 3.2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, product
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.vibration.features import FeatureId
+from flea_diag.core.vibration.nominal_range import NominalRange, OperatingPoint, learn_nominal
+from flea_diag.errors import CalibrationError
+
+NOMINAL = "nominal"
+SYMBOLS = ("--", "-", "0", "0^", "+", "++")
+
+Ends = tuple[float, float, float]
+"""What is much below and much above, and the upper part of the range, in its half widths."""
+WIDTHS = (1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0)
+UPPER = (1.0, 0.7, 0.4, 0.1, -0.2)
+"""Where the upper part of the range may begin; 1 is at its end, so that there is none."""
+ALL_ENDS: tuple[Ends, ...] = tuple(product(WIDTHS, WIDTHS, UPPER))
+"""All that are tried."""
+
+ENOUGH_EVIDENCE = 4.5
+"""Sum of Bhattacharyya distances at which a pair of faults counts as split: were features
+independent, the odds of mistaking one for the other would be below exp(-4.5)."""
+
+LEAST_GAIN = 0.1
+REDUNDANT = 0.9
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Feature values of one window of a run in which ``fault`` was present throughout.
+
+    ``reverses``: motion or load reverses in it.
+    """
+
+    fault: str
+    point: OperatingPoint
+    values: Mapping[str, float]
+    reverses: bool = True
+
+    @property
+    def moving(self) -> bool:
+        """Whether the shaft turned enough to show a mechanical fault."""
+        return self.point.moving
+
+
+@dataclass(frozen=True)
+class Learned:
+    """Nominal ranges and, on their scale, the moving windows of each fault.
+
+    ``deviations``: feature to fault to (windows,), -1 and +1 at the ends of the range.
+    """
+
+    ranges: Mapping[str, NominalRange]
+    deviations: Mapping[str, Mapping[str, npt.NDArray[np.float64]]] = field(repr=False)
+    counts: Mapping[str, int]
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Faults seen, without nominal."""
+        return tuple(fault for fault in self.counts if fault != NOMINAL)
+
+    def probability(self, fault: str, feature: str, ends: Ends) -> tuple[float, ...]:
+        """P(symbol) of ``SYMBOLS``, parted at these ``ends``.
+
+        Counts of windows with half a count added to each symbol, so none is ever 0.
+        """
+        values = self.deviations[feature][fault]
+        known = np.sort(values[~np.isnan(values)])
+        low, high, upper = ends
+        below = np.searchsorted(known, [-low, -1.0], "left")
+        upto = np.searchsorted(known, [upper, 1.0, high], "right")
+        counts = np.diff([0, *below, *upto, len(known)])
+        smoothed = (counts + 0.5) / (len(known) + 0.5 * len(SYMBOLS))
+        return tuple(float(p) for p in smoothed)
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a feature is worth: see `rank`."""
+
+    feature: str
+    variance_ratio: float
+    auc: float
+    information_bit: float
+    cost: float
+
+
+def learn(samples: Sequence[Sample], features: Sequence[str], false_alarm_rate: float) -> Learned:
+    """Nominal ranges at a false-alarm rate, and where the windows of each fault lie on them.
+
+    Features that no nominal range can be made of are left out.
+
+    Raises
+    ------
+    CalibrationError
+        Without nominal windows, or without any moving window of a fault.
+    """
+    nominal = [sample for sample in samples if sample.fault == NOMINAL]
+    moving = [sample for sample in samples if sample.moving]
+    names = sorted({sample.fault for sample in moving})
+    if not nominal or set(names) <= {NOMINAL}:
+        raise CalibrationError(
+            f"{len(nominal)} nominal and {len(samples) - len(nominal)} faulty windows: "
+            "a table needs both, with motion"
+        )
+    found = {feature: _range(nominal, feature, false_alarm_rate) for feature in features}
+    ranges = {feature: range_ for feature, range_ in found.items() if range_ is not None}
+    classes = {name: [sample for sample in moving if sample.fault == name] for name in names}
+    deviations = {
+        feature: {
+            name: np.array([_deviation(range_, sample, feature) for sample in rows])
+            for name, rows in classes.items()
+        }
+        for feature, range_ in ranges.items()
+    }
+    return Learned(ranges, deviations, {name: len(rows) for name, rows in classes.items()})
+
+
+def rank(learned: Learned, costs: Mapping[str, float]) -> list[Score]:
+    """Features by information per cost, best first.
+
+    ``variance_ratio``: between-class over within-class variance of the deviations (squashed
+    to a few ranges, for one wild value is as good as a large one). ``auc``: mean over the
+    faults of the area under the ROC curve against nominal, whichever side. ``information_bit``:
+    mutual information of symbol and fault, all faults equally likely, what is much at 4.
+    """
+    scores = [
+        Score(
+            feature,
+            _variance_ratio(learned, feature),
+            _auc(learned, feature),
+            _information(learned, feature),
+            costs[feature],
+        )
+        for feature in learned.ranges
+    ]
+    return sorted(scores, key=lambda score: (-score.information_bit / score.cost, score.feature))
+
+
+def select(
+    learned: Learned, costs: Mapping[str, float], most: int, kept: Sequence[str] = ()
+) -> dict[str, Ends]:
+    """Features, with the ends of their symbols, that together split every pair of faults.
+
+    Greedy, from those ``kept`` on: what adds most evidence where pairs still lack it, per root
+    of the cost; features that correlate with a chosen one above ``REDUNDANT`` are left out.
+    """
+    pairs = list(combinations(learned.faults, 2))
+    evidence = {feature: _evidence(learned, feature, pairs) for feature in learned.ranges}
+    missing = np.full(len(pairs), ENOUGH_EVIDENCE)
+    chosen: dict[str, Ends] = {}
+    waiting = list(kept)
+    while len(chosen) < most:
+        left = waiting[:1] or [
+            feature
+            for feature in evidence
+            if feature not in chosen and not _redundant(learned, feature, chosen)
+        ]
+        gains = {
+            feature: np.minimum(evidence[feature], missing).sum(axis=1) / costs[feature] ** 0.5
+            for feature in left
+        }
+        best = max(left, key=lambda feature: float(gains[feature].max()), default=None)
+        if best is None or (not waiting and gains[best].max() < LEAST_GAIN):
+            break
+        waiting = waiting[1:]
+        place = int(np.argmax(gains[best]))
+        chosen[best] = ALL_ENDS[place]
+        missing = np.maximum(missing - evidence[best][place], 0.0)
+    return chosen
+
+
+def bhattacharyya(first: Sequence[float], second: Sequence[float]) -> float:
+    """Distance of two distributions, -ln sum sqrt(p q): 0 when they are equal."""
+    return -math.log(math.fsum(math.sqrt(p * q) for p, q in zip(first, second, strict=True)))
+
+
+def _range(nominal: Sequence[Sample], feature: str, rate: float) -> NominalRange | None:
+    logarithmic = FeatureId.parse(feature).feature.logarithmic
+    values = np.array([sample.values.get(feature, math.nan) for sample in nominal])
+    if logarithmic:
+        values = np.where(values > 0.0, values, math.nan)
+    points = [sample.point for sample in nominal]
+    try:
+        return learn_nominal(values, rate, points, logarithmic=logarithmic)
+    except CalibrationError:
+        return None
+
+
+def _deviation(found: NominalRange, sample: Sample, feature: str) -> float:
+    value = sample.values.get(feature, math.nan)
+    return math.nan if math.isnan(value) else found.deviation(value, sample.point)
+
+
+def _evidence(
+    learned: Learned, feature: str, pairs: Sequence[tuple[str, str]]
+) -> npt.NDArray[np.float64]:
+    """Bhattacharyya distance of each pair at each choice of ends, shape (ends, pairs).
+
+    Times the part of the windows in which the feature can be computed at all.
+    """
+    rows = np.array(
+        [[learned.probability(f, feature, ends) for f in learned.faults] for ends in ALL_ENDS]
+    )
+    roots = np.sqrt(rows)
+    places = {fault: place for place, fault in enumerate(learned.faults)}
+    first = roots[:, [places[a] for a, _ in pairs]]
+    second = roots[:, [places[b] for _, b in pairs]]
+    known = {f: np.isfinite(learned.deviations[feature][f]).mean() for f in learned.faults}
+    coverage = np.array([min(known[a], known[b]) for a, b in pairs])
+    return np.asarray(-np.log((first * second).sum(axis=2)) * coverage)
+
+
+def _variance_ratio(learned: Learned, feature: str) -> float:
+    """Fisher's ratio of classes of equal weight."""
+    classes = [np.tanh(values / 3.0) for values in learned.deviations[feature].values()]
+    classes = [values[np.isfinite(values)] for values in classes]
+    classes = [values for values in classes if len(values) > 1]
+    within = float(np.mean([values.var() for values in classes])) if classes else 0.0
+    between = float(np.var([values.mean() for values in classes])) if classes else 0.0
+    return between / within if within > 0.0 else math.inf
+
+
+def _auc(learned: Learned, feature: str) -> float:
+    """Mean over faults of the AUC against nominal, folded to 0.5 and above."""
+    values = {fault: v[~np.isnan(v)] for fault, v in learned.deviations[feature].items()}
+    healthy = np.sort(values.get(NOMINAL, np.empty(0)))
+    areas = []
+    for fault in learned.faults:
+        if len(healthy) and len(values[fault]):
+            below = np.searchsorted(healthy, values[fault], "left")
+            upto = np.searchsorted(healthy, values[fault], "right")
+            area = float(np.mean(below + upto)) / (2.0 * len(healthy))
+            areas.append(max(area, 1.0 - area))
+    return float(np.mean(areas)) if areas else 0.5
+
+
+def _information(learned: Learned, feature: str) -> float:
+    """Mutual information of symbol and fault in bits, all faults equally likely."""
+    rows = np.array([learned.probability(f, feature, (4.0, 4.0, 1.0)) for f in learned.faults])
+    return float(np.mean(np.sum(rows * np.log2(rows / rows.mean(axis=0)), axis=1)))
+
+
+def nearest(learned: Learned, feature: str, chosen: Iterable[str]) -> tuple[str, float]:
+    """Which of the chosen features one resembles most, and their correlation (absolute).
+
+    Pearson's, over the moving windows of all faults, of the squashed deviations; ("", 0) where
+    there is none to compare with.
+    """
+    one = _all_windows(learned, feature)
+    found = {name: _correlation(one, _all_windows(learned, name)) for name in chosen}
+    best = max(found, key=found.__getitem__, default="")
+    return best, found.get(best, 0.0)
+
+
+def _redundant(learned: Learned, feature: str, chosen: Iterable[str]) -> bool:
+    return nearest(learned, feature, chosen)[1] > REDUNDANT
+
+
+def _correlation(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> float:
+    both = np.isfinite(one) & np.isfinite(other)
+    if both.sum() < 3 or one[both].std() == 0.0 or other[both].std() == 0.0:
+        return 0.0
+    return abs(float(np.corrcoef(one[both], other[both])[0, 1]))
+
+
+def _all_windows(learned: Learned, feature: str) -> npt.NDArray[np.float64]:
+    return np.tanh(np.concatenate(list(learned.deviations[feature].values())) / 3.0)

@@ -1,0 +1,266 @@
+"""Which test would split a group that is left, how far, and in how much time of the stand.
+
+Two kinds of test. A feature of vibration: what its table says that it leaves (Bayes). A motion
+under a load: the calibrated model says what signals it would give, each fault of the group with
+the size that was found for it then says what residuals it would add, and the likelihood test
+that isolates says which faults it would drop. Both give the expected size of the group,
+sum over f of P(f) * (faults left when f is there). Ranked by what they gain for each second of
+stand time, after the idea of experiment design for discrimination (Box and Hill 1967).
+
+What no test splits with these sensors is split by none by design, and then the sensor is
+named whose features would. Advice only: nothing here moves a stand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.choice.fault_group import normalised, outcomes
+from flea_diag.core.choice.feature_table import FaultFeatureTable
+from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
+from flea_diag.core.likelihood.likelihood import Evidence, Fit
+from flea_diag.core.likelihood.regressors import regressors
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.residual import Signals, direction, friction_n
+from flea_diag.core.residuals.residual_rows import TEMPERATURES
+from flea_diag.core.vibration.features import FeatureId
+
+Array = npt.NDArray[np.float64]
+
+SCAN_S = 0.01
+FEATURE_S = 1.0
+"""Stand time of one feature: a window of vibration in motion."""
+WORTH_SIZE = 0.05
+"""A test that is expected to leave hardly less than there is does not split."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion to and fro, as a sine of the position, under a constant load."""
+
+    name: str
+    peak_m_s: float
+    period_s: float
+    load_n: float
+    seconds: float
+
+
+MOTIONS = (
+    Motion("slow to and fro, no load", 0.010, 8.0, 0.0, 8.0),
+    Motion("fast to and fro, no load", 0.040, 4.0, 0.0, 8.0),
+    Motion("slow to and fro, load 200 N", 0.010, 8.0, 200.0, 8.0),
+    Motion("slow to and fro, load -200 N", 0.010, 8.0, -200.0, 8.0),
+    Motion("fast to and fro, load 200 N", 0.040, 4.0, 200.0, 8.0),
+    Motion("fast to and fro, load -200 N", 0.040, 4.0, -200.0, 8.0),
+)
+"""Within stroke, speed and load of the FLEA (0.1 m, 0.08 m/s, 311 N)."""
+
+
+@dataclass(frozen=True)
+class StandTest:
+    """One test: how long it takes, the group's expected size after it, and what it splits.
+
+    ``kind`` is ``feature``, ``motion`` or ``sensor``; a sensor that is not there takes no time
+    (NaN), and ``expected_size`` is what its features would then leave.
+    """
+
+    kind: str
+    what: str
+    seconds: float
+    expected_size: float
+    splits: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A fault that is left: its probability, and its best fit where it has one."""
+
+    fault: str
+    probability: float
+    fit: Fit | None = None
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """What the likelihood test of the isolator works with."""
+
+    models: Sequence[FaultModel]
+    sigma: Mapping[str, float]
+    correlation: Mapping[str, float]
+    tolerance: Sequence[float]
+    drop_nats: float
+
+
+def next_tests(
+    suspects: Sequence[Suspect],
+    motions: Sequence[StandTest],
+    features: Sequence[StandTest],
+    sensors: Sequence[StandTest],
+) -> tuple[StandTest, ...]:
+    """Tests that split, most gained for each second first; sensors only where no test does."""
+    size = len(suspects)
+    splitting = [t for t in (*features, *motions) if t.splits]
+    splitting.sort(key=lambda t: (-(size - t.expected_size) / t.seconds, t.what))
+    return tuple(splitting or sorted(sensors, key=lambda t: (t.expected_size, t.what)))
+
+
+def feature_tests(
+    suspects: Sequence[Suspect],
+    table: FaultFeatureTable,
+    axes: Collection[str],
+    tried: Collection[str] = (),
+) -> tuple[tuple[StandTest, ...], tuple[StandTest, ...]]:
+    """Features that would split: those that can be computed here, and sensors to be fitted."""
+    group = normalised({s.fault: s.probability for s in suspects})
+    here: list[StandTest] = []
+    missing: dict[str, StandTest] = {}
+    for feature in table.features:
+        size, splits = _after_feature(group, table, feature)
+        if len(group) - size < WORTH_SIZE:
+            continue
+        sensor = FeatureId.parse(feature).accelerometer or "accelerometer"
+        if any(axis.startswith(sensor) for axis in axes):
+            if feature not in tried:
+                here.append(StandTest("feature", feature, FEATURE_S, size, splits))
+        elif not axes and (sensor not in missing or size < missing[sensor].expected_size):
+            missing[sensor] = StandTest("sensor", sensor, math.nan, size, splits)
+    return tuple(here), tuple(missing.values())
+
+
+def _after_feature(
+    group: Mapping[str, float], table: FaultFeatureTable, feature: str
+) -> tuple[float, tuple[tuple[str, str], ...]]:
+    """Expected size of the group after a feature, and the pairs that some answer splits."""
+    answers = outcomes(group, table, feature).values()
+    size = sum(p * len(left) for p, left in answers)
+    names = sorted(group)
+    splits = tuple(
+        (one, two)
+        for place, one in enumerate(names)
+        for two in names[place + 1 :]
+        if any((one in left) != (two in left) for _, left in answers)
+    )
+    return size, splits
+
+
+def motion_tests(
+    suspects: Sequence[Suspect],
+    evidence: Evidence,
+    weighing: Weighing,
+    parameters: ActuatorParameters,
+    elapsed_s: float = 0.0,
+    motions: Sequence[Motion] = MOTIONS,
+) -> tuple[StandTest, ...]:
+    """What each motion would leave, beside the evidence that is there already.
+
+    A fault without a fitted model can neither be dropped by a likelihood nor be predicted.
+    """
+    found = []
+    for motion in motions:
+        phi = planned(parameters, motion, elapsed_s)
+        dropped = {
+            s.fault: _dropped(s, suspects, evidence, phi, weighing)
+            for s in suspects
+            if s.fit is not None
+        }
+        total = sum(s.probability for s in suspects)
+        size = sum(
+            s.probability / total * (len(suspects) - len(dropped.get(s.fault, ())))
+            for s in suspects
+        )
+        pairs = {
+            tuple(sorted((truth, gone))) for truth, faults in dropped.items() for gone in faults
+        }
+        splits = tuple(sorted((one, two) for one, two in pairs))
+        if len(suspects) - size >= WORTH_SIZE:
+            found.append(StandTest("motion", motion.name, motion.seconds, size, splits))
+    return tuple(found)
+
+
+def _pairs(dropped: Mapping[str, Collection[str]]) -> tuple[tuple[str, str], ...]:
+    """Pairs of which one drops the other."""
+    pairs = {
+        (min(truth, gone), max(truth, gone)) for truth, faults in dropped.items() for gone in faults
+    }
+    return tuple(sorted(pairs))
+
+
+def _dropped(
+    truth: Suspect,
+    suspects: Sequence[Suspect],
+    evidence: Evidence,
+    phi: Array,
+    weighing: Weighing,
+) -> tuple[str, ...]:
+    """Faults that the likelihood would drop if ``truth`` were there, in the size found for it."""
+    assert truth.fit is not None
+    names = {s.fault for s in suspects if s.fit is not None}
+    models = [model for model in weighing.models if model.fault in names]
+    count = len(truth.fit.sizes)
+    own = next(m for m in models if m.fault == truth.fault and len(m.sizes) == count)
+    foreseen = evidence.foreseen(phi, own, truth.fit.sizes)
+    best: dict[str, float] = {}
+    for fit in foreseen.fit(models, weighing.sigma, weighing.correlation, weighing.tolerance):
+        best[fit.fault] = max(fit.log_likelihood, best.get(fit.fault, -math.inf))
+    leader = max(best.values())
+    return tuple(f for f, nats in best.items() if leader - nats > weighing.drop_nats)
+
+
+def planned(p: ActuatorParameters, motion: Motion, elapsed_s: float = 0.0) -> Array:
+    """Regressors of each scan of a motion by the calibrated model, shape (scans, regressors).
+
+    To first order: currents are those of the healthy actuator. ``elapsed_s`` is how long the
+    fault has been there when the motion begins.
+    """
+    phi = _planned(p, motion).copy()
+    phi[:, REGRESSORS.index("elapsed_s")] += elapsed_s
+    return phi
+
+
+@lru_cache(maxsize=64)
+def _planned(p: ActuatorParameters, motion: Motion) -> Array:
+    times = np.arange(0.0, motion.seconds, SCAN_S)
+    phi = np.array([regressors(p, _signals(p, motion, t), EXPECTED) for t in times])
+    phi[:, REGRESSORS.index("elapsed_s")] = times
+    return phi
+
+
+EXPECTED = dict.fromkeys(TEMPERATURES, 25.0)
+
+
+def _signals(p: ActuatorParameters, motion: Motion, time_s: float) -> Signals:
+    omega = 2.0 * math.pi / motion.period_s
+    speed = motion.peak_m_s * math.cos(omega * time_s)
+    acceleration = -motion.peak_m_s * omega * math.sin(omega * time_s)
+    position = 0.05 + motion.peak_m_s / omega * math.sin(omega * time_s)
+    bare = Signals(
+        current_a=0.0,
+        voltage_v=0.0,
+        commanded_voltage_v=0.0,
+        speed_m_s=speed,
+        acceleration_m_s2=acceleration,
+        load_n=motion.load_n,
+        position_m=position,
+        load_position_m=position,
+        encoder_speed_rad_s=speed / p.encoder_m_per_rad if p.encoder_m_per_rad else math.nan,
+        position_rate_m_s=speed,
+        motor_temperature_degc=25.0,
+        nut_temperature_degc=25.0,
+        winding_rise_k=0.0,
+        direction=direction(p, speed),
+    )
+    force = motion.load_n + friction_n(p, bare) + p.reflected_mass_kg * acceleration
+    current = force / p.force_constant_n_per_a
+    voltage = p.voltage_offset_v + p.winding_resistance_ohm * current + p.back_emf_v_s_per_m * speed
+    return _driven(bare, p.current_offset_a + current, voltage, p)
+
+
+def _driven(bare: Signals, current_a: float, voltage_v: float, p: ActuatorParameters) -> Signals:
+    commanded = (voltage_v - p.drive_offset_v) / p.drive_gain if p.drive_gain else math.nan
+    return bare._replace(current_a=current_a, voltage_v=voltage_v, commanded_voltage_v=commanded)

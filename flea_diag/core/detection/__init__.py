@@ -1,0 +1,1 @@
+"""Detection tests: windowed Z-test, mean-shift test, symbols."""

@@ -1,0 +1,116 @@
+"""Two-sided robust Z-tests on windowed residual means, thresholds from nominal recordings.
+
+For residual j and window w the statistic is the mean m of its last w valid samples, and
+
+    z = (m - centre) / sqrt(sigma_w^2 + sum_p (tolerance_p * mean dr/dp)^2),   |z| > k_w  ->  symbol
+
+sigma_w is the rms of that mean over nominal recordings (in the speed region of the window),
+so coloured model error is in it: the "robust" E of the Z-test. The sum is what another
+healthy unit of the same design may differ by. k_w is the Student quantile that gives the
+stated false-alarm rate. (Z-test: Mosterman and Biswas 1999; Narasimhan et al. 2010, 3.1.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core import backend as backends
+from flea_diag.core.detection.symbols import Test
+from flea_diag.core.detection.window_limit import ResidualLimit
+from flea_diag.core.detection.z_test import WindowTests
+from flea_diag.core.residuals.residual_rows import RESIDUALS, ResidualRows
+from flea_diag.core.residuals.thermal import CORRECTION_S
+
+Array = npt.NDArray[np.float64]
+
+
+_UNTESTED = np.full((3, 1, len(RESIDUALS)), np.nan)
+_UNTESTED[2] = 0.0
+
+
+class TestResults:
+    """The test nearest to its limit of each residual after each scan, shape (n, residuals).
+
+    ``z`` and its limit ``k``, NaN where nothing was tested, and the ``window`` of so many samples
+    behind it, 0 where there is none. ``table``, shape (3, n, residuals), holds the three.
+    ``shift`` is by how much that mean lies above this run's earlier level, in the residual's
+    unit, NaN where it was held against the calibration.
+    """
+
+    __slots__ = ("k", "shift", "table", "window", "z")
+
+    def __init__(self, table: Array) -> None:
+        self.table = table
+        self.z, self.k, self.window = table
+        self.shift = np.full(self.z.shape, np.nan)
+
+    @classmethod
+    def untested(cls, scans: int = 1) -> TestResults:
+        """No test has been made yet."""
+        return cls(_UNTESTED.repeat(scans, axis=1))
+
+    def deviating(self) -> npt.NDArray[np.bool_]:
+        """Which residuals are beyond their limits; an untested one is not."""
+        beyond: npt.NDArray[np.bool_] = np.abs(self.z) > self.k
+        return beyond
+
+    def test(self, index: int) -> tuple[float, Test]:
+        """Statistic after the first scan, and which test's it is."""
+        z, k, window = self.table[:, 0, index].tolist()
+        return z, (window, k)
+
+    def symbol(self, index: int) -> str:
+        """+, - or 0, after the last scan."""
+        z, k = self.z[-1, index], self.k[-1, index]
+        return "0" if not abs(z) > k else "+" if z > 0 else "-"
+
+
+class Detector:
+    """Runs every test of ``RESIDUALS`` on a stream of residuals, constant memory.
+
+    Numpy and numba, which ``backend`` chooses between, give the same bits.
+    """
+
+    def __init__(
+        self,
+        limits: Sequence[ResidualLimit],
+        tolerance: Sequence[float],
+        thermal_rate_k_per_s: float,
+        backend: str = "auto",
+    ) -> None:
+        extra = (thermal_rate_k_per_s * CORRECTION_S) ** 2
+        named = {limit.name: limit for limit in limits}
+        compiled = backends.chosen(backend) == "numba"
+        self._groups = tuple(
+            WindowTests(gate, named, np.array(tolerance), extra, compiled)
+            for gate in ("moving", "always")
+        )
+
+    def step(self, rows: ResidualRows) -> TestResults:
+        """Results after each of these rows."""
+        results = TestResults.untested(len(rows))
+        speeds = np.empty(len(rows))
+        speeds[:] = rows.signals.speed_m_s
+        for group in self._groups:
+            group.step(rows, speeds, results.table)
+        return results
+
+    def adopt(self, change: Sequence[float], tolerance: Sequence[float]) -> None:
+        """Go on with unit parameters that changed by ``change`` and a narrower spread.
+
+        What the windows hold is moved along, r + (dr/dp) dp, so that nothing is forgotten.
+        """
+        for group in self._groups:
+            group.adopt(np.array(change), np.array(tolerance))
+
+    def forget(self, columns: Sequence[int]) -> None:
+        """Drop the windows of some residuals, whose channel turned out to be bad."""
+        for group in self._groups:
+            group.forget(columns)
+
+    def clear(self) -> None:
+        """Drop every window (re-arming)."""
+        self.forget(range(len(RESIDUALS)))

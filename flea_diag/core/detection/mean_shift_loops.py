@@ -1,0 +1,78 @@
+"""``shift_test.ShiftTest`` as a loop, for numba to compile: the same bits as in numpy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.detection.mean_shift import REFERENCE, SHIFT_WINDOWS
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Counts = npt.NDArray[np.int64]
+
+
+def level_loops(
+    row: Array, sums: Array, end: int, least: int, frozen: Array, is_frozen: bool, last: Array
+) -> None:
+    """``level_shift.LevelShift`` for one residual in one scan, whose sum is put at ``end``."""
+    for c in range(len(row)):
+        sums[end, c] = sums[end - 1, c] + row[c]
+    for w, window in enumerate(SHIFT_WINDOWS):
+        begin = end - window
+        near, far, samples = max(begin, 0), max(begin - REFERENCE, 0), min(begin, REFERENCE)
+        known = begin >= 0 if is_frozen else samples >= least
+        for c in range(len(row)):
+            earlier = math.nan
+            if is_frozen:
+                earlier = frozen[w, c]
+            elif known:
+                earlier = (sums[near, c] - sums[far, c]) / samples
+            mean = (sums[end, c] - sums[near, c]) / window
+            last[w, c] = mean - earlier if known else math.nan
+
+
+def shift_loops(
+    rows: tuple[Array, Array, Flags], tests: tuple[Counts, Counts, Flags],
+    unit: tuple[Array, Array], memory: tuple[Array, Counts, Array, Array, Flags, Counts],
+    limits: tuple[Array, Array], z: Array, shifts: Array,
+) -> bool:  # fmt: skip
+    """Scan after scan; returns whether any shift is beyond its limit.
+
+    ``tests`` are the columns of values, places of spreads, and which count in motion alone;
+    ``unit`` the change and the tolerance of its parameters; ``limits`` variance and k.
+    """
+    values, spread, moving = rows
+    columns, places, gated = tests
+    change, tolerance = unit
+    store, ends, last, frozen, is_frozen, least = memory
+    variance, k = limits
+    row, beyond = np.empty(1 + len(change)), False
+    for i in range(len(values)):
+        for t in range(len(columns)):
+            learned = 0.0
+            for u in range(len(change)):
+                moved = spread[i, places[t], u]
+                learned += moved * change[u]
+                row[1 + u] = moved * tolerance[u]
+            row[0] = values[i, columns[t]] - learned
+            if math.isnan(row[0]):
+                store[t, 0], last[t] = 0.0, math.nan
+                ends[t], is_frozen[t] = 1, False
+            elif moving[i] or not gated[t]:
+                level_loops(row, store[t], ends[t], least[t], frozen[t], is_frozen[t], last[t])
+                ends[t] += 1
+            for w in range(len(SHIFT_WINDOWS)):
+                unit_variance = 0.0
+                for u in range(len(change)):
+                    unit_variance += last[t, w, 1 + u] * last[t, w, 1 + u]
+                shifts[i, t, w] = last[t, w, 0]
+                z[i, t, w] = last[t, w, 0] / math.sqrt(variance[t, w] + unit_variance)
+                beyond |= abs(z[i, t, w]) > k[t, w]
+    return beyond
+
+
+SHIFTS = (shift_loops, level_loops)
+"""What ``backend.exact`` takes: the function, and what it calls."""

@@ -1,0 +1,161 @@
+"""The tests of ``level_shift`` on a stream of residuals, beside those against the calibration.
+
+A voltage that nothing corroborates has a zero that wanders: by itself its shift says nothing.
+A current that reads b too much moves the electrical relation by -R b and the mechanical one by
+K b, so the load cell is a witness: where the two deviate in opposite directions, their common
+distance from zero is held against the limit that the shift alone would have, and both deviate.
+A witness adds no more than the voltage says itself: a drag alone is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core import backend as backends
+from flea_diag.core.detection.detection import TestResults
+from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, LevelShift, ShiftLimit
+from flea_diag.core.detection.mean_shift_loops import SHIFTS
+from flea_diag.core.residuals.residual_rows import (
+    RESIDUAL_INDEX,
+    RESIDUALS,
+    SPREAD_ROWS,
+    ResidualRows,
+)
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
+MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
+CIRCUIT = {ELECTRICAL, RESIDUAL_INDEX["parity_electrical_dn"]}
+"""Relations of the winding, by which a drag that comes with another unit must not be judged."""
+WITNESS = 2.0
+"""Sigmas of the mechanical relation from which on it is a witness."""
+SHIFTING = tuple(RESIDUALS[j].name for j in SPREAD_ROWS)
+"""Residuals in which units differ: there a run knows its own level better than the calibration."""
+
+
+class ShiftTest:
+    """Runs every test that the calibration has a limit for."""
+
+    def __init__(
+        self, limits: Sequence[ShiftLimit], tolerance: Sequence[float], backend: str = "auto"
+    ) -> None:
+        self._compiled = backends.chosen(backend) == "numba"
+        self._change = np.zeros(len(tolerance))
+        self._tolerance = np.array(tolerance)
+        self._open = False
+        self._fired: list[int] = []
+        self._openers: list[int] = []
+        """Columns whose shift has just counted, and those by which an episode was opened."""
+        names = list(dict.fromkeys(limit.name for limit in limits))
+        self._columns = np.array([RESIDUAL_INDEX[name] for name in names], dtype=int)
+        self._places = np.array([SPREAD_ROWS.index(RESIDUAL_INDEX[n]) for n in names], dtype=int)
+        self._gated = np.array([RESIDUALS[j].gate == "moving" for j in self._columns], dtype=bool)
+        self._level = LevelShift(self._gated.tolist(), 1 + len(tolerance))
+        # What has no limit is never beyond it.
+        self._variance, self._k = np.full((2, len(names), len(SHIFT_WINDOWS)), np.nan)
+        for limit in limits:
+            at = names.index(limit.name), SHIFT_WINDOWS.index(limit.window)
+            self._variance[at], self._k[at] = limit.sigma**2, limit.k
+
+    def adopt(self, change: Sequence[float]) -> None:
+        """The unit's parameters changed by so much: levels go on as if they had not."""
+        self._change = np.array(change)
+
+    def turn(self, opened: bool) -> None:
+        """An episode has opened: the level before it is the one that counts. Or closed."""
+        self._open, self._openers = opened, self._fired if opened else []
+        self._level.freeze() if opened else self._level.clear()
+
+    def step(self, rows: ResidualRows, results: TestResults, alone: Flags) -> None:
+        """Where a shift is beyond its limit and no other test of its residual is, it counts.
+
+        In an episode that no shift has opened it says nothing: the fault may have come with
+        another unit, whose level is another. Nor does the circuit's where a shift of the forces
+        alone opened it: that drag, too, may be another unit's, with its winding. A voltage that
+        stands ``alone``, shape (n,), needs a witness to open one, and says nothing in one that
+        anything else has opened.
+        """
+        self._fired = []
+        if self._open and not self._openers:
+            return
+        z, shifts, beyond = (self._follow if self._compiled else self._z)(rows)
+        if not beyond and not alone.any():
+            return
+        for test, column in enumerate(self._columns.tolist()):
+            if self._open and column in CIRCUIT and CIRCUIT.isdisjoint(self._openers):
+                continue
+            here = z[:, test]
+            if "motor_voltage" in RESIDUALS[column].needs and alone.any():
+                here = np.where(alone[:, None], self._witnessed(here, column, results), here)
+            counts = self._judge(here, column, self._k[test], results, shifts[:, test])
+            if counts[-1]:
+                self._fired.append(column)
+            if column == ELECTRICAL:
+                self._call_witness(counts & alone, results)
+
+    def _follow(self, rows: ResidualRows) -> tuple[Array, Array, bool]:
+        """``_z`` in one compiled loop."""
+        z, shifts = np.empty((2, len(rows), *self._k.shape))
+        beyond = backends.exact(*SHIFTS)(
+            (rows.values, rows.spread, rows.moving),
+            (self._columns, self._places, self._gated),
+            (self._change, self._tolerance),
+            self._level.room(len(rows)),
+            (self._variance, self._k),
+            z,
+            shifts,
+        )
+        return z, shifts, beyond
+
+    def _z(self, rows: ResidualRows) -> tuple[Array, Array, bool]:
+        """Every shift, in sigmas of itself and of what units differ by, and as it is.
+
+        Both of shape (n, residuals, windows); then whether any is beyond its limit.
+        """
+        # The residuals as if nothing had been learned of the unit, and what units differ by.
+        spread = rows.spread.take(self._places, axis=1)
+        values = np.empty((*spread.shape[:2], 1 + len(self._tolerance)))
+        learned = np.add.reduce(spread * self._change, axis=2)
+        values[:, :, 0] = rows.values.take(self._columns, axis=1) - learned
+        values[:, :, 1:] = spread * self._tolerance
+        every = self._level.step(values, rows.moving[:, None] | ~self._gated)
+        variance = self._variance + np.add.reduce(np.square(every[..., 1:]), axis=3)
+        z = every[..., 0] / np.sqrt(variance)
+        return z, every[..., 0], bool((np.abs(z) > self._k).any())
+
+    def _witnessed(self, z: Array, column: int, results: TestResults) -> Array:
+        """What the shift of a voltage that stands alone amounts to, NaN where to nothing."""
+        if column == ELECTRICAL and column in self._openers:
+            return z
+        if column != ELECTRICAL or self._open:
+            return np.full_like(z, np.nan)
+        force = results.z[:, MECHANICAL, None]
+        speaks = (np.abs(force) > WITNESS) & (force * z < 0.0)
+        added = np.minimum(np.abs(force), np.abs(z))
+        return np.where(speaks, np.copysign(np.hypot(z, added), z), np.nan)
+
+    def _call_witness(self, beyond: Flags, results: TestResults) -> None:
+        """What opens an episode with a witness is a deviation of both relations."""
+        if self._open or not beyond.any():
+            return
+        called = beyond & ~(np.abs(results.z[:, MECHANICAL]) > results.k[:, MECHANICAL])
+        both, k = results.z[called, ELECTRICAL], results.k[called, ELECTRICAL]
+        results.z[called, MECHANICAL], results.k[called, MECHANICAL] = -both, k
+
+    @staticmethod
+    def _judge(z: Array, column: int, k: Array, results: TestResults, shifts: Array) -> Flags:
+        """Fill the results in; after which scans a shift counts."""
+        quiet = ~(np.abs(results.z[:, column]) > results.k[:, column])
+        counts = np.zeros(len(quiet), dtype=bool)
+        for each, shift, limit, window in zip(z.T, shifts.T, k, SHIFT_WINDOWS, strict=True):
+            beyond = quiet & (np.abs(each) > limit)
+            results.z[beyond, column], results.k[beyond, column] = each[beyond], limit
+            results.window[beyond, column] = window
+            results.shift[beyond, column] = shift[beyond]
+            counts |= beyond
+        return counts

@@ -1,0 +1,173 @@
+"""Tests on the windowed means of residuals that are gated alike; see ``detection``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core import backend as backends
+from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit
+from flea_diag.core.detection.z_test_loops import WINDOWS
+from flea_diag.core.residuals.residual_rows import (
+    RESIDUALS,
+    SPREAD_ROWS,
+    ResidualRow,
+    ResidualRows,
+    together,
+)
+from flea_diag.core.running_mean import WindowedMeans
+
+Array = npt.NDArray[np.float64]
+
+REGION_EDGES = np.array(SPEED_REGIONS_M_S)
+THERMAL = ("motor_temperature", "nut_temperature", "ambient_temperature")
+
+
+class WindowTests:
+    """Residuals that are gated alike share one ring of rows: values, |speed|, spreads.
+
+    At rest a gated group takes nothing in and keeps the verdict of the last scan in motion.
+    Results are rows of z, its limit and the window behind it (``detection.TestResults``).
+    """
+
+    def __init__(
+        self,
+        gate: str,
+        limits: dict[str, ResidualLimit],
+        tolerance: Array,
+        thermal_variance: float,
+        compiled: bool,
+    ) -> None:
+        self._gated, self._compiled = gate == "moving", compiled
+        columns = [j for j, row in enumerate(RESIDUALS) if row.gate == gate and row.name in limits]
+        rows = [RESIDUALS[j] for j in columns]
+        self._columns = np.array(columns, dtype=int)
+        self._windows = sorted({window for row in rows for window in row.windows}) or [1]
+        # Where healthy units differ: their columns here, and their places in a row's spread.
+        self._spread = [c for c, j in enumerate(columns) if j in SPREAD_ROWS]
+        self._spreading = together(self._spread)
+        self._places = np.array([SPREAD_ROWS.index(columns[c]) for c in self._spread], dtype=int)
+        self._tolerance = tolerance
+        self._fixed = np.zeros((len(rows), len(tolerance)))
+        self._extra = np.array([thermal_variance * (row.name in THERMAL) for row in rows])
+        self._bound(rows, limits)
+        self._based()
+        self._lengths = np.array(self._windows)
+        self._window, self._order = np.arange(len(self._windows)), np.arange(len(rows))
+        width = len(rows) + 1 + len(self._spread) * len(tolerance)
+        self._means = WindowedMeans(width, self._windows)
+        self._held = np.full((3, len(rows)), np.nan)
+        self._held[2] = 0.0
+
+    def _bound(self, rows: list[ResidualRow], limits: dict[str, ResidualLimit]) -> None:
+        """Centre, variance and limit of each test, shape (3, regions, windows, residuals)."""
+        shape = (len(SPEED_REGIONS_M_S) + 1, len(self._windows), len(rows))
+        self._bounds = np.full((3, *shape), np.nan)
+        self._own = self._bounds[1].copy()
+        for column, row in enumerate(rows):
+            limit = limits[row.name]
+            if limit.spread:
+                self._fixed[column] = limit.spread
+            for bound in limit.windows:
+                window = self._windows.index(bound.window)
+                self._bounds[0, :, window, column] = bound.centre
+                self._own[:, window, column] = np.square(bound.sigma)
+                self._bounds[2, :, window, column] = bound.k
+
+    def _based(self) -> None:
+        """What every window's variance holds whatever its samples were."""
+        unit = np.square(self._fixed * self._tolerance).sum(axis=1)
+        self._bounds[1] = self._own + (self._extra + unit)
+
+    def step(self, rows: ResidualRows, speeds: Array, results: Array) -> None:
+        """Take the rows in; of each residual the test nearest to its limit goes into ``results``.
+
+        ``speeds`` has shape (n,), ``results`` (3, n, ``RESIDUALS``).
+        """
+        if not len(self._columns):
+            return
+        if self._compiled:
+            self._follow(rows, speeds, results)
+            return
+        taken = rows.moving if self._gated else np.ones(len(rows), dtype=bool)
+        found = self._held[:, None]
+        if taken.any():
+            found = np.concatenate((found, self._judge(self._table(rows, speeds)[taken])), axis=1)
+        self._held = found[:, -1].copy()
+        results[:, :, self._columns] = found.take(np.cumsum(taken), axis=1)
+
+    def _follow(self, rows: ResidualRows, speeds: Array, results: Array) -> None:
+        """All of it in compiled loops, in pieces that the memory has room for."""
+        loops = backends.exact(*WINDOWS)
+        spread = self._spreading.start, len(self._spread), self._tolerance
+        for start in range(0, len(rows), self._windows[-1]):
+            piece = slice(start, start + self._windows[-1])
+            moving = rows.moving[piece]
+            count = int(np.count_nonzero(moving)) if self._gated else len(moving)
+            memory, at, lap, run = self._means.room(count)
+            loops(
+                (rows.values[piece], speeds[piece], rows.spread[piece]),
+                moving,
+                self._gated,
+                self._columns,
+                self._places,
+                memory,
+                at,
+                lap,
+                (self._lengths, run),
+                self._bounds,
+                spread,
+                self._held,
+                results[:, piece],
+            )
+
+    def _table(self, rows: ResidualRows, speeds: Array) -> Array:
+        """Rows of the ring: values, |speed|, spreads; shape (n, width)."""
+        count = len(self._columns)
+        table = np.empty((len(rows), count + 1 + len(self._spread) * len(self._tolerance)))
+        table[:, :count] = rows.values.take(self._columns, axis=1)
+        table[:, count] = np.abs(speeds)
+        table[:, count + 1 :] = rows.spread.take(self._places, axis=1).reshape(len(rows), -1)
+        # A missing speed only matters to what needs it; the region then falls to slow.
+        loose = table[:, count:]
+        loose[np.isnan(loose)] = 0.0
+        return table
+
+    def _judge(self, table: Array) -> Array:
+        """Results after each row of the ring, shape (3, n, residuals of the group)."""
+        count = len(self._columns)
+        means = self._means.push(table)
+        statistic, (centre, variance, k) = self._moments(means, count)
+        z = (statistic - centre) / np.sqrt(variance)
+        # An untested window has no z: it is farthest from its limit.
+        nearest = np.fmax(np.abs(z) / k, -1.0).argmax(axis=1)
+        pick = np.arange(len(table))[:, None], nearest, self._order
+        return np.stack((z[pick], k[pick], self._lengths[nearest]))
+
+    def _moments(self, means: Array, count: int) -> tuple[Array, Array]:
+        """Statistic, shape (n, windows, residuals), and centre, variance and limit of each."""
+        statistic, speeds = means[:, :, :count], means[:, :, count]
+        region = REGION_EDGES.searchsorted(np.fmax(speeds, 0.0))
+        bounds = self._bounds[:, region, self._window]
+        if self._spread:
+            shape = (*speeds.shape, len(self._spread), len(self._tolerance))
+            spreads = means[:, :, count + 1 :].reshape(shape) * self._tolerance
+            bounds[1][:, :, self._spreading] += np.add.reduce(np.square(spreads), axis=3)
+        return statistic, bounds
+
+    def adopt(self, change: Array, tolerance: Array) -> None:
+        """Move the parity residuals in the windows along with the unit's parameters."""
+        self._tolerance = tolerance
+        self._based()
+        start = len(self._columns) + 1
+        for column in self._spread:
+            self._means.combine(column, slice(start, start + len(change)), change)
+            start += len(change)
+
+    def forget(self, columns: Sequence[int]) -> None:
+        """Clear the windows of some residuals."""
+        mine = [int(np.flatnonzero(self._columns == c)[0]) for c in columns if c in self._columns]
+        self._means.clear(mine)
+        self._held[0, mine] = np.nan

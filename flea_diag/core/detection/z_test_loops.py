@@ -1,0 +1,126 @@
+"""``detection.WindowTests`` as loops, for numba to compile: the same bits as in numpy.
+
+One call takes what some thirty calls of numpy take, which is what a scan that comes alone
+spends its time on. Sums run in the order of numpy's, and no flag of the compiler lets them be
+reordered (``backend.exact``), so a recording may be taken by either.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Counts = npt.NDArray[np.int64]
+
+
+def push_loops(
+    row: Array, store: Array, valid: Flags, at: int, counts: tuple[Counts, Counts], sums: Array
+) -> None:
+    """``running_mean.WindowedMeans`` for one row, which is put at ``at`` of the store."""
+    lengths, run = counts
+    for c in range(len(row)):
+        good = math.isfinite(row[c])
+        store[at, c] = row[c] if good else 0.0
+        valid[at, c] = good
+        run[c] = run[c] + 1 if good else 0
+    for w in range(len(lengths)):
+        for c in range(len(row)):
+            sums[w, c] += store[at, c] - store[at - lengths[w], c]
+
+
+def sum_loops(store: Array, at: int, lengths: Counts, sums: Array) -> None:
+    """Sums formed anew from the rows up to ``at``."""
+    for w in range(len(lengths)):
+        first = at + 1 - lengths[w]
+        sums[w] = store[first]
+        for k in range(first + 1, at + 1):
+            for c in range(len(sums[w])):
+                sums[w, c] += store[k, c]
+
+
+def nearest_loops(
+    sums: Array,
+    counts: tuple[Counts, Counts],
+    bounds: Array,
+    spread: tuple[int, int, Array],
+    held: Array,
+) -> None:
+    """Of each residual the test nearest to its limit goes into ``held``: z, limit, window."""
+    lengths, run = counts
+    start, spreading, tolerance = spread
+    units, residuals = len(tolerance), held.shape[1]
+    best = np.empty(residuals)
+    for w in range(len(lengths)):
+        length = lengths[w]
+        region = 0
+        if run[residuals] >= length:
+            for edge in SPEED_REGIONS_M_S:
+                region += sums[w, residuals] / length > edge
+        for c in range(residuals):
+            variance = bounds[1, region, w, c]
+            if start <= c < start + spreading:
+                first = residuals + 1 + (c - start) * units
+                unit = 0.0
+                for u in range(units):
+                    moved = math.nan
+                    if run[first + u] >= length:
+                        moved = sums[w, first + u] / length * tolerance[u]
+                    unit += moved * moved
+                variance += unit
+            z = math.nan
+            if run[c] >= length:
+                z = (sums[w, c] / length - bounds[0, region, w, c]) / math.sqrt(variance)
+            k = bounds[2, region, w, c]
+            near = abs(z) / k
+            # An untested window has no z: it is farthest from its limit.
+            near = near if near > -1.0 else -1.0
+            if w == 0 or near > best[c]:
+                best[c], held[0, c], held[1, c], held[2, c] = near, z, k, length
+
+
+def row_loops(
+    values: Array, speed_m_s: float, spreads: Array, columns: Counts, places: Counts, row: Array
+) -> None:
+    """``detection.WindowTests.table`` for one scan."""
+    row[len(columns)] = 0.0 if math.isnan(speed_m_s) else abs(speed_m_s)
+    for c in range(len(columns)):
+        row[c] = values[columns[c]]
+    at = len(columns) + 1
+    for place in places:
+        for spread in spreads[place]:
+            row[at] = 0.0 if math.isnan(spread) else spread
+            at += 1
+
+
+def window_loops(
+    rows: tuple[Array, Array, Array], moving: Flags, gated: bool, columns: Counts, places: Counts,
+    memory: tuple[Array, Flags, Array], start: int, lap: int, counts: tuple[Counts, Counts],
+    bounds: Array, spread: tuple[int, int, Array], held: Array, results: Array,
+) -> None:  # fmt: skip
+    """Scan after scan; where ``gated`` one at rest leaves the results as they were."""
+    values, speeds, spreads = rows
+    store, valid, sums = memory
+    row, size = np.empty(store.shape[1]), counts[0][-1]
+    for i in range(len(values)):
+        if moving[i] or not gated:
+            row_loops(values[i], speeds[i], spreads[i], columns, places, row)
+            push_loops(row, store, valid, start, counts, sums)
+            lap += 1
+            if lap == size:
+                lap = 0
+                sum_loops(store, start, counts[0], sums)
+            start += 1
+            nearest_loops(sums, counts, bounds, spread, held)
+        for c in range(len(columns)):
+            for part in range(3):
+                results[part, i, columns[c]] = held[part, c]
+
+
+WINDOWS = (window_loops, row_loops, push_loops, sum_loops, nearest_loops)
+"""What ``backend.exact`` takes: the function, and what it calls."""

@@ -1,0 +1,1 @@
+"""DOT and layouts of the graphs."""

@@ -1,0 +1,1 @@
+"""The fault catalogue, and what one signature is."""

@@ -1,0 +1,1 @@
+"""Hypotheses refined by symbols and likelihood; detectability."""

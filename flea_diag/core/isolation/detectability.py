@@ -1,0 +1,61 @@
+"""Faults that a stand's sensors cannot show, however large: what it is silent on is said.
+
+A sensor fault is seen by a test of that sensor alone (``sensor_tests``), by a relation whose
+terms vary or grow with it, or by a constant offset of a relation beyond what its test needs.
+One that only ever adds a constant below every limit is not seen: the drift of a single position
+sensor, whose slope is also the only speed, enters the relations as ``-B d`` and ``-Ke d``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.faults.fault import Fault
+from flea_diag.core.isolation.isolation import JUMP_MODES, JUMP_RESIDUALS, OWN_TESTS
+from flea_diag.core.likelihood.fault_models import FaultModel
+
+CONSTANT = "one"
+
+
+def unseen(
+    faults: Mapping[str, Fault], models: Sequence[FaultModel], calibration: Calibration
+) -> tuple[str, ...]:
+    """Faults of the calibrated stand's own sensors that none of its tests can show."""
+    reach = least_constants(calibration)
+    return tuple(
+        name
+        for name, fault in faults.items()
+        if fault.channel in calibration.channels
+        and not _tested_alone(fault)
+        and not any(_shows(model, reach) for model in models if model.fault == name)
+    )
+
+
+def least_constants(calibration: Calibration) -> dict[str, float]:
+    """The smallest lasting offset of each residual that one of its tests could call, its unit."""
+    found: dict[str, float] = {}
+    for limit in calibration.limits:
+        found[limit.name] = min(row.k * min(row.sigma) for row in limit.windows)
+    for shift in calibration.shifts:
+        found[shift.name] = min(found.get(shift.name, shift.k * shift.sigma), shift.k * shift.sigma)
+    return found
+
+
+def _tested_alone(fault: Fault) -> bool:
+    """Whether the sensor's own readings tell this mode."""
+    steps = fault.channel in JUMP_RESIDUALS and fault.mode in JUMP_MODES
+    return steps or any(fault.mode in modes for modes in OWN_TESTS.values())
+
+
+def _shows(model: FaultModel, reach: Mapping[str, float]) -> bool:
+    """Whether the fault at its largest passes the limit of a residual that this stand has."""
+    terms = [term for term in model.terms if term.residual in reach]
+    if any(term.regressor != CONSTANT for term in terms):
+        return True
+    offsets: dict[str, float] = {}
+    for term in terms:
+        size = model.sizes[term.index]
+        largest = abs(term.gain) * max(abs(size.low), abs(size.high))
+        offsets[term.residual] = offsets.get(term.residual, 0.0) + largest
+    return any(offset > reach[name] for name, offset in offsets.items())

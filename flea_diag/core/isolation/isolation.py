@@ -1,0 +1,278 @@
+"""Qualitative isolation: hypotheses from the first deviation, refined by every later symbol.
+
+A hypothesis stays while, for every symbol observed, some alternative of the fault predicts it
+in some quadrant that the window passed through (TRANSCEND: Mosterman and Biswas 1999;
+Narasimhan et al. 2010, 3.1). A residual that looks normal never drops a hypothesis. Every
+hypothesis ever considered keeps the record of what kept or dropped it. Single-fault
+assumption.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from flea_diag.core.causal_graph.operating_point import Quadrant
+from flea_diag.core.faults.fault import Fault
+from flea_diag.core.faults.fault_signature import UNAFFECTED, FaultSignature, compatible
+from flea_diag.core.likelihood.likelihood import Fit
+from flea_diag.core.signatures.signature import SignatureTable
+
+OWN_RESIDUALS = {
+    "ambient_temperature": ("ambient_temperature",),
+    "parity_speed": ("motor_speed", "actuator_position"),
+}
+"""Residuals that nothing but the faults of these sensors can move: one is held against the
+sensor's own past, the other one sensor against the other."""
+JUMP_RESIDUALS = ("actuator_position", "load_position")
+"""Innovations over three samples. The position of a mass cannot jump: no fault of the plant
+has an effect of order 0 on it, so only the sensor's own faults move these."""
+JUMP_MODES = ("bias", "scaling", "dead", "dropout", "noise")
+OWN_TESTS: Mapping[str, Mapping[str, str]] = {
+    "noise": {"noise": "+", "dropout": "*", "dead": "-"},
+    "stuck": {"dead": "+"},
+    "dropout": {"dropout": "+"},
+}
+"""How the modes of a sensor fault move the tests of that sensor alone (``sensor_tests``)."""
+DEFINED_BY = {
+    "noise": (("noise", "+"),),
+    "dropout": (("dropout", "+"),),
+    "dead": (("stuck", "+"), ("noise", "-")),
+}
+"""Modes that such a test defines: without one of these symbols they are ruled out in time."""
+HEARD_AT_ONCE = ("noise", "dropout")
+"""Modes that the sensor's own test hears no later than any mean of a relation; that a reading
+has fallen quiet, or is held, takes longer."""
+TWINS = ("parity_speed", "parity_kinematic")
+"""Relations of two sensors of one motion: they hear either of them before its own test does."""
+MOTION_TELLS = ("actuator_position", "load_position", "motor_speed")
+"""Channels whose death motion itself tells: a reading that goes on moving is not dead."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One observation held against one hypothesis."""
+
+    stamp_ns: int
+    source: str
+    observed: str
+    predicted: str
+    kept: bool
+    words: str
+    path: str = ""
+
+
+@dataclass
+class Hypothesis:
+    """A fault under consideration; ``why_dropped`` is empty while it is alive.
+
+    ``log_features``: what the answers of features have added, up to a constant of the group.
+    """
+
+    fault: Fault
+    findings: list[Finding] = field(default_factory=list)
+    why_dropped: str = ""
+    log_likelihood: float = 0.0
+    log_features: float = 0.0
+    fit: Fit | None = None
+    probability: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Fault id."""
+        return self.fault.name
+
+    @property
+    def deviation(self) -> str:
+        """The parameters or the sensor mode that the fault stands for, with directions."""
+        groups = (", ".join(map(str, group)) for group in self.fault.alternatives)
+        return " | ".join(groups) or "vibration only"
+
+    def add(self, finding: Finding) -> None:
+        """Record a finding; the first that does not fit drops the hypothesis for good."""
+        self.findings.append(finding)
+        if not finding.kept and not self.why_dropped:
+            self.why_dropped = f"{finding.source}: {finding.words}"
+
+
+class Isolation:
+    """Hypotheses of one episode."""
+
+    def __init__(
+        self, faults: Mapping[str, Fault], tables: Mapping[Quadrant, SignatureTable]
+    ) -> None:
+        self._tables = tables
+        self.hypotheses = {name: Hypothesis(fault) for name, fault in faults.items()}
+
+    def alive(self) -> list[Hypothesis]:
+        """Hypotheses still possible, the most probable first, by name where equal."""
+        left = [h for h in self.hypotheses.values() if not h.why_dropped]
+        return sorted(left, key=lambda h: (-h.probability, h.name))
+
+    def dropped(self) -> list[Hypothesis]:
+        """Hypotheses ruled out, in the order of the catalogue."""
+        return [h for h in self.hypotheses.values() if h.why_dropped]
+
+    def observe(
+        self,
+        stamp_ns: int,
+        residual: str,
+        magnitude: str,
+        slope: str,
+        quadrants: Iterable[Quadrant],
+        settled: bool = False,
+    ) -> None:
+        """Hold one symbol against every hypothesis that is still possible.
+
+        A symbol that speaks against all that is left of a ``settled`` group is no news of the
+        fault that was found: a second fault, or the limits of the model. It is recorded.
+        """
+        visited = tuple(quadrants)
+        judged = [
+            (h, *self._judge(h.fault, residual, magnitude, slope, visited)) for h in self.alive()
+        ]
+        overruled = settled and not any(kept for _, kept, _, _ in judged)
+        for hypothesis, fits, signature, words in judged:
+            kept = fits or overruled
+            if overruled:
+                words = f"{words}; so of every fault left, hence not held against this one"
+            hypothesis.add(
+                Finding(
+                    stamp_ns,
+                    residual,
+                    magnitude + slope,
+                    signature.symbols,
+                    kept,
+                    words,
+                    signature.path,
+                )
+            )
+        self.share_out()
+
+    def _judge(
+        self,
+        fault: Fault,
+        residual: str,
+        magnitude: str,
+        slope: str,
+        visited: tuple[Quadrant, ...],
+    ) -> tuple[bool, FaultSignature, str]:
+        predictions = list(self._predictions(fault, residual, visited))
+        last = UNAFFECTED, "this fault does not move this residual"
+        for signature in predictions:
+            verdict = compatible(signature, magnitude, slope)
+            if verdict:
+                return True, signature, verdict.reason
+            if signature.affected:
+                last = signature, verdict.reason
+        return False, *last
+
+    def _predictions(
+        self, fault: Fault, residual: str, visited: tuple[Quadrant, ...]
+    ) -> Iterable[FaultSignature]:
+        channel, _, test = residual.rpartition("_")
+        if test in OWN_TESTS:
+            yield _own(fault, (channel,), OWN_TESTS[test].get(fault.mode, "0"), test)
+            return
+        if residual in JUMP_RESIDUALS:
+            yield _own(fault, (residual,), "*" if fault.mode in JUMP_MODES else "0", "jump")
+            return
+        if residual in OWN_RESIDUALS:
+            yield _own(fault, OWN_RESIDUALS[residual], "*", "level")
+            return
+        for quadrant in visited:
+            table = self._tables[quadrant]
+            for variant in table.variants[fault.name]:
+                if residual in variant.row:
+                    yield variant.row[residual]
+
+    def require(
+        self,
+        stamp_ns: int,
+        symbols: Mapping[str, str],
+        moved: Collection[str],
+        settled: bool = True,
+    ) -> None:
+        """Drop faults whose defining symptom has stayed out, once there was time for it.
+
+        Noise and dropout are changes of noise, a dead sensor reads a constant. ``symbols`` are
+        the magnitudes seen so far; ``moved`` the channels that moved since the detection. Before
+        all is ``settled`` only those are dropped whose symptom would have come with the detection.
+        """
+        for hypothesis in self.alive():
+            fault = hypothesis.fault
+            defining = DEFINED_BY.get(fault.mode, ())
+            tests = [f"{fault.channel}_{test}" for test, _ in defining]
+            source, seen = (tests or [""])[0], [symbols.get(test, "0") for test in tests]
+            if fault.mode == "dead" and fault.channel in MOTION_TELLS:
+                source, words = fault.channel, f"{fault.channel} goes on moving"
+                ruled_out = fault.channel in moved
+            else:
+                words = f"{fault.channel} does not read as one with {fault.mode} would"
+                wanted = [symbol for _, symbol in defining]
+                timely = settled or _heard(fault, symbols)
+                ruled_out = timely and bool(defining) and not any(map(str.__eq__, seen, wanted))
+            if ruled_out:
+                found = Finding(stamp_ns, source, "".join(seen[:1]), "", False, words)
+                hypothesis.add(found)
+        self.share_out()
+
+    def weigh(self, stamp_ns: int, fits: Sequence[Fit], drop_nats: float) -> None:
+        """Take likelihoods in; drop what is less likely than the best by ``drop_nats``.
+
+        A hypothesis without a quantitative model is neither favoured nor dropped.
+        """
+        best_fit: dict[str, Fit] = {}
+        for fit in fits:
+            if fit.log_likelihood >= best_fit.get(fit.fault, fit).log_likelihood:
+                best_fit[fit.fault] = fit
+        weighed = [h for h in self.alive() if h.name in best_fit]
+        if not weighed:
+            return
+        best = max(best_fit[h.name].log_likelihood for h in weighed)
+        for hypothesis in weighed:
+            fit = best_fit[hypothesis.name]
+            hypothesis.fit, hypothesis.log_likelihood = fit, fit.log_likelihood
+            behind = best - fit.log_likelihood
+            if behind > drop_nats:
+                words = f"less likely than the best by {behind:.1f} nats (limit {drop_nats:.1f})"
+                hypothesis.add(
+                    Finding(stamp_ns, "likelihood", f"{fit.log_likelihood:.2f}", "", False, words)
+                )
+        self.share_out()
+
+    def believe(self, stamp_ns: int, feature: str, symbol: str, left: Mapping[str, float]) -> None:
+        """Take a feature's answer in: ``left`` are the faults it leaves, with probabilities."""
+        for hypothesis in self.alive():
+            kept = hypothesis.name in left
+            words = "fits the feature's value" if kept else "the feature's value speaks against it"
+            hypothesis.add(Finding(stamp_ns, feature, symbol, "", kept, words))
+            after = left.get(hypothesis.name, 0.0)
+            if after > 0.0 and hypothesis.probability > 0.0:
+                hypothesis.log_features += math.log(after / hypothesis.probability)
+            hypothesis.probability = after
+
+    def share_out(self) -> None:
+        """Probabilities of those alive from likelihoods and features, equal priors."""
+        alive = [h for h in self.hypotheses.values() if not h.why_dropped]
+        if not alive:
+            return
+        evidence = [h.log_likelihood + h.log_features for h in alive]
+        best = max(evidence)
+        weights = [math.exp(each - best) for each in evidence]
+        for hypothesis, weight in zip(alive, weights, strict=True):
+            hypothesis.probability = weight / sum(weights)
+
+
+def _heard(fault: Fault, symbols: Collection[str]) -> bool:
+    """Whether the sensor's own test is not behind what has deviated: a jump of it, or a twin's."""
+    jumped = fault.channel in JUMP_RESIDUALS and fault.channel in symbols
+    return fault.mode in HEARD_AT_ONCE and not jumped and not any(t in symbols for t in TWINS)
+
+
+def _own(fault: Fault, channels: Collection[str], symbol: str, what: str) -> FaultSignature:
+    """Signature of a residual that only the faults of its own sensors can move."""
+    if fault.channel not in channels or symbol == "0":
+        return UNAFFECTED
+    return FaultSignature(symbol, "*", 0, f"{fault.name} -> {what} of {fault.channel}")

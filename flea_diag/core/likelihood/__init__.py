@@ -1,0 +1,1 @@
+"""Quantitative fault models, likelihood ratios with BIC, the baseline of a unit."""

@@ -1,0 +1,70 @@
+"""Faults that relations tell apart by nothing: whatever one does to them, the other can do, too.
+
+A fault model adds a linear combination of regressors to each relation, its sizes being free. Two
+models are alike in some relations when these combinations span the same space there: a bias
+of the current moves the mechanical relation by K b and one of the load cell by -b, so that without
+another relation each is the other. Bounds of sizes are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.residuals.residual import PARITY_NAMED
+
+Array = npt.NDArray[np.float64]
+
+
+def needed(residual: str) -> tuple[str, ...]:
+    """Channels without which a residual that is weighed cannot be formed."""
+    parity = PARITY_NAMED.get(residual)
+    return parity.needs if parity is not None else (residual,)
+
+
+def formable(residuals: Iterable[str], bad: Collection[str]) -> tuple[str, ...]:
+    """Of these residuals those that are left without the channels that are bad."""
+    return tuple(name for name in residuals if not set(needed(name)) & set(bad))
+
+
+def all_alike(
+    models: Sequence[FaultModel], faults: Sequence[str], residuals: Collection[str]
+) -> bool:
+    """Whether nothing in these residuals tells any of the faults from the first.
+
+    A fault has several models where it may be one of several things: one that is alike will do.
+    """
+    spaces = [[_effects(m, residuals) for m in models if m.fault == fault] for fault in faults]
+    return all(
+        any(_same(one, other) for one in spaces[0] for other in found) for found in spaces[1:]
+    )
+
+
+def _effects(model: FaultModel, residuals: Collection[str]) -> dict[tuple[str, str, int], float]:
+    """Gain of each size on each regressor of these residuals."""
+    found: dict[tuple[str, str, int], float] = {}
+    for term in model.terms:
+        if term.residual in residuals:
+            key = term.residual, term.regressor, term.index
+            found[key] = found.get(key, 0.0) + term.gain
+    return found
+
+
+def _same(one: dict[tuple[str, str, int], float], other: dict[tuple[str, str, int], float]) -> bool:
+    """Whether two sets of effects span the same space, and any at all."""
+    if not one or not other:
+        return False
+    rows = sorted({key[:2] for key in (*one, *other)})
+    a, b = _matrix(one, rows), _matrix(other, rows)
+    ranks = [np.linalg.matrix_rank(made, tol=1e-9) for made in (a, b, np.hstack((a, b)))]
+    return bool(min(ranks) == max(ranks))
+
+
+def _matrix(effects: dict[tuple[str, str, int], float], rows: list[tuple[str, str]]) -> Array:
+    """Effects as columns of unit length, shape (rows, sizes that show)."""
+    sizes = sorted({key[2] for key in effects})
+    made = np.array([[effects.get((*row, size), 0.0) for size in sizes] for row in rows])
+    return np.asarray(made / np.linalg.norm(made, axis=0))

@@ -1,0 +1,312 @@
+"""Likelihood of the hypotheses that qualitative isolation leaves, with sizes and errors.
+
+Residuals y of the window are explained as y = Phi theta + Psi eta + noise: theta the sizes of
+one fault (bounded), eta what another healthy unit of the design may differ by (Gaussian,
+``UnitTolerance``), noise coloured with so many samples to one independent one. Everything is
+kept as normal equations (sums over samples), so a hypothesis costs a small solve, however
+long the episode:
+
+    J_h = min_theta,eta  sum (y - Phi theta - Psi eta)^2 / (c sigma^2) + eta' Lambda eta
+    log L_h = (J_0 - J_h) / 2 - dim(theta) ln(n) / 2          (BIC; J_0 without a fault)
+
+Only sizes that are not 0 count as dimensions, and as n the independent samples of the residuals
+that any of the faults moves.
+
+After Biswas et al. and Willsky and Jones: parameter estimation takes over where signs do not
+help any further.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
+from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES, UNIT_TERMS, Unit
+
+Array = npt.NDArray[np.float64]
+
+FOLD = 50
+"""Samples that are summed at once: always the same ones, so that sums have the same last bits."""
+COLUMN = {name: index for index, name in enumerate(REGRESSORS)}
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """One hypothesis against the window: log-likelihood ratio, sizes and standard errors."""
+
+    fault: str
+    log_likelihood: float
+    sizes: tuple[float, ...]
+    sigmas: tuple[float, ...]
+
+
+class Evidence:
+    """Normal equations of every residual over an episode, constant memory."""
+
+    def __init__(self, residuals: Sequence[str]) -> None:
+        self.residuals = tuple(residuals)
+        count, width = len(self.residuals), len(REGRESSORS)
+        self._gram = np.zeros((count, width, width))
+        self._cross = np.zeros((count, width))
+        self._square = np.zeros(count)
+        self.samples = np.zeros(count)
+        self._spacing = np.ones(count)
+        self._values, self._phi = np.empty((FOLD, count)), np.empty((FOLD, width))
+        self._waiting = 0
+
+    def add(self, values: Array, regressors: Array) -> None:
+        """N samples: residuals, shape (n, residuals), NaN = none, and ``REGRESSORS``."""
+        for start in range(0, len(values), FOLD):
+            part = slice(start, start + FOLD)
+            self._wait(values[part], regressors[part])
+
+    def _wait(self, values: Array, regressors: Array) -> None:
+        """Samples wait until ``FOLD`` of them are there, in whatever blocks they come."""
+        room = FOLD - self._waiting
+        for some, more in ((values[:room], regressors[:room]), (values[room:], regressors[room:])):
+            rows = slice(self._waiting, self._waiting + len(some))
+            self._values[rows], self._phi[rows] = some, more
+            self._waiting += len(some)
+            if self._waiting == FOLD:
+                self._fold()
+
+    def _fold(self) -> None:
+        """Take the samples that wait into the sums."""
+        values, phi = self._values[: self._waiting], np.nan_to_num(self._phi[: self._waiting])
+        for index, known in enumerate(np.isfinite(values).T):
+            y, signals = values[known, index], phi[known]
+            self._gram[index] += signals.T @ signals
+            self._cross[index] += y @ signals
+            self._square[index] += y @ y
+            self.samples[index] += len(y)
+        self._waiting = 0
+
+    def fade(self, share: float) -> None:
+        """Let all that is known count for so much less."""
+        self._fold()
+        for sums in (self._gram, self._cross, self._square, self.samples):
+            sums *= share
+
+    def take(self, other: Evidence, times: float) -> None:
+        """Add other evidence, of which each sample stands for so many."""
+        other._fold()
+        self._gram += times * other._gram
+        self._cross += times * other._cross
+        self._square += times * other._square
+        self.samples += times * other.samples
+
+    def foreseen(self, phi: Array, model: FaultModel, sizes: Sequence[float]) -> Evidence:
+        """What a planned window would make of this evidence if ``model`` were there.
+
+        Without noise: ``phi`` are the window's regressors, shape (samples, regressors); residuals
+        that gave no sample so far give none then.
+        """
+        self._fold()
+        sum_of = Evidence(self.residuals)
+        known = np.nan_to_num(phi)
+        gram = known.T @ known
+        for index, name in enumerate(self.residuals):
+            here = float(self.samples[index] > 0)
+            effect = _effect(model, name, sizes)
+            sum_of._gram[index] = self._gram[index] + here * gram
+            sum_of._cross[index] = self._cross[index] + here * (gram @ effect)
+            sum_of._square[index] = self._square[index] + here * float(effect @ gram @ effect)
+            sum_of.samples[index] = self.samples[index] + here * len(phi)
+        return sum_of
+
+    def fit(
+        self,
+        models: Sequence[FaultModel],
+        sigma: Mapping[str, float],
+        correlation: Mapping[str, float],
+        tolerance: Sequence[float],
+        healthy: Evidence | None = None,
+        shown: Collection[str] = (),
+    ) -> tuple[Fit, ...]:
+        """Fits of all ``models``, in their order.
+
+        ``sigma`` is the nominal scatter of each residual and ``correlation`` the samples to
+        one independent sample; ``tolerance`` is in the order of ``UNIT_DIFFERENCES``. What this
+        unit showed while it was ``healthy``, in the residuals ``shown``, narrows that tolerance.
+        """
+        self._fold()
+        self._spacing = np.array([correlation[name] for name in self.residuals])
+        weight = 1.0 / (self._spacing * np.square([sigma[name] for name in self.residuals]))
+        unit = Unit.of(tolerance)
+        if healthy is not None:
+            told = weight * [name in shown for name in self.residuals]
+            unit = unit.shown(*healthy._normal(None, 0, told, Unit.unknown())[:2])
+        weight = weight / self._dispersion(models, weight, unit)
+        nominal, _, _ = self._solve(None, weight, unit)
+        moved = {term.residual for model in models for term in model.terms}
+        counts = self.samples / self._spacing * [name in moved for name in self.residuals]
+        independent = max(float(counts.sum()), 2.0)
+        return tuple(self._fit(model, nominal, weight, unit, independent) for model in models)
+
+    def _dispersion(self, models: Sequence[FaultModel], weight: Array, unit: Unit) -> Array:
+        """By how much each residual scatters more than noise under the model that fits it best.
+
+        Where even that leaves a misfit of phi > 1 for each independent sample, the models of
+        this residual are that much too sure (quasi-likelihood); other residuals are not.
+        """
+        least = np.full(len(self.residuals), np.inf)
+        for model in models:
+            least = np.minimum(least, self._misfits(model, weight, unit))
+        independent = np.maximum(self.samples / self._spacing, 1.0)
+        return np.maximum(1.0, np.where(np.isfinite(least), least, 0.0) / independent)
+
+    def _fit(
+        self,
+        model: FaultModel,
+        nominal: float,
+        weight: Array,
+        unit: Unit,
+        independent: float,
+    ) -> Fit:
+        misfit, sizes, sigmas = self._solve(model, weight, unit)
+        gain = 0.5 * (nominal - misfit)
+        if model.roughness > 0.0:
+            rough, loss = self._roughened(model, sizes, weight)
+            misfit, sizes, sigmas = self._solve(model, rough, unit)
+            gain = 0.5 * (nominal - misfit) - loss
+        return Fit(model.fault, float(gain - _penalty(sizes, independent)), sizes, sigmas)
+
+    def _roughened(
+        self, model: FaultModel, sizes: Sequence[float], weight: Array
+    ) -> tuple[Array, float]:
+        """Weights with the scatter of the fault's own effect added, and what that costs.
+
+        The variance of each residual that the fault moves grows by (roughness * effect)^2; the
+        Gaussian's normalisation then costs ln(growth) / 2 for each independent sample.
+        """
+        rough, loss = weight.copy(), 0.0
+        for index, name in enumerate(self.residuals):
+            effect = _effect(model, name, sizes)
+            if self.samples[index] and effect.any():
+                square = float(effect @ self._gram[index] @ effect) / self.samples[index]
+                # weight = 1 / (c sigma^2): growth is 1 + roughness^2 square / sigma^2.
+                growth = 1.0 + model.roughness**2 * square * weight[index] * self._spacing[index]
+                rough[index] /= growth
+                loss += 0.5 * self.samples[index] / self._spacing[index] * np.log(growth)
+        return rough, loss
+
+    def _solve(
+        self, model: FaultModel | None, weight: Array, unit: Unit
+    ) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
+        """Smallest misfit, sizes and their standard errors, sizes held to their bounds."""
+        count = 0 if model is None else len(model.sizes)
+        A, b, c = self._normal(model, count, weight, unit)
+        x = _bounded(model, A, b)
+        misfit = float(c - 2.0 * b @ x + x @ A @ x)
+        return misfit, tuple(map(float, x[:count])), tuple(map(float, _errors(A)[:count]))
+
+    def _misfits(self, model: FaultModel, weight: Array, unit: Unit) -> Array:
+        """Misfit of each residual at the joint optimum, weighted."""
+        A, b, _ = self._normal(model, len(model.sizes), weight, unit)
+        effect = _designs(model, self.residuals, len(model.sizes)) @ _bounded(model, A, b)
+        quadratic = (effect * np.matmul(self._gram, effect[:, :, None])[:, :, 0]).sum(axis=1)
+        crossed = (effect * self._cross).sum(axis=1)
+        return np.asarray((self._square - 2.0 * crossed + quadratic) * weight)
+
+    def _normal(
+        self,
+        model: FaultModel | None,
+        count: int,
+        weight: Array,
+        unit: Unit,
+    ) -> tuple[Array, Array, float]:
+        design = _designs(model, self.residuals, count)
+        weighed = design.transpose(0, 2, 1) * weight[:, None, None]
+        A = np.matmul(weighed, np.matmul(self._gram, design)).sum(axis=0)
+        b = np.matmul(weighed, self._cross[:, :, None])[:, :, 0].sum(axis=0)
+        A[count:, count:] += unit.information
+        b[count:] += unit.vector
+        return A, b, float(weight @ self._square)
+
+
+def _effect(model: FaultModel, residual: str, sizes: Sequence[float]) -> Array:
+    """What a fault of these sizes adds to one residual, as a factor on each regressor."""
+    effect = np.zeros(len(REGRESSORS))
+    for term in model.terms:
+        if term.residual == residual:
+            effect[COLUMN[term.regressor]] += term.gain * sizes[term.index]
+    return effect
+
+
+@lru_cache(maxsize=1024)
+def _designs(model: FaultModel | None, residuals: tuple[str, ...], count: int) -> Array:
+    """Designs of all residuals, shape (residuals, regressors, parameters); not to be changed."""
+    return np.stack([_design(model, name, count) for name in residuals])
+
+
+def _design(model: FaultModel | None, residual: str, count: int) -> Array:
+    """How sizes and unit parameters enter one residual, shape (regressors, parameters)."""
+    design = np.zeros((len(REGRESSORS), count + len(UNIT_DIFFERENCES)))
+    for term in () if model is None else model.terms:
+        if term.residual == residual:
+            design[COLUMN[term.regressor], term.index] += term.gain
+    for name, parameter, regressor, gain in UNIT_TERMS:
+        if name == residual:
+            design[COLUMN[regressor], count + UNIT_DIFFERENCES.index(parameter)] += gain
+    return design
+
+
+def _bounded(model: FaultModel | None, A: Array, b: Array) -> Array:
+    """Minimise x' A x - 2 b' x with the sizes held to their bounds, one after the other."""
+    free = np.ones(len(b), dtype=bool)
+    x = np.zeros(len(b))
+    for _ in range(1 + (0 if model is None else len(model.sizes))):
+        x[free] = _least(A[np.ix_(free, free)], (b - A @ np.where(free, 0.0, x))[free])
+        outside = _outside(model, x, free)
+        if outside is None:
+            break
+        index, bound = outside
+        free[index], x[index] = False, bound
+    return x
+
+
+def _penalty(sizes: Sequence[float], independent: float) -> float:
+    """BIC: half a logarithm of the sample count for each size that is not 0.
+
+    One that the evidence drives against a bound is fitted as any: else the largest spall would be
+    the simpler explanation of a weak jam, and the weakest jam that of lost lubrication.
+    """
+    fitted = sum(map(bool, sizes))
+    return 0.5 * fitted * float(np.log(independent))
+
+
+def _least(A: Array, b: Array) -> Array:
+    scaled, scale = _scaled(A)
+    return np.asarray(np.linalg.lstsq(scaled, b / scale, rcond=1e-12)[0] / scale)
+
+
+def _errors(A: Array) -> Array:
+    """Standard errors of what the normal equations A give."""
+    scaled, scale = _scaled(A)
+    return np.asarray(np.sqrt(np.clip(np.diag(np.linalg.pinv(scaled)), 0.0, None)) / scale)
+
+
+def _scaled(A: Array) -> tuple[Array, Array]:
+    """Normal equations in units in which each parameter counts alike, and those units.
+
+    In SI a viscous drag counts for so little beside the rate of a temperature that it would be
+    taken for nothing.
+    """
+    scale = np.sqrt(np.diag(A))
+    scale[scale == 0.0] = 1.0
+    return A / scale / scale[:, None], scale
+
+
+def _outside(
+    model: FaultModel | None, x: Array, free: npt.NDArray[np.bool_]
+) -> tuple[int, float] | None:
+    """The first free size that is out of its bounds, and the bound it is to be held at."""
+    for index, size in enumerate(() if model is None else model.sizes):
+        if free[index] and not size.low <= x[index] <= size.high:
+            return index, float(np.clip(x[index], size.low, size.high))
+    return None

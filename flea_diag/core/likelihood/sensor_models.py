@@ -1,0 +1,229 @@
+"""How a fault of one sensor moves the parity relations: one row a channel, one rule a mode.
+
+An error e of a reading enters a relation as ``gain * e``, or through its rate as
+``gain * de/dt``. The modes differ only in what e is (y' is the true signal):
+
+bias e = b    drift e = d t    scaling e = (1 - 1/g) y    dead e = c - y'
+
+(scaling of a temperature: e = (g - 1) times what the thermal model expects)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flea_diag.core.likelihood.fault_models import (
+    DRIVE,
+    ELECTRICAL,
+    KINEMATIC,
+    MECHANICAL,
+    SPEED,
+    FaultModel,
+    Size,
+    Term,
+)
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.thermal import CORRECTION_S
+
+# Scaling y = g y' with g in [0.6, 1.6]: the share of the reading that is wrong, or of the truth.
+SHARES_OF_READING = (1.0 - 1.0 / 0.6, 1.0 - 1.0 / 1.6)
+SHARES_OF_TRUTH = (0.6 - 1.0, 1.6 - 1.0)
+
+DRIFT_AGES_S = (0.3, 1.0, 2.0, 4.0, 8.0, 15.0)
+"""How long a drift may have gone on when it is detected."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One sensor: where its error goes, and the largest errors that count as its faults.
+
+    ``gains`` and ``rates``: (residual, gain) of the error and of its rate. ``reading`` and
+    ``reading_rate``: regressors of its own signal, of which a scaling adds one of ``shares``.
+    ``truth``: (residual, regressor, gain), what is missing from each relation once the signal is
+    dead.
+    """
+
+    channel: str
+    unit: str
+    largest_bias: float
+    largest_drift: float
+    reading: str
+    gains: tuple[tuple[str, float], ...]
+    truth: tuple[tuple[str, str, float], ...] = ()
+    rates: tuple[tuple[str, float], ...] = ()
+    reading_rate: str = ""
+    shares: tuple[float, float] = SHARES_OF_READING
+
+
+def readings(p: ActuatorParameters, commanded: bool = True) -> tuple[Reading, ...]:
+    """Every sensor that enters a parity relation, for one calibrated actuator.
+
+    A dead voltage has lost the one true voltage in both of its relations: that which was
+    ``commanded``, where that is known. Left to each relation's own idea of it, it would explain
+    a motor that draws nothing at full voltage.
+    """
+    K, R, Ke = p.force_constant_n_per_a, p.winding_resistance_ohm, p.back_emf_v_s_per_m
+    applied = "commanded_voltage_v" if commanded else "emf_and_drop_v"
+    return (
+        Reading(
+            "motor_current",
+            "A",
+            3.0,
+            0.5,
+            "motor_current_a",
+            ((MECHANICAL, K), (ELECTRICAL, -R)),
+            ((MECHANICAL, "resisting_force_n", -1.0), (ELECTRICAL, "driving_voltage_v", 1.0)),
+        ),
+        Reading(
+            "load_force",
+            "N",
+            600.0,
+            100.0,
+            "load_n",
+            ((MECHANICAL, -1.0),),
+            ((MECHANICAL, "motor_force_n", 1.0),),
+        ),
+        Reading(
+            "motor_voltage",
+            "V",
+            24.0,
+            3.0,
+            "motor_voltage_v",
+            ((ELECTRICAL, 1.0), (DRIVE, 1.0)),
+            ((ELECTRICAL, applied, -1.0), (DRIVE, applied, -1.0)),
+        ),
+        *(_encoder_and_position(p, Ke) if p.encoder_m_per_rad else _position_alone(p, Ke)),
+        Reading(
+            "load_position",
+            "m",
+            0.1,
+            0.01,
+            "load_position_m",
+            ((KINEMATIC, -1.0),),
+            ((KINEMATIC, "position_m", 1.0),),
+        ),
+        *_temperatures(p),
+    )
+
+
+def _encoder_and_position(p: ActuatorParameters, Ke: float) -> tuple[Reading, ...]:
+    """Speed from the encoder (its error counted in m/s at the nut); position for itself."""
+    B = p.viscous_friction_n_s_per_m
+    return (
+        Reading(
+            "motor_speed",
+            "m/s",
+            0.1,
+            0.05,
+            "encoder_m_s",
+            ((SPEED, 1.0), (MECHANICAL, -B), (ELECTRICAL, -Ke)),
+            (
+                (SPEED, "position_rate_m_s", -1.0),
+                (ELECTRICAL, "position_rate_m_s", Ke),
+                (MECHANICAL, "position_rate_m_s", B),
+                (MECHANICAL, "rate_direction", p.coulomb_friction_n),
+            ),
+        ),
+        Reading(
+            "actuator_position",
+            "m",
+            0.1,
+            0.01,
+            "position_m",
+            ((KINEMATIC, 1.0),),
+            ((KINEMATIC, "load_position_m", -1.0), (SPEED, "encoder_m_s", 1.0)),
+            ((SPEED, -1.0),),
+            "position_rate_m_s",
+        ),
+    )
+
+
+def _position_alone(p: ActuatorParameters, Ke: float) -> tuple[Reading, ...]:
+    """Without an encoder the speed is the slope of the position, and takes over its error."""
+    B = p.viscous_friction_n_s_per_m
+    return (
+        Reading(
+            "actuator_position",
+            "m",
+            0.1,
+            0.005,
+            "position_m",
+            ((KINEMATIC, 1.0),),
+            ((KINEMATIC, "load_position_m", -1.0),),
+            ((MECHANICAL, -B), (ELECTRICAL, -Ke)),
+            "speed_m_s",
+        ),
+    )
+
+
+def _temperatures(p: ActuatorParameters) -> tuple[Reading, ...]:
+    # Wrong air moves the models of motor and nut only by CORRECTION_S over their cooling time.
+    air = (
+        ("ambient_temperature", 1.0),
+        ("motor_temperature", -CORRECTION_S / p.motor_cooling_s),
+        ("nut_temperature", -CORRECTION_S / p.nut_cooling_s),
+    )
+    own = {
+        "motor_temperature": (("motor_temperature", 1.0),),
+        "nut_temperature": (("nut_temperature", 1.0),),
+        "ambient_temperature": air,
+    }
+    return tuple(
+        Reading(name, "K", 60.0, 2.0, f"{name}_degc", gains, shares=SHARES_OF_TRUTH)
+        for name, gains in own.items()
+    )
+
+
+def sensor_models(p: ActuatorParameters, commanded: bool = True) -> tuple[FaultModel, ...]:
+    """Bias, scaling, drift and dead of every sensor; a drift has one model for each age."""
+    return tuple(
+        model
+        for row in readings(p, commanded)
+        for model in (_bias(row), _scaling(row), *_drifts(row), _dead(row))
+    )
+
+
+def _level(row: Reading, regressor: str, index: int = 0) -> tuple[Term, ...]:
+    return tuple(Term(residual, regressor, gain, index) for residual, gain in row.gains)
+
+
+def _rate(row: Reading, regressor: str) -> tuple[Term, ...]:
+    return tuple(Term(residual, regressor, gain) for residual, gain in row.rates)
+
+
+def _bias(row: Reading) -> FaultModel:
+    size = Size("bias", row.unit, -row.largest_bias, row.largest_bias)
+    return FaultModel(f"{row.channel}_bias", (size,), _level(row, "one"))
+
+
+def _scaling(row: Reading) -> FaultModel:
+    size = Size("scaling share", "1", *row.shares)
+    terms = _level(row, row.reading) + _rate(row, row.reading_rate)
+    return FaultModel(f"{row.channel}_scaling", (size,), terms)
+
+
+def _drifts(row: Reading) -> tuple[FaultModel, ...]:
+    """One model for each age: what has grown by the detection is the rate times the age.
+
+    A free offset beside the rate would make every bias a drift that has just stopped.
+    """
+    rate = Size("drift", f"{row.unit}/s", -row.largest_drift, row.largest_drift)
+    fault = f"{row.channel}_drift"
+    return tuple(
+        FaultModel(fault, (rate,), _level(row, "elapsed_s") + _aged(row, age_s) + _rate(row, "one"))
+        for age_s in DRIFT_AGES_S
+    )
+
+
+def _aged(row: Reading, age_s: float) -> tuple[Term, ...]:
+    return tuple(Term(residual, "one", gain * age_s) for residual, gain in row.gains)
+
+
+def _dead(row: Reading) -> FaultModel:
+    level = Size("level", row.unit, -row.largest_bias, row.largest_bias)
+    if not row.truth:
+        # Nothing else tells what the reading should be: a constant, like a bias.
+        return FaultModel(f"{row.channel}_dead", (level,), _level(row, "one"))
+    lost = Size("lost share", "1", 0.9, 1.1)
+    gone = tuple(Term(residual, source, gain) for residual, source, gain in row.truth)
+    return FaultModel(f"{row.channel}_dead", (lost, level), gone + _level(row, "one", 1))

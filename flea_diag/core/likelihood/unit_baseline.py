@@ -1,0 +1,88 @@
+"""What this unit showed while nothing deviated: evidence on its own parameters.
+
+Healthy units differ, so a spread of friction, resistance and offsets goes into every likelihood.
+A unit that has run for a while has shown where in that spread it lies. The last seconds before a
+detection are left out, for the fault may already be in them, and what is old fades, for a
+unit warms up.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.likelihood.likelihood import Evidence
+
+Array = npt.NDArray[np.float64]
+
+EVERY = 4
+"""One scan of so many is kept: residuals change slowly."""
+PIECE_SCANS = 100
+LEFT_OUT = 3
+"""Pieces before a detection that are no evidence of health."""
+LEAST_PIECES = 5
+"""A fault that was there from the start is mostly found before that."""
+MEMORY = 60.0
+"""Pieces over which the evidence fades to a share of 1/e."""
+
+
+class HealthyStretch:
+    """Running evidence of the residuals ``residuals``, constant memory."""
+
+    def __init__(self, residuals: Sequence[str]) -> None:
+        self._residuals = tuple(residuals)
+        self._recent: deque[Evidence] = deque()
+        self._scans = 0
+        self._known = Evidence(residuals)
+        self._pieces = 0
+
+    @property
+    def evidence(self) -> Evidence | None:
+        """What the unit has shown; None while that is too little to tell a fault from it."""
+        return self._known if self._pieces >= LEAST_PIECES else None
+
+    def add(self, values: Array, regressors: Array) -> None:
+        """N scans without a deviation: residuals, shape (n, residuals), NaN = none; regressors.
+
+        In whatever blocks they come, to the same last bit.
+        """
+        start = 0
+        while start < len(values):
+            if self._scans % PIECE_SCANS == 0:
+                self._next_piece()
+            count = min(PIECE_SCANS - self._scans % PIECE_SCANS, len(values) - start)
+            kept = slice(start + -self._scans % EVERY, start + count, EVERY)
+            self._recent[-1].add(values[kept], regressors[kept])
+            self._scans += count
+            start += count
+
+    def count(self) -> bool:
+        """One scan, singly; whether it is to be handed to ``keep`` before its piece is over."""
+        if self._scans % PIECE_SCANS == 0:
+            self._next_piece()
+        self._scans += 1
+        return self._scans % EVERY == 1
+
+    @property
+    def is_piece_over(self) -> bool:
+        """Whether the next scan begins another piece."""
+        return self._scans % PIECE_SCANS == 0
+
+    def keep(self, values: Array, regressors: Array) -> None:
+        """Scans of this piece that were counted, in their order; shapes as for ``add``."""
+        self._recent[-1].add(values, regressors)
+
+    def _next_piece(self) -> None:
+        self._recent.append(Evidence(self._residuals))
+        if len(self._recent) > LEFT_OUT + 1:
+            self._known.fade(np.exp(-1.0 / MEMORY))
+            self._known.take(self._recent.popleft(), EVERY)
+            self._pieces += 1
+
+    def interrupt(self) -> None:
+        """Something deviated: what came just before it is no evidence of health."""
+        self._recent.clear()
+        self._scans = 0

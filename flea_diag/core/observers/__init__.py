@@ -1,0 +1,1 @@
+"""State observers, Kalman and particle filter, and their innovations."""

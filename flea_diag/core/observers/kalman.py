@@ -1,0 +1,85 @@
+"""Kalman filter, extended by linearisation where the transition is not linear.
+
+The exact answer where the model is linear, and so the yardstick of the particle filter; in
+the rest a cheap rival behind the same interface. Bar-Shalom et al. 2001, sections 5.2, 10.3.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.observers.state_filter import FilterModel, Health, Innovation
+
+Array = npt.NDArray[np.float64]
+
+
+class KalmanFilter:
+    """A ``Filter`` that keeps a mean and a covariance.
+
+    Parameters
+    ----------
+    model
+        What it runs on.
+    mean, covariance : shape (n,), (n, n)
+        What is known before the first scan.
+    """
+
+    backend = "numpy"
+
+    def __init__(self, model: FilterModel, mean: Array, covariance: Array) -> None:
+        self._x = np.array(mean, dtype=float)
+        self._P = np.array(covariance, dtype=float)
+        self._health = Health()
+        self.diverged = False
+        self.adopt(model)
+
+    def adopt(self, model: FilterModel) -> None:
+        """Go on with another model of the same states and channels."""
+        self._model = model
+        self._ahead = model.h
+
+    @property
+    def mean(self) -> Array:
+        """Estimated states, shape (n,)."""
+        return self._x.copy()
+
+    @property
+    def covariance(self) -> Array:
+        """Their covariance, shape (n, n)."""
+        return self._P.copy()
+
+    def predict(self, u: Array) -> None:
+        """Advance by one period under the inputs ``u``, shape (m,)."""
+        F = self._model.jacobian(self._x, u)
+        self._x = self._model.transition(self._x[:, None], u)[:, 0]
+        self._P = F @ self._P @ F.T + self._model.process_noise(u)
+        self._ahead = self._model.D @ np.nan_to_num(u) + self._model.h
+
+    def update(self, y: Array, *, frozen: bool = False) -> Innovation:
+        """Compare with a measurement, shape (p,), NaN = not measured, and correct by it."""
+        H, R = self._model.H, self._model.R
+        prediction = H @ self._x + self._ahead
+        residual = np.asarray(y, dtype=float) - prediction
+        measured = np.isfinite(residual)
+        S = H @ self._P @ H.T + R
+        r, Sm = residual[measured], S[np.ix_(measured, measured)]
+        nis = float(r @ np.linalg.solve(Sm, r)) if len(r) else 0.0
+        sigma = np.where(measured, np.sqrt(np.diag(S)), 0.0)
+        used = measured & self._model.driving if frozen else measured
+        if used.any() and math.isfinite(nis):
+            self._correct(residual, used)
+        if not frozen:
+            self.diverged = self._health.step(nis, len(r))
+        row = (prediction, residual, sigma, self._x, (nis, math.inf))
+        return Innovation(np.concatenate(row), len(H), len(r), self.diverged)
+
+    def _correct(self, residual: Array, used: npt.NDArray[np.bool_]) -> None:
+        H, R = self._model.H[used], self._model.R[np.ix_(used, used)]
+        gain = np.linalg.solve(H @ self._P @ H.T + R, H @ self._P).T
+        self._x = self._x + gain @ residual[used]
+        # Joseph's form: stays a covariance whatever rounding does.
+        keep = np.eye(len(self._x)) - gain @ H
+        self._P = keep @ self._P @ keep.T + gain @ R @ gain.T

@@ -1,0 +1,134 @@
+"""What the state observer reads of many scans, and what it says of them.
+
+The compiled loop (``track_loops.track_loops``) and the loop in Python fill rows of the same
+numbers, so that everything after them is told once: ``Innovations`` of n scans.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.observers.driven_model import CHANNELS as MOVED
+from flea_diag.core.observers.driven_model import STATES
+from flea_diag.core.observers.state_filter import Innovation
+from flea_diag.core.residuals.residual_rows import INDEX
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+PREDICTED = (*MOVED, "motor_temperature", "nut_temperature")
+"""Channels that the observer predicts, in the order of its innovations."""
+ABSURD = 1.0e6
+"""No channel of a test stand reads so much in SI units: not a measurement."""
+VOLTAGE, SPEED = MOVED.index("motor_voltage"), MOVED.index("motor_speed")
+
+MOTION = np.array([INDEX[name] for name in MOVED])
+INPUTS = np.array([INDEX["motor_voltage"], INDEX["load_force"]])
+COMMAND = INDEX["commanded_voltage"]
+DEGC = np.array(
+    [INDEX[name] for name in ("motor_temperature", "nut_temperature", "ambient_temperature")]
+)
+
+P, ALL = len(MOVED), len(PREDICTED)
+HEATED = 3 * P + len(STATES) + 2
+"""Where the two temperatures begin in a raw row, after the numbers of a filter's innovation."""
+RAW = HEATED + 8
+"""Numbers of a raw row: for each temperature prediction, residual, sigma and estimate."""
+_HEAT = HEATED + 4 * np.arange(2)
+ORDER = np.concatenate(
+    [
+        *(np.concatenate([part * P + np.arange(P), _HEAT + part]) for part in range(3)),
+        3 * P + np.arange(len(STATES)),
+        _HEAT + 3,
+        [HEATED - 2, HEATED - 1],
+    ]
+)
+
+
+class Scans(NamedTuple):
+    """Readings of n scans as the filter takes them, NaN = not measured.
+
+    ``u`` inputs, shape (n, 2); ``y`` measurements, shape (n, 5); ``held`` those of them that
+    count while frozen; ``degc`` motor, nut and ambient temperature, shape (n, 3).
+    """
+
+    u: Array
+    y: Array
+    held: Array
+    degc: Array
+
+    @classmethod
+    def empty(cls, count: int) -> Scans:
+        """Room for so many scans."""
+        y, held = np.empty((2, count, len(MOTION)))
+        return cls(np.empty((count, len(INPUTS))), y, held, np.empty((count, len(DEGC))))
+
+    @classmethod
+    def read(
+        cls, rows: Array, absent: Flags, command: tuple[float, float], driving: Flags
+    ) -> Scans:
+        """From rows of ``CHANNELS``; without a voltage ``command`` (offset, gain) gives it."""
+        rows = np.where(np.abs(rows) < ABSURD, rows, np.nan)
+        y = rows.take(MOTION, axis=1)
+        y[:, absent] = np.nan
+        u = rows.take(INPUTS, axis=1)
+        lost = np.isnan(u[:, 0])
+        if lost.any():
+            u[lost, 0] = command[0] + command[1] * rows[lost, COMMAND]
+        return cls(u, y, np.where(driving, y, np.nan), rows.take(DEGC, axis=1))
+
+
+class Innovations(NamedTuple):
+    """``Innovation`` of n scans, a row of ``table`` each, for all of ``PREDICTED``."""
+
+    table: Array
+    measured: npt.NDArray[np.int64]
+    diverged: Flags
+
+    @classmethod
+    def joined(cls, raw: Array, measured: npt.NDArray[np.int64], diverged: Flags) -> Innovations:
+        """Motion and the independent temperatures in one, from raw rows; ``measured`` of motion."""
+        table = raw.take(ORDER, axis=1)
+        warmth = table[:, ALL + P : 2 * ALL] / table[:, 2 * ALL + P : 3 * ALL]
+        seen = warmth == warmth
+        warmth[~seen] = 0.0
+        table[:, -2] += (warmth * warmth).sum(axis=1)
+        return cls(table, measured + seen.sum(axis=1), diverged)
+
+    def scan(self, number: int) -> Innovation:
+        """The one of a single scan."""
+        measured, diverged = self.measured.item(number), self.diverged.item(number)
+        return Innovation(self.table[number], ALL, measured, diverged)
+
+    @property
+    def predictions(self) -> Array:
+        """Shape (n, channels)."""
+        return self.table[:, :ALL]
+
+    @property
+    def residuals(self) -> Array:
+        """Shape (n, channels), NaN where nothing was measured."""
+        return self.table[:, ALL : 2 * ALL]
+
+    @property
+    def sigmas(self) -> Array:
+        """Shape (n, channels), 0 where nothing was measured."""
+        return self.table[:, 2 * ALL : 3 * ALL]
+
+    @property
+    def means(self) -> Array:
+        """Estimated states after each scan: of motion, then temperatures; shape (n, 6)."""
+        return self.table[:, 3 * ALL : -2]
+
+    @property
+    def nis(self) -> Array:
+        """Normalised innovation squared, shape (n,)."""
+        return self.table[:, -2]
+
+    @property
+    def ess(self) -> Array:
+        """Effective sample size before resampling, shape (n,); inf without particles."""
+        return self.table[:, -1]

@@ -1,0 +1,69 @@
+"""What goes into and out of ``state_observer.StateObserver``, for numba to compile: the same bits.
+
+``read_loops`` is ``observer_block.Scans.read``, ``join_loops`` is ``Innovations.joined``.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.observers.observer_block import (
+    ABSURD,
+    ALL,
+    COMMAND,
+    DEGC,
+    INPUTS,
+    MOTION,
+    ORDER,
+    P,
+)
+
+Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+
+def sane_loops(value: float) -> float:
+    """A reading, NaN where it is none."""
+    return value if abs(value) < ABSURD else math.nan
+
+
+def read_loops(
+    rows: Array, absent: Flags, command: tuple[float, float], driving: Flags,
+    scans: tuple[Array, Array, Array, Array], measured: Counts,
+) -> None:  # fmt: skip
+    """Scan after scan into ``scans``, and how many channels of motion each has measured."""
+    u, y, held, degc = scans
+    for i in range(len(rows)):
+        measured[i] = 0
+        for k in range(len(MOTION)):
+            y[i, k] = math.nan if absent[k] else sane_loops(rows[i, MOTION[k]])
+            held[i, k] = y[i, k] if driving[k] else math.nan
+            measured[i] += not math.isnan(y[i, k])
+        for k in range(len(INPUTS)):
+            u[i, k] = sane_loops(rows[i, INPUTS[k]])
+        if math.isnan(u[i, 0]):
+            u[i, 0] = command[0] + command[1] * sane_loops(rows[i, COMMAND])
+        for k in range(len(DEGC)):
+            degc[i, k] = sane_loops(rows[i, DEGC[k]])
+
+
+def join_loops(raw: Array, measured: Counts, table: Array) -> None:
+    """Rows of innovations from raw rows; the temperatures count as measured, too."""
+    for i in range(len(raw)):
+        for k in range(len(ORDER)):
+            table[i, k] = raw[i, ORDER[k]]
+        total = 0.0
+        for k in range(P, ALL):
+            warmth = table[i, ALL + k] / table[i, 2 * ALL + k]
+            if not math.isnan(warmth):
+                total += warmth * warmth
+                measured[i] += 1
+        table[i, -2] += total
+
+
+READ = (read_loops, sane_loops)
+"""What ``backend.exact`` takes: the function, and what it calls."""

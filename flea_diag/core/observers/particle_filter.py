@@ -1,0 +1,306 @@
+"""Particle filter with the optimal proposal, or the bootstrap filter in its literal form.
+
+Narasimhan et al. 2010, section 3.1, observe by a particle filter (Arulampalam et al. 2002).
+The bootstrap filter of that tutorial moves particles blindly and then weighs them: with
+sensors better than the process noise hardly any of them survives. Where the measurement is
+linear and the noise Gaussian the optimal proposal is known in closed form (Doucet et al.
+2000): particles are weighed by how well they predicted, resampled, and moved knowing the
+measurement. That is the default here.
+
+Every step draws the same number of random bits whatever happens in it, from the generator
+given, outside of the backend: numpy and numba see the same random numbers and give the same
+answers up to the order of sums.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from copy import copy, deepcopy
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core import backend as backends
+from flea_diag.core.observers import normal_table
+from flea_diag.core.observers.gaussian import square_root
+from flea_diag.core.observers.particle_kernel import Views, pack, step_numpy, unpack
+from flea_diag.core.observers.particle_loops import STEP
+from flea_diag.core.observers.state_filter import FilterModel, Health, Innovation
+from flea_diag.core.observers.track_loops import TRACK
+from flea_diag.errors import ConfigurationError
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+PROPOSALS = ("optimal", "bootstrap")
+PATTERNS = 256
+"""How many patterns of missing channels are kept ready; beyond, all are made anew."""
+
+
+class _Pattern(NamedTuple):
+    """Matrices for one pattern of measured channels, as ``particle_kernel.pack`` puts them."""
+
+    matrices: Array | Views
+    measured: int
+
+
+class ParticleFilter:
+    """A ``Filter`` of N particles.
+
+    Parameters
+    ----------
+    model
+        What it runs on.
+    mean, covariance : shape (n,), (n, n)
+        Gaussian from which the first particles are drawn.
+    generator
+        The only source of randomness, of 64 bits (``numpy.random.default_rng(seed)``).
+    particles
+        N, at least 2.
+    proposal
+        "optimal" or "bootstrap".
+    threshold
+        Resample when the effective sample size falls below this share of N.
+    backend
+        "numpy", "numba" or "auto".
+
+    Raises
+    ------
+    ConfigurationError
+        A parameter out of its limits, by name.
+    """
+
+    def __init__(
+        self,
+        model: FilterModel,
+        mean: Array,
+        covariance: Array,
+        generator: np.random.Generator,
+        *,
+        particles: int = 200,
+        proposal: str = "optimal",
+        threshold: float = 0.5,
+        backend: str = "auto",
+    ) -> None:
+        if particles < 2:
+            raise ConfigurationError(f"particles = {particles}: at least 2 are needed")
+        if proposal not in PROPOSALS:
+            raise ConfigurationError(
+                f"proposal {proposal!r} is unknown, known are {', '.join(PROPOSALS)}"
+            )
+        if not 0.0 <= threshold <= 1.0:
+            raise ConfigurationError(f"threshold = {threshold}: must be from 0 to 1")
+        self.backend = backends.chosen(backend)
+        self.particles = particles
+        self.proposal = proposal
+        self._blind = proposal == "bootstrap"
+        self._threshold = threshold * particles
+        self._step: Callable[..., bool] = (
+            backends.compiled(*STEP) if self.backend == "numba" else step_numpy
+        )
+        n, p = len(mean), len(model.channels)
+        self._bits = normal_table.RandomBits(generator, n * particles)
+        self._table = normal_table.table()
+        self._cloud = np.empty((2, particles))
+        self._cloud[0], self._cloud[1] = -math.log(particles), 1.0 / particles
+        self._x = np.asarray(mean, dtype=float)[:, None] + self._scatter(square_root(covariance))
+        self._new = np.empty((n, particles))
+        self._u = np.zeros(len(model.inputs))
+        self._pending = False
+        self._width = 3 * p + n + 2
+        self._row = np.zeros(self._width)
+        self._row[3 * p : -2] = mean
+        self._health = Health()
+        self.diverged = False
+        self._tracked: tuple[Flags, Array | Views, Array | Views] | None = None
+        self.adopt(model)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ParticleFilter:
+        """One that goes on by itself; model, matrices and tables are only read, and shared."""
+        twin = copy(self)
+        for name in ("_bits", "_cloud", "_x", "_new", "_u", "_row", "_health"):
+            setattr(twin, name, deepcopy(getattr(self, name), memo))
+        return twin
+
+    def adopt(self, model: FilterModel) -> None:
+        """Go on with another model of the same states and channels."""
+        self._model = model
+        self._linear = None if self._blind else model.linear
+        self._patterns: dict[tuple[bytes, bytes], _Pattern] = {}
+        self._tracked = None
+        self._heed(np.zeros((len(self._x), len(self._x))))
+
+    def _heed(self, noise: Array) -> None:
+        """Take a covariance of process noise as the one of the coming step."""
+        self._noise = noise
+        self._root = square_root(noise) if self._blind else noise
+        self._pattern = self._patterned(np.zeros(len(self._model.channels)))
+
+    @property
+    def mean(self) -> Array:
+        """Estimated states, shape (n,), free of the scatter of the last draw."""
+        mean: Array = self._row[3 * len(self._model.channels) : -2]
+        return mean
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the cloud, shape (n, n)."""
+        weights = self._cloud[1]
+        apart = self._x - (self._x @ weights)[:, None]
+        covariance: Array = (apart * weights) @ apart.T
+        return covariance
+
+    @property
+    def cloud(self) -> tuple[Array, Array]:
+        """Particles, shape (n, N), and their weights, shape (N,)."""
+        return self._x.copy(), self._cloud[1].copy()
+
+    def predict(self, u: Array) -> None:
+        """Move every particle by one period under the inputs ``u``, shape (m,)."""
+        if self._pending:
+            # A scan without any measurement: its noise has not been drawn yet.
+            self.update(np.full(len(self._model.channels), np.nan))
+        self._u[:] = u
+        self._pending = True
+        noise = self._model.process_noise(self._u)
+        if noise is not self._noise:
+            self._heed(noise)
+        if self._linear is None:
+            self._x = self._model.transition(self._x, self._u)
+        if self._blind:
+            self._x = self._x + self._scatter(self._root)
+
+    def update(self, y: Array, *, frozen: bool = False) -> Innovation:
+        """Compare with a measurement, shape (p,), NaN = not measured, and correct by it."""
+        bits = self._bits.next()
+        if frozen:
+            compared = self._correct(y, self._cloud.copy(), bits)
+            told = Innovation(compared, len(y), self._pattern.measured, self.diverged)
+            y = np.where(self._model.driving, y, np.nan)
+        row = self._correct(y, self._cloud, bits)
+        self._row = row
+        self._x, self._new = self._new, self._x
+        self._pending = False
+        if frozen:
+            told.mean[:] = self.mean  # not what the correction would have made of it
+            return told
+        measured = self._pattern.measured
+        self.diverged = self._health.step(row.item(-2), measured)
+        return Innovation(row, len(y), measured, self.diverged)
+
+    def track(
+        self,
+        scans: tuple[Array, ...],
+        first: int,
+        motion: tuple[bool, Array],
+        heat: tuple[Array, Array],
+        frozen: bool,
+        out: Array,
+    ) -> tuple[int, int]:
+        """``predict`` and ``update`` from scan ``first`` on, in one compiled call.
+
+        For the optimal proposal with numba on a ``DrivenModel``, whose ``motion`` and ``heat``
+        these are.
+
+        Returns
+        -------
+        How many scans were taken, at least one, and what ended it; see ``track_loops``.
+        """
+        track = backends.compiled(*TRACK)
+        bits = self._bits.ahead(len(out) - first)
+        done, end = 0, 0
+        while not done:
+            if self._tracked is None:
+                self._tracked = self._prepared(*(part[first] for part in scans[:3]))
+            done, end = track(
+                self._x,
+                self._cloud,
+                scans,
+                first,
+                self._tracked,
+                bits,
+                self._table,
+                self._threshold,
+                motion,
+                heat,
+                frozen,
+                out,
+            )
+            if not done:
+                self._tracked = None
+        self._bits.used(done)
+        self._row = out[first + done - 1, : self._width]
+        return done, end
+
+    def watch(self, nis: list[float], measured: list[int]) -> list[bool]:
+        """Whether the track was lost, scan by scan."""
+        lost = [self._health.step(*each) for each in zip(nis, measured, strict=True)]
+        self.diverged = lost[-1]
+        return lost
+
+    def _prepared(
+        self, u: Array, y: Array, held: Array
+    ) -> tuple[Flags, Array | Views, Array | Views]:
+        """What ``track_loops`` needs for scans that miss what this one misses."""
+        noise = self._model.process_noise(u)
+        if noise is not self._noise:
+            self._heed(noise)
+        self._pattern = self._patterned(y)
+        return ~np.isnan(u), self._pattern.matrices, self._patterned(held).matrices
+
+    def _correct(self, y: Array, cloud: Array, bits: tuple[float, normal_table.Indices]) -> Array:
+        """Correct a cloud; the row of an ``Innovation``."""
+        row = np.empty(self._width)
+        while not self._step(
+            self._x,
+            cloud,
+            self._new,
+            y,
+            self._u,
+            self._pattern.matrices,
+            *bits,
+            self._table,
+            self._threshold,
+            row,
+        ):
+            self._pattern = self._patterned(y)
+        return row
+
+    def _scatter(self, root: Array) -> Array:
+        """Gaussian numbers of zero mean and covariance root root', shape (n, N)."""
+        shape = (root.shape[1], self.particles)
+        normal = normal_table.normal_numbers(self._bits.next()[1], self._table, shape)
+        scattered: Array = root @ normal
+        return scattered
+
+    def _patterned(self, y: Array) -> _Pattern:
+        measured = np.isfinite(y)
+        key = (self._noise.tobytes(), measured.tobytes())
+        found = self._patterns.get(key)
+        if found is None:
+            if len(self._patterns) >= PATTERNS:
+                self._patterns.clear()
+            found = self._patterns[key] = self._make_pattern(measured)
+        return found
+
+    def _make_pattern(self, measured: npt.NDArray[np.bool_]) -> _Pattern:
+        model, n, p = self._model, len(self._x), len(measured)
+        Q = np.zeros((n, n)) if self._blind else self._noise
+        factor, whitening, gain = np.zeros((p, p)), np.zeros((p, p)), np.zeros((n, p))
+        if measured.any():
+            block = np.ix_(measured, measured)
+            H, R = model.H[measured], model.R[block]
+            lower = np.linalg.cholesky(H @ Q @ H.T + R)
+            inverse = np.linalg.inv(lower)
+            factor[block], whitening[block] = lower, inverse
+            gain[:, measured] = Q @ H.T @ inverse.T @ inverse
+        keep = np.eye(n) - gain @ model.H
+        spread = square_root(keep @ Q @ keep.T + gain @ model.R @ gain.T)
+        T, B = self._linear or (np.eye(n), np.zeros((n, len(self._u))))
+        drive = model.H @ B + model.D
+        flat = pack(T, B, model.H, drive, model.h, whitening, factor, gain, spread)
+        compiled = self.backend == "numba"
+        matrices = flat if compiled else unpack(flat, n, p, len(self._u))
+        return _Pattern(matrices, int(measured.sum()))

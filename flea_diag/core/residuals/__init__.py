@@ -1,0 +1,1 @@
+"""Analytical redundancy relations: symbolic, numeric, scan by scan; how units vary."""

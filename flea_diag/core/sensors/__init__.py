@@ -1,0 +1,1 @@
+"""Sensor validation: what a sensor shows by itself, without a plant model."""

@@ -1,0 +1,121 @@
+"""The noise of each sensor against the loudest and the quietest that nominal recordings know.
+
+An F-test on a logarithmic scale: the mean logarithm of what is left of the readings once
+motion is taken out, with the scatter of a healthy sensor's own mean as the yardstick. This
+unit's own first seconds count, too: a sensor that has always been louder is no fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core import backend as backends
+from flea_diag.core.row_ring import RowRing
+from flea_diag.core.sensors.noise_loops import noise_loops
+from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, RESOLUTIONS, SensorLimit, noise_logs
+
+Array = npt.NDArray[np.float64]
+
+UNIT_LOG = 0.3
+"""A healthy sensor of another unit may be louder by this factor (logarithm)."""
+QUIETER_LOG = 1.0
+"""The same downwards: what is quieter than that reads nothing any more."""
+WARM_UP_SCANS = 600
+LARGEST_BASELINE = 0.7
+"""How much louder than any nominal recording this unit's own first seconds may be (logarithm)."""
+CLIP_LOG = 2.0
+"""No single sample counts as louder than the loudest level by more than this (logarithm)."""
+
+
+LENGTHS = np.array(NOISE_WINDOWS)
+WINDOWS = LENGTHS[:, None]
+
+
+class NoiseTest:
+    """Means of the logarithm of the noise, against the loudest and the quietest nominal level.
+
+    Sums are kept in whole millionths, so that they are exact in whatever order they are made,
+    by numpy or by numba (``backend``).
+    """
+
+    def __init__(self, limits: Sequence[SensorLimit], backend: str = "auto") -> None:
+        self._compiled = backends.chosen(backend) == "numba"
+        count = len(limits)
+        self._resolution = np.array([RESOLUTIONS[limit.channel] for limit in limits])
+        self._loudest = np.array([limit.loudest for limit in limits])
+        self._most = self._loudest + CLIP_LOG
+        self._floor = np.array([limit.quietest for limit in limits]) - QUIETER_LOG
+        scatter = np.array([limit.scatter for limit in limits])
+        self._sigma = scatter / np.sqrt(WINDOWS)
+        self._rows = RowRing(2 * count, NOISE_WINDOWS, np.int64)
+        self._sums = np.zeros((len(NOISE_WINDOWS), 2 * count), dtype=np.int64)
+        self._first = np.zeros(2 * count, dtype=np.int64)
+        self._scans = 0
+        # Until its first seconds are over, this unit may be as loud as one ever is.
+        self._ceiling = self._loudest + UNIT_LOG + LARGEST_BASELINE
+
+    def step(self, recent: Array) -> Array:
+        """Z of each channel after each row; ``recent`` begins three rows before the first."""
+        left, count = WARM_UP_SCANS - self._scans, len(recent) - 3
+        left = min(left if left > 0 else count, self._rows.most)
+        if left < count:
+            # What was learned holds from the next row on, in a block as row by row.
+            parts = recent[: left + 3], recent[left:]
+            return np.concatenate([self.step(part) for part in parts])
+        found = self._follow(recent, count) if self._compiled else self._judged(recent, count)
+        self._learn(count)
+        return found
+
+    def _follow(self, recent: Array, count: int) -> Array:
+        """All of it in one compiled loop."""
+        found = np.empty((count, len(self._resolution)))
+        backends.exact(noise_loops)(
+            recent,
+            (self._resolution, self._most, self._ceiling, self._floor),
+            self._sigma,
+            self._rows.store,
+            self._rows.place(count),
+            self._sums,
+            LENGTHS,
+            found,
+        )
+        return found
+
+    def _judged(self, recent: Array, count: int) -> Array:
+        """The same in numpy."""
+        logs = np.minimum(noise_logs(recent, self._resolution), self._most)
+        valid = np.isfinite(logs)
+        new = np.empty((count, 2 * logs.shape[1]), dtype=np.int64)
+        new[:, : logs.shape[1]] = np.where(valid, np.rint(logs * 1e6), 0.0)
+        new[:, logs.shape[1] :] = valid
+        sums = new[:, None, :] - self._rows.push(new)
+        sums[0] += self._sums
+        np.cumsum(sums, axis=0, out=sums)
+        self._sums = sums[-1].copy()
+        return self._z(sums[:, :, : logs.shape[1]], sums[:, :, logs.shape[1] :])
+
+    def _z(self, total: npt.NDArray[np.int64], samples: npt.NDArray[np.int64]) -> Array:
+        """Z of each channel, that of the window farther from nominal; shape (n, channels)."""
+        mean = 1e-6 * total / np.maximum(samples, 1)
+        # Half of the window must have been measured.
+        beyond = ((mean > self._ceiling) | (mean < self._floor)) & (2 * samples >= WINDOWS)
+        found = np.zeros((len(mean), mean.shape[2]))
+        if beyond.any():
+            over = np.maximum(mean - self._ceiling, 0.0) + np.minimum(mean - self._floor, 0.0)
+            for z in np.where(beyond, over / self._sigma, 0.0).transpose(1, 0, 2):
+                found = np.where(np.abs(z) > np.abs(found), z, found)
+        return found
+
+    def _learn(self, count: int) -> None:
+        """How much louder this unit is than any nominal recording, in its first seconds."""
+        if self._scans >= WARM_UP_SCANS:
+            return
+        self._first += self._rows.last(count).sum(axis=0)
+        self._scans += count
+        if self._scans >= WARM_UP_SCANS:
+            total, samples = np.split(self._first, 2)
+            louder = np.where(samples, 1e-6 * total / np.maximum(samples, 1) - self._loudest, 0.0)
+            self._ceiling = self._loudest + UNIT_LOG + np.clip(louder, 0.0, LARGEST_BASELINE)

@@ -1,0 +1,99 @@
+"""Leaps and held readings of one channel, and what of it is not to be used meanwhile.
+
+A reading that leaps farther than its sensor ever does in a scan is withheld until it has stayed
+there for ``HOLD`` scans; one that repeats oftener than chance allows is withheld for as long as
+it is held. So a drop-out reaches neither a derivative nor a mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from flea_diag.core.sensors.position_step import SPAN
+from flea_diag.core.sensors.sensor_limits import DROPOUT_SCANS, SensorLimit
+
+HOLD = 10
+"""Scans after which a reading that leapt is taken for what the sensor now says."""
+STUCK_SCANS = 50
+"""A reading that is held for so long is stuck; a shorter time is a drop-out."""
+
+
+def stuck_scans(limit: SensorLimit) -> int:
+    """Scans after which a held reading counts as stuck."""
+    return max(STUCK_SCANS, 2 * limit.repeats)
+
+
+class ReadingGuard:
+    """Leaps and held readings of one channel."""
+
+    def __init__(self, limit: SensorLimit) -> None:
+        self._limit = limit
+        self._stuck = stuck_scans(limit)
+        self.events: deque[int] = deque()
+        self.interrupt()
+
+    def interrupt(self) -> None:
+        """Forget the readings, not the drop-outs."""
+        self._last = self._speed = math.nan
+        self._leapt = 0.0
+        self._away = self._calm = self.run = 0
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything is withheld, counted or still to be seen in a step."""
+        return bool(self.run or self._away or self.events or self._calm)
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether a leap lies within what a test of steps looks back over."""
+        return self._calm > 0 or self._away > 0
+
+    def wake(self, before: float, last: float) -> None:
+        """Readings before the next one, where nothing was odd about them."""
+        if not self.busy:
+            self._last, self._speed = last, last - before
+
+    def take(
+        self, scan: int, value: float, at_end: bool, rests: bool = False
+    ) -> tuple[bool, float]:
+        """Judge one reading: whether it is withheld, and by how much it has leapt for good.
+
+        While the actuator ``rests`` a reading that is held says nothing either way.
+        """
+        while self.events and self.events[0] <= scan - DROPOUT_SCANS:
+            self.events.popleft()
+        if value != value:
+            self._last = value
+            return False, 0.0
+        leapt = self._leap(value - self._last)
+        held = self._held(scan, value, at_end, rests)
+        return held or self._away > 0, leapt
+
+    def _held(self, scan: int, value: float, at_end: bool, rests: bool) -> bool:
+        least = self._limit.repeats
+        if value == self._last and not at_end:
+            self.run += not rests
+        else:
+            if least and least <= self.run < self._stuck:
+                self.events.append(scan)
+            self.run = 0
+        self._last = value
+        return bool(least) and self.run >= least
+
+    def _leap(self, change: float) -> float:
+        """Follow a reading that leapt; its step, once it has stayed away for long enough."""
+        leaps, leapt = abs(change) > self._limit.reach, 0.0
+        self._calm = max(self._calm - 1, 0)
+        if leaps and self._away and change * self._leapt < 0.0:
+            self._away, self._calm = 0, 2 * SPAN
+        elif leaps and not self._away:
+            self._away = 1
+            self._leapt = change - (self._speed if self._speed == self._speed else 0.0)
+        elif self._away > HOLD:
+            self._away, self._calm, leapt = 0, 2 * SPAN, self._leapt
+        elif self._away:
+            self._away += 1
+        else:
+            self._speed = change
+        return leapt

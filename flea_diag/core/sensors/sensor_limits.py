@@ -1,0 +1,237 @@
+"""What each sensor does by itself in nominal recordings: its noise, its steps, its repeats.
+
+Nothing here needs a model of the actuator: a sensor is held against its own kind. Limits are
+fitted by ``sensor_limits`` to a stated rate of false alarms and used by ``sensor_tests``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.frozen import Frozen
+from flea_diag.core.sensors.position_step import position_steps
+
+Array = npt.NDArray[np.float64]
+
+RESOLUTIONS = {
+    "motor_current": 1e-3,
+    "motor_speed": 0.5,
+    "actuator_position": 1e-6,
+    "load_position": 1e-6,
+    "load_force": 0.1,
+    "motor_temperature": 1e-2,
+    "nut_temperature": 1e-2,
+    "ambient_temperature": 1e-3,
+}
+"""Sensors that are tested by themselves, and the noise below which they count as quiet (SI).
+
+That of an encoder is about its counts: at rest it reads zero whatever its noise. Not the
+voltages: a drive that switches has no noise of its own, and ``plausibility`` judges it."""
+POSITIONS = ("actuator_position", "load_position")
+"""Readings that cannot jump: those of a mass."""
+SPEED = "motor_speed"
+"""A reading that is exactly zero at rest: to hold it there is right."""
+REST_SCANS = 3
+REST_M = 3.0e-4
+"""No position that has gone less than this in so many scans moves; far above their noise, and
+known within fewer scans than a drop-out lasts."""
+
+NOISE_WINDOWS = (100, 400)
+STEP_GUARD = 1.25
+"""A limit of steps is so many times the largest one that nominal recordings show."""
+REACH_GUARD = 2.0
+REACH_QUANTILE = 0.999
+"""Outliers of nominal recordings are no measure of what a sensor may do."""
+DROPOUT_SCANS = 2000
+"""Scans over which drop-outs are counted; it takes two."""
+SENSOR_SHARE = 0.1
+"""Share of the rate of false alarms that all these tests together may use."""
+LONGEST_REPEAT = 200
+"""A reading that nominally stands still for longer than this (scans) is not tested for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorLimit(Frozen):
+    """Nominal behaviour of one channel.
+
+    ``quietest`` and ``loudest`` bound the logarithm of its noise level over the longest window
+    of any nominal recording, ``scatter`` is that of a single sample of it, corrected for
+    correlation: a mean of w has scatter / sqrt(w). ``repeats`` equal readings in a row are a
+    reading that is held (0: not tested), ``reach`` is the largest step from one scan to the
+    next, ``step`` the largest sudden step of a position (0: none). ``k`` is the limit in
+    sigmas of the noise test.
+    """
+
+    channel: str
+    quietest: float
+    loudest: float
+    scatter: float
+    repeats: int
+    reach: float
+    step: float
+    k: float
+
+    @classmethod
+    def from_mapping(cls, value: Any) -> SensorLimit:
+        """Limit from its plain mapping.
+
+        Raises
+        ------
+        ValueError
+            An entry that is missing, unknown, of the wrong kind or out of its range.
+        """
+        names = [entry.name for entry in fields(cls)]
+        if not isinstance(value, Mapping) or set(value) != set(names):
+            raise ValueError(f"a sensor limit has {', '.join(names)}")
+        if value["channel"] not in RESOLUTIONS:
+            raise ValueError(f"channel {value['channel']!r}, known are {', '.join(RESOLUTIONS)}")
+        for name in names[1:]:
+            number = value[name]
+            if isinstance(number, bool) or not isinstance(number, (int, float)):
+                raise ValueError(f"{value['channel']}: {name} = {number!r} is no number")
+            if not math.isfinite(number) or (name not in names[1:3] and number < 0.0):
+                raise ValueError(f"{value['channel']}: {name} = {number!r} must be finite, >= 0")
+        return cls(**value)
+
+    def has(self, test: str) -> bool:
+        """Whether a residual of ``sensor_tests`` can be judged by this limit."""
+        if test == self.channel:
+            return self.step > 0.0
+        channel, _, kind = test.rpartition("_")
+        return channel == self.channel and (kind == "noise" or self.repeats > 0)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Plain mapping of numbers and strings."""
+        return asdict(self)
+
+
+def noise_logs(values: Array, resolution: float | Array) -> Array:
+    """Logarithm of the noise of each sample, shape (n - 3,) or (n - 3, channels).
+
+    The third difference over sqrt(20) is blind to motion and has unit gain for white noise;
+    means of its logarithm are moved by no outlier, and by a factor of the noise alike
+    whatever the noise was.
+    """
+    third = values[3:] - 3.0 * values[2:-1] + 3.0 * values[1:-2] - values[:-3]
+    logs: Array = np.log(np.maximum(np.abs(third) / math.sqrt(20.0), resolution))
+    return logs
+
+
+def at_rest(positions: Array) -> npt.NDArray[np.bool_]:
+    """Where no position has moved lately, shape (n, positions) gives (n - ``REST_SCANS``,).
+
+    Without a position nothing says so.
+    """
+    with np.errstate(invalid="ignore"):
+        moved = np.abs(positions[REST_SCANS:] - positions[:-REST_SCANS]) > REST_M
+    rests = np.full(len(moved), bool(positions.shape[1]))
+    rests &= ~moved.any(axis=1)
+    return rests
+
+
+def sensor_limits(
+    runs: Sequence[Mapping[str, Array]], false_alarms_per_hour: float, period_s: float
+) -> tuple[SensorLimit, ...]:
+    """Limits of every channel of ``RESOLUTIONS`` that at least two recordings hold.
+
+    ``runs``: readings of each channel of one recording, shape (scans,), NaN where none.
+    """
+    rate_per_s = SENSOR_SHARE * false_alarms_per_hour / 3600.0 / (3 * len(RESOLUTIONS))
+    found = []
+    for channel in RESOLUTIONS:
+        long = [
+            run
+            for run in runs
+            if channel in run and np.isfinite(run[channel]).sum() > NOISE_WINDOWS[-1]
+        ]
+        if len(long) >= 2 and any(np.nanmax(r[channel]) > np.nanmin(r[channel]) for r in long):
+            found.append(_limit(channel, long, rate_per_s, period_s))
+    return tuple(found)
+
+
+def _in_use(channel: str, run: Mapping[str, Array]) -> Array:
+    """Readings of a channel without those in which it rightly stands still."""
+    readings = run[channel]
+    positions = [run[name] for name in POSITIONS if name in run]
+    if channel != SPEED or not positions:
+        return readings
+    rests = np.append(np.zeros(REST_SCANS, dtype=bool), at_rest(np.stack(positions, axis=1)))
+    return np.where(rests, np.nan, readings)
+
+
+def _limit(
+    channel: str, runs: Sequence[Mapping[str, Array]], rate_per_s: float, period_s: float
+) -> SensorLimit:
+    columns = [run[channel] for run in runs]
+    quietest, loudest, scatter = _noise(columns, RESOLUTIONS[channel])
+    steps = [np.abs(np.diff(column)) for column in columns]
+    steps = [step[np.isfinite(step)] for step in steps]
+    sudden = 0.0
+    if channel in POSITIONS:
+        sudden = max(float(np.nanmax(np.abs(position_steps(c)), initial=0.0)) for c in columns)
+    return SensorLimit(
+        channel,
+        quietest,
+        loudest,
+        scatter,
+        _repeats([_in_use(channel, run) for run in runs], rate_per_s, period_s, channel == SPEED),
+        REACH_GUARD * max(float(np.quantile(step, REACH_QUANTILE)) for step in steps),
+        STEP_GUARD * sudden,
+        _quantile(rate_per_s * period_s * NOISE_WINDOWS[0]),
+    )
+
+
+def _noise(columns: Sequence[Array], resolution: float) -> tuple[float, float, float]:
+    """Range of the level over the longest window, and scatter of samples about their mean."""
+    longest, shortest = NOISE_WINDOWS[-1], 50
+    levels, scatters = [], []
+    for column in columns:
+        logs = noise_logs(column[np.isfinite(column)], resolution)
+        levels.append(_means(logs, longest))
+        blocks = logs[: len(logs) // shortest * shortest].reshape(-1, shortest)
+        # Half of the blocks lie within a quartile's range whatever else the motion does.
+        low, high = np.quantile(np.diff(blocks.mean(axis=1)), (0.25, 0.75))
+        scatters.append((high - low) / 1.349 / math.sqrt(2.0) * math.sqrt(shortest))
+    everything = np.concatenate(levels)
+    return float(everything.min()), float(everything.max()), max(float(np.mean(scatters)), 1e-6)
+
+
+def _means(values: Array, window: int) -> Array:
+    sums = np.concatenate(([0.0], np.cumsum(values)))
+    means: Array = (sums[window:] - sums[:-window]) / window
+    return means
+
+
+def _repeats(columns: Sequence[Array], rate_per_s: float, period_s: float, reverses: bool) -> int:
+    """Equal readings in a row that come, twice in ``DROPOUT_SCANS``, no oftener than the rate.
+
+    With probability p that a reading repeats the one before, n repeats in a row come p^n times
+    a scan. What nominal recordings show is exceeded in any case, but for one run in each of what
+    ``reverses``: an encoder that turns about may hold its zero for a moment.
+    """
+    steps = [np.diff(column) for column in columns]
+    same = [step[np.isfinite(step)] == 0.0 for step in steps]
+    share = (1 + sum(int(row.sum()) for row in same)) / (2 + sum(len(row) for row in same))
+    single_per_scan = math.sqrt(rate_per_s * period_s / DROPOUT_SCANS)
+    by_chance = math.ceil(math.log(single_per_scan) / math.log(share))
+    longest = max(_longest(row, but=int(reverses)) for row in same)
+    repeats = max(by_chance, longest + 1, 2)
+    return repeats if repeats <= LONGEST_REPEAT else 0
+
+
+def _longest(same: npt.NDArray[np.bool_], but: int) -> int:
+    """Length of the longest run, ``but`` so many."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False]))))
+    return int(np.sort(np.append(edges[1::2] - edges[::2], (0, 0)))[-1 - but])
+
+
+def _quantile(alpha: float) -> float:
+    from scipy.special import ndtri
+
+    return float(-ndtri(min(alpha, 0.5) / 2.0))

@@ -1,0 +1,212 @@
+"""Each sensor against its own nominal behaviour: noise, held readings, drop-outs, sudden steps.
+
+Tests of single sensors, which no plant fault can move; the limits are those of
+``sensor_limits``. Rows come one by one or in blocks, with the same outcome to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core import backend as backends
+from flea_diag.core.sensors.noise_test import NoiseTest
+from flea_diag.core.sensors.position_step import SPAN, position_steps
+from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
+from flea_diag.core.sensors.sensor_limits import POSITIONS, RESOLUTIONS, SPEED, SensorLimit, at_rest
+from flea_diag.core.sensors.sensor_loops import LOOKS
+
+Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+TWICE = 1.5
+"""Limit of the count of drop-outs: the second one is beyond it."""
+TESTS = ("noise", "stuck", "dropout")
+NAMES = (
+    *POSITIONS,
+    *(f"{channel}_{test}" for test in TESTS for channel in RESOLUTIONS),
+)
+"""Residuals that these tests fill, in the order of ``Tested.z``."""
+
+
+def channel_of(name: str) -> str:
+    """Channel that one of ``NAMES`` is about."""
+    return next(channel for channel in RESOLUTIONS if name.startswith(channel))
+
+
+@dataclass(slots=True)
+class Tested:
+    """Outcome for a block of n rows.
+
+    ``usable``: the readings without those withheld, shape (n, channels). ``z``, shape
+    (n, len(NAMES)), is NaN where there is no such test; beyond ``k`` it deviates.
+    """
+
+    usable: Array
+    z: Array
+    k: Array
+
+
+class SensorTests:
+    """Runs the tests on a stream of rows, constant memory.
+
+    Parameters
+    ----------
+    limits : nominal behaviour; a channel without one is let through untested
+    channels : names of the columns of a row
+    """
+
+    def __init__(
+        self, limits: Sequence[SensorLimit], channels: Sequence[str], backend: str = "auto"
+    ) -> None:
+        self._compiled = backends.chosen(backend) == "numba"
+        self._limits = tuple(limit for limit in limits if limit.channel in channels)
+        self._names = [limit.channel for limit in self._limits]
+        self._columns = np.array([channels.index(name) for name in self._names], dtype=int)
+        self._reach = np.array([limit.reach for limit in self._limits])
+        self._low = np.full(len(self._limits), -math.inf)
+        self._high = np.full(len(self._limits), math.inf)
+        self._guards = [ReadingGuard(limit) for limit in self._limits]
+        self._busy = False
+        self._noise = NoiseTest(self._limits, backend)
+        self._recent = np.full((2 * SPAN - 1, len(self._limits)), np.nan)
+        self._positions = [self._names.index(name) for name in POSITIONS if name in self._names]
+        self._scan = 0
+        self.stuck = dict.fromkeys(self._names, 0)
+        """Readings of each channel that were held longer than chance allows."""
+        self._places = {
+            test: np.array([NAMES.index(f"{name}_{test}") for name in self._names], dtype=int)
+            for test in TESTS
+        }
+        self._steps = [
+            (NAMES.index(limit.channel), index)
+            for index, limit in enumerate(self._limits)
+            if limit.step > 0.0
+        ]
+        self._step_places = np.array([place for place, _ in self._steps], dtype=int)
+        self._stepping = np.array([index for _, index in self._steps], dtype=int)
+        self._sizes = np.array([self._limits[index].step for _, index in self._steps])
+        self.k = self._all_limits()
+        self._calm = np.where(np.isnan(self.k), np.nan, 0.0)
+
+    def _all_limits(self) -> Array:
+        k = np.full(len(NAMES), np.nan)
+        for limit, noise, stuck, dropout in zip(
+            self._limits, *(self._places[test] for test in TESTS), strict=True
+        ):
+            k[noise] = limit.k
+            if limit.repeats:
+                k[stuck], k[dropout] = stuck_scans(limit), TWICE
+        k[self._step_places] = 1.0
+        return k
+
+    def bound(self, channel: str, low: float, high: float) -> None:
+        """Range of a channel: a reading that stands at its end is clipped, not held nor quiet."""
+        if channel in self._names:
+            index = self._names.index(channel)
+            self._low[index], self._high[index] = low, high
+
+    def interrupt(self) -> None:
+        """A gap in the stream: nothing is compared across it."""
+        self._recent[:] = np.nan
+        for guard in self._guards:
+            guard.interrupt()
+
+    def step(self, rows: Array) -> Tested:
+        """Test n >= 1 rows, shape (n, channels), one after the other."""
+        count, columns = len(rows), len(self._columns)
+        recent = np.empty((len(self._recent) + count, columns))
+        recent[:-count] = self._recent
+        inside, odd = np.empty((count + 3, columns)), np.empty((count, columns), dtype=bool)
+        steps = np.empty((count, len(self._steps)))
+        look = backends.exact(*LOOKS) if self._compiled else self._look
+        bounds = self._low, self._high, self._reach
+        anywhere = look(rows, self._columns, bounds, self._stepping, recent, inside, steps, odd)
+        self._recent = recent[count:]
+        usable, z = rows.copy(), np.empty((count, len(self._calm)))
+        z[:] = self._calm
+        z[:, self._places["noise"]] = self._noise.step(inside)
+        z[:, self._step_places] = steps / self._sizes
+        if anywhere or self._busy:
+            self._watch(recent, odd, usable, z)
+        self._scan += count
+        return Tested(usable, z, self.k)
+
+    def _look(
+        self,
+        rows: Array,
+        columns: Counts,
+        bounds: tuple[Array, Array, Array],
+        _: Counts,
+        recent: Array,
+        inside: Array,
+        steps: Array,
+        odd: Flags,
+    ) -> bool:
+        """``sensor_loops.look_loops`` in numpy."""
+        count, (low, high, reach) = len(rows), bounds
+        recent[-count:] = rows[:, columns]
+        last = recent[-count - 3 :]
+        inside[:] = np.where((last > low) & (last < high), last, np.nan)
+        for number, step in enumerate(self._own_steps(recent)):
+            steps[:, number] = step
+        before, now = recent[-count - 1 : -1], recent[-count:]
+        odd[:] = (np.abs(now - before) > reach) | (now == before)
+        return bool(odd.any())
+
+    def _watch(self, recent: Array, odd: Flags, usable: Array, z: Array) -> None:
+        """Follow the channels that leap or stand still, or did until now."""
+        count, anywhere = len(odd), np.any(odd, axis=0).tolist()
+        for index, guard in enumerate(self._guards):
+            if anywhere[index] or guard.busy:
+                rests = self._rests(index, recent)[-count:].tolist()
+                readings = recent[-count - 2 :, index].tolist()
+                self._follow(index, readings, odd[:, index].tolist(), rests, usable, z)
+        self._busy = any(guard.busy for guard in self._guards)
+
+    def _rests(self, index: int, recent: Array) -> Flags:
+        """Where a reading rightly stands still, of the last rows: an encoder's at rest."""
+        if self._names[index] != SPEED:
+            return np.zeros(len(recent), dtype=bool)
+        return at_rest(recent[:, self._positions])
+
+    def _own_steps(self, recent: Array) -> list[Array]:
+        """Steps of each position; what two of them show alike is motion, an impact for one."""
+        steps = [position_steps(recent[:, index]) for _, index in self._steps]
+        if len(steps) != len(POSITIONS):
+            return steps
+        one, other = steps
+        alike = np.where(one * other > 0.0, np.minimum(np.abs(one), np.abs(other)), 0.0)
+        return [step - np.copysign(alike, step) for step in steps]
+
+    def _follow(
+        self,
+        index: int,
+        readings: list[float],
+        odd: list[bool],
+        rests: list[bool],
+        usable: Array,
+        z: Array,
+    ) -> None:
+        """Scan by scan, while a channel leaps or stands still; two readings come before."""
+        guard, limit, column = self._guards[index], self._limits[index], self._columns[index]
+        stuck, dropout = (self._places[test][index] for test in TESTS[1:])
+        step = next((place for place, at in self._steps if at == index), None)
+        for n, value in enumerate(readings[2:]):
+            if not (odd[n] or guard.busy):
+                continue
+            guard.wake(readings[n], readings[n + 1])
+            at_end = not self._low[index] < value < self._high[index]
+            withheld, leapt = guard.take(self._scan + n, value, at_end, rests[n])
+            if withheld:
+                usable[n, column] = np.nan
+            self.stuck[limit.channel] += 0 < limit.repeats <= guard.run
+            if step is not None and guard.disturbed:
+                z[n, step] = leapt / limit.step
+            if limit.repeats:
+                z[n, stuck], z[n, dropout] = guard.run, len(guard.events)

@@ -1,0 +1,1 @@
+"""The fault signature matrix: initial, sampled, of the relations; diagnosability."""

@@ -1,0 +1,135 @@
+"""Tables of fault signatures: how each residual deviates when one fault is the only one.
+
+Two tables from one interface: the textbook one is read off the temporal causal graph, the
+sampled one is what a diagnoser at the scan rate sees, computed from the discretised model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from flea_diag.core.bond_graph.actuator_model import Actuator
+from flea_diag.core.causal_graph.operating_point import Quadrant, operating_values
+from flea_diag.core.faults.fault import Alternative, Fault
+from flea_diag.core.faults.fault_signature import (
+    UNAFFECTED,
+    Compatibility,
+    FaultSignature,
+    compatible,
+)
+from flea_diag.core.signatures.initial_signature import TextbookColumns
+from flea_diag.core.signatures.sampled_response import SampledColumns
+
+__all__ = [
+    "Compatibility",
+    "FaultSignature",
+    "SignatureTable",
+    "Variant",
+    "compatible",
+    "signature_table",
+]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One alternative of a fault with its signature in every residual."""
+
+    hypotheses: Alternative
+    row: Mapping[str, FaultSignature]
+    onset: str = "abrupt"
+
+    def __str__(self) -> str:
+        return ", ".join(map(str, self.hypotheses)) or "no slow channel"
+
+
+Row = Mapping[str, FaultSignature]
+
+
+@dataclass(frozen=True)
+class SignatureTable(Mapping[str, Row]):
+    """Fault id -> residual name -> signature, in one quadrant.
+
+    A fault with alternatives has a variant for each (a bias may be positive or negative); its
+    row merges them, with ``*`` where they differ (a direction that they share is kept). A
+    fault fits when one variant fits throughout.
+    """
+
+    quadrant: Quadrant
+    residuals: tuple[str, ...]
+    variants: Mapping[str, tuple[Variant, ...]]
+    rows: Mapping[str, Row]
+    period_s: float = 0.0
+    """Sampling period that the table is for, 0 for the textbook (continuous) one."""
+
+    def __getitem__(self, fault: str) -> Row:
+        return self.rows[fault]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+def merged(variants: Sequence[Row], residuals: Iterable[str]) -> Row:
+    """One row for several alternatives: what they share, ``*`` where they differ."""
+    if not variants:
+        return MappingProxyType(dict.fromkeys(residuals, UNAFFECTED))
+    return MappingProxyType({name: _merge([v[name] for v in variants]) for name in residuals})
+
+
+def _merge(found: Sequence[FaultSignature]) -> FaultSignature:
+    first = found[0]
+    if all(s.symbols == first.symbols for s in found):
+        return first
+    shown = [s for s in found if s.affected]
+    directions = {s.direction for s in shown}
+    direction = directions.pop() if len(directions) == 1 else "*"
+    path = " | ".join(dict.fromkeys(s.path for s in shown))
+    order, strength = min(s.order for s in shown), max(s.strength for s in shown)
+    return FaultSignature(direction, "*", order, path, strength=strength)
+
+
+def signature_table(
+    model: Actuator,
+    faults: Mapping[str, Fault],
+    residuals: Sequence[str],
+    quadrant: Quadrant,
+    period_s: float | None = None,
+) -> SignatureTable:
+    """Signatures of faults in residuals, in one quadrant.
+
+    Parameters
+    ----------
+    model
+        The actuator with the sensors that the stand has (``with_sensors``).
+    residuals
+        Names from its description.
+    period_s
+        None: initial signatures in continuous time, from the temporal causal graph. A scan
+        period: what a diagnoser at that rate sees, computed from the discretised model.
+
+    Raises
+    ------
+    ModelError
+        A residual that the sensors do not allow.
+    """
+    values = operating_values(model, quadrant)
+    specs = [model.residuals[name] for name in residuals]
+    columns: TextbookColumns | SampledColumns = (
+        TextbookColumns(model, values)
+        if period_s is None
+        else SampledColumns(model, values, period_s)
+    )
+    variants = {
+        name: tuple(
+            Variant(group, {s.name: columns.cell(s, each, group) for s in specs}, each.onset)
+            for group in fault.alternatives
+            for each in fault.onsets
+        )
+        for name, fault in faults.items()
+    }
+    rows = {name: merged([v.row for v in found], residuals) for name, found in variants.items()}
+    return SignatureTable(quadrant, tuple(residuals), variants, rows, period_s or 0.0)

@@ -1,0 +1,32 @@
+"""Structural isolation, the baseline without signs: which residuals react, and no more.
+
+What fault detection and isolation by structural analysis uses of a model (Frisk et al. 2017):
+a fault is connected to a residual or it is not. Held against the full tables it shows what the
+signs of magnitude and slope are worth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+
+from flea_diag.core.faults.fault_signature import FaultSignature
+from flea_diag.core.signatures.signature import Row, SignatureTable
+
+
+def without_signs(table: SignatureTable) -> SignatureTable:
+    """The same table with ``**`` wherever a fault shows, whichever way."""
+    variants = {
+        fault: tuple(replace(variant, row=_unsigned(variant.row)) for variant in found)
+        for fault, found in table.variants.items()
+    }
+    rows = {fault: _unsigned(row) for fault, row in table.rows.items()}
+    return replace(table, variants=MappingProxyType(variants), rows=MappingProxyType(rows))
+
+
+def _unsigned(row: Row) -> Row:
+    return MappingProxyType({name: _any_sign(cell) for name, cell in row.items()})
+
+
+def _any_sign(cell: FaultSignature) -> FaultSignature:
+    return replace(cell, magnitude="*", slope="*", derivatives="") if cell.affected else cell

@@ -1,0 +1,1 @@
+"""Symbolic algebra and SI units."""

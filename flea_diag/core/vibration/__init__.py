@@ -1,0 +1,1 @@
+"""Windows of vibration, condition indicators, nominal ranges, the always-on monitor."""

@@ -1,0 +1,154 @@
+"""Condition indicators from the envelope and from orders of the shaft.
+
+Impacts ring a resonance; the envelope of that band beats at the rate of the impacts
+(McFadden and Smith 1984). Rates follow the shaft, so spectra are taken over shaft angle, not
+over time, and a motion that swings back and forth is cut where it reverses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.vibration.window import Floats, NotComputableError, Window, shared
+
+ENVELOPE_BAND_HZ = (1500.0, 9500.0)
+BINS_PER_REVOLUTION = 64
+SLOWEST_RAD_S = 10.0
+"""Below this speed impacts are too weak and too rare to count."""
+
+ORDER_TOLERANCE = 0.03
+"""Slip of the balls and error of the kinematics, as a part of the order."""
+
+FEWEST_REVOLUTIONS = 2.0
+SMALLEST_LINE = 4.0
+"""A line is named only when it stands this far above its surroundings (ratio of amplitudes)."""
+
+
+def envelope(window: Window, band_hz: tuple[float, float] = ENVELOPE_BAND_HZ) -> Floats:
+    """Magnitude of the analytic signal of a band, shape (axes, n), m/s^2."""
+    from scipy import fft
+
+    inside = window.band(*band_hz)
+    analytic = np.zeros((len(window.axes), window.count), dtype=np.complex64)
+    analytic[:, : window.spectrum.shape[1]][:, inside] = 2.0 * window.spectrum[:, inside]
+    return np.asarray(np.abs(fft.ifft(analytic, axis=1, overwrite_x=True)))
+
+
+def order_spectrum(rows: Floats, window: Window) -> tuple[Floats, Floats]:
+    """Orders (bins,) and amplitudes (axes, bins) of ``rows`` over travelled shaft angle.
+
+    Each stretch of one direction is averaged into 64 bins a revolution, weighted with a Hann
+    window, transformed on one common grid of orders, and the powers are averaged by length.
+    """
+    stretches = [_by_angle(rows, window, start, stop) for start, stop in _stretches(window)]
+    longest = max(stretch.shape[1] for stretch in stretches)
+    size = 2 ** int(np.ceil(np.log2(2 * longest)))
+    power = np.zeros((len(rows), size // 2 + 1))
+    for stretch in stretches:
+        weight = np.hanning(stretch.shape[1] + 2)[1:-1]
+        spectrum = np.fft.rfft(stretch * weight, size, axis=1) * (2.0 / weight.sum())
+        power += np.square(np.abs(spectrum)) * stretch.shape[1]
+    power /= sum(stretch.shape[1] for stretch in stretches)
+    return np.fft.rfftfreq(size, 1.0 / BINS_PER_REVOLUTION), np.sqrt(power)
+
+
+def order_amplitude(order: float) -> Callable[[Window], Floats]:
+    """Feature: amplitude of the acceleration at a fixed multiple of the shaft speed, m/s^2."""
+
+    def feature(window: Window) -> Floats:
+        orders, amplitude = order_spectrum(window.centred, window)
+        near = np.abs(orders - order) <= max(ORDER_TOLERANCE * order, orders[1])
+        return np.asarray(amplitude[:, near].max(axis=1))
+
+    feature.__doc__ = f"Amplitude at {order:g} times the shaft speed, m/s^2: unbalance at 1."
+    return feature
+
+
+def line_ratio(line: str) -> Callable[[Window], Floats]:
+    """Feature: height of a ball-pass line of the envelope over its surroundings, a ratio."""
+
+    def feature(window: Window) -> Floats:
+        window.order(line)
+        orders, amplitude = _envelope_orders(window)
+        return _over_surroundings(orders, amplitude, window.order(line))
+
+    feature.__doc__ = (
+        f"Envelope line at the {line} order over the median of its surroundings, a ratio of "
+        "amplitudes; order-tracked by motor speed (Randall and Antoni 2011)."
+    )
+    return feature
+
+
+def named_line(window: Window) -> str:
+    """Name of the ball-pass line that stands highest above its surroundings.
+
+    The first two multiples count, as geometric mean. ``unclassified`` where none stands
+    ``SMALLEST_LINE`` times above. A ball fault often shows the lines of the race that it
+    strikes, so the name is that of a line, not of a culprit.
+    """
+    orders, amplitude = _envelope_orders(window)
+    heights = {
+        line: float(np.sqrt(np.prod([_height(orders, amplitude, order * k) for k in (1, 2)])))
+        for line, order in window.orders.items()
+    }
+    if not heights:
+        raise NotComputableError("no ball-pass orders are configured")
+    line = max(heights, key=heights.__getitem__)
+    return line if heights[line] >= SMALLEST_LINE else "unclassified"
+
+
+@shared
+def _envelope_orders(window: Window) -> tuple[Floats, Floats]:
+    rows = envelope(window)
+    return order_spectrum(rows - rows.mean(axis=1, keepdims=True), window)
+
+
+def _height(orders: Floats, amplitude: Floats, order: float) -> float:
+    return float(_over_surroundings(orders, amplitude, order).max())
+
+
+def _over_surroundings(orders: Floats, amplitude: Floats, order: float) -> Floats:
+    """Largest amplitude within the tolerance over the median from 0.7 to 1.3 of the order."""
+    distance = np.abs(orders / order - 1.0)
+    on_line = distance <= max(ORDER_TOLERANCE, 0.51 * orders[1] / order)
+    around = (distance <= 0.3) & (distance > 2.0 * ORDER_TOLERANCE)
+    if orders[-1] < order or not around.any():
+        raise NotComputableError(f"order {order:g} is outside the spectrum of this window")
+    surroundings = np.median(amplitude[:, around], axis=1)
+    if not (surroundings > 0.0).all():
+        raise NotComputableError("an axis is constant, its envelope is empty")
+    return np.asarray(amplitude[:, on_line].max(axis=1) / surroundings)
+
+
+@shared
+def _stretches(window: Window) -> list[tuple[int, int]]:
+    """Stretches of one direction, faster than the slowest and two revolutions long."""
+    direction = np.where(np.abs(window.speed) > SLOWEST_RAD_S, np.sign(window.speed), 0.0)
+    edges = np.flatnonzero(np.diff(direction)) + 1
+    bounds = [0, *edges.tolist(), window.count]
+    angle = window.shaft_angle_rad
+    least = FEWEST_REVOLUTIONS * 2.0 * np.pi
+    found = [
+        (start, stop)
+        for start, stop in pairwise(bounds)
+        if direction[start] and abs(angle[stop - 1] - angle[start]) >= least
+    ]
+    if not found:
+        raise NotComputableError(
+            f"the shaft turns less than {FEWEST_REVOLUTIONS:g} revolutions faster than "
+            f"{SLOWEST_RAD_S:g} rad/s in one direction within the window"
+        )
+    return found
+
+
+def _by_angle(rows: Floats, window: Window, start: int, stop: int) -> npt.NDArray[np.float64]:
+    """Mean of each row in each bin of travelled angle, shape (axes, bins), mean removed."""
+    travelled = np.abs(window.shaft_angle_rad[start:stop] - window.shaft_angle_rad[start])
+    bins = (travelled * (BINS_PER_REVOLUTION / (2.0 * np.pi))).astype(np.intp)
+    visits = np.maximum(np.bincount(bins), 1)
+    means = np.stack([np.bincount(bins, row[start:stop]) / visits for row in rows])
+    return np.asarray(means - means.mean(axis=1, keepdims=True))

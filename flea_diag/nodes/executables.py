@@ -1,0 +1,14 @@
+"""Which module each executable of the package runs, as its launcher in ``launcher`` does."""
+
+from __future__ import annotations
+
+EXECUTABLES = {
+    "console": "flea_diag.nodes.operator.console",
+    "daq": "flea_sim_driver.daq_node",
+    "diagnoser": "flea_diag.nodes.diagnoser",
+    "extractor": "flea_diag.nodes.extractor",
+    "isolator": "flea_diag.nodes.isolator",
+    "observer": "flea_diag.nodes.observer",
+    "recorder": "flea_diag.nodes.recording.recorder",
+    "web": "flea_diag.nodes.operator.web",
+}

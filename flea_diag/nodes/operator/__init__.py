@@ -1,0 +1,1 @@
+"""What an operator looks at: console, page, the alarms behind them."""

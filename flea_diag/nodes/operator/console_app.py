@@ -1,0 +1,292 @@
+"""The console with keys, in Textual: panels of the view, two of them lists to choose from."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from rich.text import Text
+from textual.app import App, ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, VerticalScroll
+from textual.screen import Screen
+from textual.widgets import Footer, OptionList, Static
+from textual.widgets.option_list import Option
+
+from flea_diag.nodes.operator.console_question import Ask
+from flea_diag.nodes.operator.desk import Desk
+from flea_diag.operator.alarm import Alarm, Key
+from flea_diag.operator.alarm_view import detail, key_text
+from flea_diag.operator.panel import Line, Panel
+from flea_diag.operator.verdict_view import level_of, why
+from flea_diag.operator.view import view
+from flea_diag.wire.records import Level
+
+REDRAW_S = 0.2
+RING_EVERY_S = 5.0
+
+STYLES = {
+    None: "",
+    Level.OK: "green",
+    Level.WARN: "yellow",
+    Level.ERROR: "bold red",
+    Level.STALE: "bold magenta",
+}
+"""Colours repeat what the words say; nothing is told by colour alone."""
+
+LEFT = ("possible", "why", "next", "steps", "dropped", "unseen")
+RIGHT = ("symbols", "features", "residuals", "streams", "channels", "nodes", "marks")
+LISTS = ("possible", "episodes")
+
+CSS = """
+#verdict { height: auto; padding: 0 1; }
+#body { height: 1fr; }
+#left, #right { width: 1fr; padding: 0 1; }
+.-narrow #body { layout: vertical; overflow-y: auto; }
+.-narrow #left, .-narrow #right { width: 1fr; height: auto; }
+.panel { height: auto; margin-bottom: 1; text-wrap: nowrap; text-overflow: ellipsis; }
+.title { text-style: bold; color: $accent; height: 1; }
+OptionList { height: auto; border: none; padding: 0; background: transparent; text-wrap: nowrap; }
+OptionList > .option-list--option-highlighted { background: #10243a; text-style: bold; }
+#why, #dropped { text-wrap: wrap; }
+#bottom { height: auto; max-height: 10; padding: 0 1; }
+#possible { margin-bottom: 1; }
+#message { height: auto; padding: 0 1; color: $warning; }
+Ask { align: center middle; }
+Ask > * { width: 70%; }
+"""
+
+
+class ConsoleScreen(Screen[None]):
+    """Draws what the desk has five times a second; keys acknowledge, comment, mark, inject."""
+
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (120, "-wide")]  # noqa: RUF012
+    BINDINGS = (
+        Binding("a", "acknowledge", "Acknowledge"),
+        Binding("c", "comment", "Comment"),
+        Binding("m", "mark", "Mark"),
+        Binding("i", "inject", "Inject (simulated)"),
+        Binding("tab", "app.focus_next", "Next list"),
+        Binding("q", "app.quit", "Quit"),
+    )
+
+    def __init__(self, desk: Desk, ended: Callable[[], bool]) -> None:
+        super().__init__()
+        self._desk, self._ended = desk, ended
+        self._takes_faults = False
+        self._heard: set[Key] = set()
+        self._rang_s = -math.inf
+        self._said = ""
+        self._rows: dict[str, tuple[Line, ...]] = {}
+
+    def compose(self) -> ComposeResult:
+        """The verdict, two columns, the episodes, keys."""
+        yield Static(id="verdict")
+        with Horizontal(id="body"):
+            for column, names in (("left", LEFT), ("right", RIGHT)):
+                with VerticalScroll(id=column, can_focus=False):
+                    yield from (widget for name in names for widget in _block(name))
+        with VerticalScroll(id="bottom", can_focus=False):
+            yield from _block("episodes")
+        yield Static(id="message")
+        yield Footer()
+
+    def on_mount(self) -> None:
+        """Draw at once, then steadily."""
+        self.redraw()
+        self.set_interval(REDRAW_S, self.redraw)
+        self.query_one("#possible").focus()
+
+    def redraw(self) -> None:
+        """Show the state as it is now."""
+        if self._ended():
+            self.app.exit()
+            return
+        self._offer_faults()
+        self._ring()
+        state = self._desk.state
+        shown = {panel.name: panel for panel in view(state, self._desk.now_ns())}
+        chosen = self._chosen_member()
+        if chosen is not None:
+            shown["why"] = why(chosen)
+        self._verdict(shown.pop("verdict"))
+        for name in (*LEFT, *RIGHT, "episodes"):
+            self._panel(name, shown.get(name))
+        self.query_one("#message", Static).update(self._desk.trouble or self._said)
+
+    def _offer_faults(self) -> None:
+        """Show the key that injects while a stand is there that takes faults."""
+        if self._takes_faults != self._desk.faults.present:
+            self._takes_faults = self._desk.faults.present
+            self.refresh_bindings()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool:
+        """Whether a key does something now."""
+        return action != "inject" or self._takes_faults
+
+    def _verdict(self, panel: Panel) -> None:
+        group = self._desk.state.group
+        silent = panel.title.startswith("NO VERDICT")
+        level = Level.STALE if silent or group is None else level_of(group)
+        text = Text()
+        text.append(f" {panel.title} ", f"{STYLES[level]} reverse")
+        for line in panel.lines:
+            text.append("\n" + line.text, STYLES[line.level])
+        self.query_one("#verdict", Static).update(text)
+
+    def _panel(self, name: str, panel: Panel | None) -> None:
+        title = self.query_one(f"#{name}-title", Static)
+        title.display = panel is not None
+        body = self.query_one(f"#{name}")
+        body.display = panel is not None
+        if panel is None:
+            return
+        title.update(Text(panel.title))
+        if isinstance(body, OptionList):
+            self._options(name, body, panel.lines)
+        elif isinstance(body, Static):
+            body.display = bool(panel.lines)
+            body.update(_styled(panel.lines))
+
+    def _options(self, name: str, body: OptionList, lines: tuple[Line, ...]) -> None:
+        if self._rows.get(name) == lines:
+            return
+        self._rows[name] = lines
+        chosen = _highlighted(body)
+        body.clear_options()
+        body.add_options([Option(_styled(rows), id=rows[0].key) for rows in _parts(lines)])
+        places = {option.id: place for place, option in enumerate(body.options)}
+        body.highlighted = places.get(chosen, 0) if places else None
+
+    def _ring(self) -> None:
+        """Ring at once for a new alarm of the stand, and again until all are acknowledged."""
+        ringing = {alarm.key for alarm in self._desk.state.alarms if alarm.rings}
+        silent_s = time.monotonic() - self._rang_s
+        if ringing - self._heard or (ringing and silent_s >= RING_EVERY_S):
+            self._rang_s = time.monotonic()
+            self.app.bell()
+        self._heard = ringing
+
+    # -- what is chosen, and what people do with it
+
+    def _chosen_member(self) -> object:
+        group = self._desk.state.group
+        members = group.members if group is not None else ()
+        chosen = _highlighted(self.query_one("#possible", OptionList))
+        return next((m for m in members if m.fault == chosen), members[0] if members else None)
+
+    def _chosen_alarm(self) -> Alarm | None:
+        """The alarm under the cursor, or the latest that stands."""
+        alarms = self._desk.state.alarms
+        episodes = self.query_one("#episodes", OptionList)
+        if episodes.has_focus:
+            chosen = _highlighted(episodes)
+            return next((alarm for alarm in alarms if key_text(alarm.key) == chosen), None)
+        standing = [alarm for alarm in alarms if alarm.standing] or list(alarms)
+        return standing[-1] if standing else None
+
+    def action_acknowledge(self) -> None:
+        """Acknowledge the chosen alarm."""
+        alarm = self._chosen_alarm()
+        if alarm is None:
+            self._tell("there is no alarm to acknowledge")
+            return
+        self._desk.acknowledge(alarm.key)
+        self.redraw()
+
+    def action_comment(self) -> None:
+        """Ask for a comment on the chosen alarm."""
+        alarm = self._chosen_alarm()
+        if alarm is None:
+            self._tell("there is no alarm to comment: m marks a moment")
+            return
+        question = detail(alarm).title
+        self.app.push_screen(
+            Ask(f"Comment on {question}", "what was found, what was done"),
+            lambda text: self._desk.comment(alarm.key, text) if text else None,
+        )
+
+    def action_mark(self) -> None:
+        """Ask for words to this moment: that of the key, however long they take to write."""
+        moment_ns = self._desk.moment_ns()
+
+        def kept(text: str | None) -> None:
+            if text:
+                self._desk.mark(text, moment_ns)
+                self._tell(f"marked: {text}")
+
+        self.app.push_screen(Ask("Mark this moment", "load changed"), kept)
+
+    def action_inject(self) -> None:
+        """Ask for a fault to put into a simulated stand."""
+        example = "jam, or jam:0.5; 'clear' takes all faults away"
+        self.app.push_screen(Ask("Inject a fault into the simulated stand", example), self._put_in)
+
+    def _put_in(self, text: str | None) -> None:
+        if not text:
+            return
+        fault = "" if text.strip() == "clear" else text.strip()
+        self._tell(f"asked the stand: inject {fault!r}")
+        self._desk.faults.set(fault, lambda why_not: self._tell(_outcome(fault, why_not)))
+
+    def _tell(self, text: str) -> None:
+        self._said = text
+
+
+class ConsoleApp(App[None]):
+    """The console as a Textual application.
+
+    Parameters
+    ----------
+    desk
+        State and journal.
+    ended
+        Whether the node has ended, and the screen with it.
+    """
+
+    CSS = CSS
+    TITLE = "flea_diag"
+    ENABLE_COMMAND_PALETTE = False
+
+    def __init__(self, desk: Desk, ended: Callable[[], bool] = lambda: False) -> None:
+        super().__init__()
+        self._make = lambda: ConsoleScreen(desk, ended)
+
+    def get_default_screen(self) -> Screen[None]:
+        """The only one but for questions."""
+        return self._make()
+
+
+def _block(name: str) -> tuple[Static | OptionList, ...]:
+    body = OptionList(id=name) if name in LISTS else Static(id=name, classes="panel")
+    return Static(id=f"{name}-title", classes="title"), body
+
+
+def _styled(lines: tuple[Line, ...]) -> Text:
+    text = Text()
+    for number, line in enumerate(lines):
+        text.append(("\n" if number else "") + line.text, STYLES[line.level])
+    return text
+
+
+def _parts(lines: tuple[Line, ...]) -> list[tuple[Line, ...]]:
+    """Lines by what they belong to: one with a key and those after it."""
+    parts: list[tuple[Line, ...]] = []
+    for line in lines:
+        if line.key or not parts:
+            parts.append((line,))
+        else:
+            parts[-1] += (line,)
+    return parts
+
+
+def _highlighted(options: OptionList) -> str | None:
+    place = options.highlighted
+    return None if place is None else options.get_option_at_index(place).id
+
+
+def _outcome(fault: str, why_not: str) -> str:
+    if why_not:
+        return f"not injected: {why_not}"
+    return f"the stand took inject = {fault!r}; what is in it, it says itself"

@@ -1,0 +1,117 @@
+"""``ros2 run flea_diag web``: the operator's page in a browser, live."""
+
+from __future__ import annotations
+
+import getpass
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
+from flea_diag.operator.state import SHOWN
+from flea_diag.wire.bus import Bus, Program, run
+from flea_diag.wire.parameters import parameter
+from flea_diag.wire.records import AmbiguityGroup, Detection, Record
+
+PORT = 8630
+NO_NICEGUI = "the page needs NiceGUI, which is not installed: pip install 'flea_diag[web]'"
+
+
+@dataclass(frozen=True)
+class WebParameters:
+    """Parameters of the web console."""
+
+    address: str = parameter(
+        "127.0.0.1",
+        "address to serve at; any but this machine's own opens the page to the network and needs "
+        "token_file",
+        read_only=True,
+    )
+    port: int = parameter(
+        PORT, "port to serve at; 0 takes a free one", minimum=0, maximum=65535, read_only=True
+    )
+    token_file: str = parameter(
+        "",
+        "file that holds the token a browser must know (a parameter could be read by the whole "
+        "graph); empty asks for none and serves this machine alone",
+        read_only=True,
+    )
+    journal: str = parameter(
+        "", "SQLite file of alarms, acknowledgements and comments (empty: the default one)",
+        read_only=True,
+    )  # fmt: skip
+    author: str = parameter(
+        "", "who acknowledges and comments here (empty: the user's name)", read_only=True
+    )
+    actuator: str = parameter(
+        "actuator.yaml", "actuator description whose causal graph is drawn", read_only=True
+    )
+    features: str = parameter(
+        "feature_table.yaml", "fault-feature table whose tree is drawn", read_only=True
+    )
+
+
+def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
+    """Serve the page; what ends it."""
+    if find_spec("nicegui") is None:
+        raise ConfigurationError(NO_NICEGUI)
+    from flea_diag.configuration import load_causal_map, tree_planner
+    from flea_diag.web.guard import token_of
+    from flea_diag.web.server import Server
+    from flea_diag.web.site import Site
+    from flea_diag.web.strips import StripCharts
+    from flea_diag.web.view import Tools, View
+
+    token = token_of(parameters.address, parameters.token_file)
+    tools = Tools(load_causal_map(parameters.actuator), tree_planner(parameters.features))
+    author = parameters.author or getpass.getuser()
+    desk = Desk(open_journal(parameters.journal, bus.stand), author)
+    strips = StripCharts()
+    site = Site(desk, View(tools), strips, f"flea_diag · {bus.stand}")
+    server = Server(site.title, parameters.address, parameters.port, token)
+
+    def take(record: Record) -> None:
+        strips.take(record)
+        if isinstance(record, Detection | AmbiguityGroup):
+            site.wake()
+
+    desk.on_record.append(take)
+    connect(bus, desk)
+    server.start()
+    asks = ", with the token asked for" if token else ""
+    bus.info(f"the page is at http://{parameters.address}:{server.port}/{asks}")
+
+    def close() -> None:
+        server.close()
+        desk.close()
+
+    return close
+
+
+def program() -> Program:
+    """What this node is."""
+    return Program(
+        "web",
+        "Serves the verdict, its evidence and the stand's signals as a page in a browser.",
+        WebParameters,
+        start,
+        subscribes=(*SHOWN, *SAID),
+        publishes=SAID,
+        examples=(
+            "ros2 run flea_diag web                 then open http://127.0.0.1:8630/",
+            "ros2 run flea_diag web --ros-args -p address:=0.0.0.0 -p token_file:=page.token",
+            "ros2 run flea_diag web --ros-args -r __ns:=/stand_2 -p port:=8631",
+        ),
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run until SIGINT or SIGTERM; the exit status."""
+    return run(program, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

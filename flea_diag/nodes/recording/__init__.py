@@ -1,0 +1,1 @@
+"""The recorder and the clips that it cuts."""

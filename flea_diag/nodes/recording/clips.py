@@ -1,0 +1,238 @@
+"""A clip for each episode: a bag from before the detection to after the verdict.
+
+Cut while the recorder runs. The last seconds are kept as the bytes that came. An episode opens a
+clip with them and all that follows goes in too, so that episodes may follow closely, and share
+what lies between.
+Where no clip could be cut, or not the whole of it, the reason is kept in its place.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from flea_diag.errors import RecordingError, WireError
+from flea_diag.wire.bags.bag import BagWriter
+from flea_diag.wire.messages import codec
+from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, Outcome, Scan
+from flea_diag.wire.topics import Topic
+
+MOST_RING_BYTES = 256_000_000
+LONGEST_NS = 120_000_000_000
+"""A clip whose verdict does not come ends so long after the detection, and says so."""
+JUMP_NS = 1_000_000_000
+LATEST_WORD_NS = 5_000_000_000
+"""A verdict may name a detection that is so old."""
+INDEX = "index.jsonl"
+
+
+class Message(NamedTuple):
+    """One message as it came."""
+
+    topic: Topic
+    name: str
+    data: bytes
+    stamp_ns: int
+    received_ns: int
+
+
+@dataclass
+class Clip:
+    """One episode's bag while it is written; ``end_ns`` is NEVER_NS while no verdict stands."""
+
+    detected_ns: int
+    start_ns: int
+    writer: BagWriter
+    group: AmbiguityGroup
+    end_ns: int = NEVER_NS
+    notes: list[str] = field(default_factory=list)
+
+
+class Clips:
+    """Cuts clips out of what passes by.
+
+    Parameters
+    ----------
+    directory
+        Folder of the clips; each is a bag in it, and ``index.jsonl`` has a line for each episode.
+    before_s, after_s
+        How much before the detection and after the verdict.
+    """
+
+    def __init__(self, directory: Path, before_s: float, after_s: float) -> None:
+        self._directory = directory
+        self._before_ns, self._after_ns = round(before_s * 1e9), round(after_s * 1e9)
+        self._ring: deque[Message] = deque()
+        self._ring_bytes = 0
+        self._latched: dict[str, Message] = {}
+        self._first_ns = self._now_ns = NEVER_NS
+        self._open: dict[int, Clip] = {}
+        self._begun: deque[int] = deque(maxlen=1000)
+        self.count = 0
+        self.last = ""
+
+    def take(self, topic: Topic, name: str, data: bytes, stamp_ns: int, received_ns: int) -> None:
+        """One more message."""
+        message = Message(topic, name, data, stamp_ns, received_ns)
+        if topic.record is Scan:
+            self._follow(stamp_ns)
+        self._keep(message)
+        for clip in list(self._open.values()):
+            self._write(clip, message)
+        if topic.record is AmbiguityGroup:
+            self._judge(data)
+        if topic.record is Scan:
+            self._end_due()
+
+    def close(self, why: str = "the recording ended first") -> None:
+        """End the clips that are still open."""
+        for clip in list(self._open.values()):
+            self._end(clip, why if clip.end_ns == NEVER_NS or self._now_ns < clip.end_ns else "")
+
+    # -- what has passed
+
+    def _follow(self, stamp_ns: int) -> None:
+        if self._now_ns - stamp_ns > JUMP_NS:
+            self.close("the stand's stamps went back: another run")
+            self._ring.clear()
+            self._ring_bytes, self._first_ns = 0, NEVER_NS
+            self._now_ns = stamp_ns
+        if self._first_ns == NEVER_NS:
+            self._first_ns = stamp_ns
+        self._now_ns = max(self._now_ns, stamp_ns)
+
+    def _keep(self, message: Message) -> None:
+        if message.topic.latched:
+            self._latched[message.name] = message
+        self._ring.append(message)
+        self._ring_bytes += len(message.data)
+        oldest_ns = message.received_ns - self._before_ns - LATEST_WORD_NS
+        while self._ring and (
+            self._ring[0].received_ns < oldest_ns or self._ring_bytes > MOST_RING_BYTES
+        ):
+            self._ring_bytes -= len(self._ring.popleft().data)
+
+    # -- episodes
+
+    def _judge(self, data: bytes) -> None:
+        try:
+            group = codec.decode(AmbiguityGroup, data)
+        except WireError:
+            return  # the recorder keeps what it cannot read; so does the clip
+        detected_ns = group.detected_stamp_ns
+        if detected_ns == NEVER_NS:
+            self._over(group.stamp_ns)
+            return
+        if detected_ns not in self._begun:
+            self._begun.append(detected_ns)
+            self._begin(group)
+        clip_of = self._open.get(detected_ns)
+        if clip_of is not None:
+            self._follow_verdict(clip_of, group)
+
+    def _over(self, stamp_ns: int) -> None:
+        """No episode is open any more."""
+        for clip in self._open.values():
+            if clip.end_ns == NEVER_NS:
+                clip.end_ns = stamp_ns + self._after_ns
+
+    def _follow_verdict(self, clip: Clip, group: AmbiguityGroup) -> None:
+        same = _said(clip.group) == _said(group)
+        clip.group = group
+        if group.outcome is Outcome.DETECTED:
+            clip.end_ns = NEVER_NS
+        elif not same or clip.end_ns == NEVER_NS:
+            clip.end_ns = group.stamp_ns + self._after_ns
+
+    def _begin(self, group: AmbiguityGroup) -> None:
+        detected_ns = group.detected_stamp_ns
+        if group.source != "live":
+            self._tell(group, "", ["a replay: what it shows has been recorded before"])
+            return
+        if self._first_ns == NEVER_NS or detected_ns < self._first_ns:
+            self._tell(group, "", ["the episode began before this recorder had heard a scan"])
+            return
+        start_ns = detected_ns - self._before_ns
+        try:
+            writer = BagWriter(self._directory / _name(detected_ns), whole_every_s=1.0)
+            clip = Clip(detected_ns, start_ns, writer, group)
+            self._open[detected_ns] = clip
+            for message in self._since(start_ns):
+                self._write(clip, message)
+        except RecordingError as error:
+            self._tell(group, "", [str(error)])
+            return
+        late_ns = self._first_ns - start_ns
+        if late_ns > 0:
+            clip.notes.append(f"begins {late_ns / 1e9:.1f} s later: nothing was heard before")
+
+    def _since(self, start_ns: int) -> Iterator[Message]:
+        """What has passed from ``start_ns`` on, with the latched topics as they then stood."""
+        window = [message for message in self._ring if message.stamp_ns >= start_ns]
+        begin_ns = window[0].received_ns if window else time.time_ns()
+        inside = {message.name for message in window if message.topic.latched}
+        for name, message in self._latched.items():
+            if name not in inside:
+                yield message._replace(received_ns=begin_ns)
+        yield from window
+
+    def _write(self, clip: Clip, message: Message) -> None:
+        if clip.detected_ns not in self._open:
+            return
+        try:
+            clip.writer.write_raw(message.name, message.data, message.stamp_ns, message.received_ns)
+        except RecordingError as error:
+            self._end(clip, str(error))
+
+    def _end_due(self) -> None:
+        for clip in list(self._open.values()):
+            if clip.end_ns != NEVER_NS and self._now_ns > clip.end_ns:
+                self._end(clip)
+            elif self._now_ns - clip.detected_ns > LONGEST_NS:
+                self._end(clip, f"no verdict within {LONGEST_NS / 1e9:.0f} s")
+
+    def _end(self, clip: Clip, why: str = "") -> None:
+        del self._open[clip.detected_ns]
+        if why:
+            clip.notes.append(why)
+        try:
+            clip.writer.close()
+        except RecordingError as error:
+            clip.notes.append(str(error))
+        self.count += 1
+        self._tell(clip.group, clip.writer.directory.name, clip.notes)
+
+    def _tell(self, group: AmbiguityGroup, bag: str, notes: list[str]) -> None:
+        """One line in the index: the clip, or the reason why there is none."""
+        reason = "; ".join(notes)
+        self.last = f"{bag or 'no clip'}{f' ({reason})' if reason else ''}"
+        row = {
+            "detected_ns": group.detected_stamp_ns,
+            "episode": group.episode,
+            "outcome": group.outcome.value,
+            "members": [member.fault for member in group.members],
+            "words": group.words,
+            "bag": bag,
+            "reason": reason,
+        }
+        try:
+            self._directory.mkdir(parents=True, exist_ok=True)
+            with (self._directory / INDEX).open("a", encoding="utf-8") as index:
+                index.write(json.dumps(row) + "\n")
+        except OSError as error:
+            self.last += f"; {INDEX}: {error.strerror}"
+
+
+def _said(group: AmbiguityGroup) -> tuple[object, ...]:
+    return group.outcome, tuple(member.fault for member in group.members)
+
+
+def _name(detected_ns: int) -> str:
+    seconds, rest = divmod(detected_ns, 1_000_000_000)
+    moment = time.strftime("%Y%m%dT%H%M%S", time.gmtime(seconds))
+    return f"episode_{moment}_{rest // 1_000_000:03d}Z"

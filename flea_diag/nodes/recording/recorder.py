@@ -1,0 +1,248 @@
+"""``ros2 run flea_diag recorder``: every topic of ours into an MCAP bag, whole twice a second."""
+
+from __future__ import annotations
+
+import itertools
+import platform
+import shutil
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import distributions
+from pathlib import Path
+from typing import Any
+
+from flea_diag.configuration import Files, file_texts
+from flea_diag.errors import ConfigurationError, RecordingError
+from flea_diag.nodes.health import HealthReport
+from flea_diag.nodes.recording.clips import Clips
+from flea_diag.wire.bags.bag import BagWriter, Split
+from flea_diag.wire.bus import Bus, Program, run
+from flea_diag.wire.messages.cdr import CdrReader
+from flea_diag.wire.parameters import parameter
+from flea_diag.wire.records import Health
+from flea_diag.wire.topics import TOPIC_NAMED, TOPICS, Topic
+
+ALL = "all"
+MEGABYTE = 1_000_000
+WHOLE_EVERY_S = 0.5
+"""So that a crash costs less than a second also where the disk or the processor is slow."""
+WAITING = 1000
+"""Messages of a topic that may wait: scans of ten seconds, should the disk answer no sooner."""
+PACKAGES = ("flea-diag", "numpy", "scipy", "numba", "mcap", "rosbags", "ros-rclpy", "rclpy")
+"""Packages whose versions are kept in a bag."""
+
+
+@dataclass(frozen=True)
+class RecorderParameters(Files):
+    """Parameters of the recorder; the files of the diagnosis are kept in the bag."""
+
+    directory: str = parameter(
+        "",
+        "Bag to make; it must not exist. Empty: bags/runs/<UTC time> below where the node started",
+        read_only=True,
+    )
+    topics: tuple[str, ...] = parameter(
+        (ALL,),
+        "Topics to record, as `ros2 topic list` shows them without namespace",
+        read_only=True,
+    )
+    split_mb: int = parameter(
+        0, "Go on in another file when one has so many; 0: never", unit="MB", minimum=0
+    )
+    split_s: float = parameter(
+        3600.0, "Go on in another file after so long; 0: never", unit="s", minimum=0.0
+    )
+    clip_before_s: float = parameter(
+        10.0,
+        "A clip of each episode begins so long before its detection",
+        unit="s",
+        minimum=0.0,
+        maximum=120.0,
+        read_only=True,
+    )
+    clip_after_s: float = parameter(
+        5.0,
+        "A clip ends so long after the verdict",
+        unit="s",
+        minimum=0.0,
+        maximum=120.0,
+        read_only=True,
+    )
+    clips: bool = parameter(
+        True, "Cut a clip of each episode, into DIRECTORY-clips", read_only=True
+    )
+    warn_free_mb: int = parameter(
+        2000, "Warn when the disk has less space left", unit="MB", minimum=0
+    )
+    stop_free_mb: int = parameter(
+        500, "Close the bag and end when the disk has less space left", unit="MB", minimum=0
+    )
+
+
+class Recorder:
+    """Writes the bytes of each message as they came, with when they came and their own stamp."""
+
+    def __init__(self, bus: Bus[Any], parameters: RecorderParameters) -> None:
+        self._bus = bus
+        self._parameters = parameters
+        self._directory = checked_directory(parameters.directory)
+        topics = chosen_topics(parameters.topics)
+        free_mb = self._free_mb()
+        if free_mb < parameters.stop_free_mb:
+            raise ConfigurationError(self._full(free_mb))
+        kept = {**file_texts(parameters), "versions.txt": versions()}
+        split = Split(parameters.split_mb * MEGABYTE, parameters.split_s)
+        self._writer = BagWriter(self._directory, whole_every_s=None, split=split)
+        for name, text in kept.items():
+            self._writer.attach(name, text)
+        self._health = HealthReport(bus)
+        self._messages = 0
+        self._is_second = itertools.cycle((False, True))
+        self._clips = Clips(
+            self._directory.with_name(self._directory.name + "-clips"),
+            parameters.clip_before_s,
+            parameters.clip_after_s,
+        )
+        bus.advertise(Health)
+        for topic in topics:
+            self._record(topic)
+        bus.on_parameters(self._reconfigure)
+        bus.every(WHOLE_EVERY_S, self._make_whole)
+        bus.info(f"recording {len(topics)} topics to {self._directory}")
+
+    def close(self) -> None:
+        """Finish the bag and say where it is."""
+        self._clips.close()
+        self._writer.close()
+        text = f"{self._messages} messages in {self._directory}" if self._messages else "no message"
+        print(f"recorder: {text}", file=sys.stderr, flush=True)
+
+    def _reconfigure(self, parameters: RecorderParameters) -> None:
+        self._parameters = parameters
+
+    def _record(self, topic: Topic) -> None:
+        name = self._bus.full_name(topic.record)
+
+        def write(data: bytes) -> None:
+            received_ns = time.time_ns()
+            stamp_ns = CdrReader(data).stamp_ns()
+            self._health.arrived(topic.record, stamp_ns, late=False)
+            try:
+                self._writer.write_raw(name, data, stamp_ns, received_ns)
+            except RecordingError as error:
+                self._bus.end(error)
+            if self._parameters.clips:
+                self._clips.take(topic, name, data, stamp_ns, received_ns)
+            self._messages += 1
+
+        self._bus.subscribe_raw(topic.record, write, WAITING)
+
+    def _make_whole(self) -> None:
+        try:
+            self._writer.make_whole()
+        except RecordingError as error:
+            self._bus.end(error)
+        if next(self._is_second):
+            self._watch_disk()
+
+    def _watch_disk(self) -> None:
+        free_mb = self._free_mb()
+        self._bus.publish(
+            self._health.record(
+                (
+                    ("messages", str(self._messages)),
+                    ("free_mb", f"{free_mb:.0f}"),
+                    ("clips", str(self._clips.count)),
+                    ("last_clip", self._clips.last),
+                )
+            )
+        )
+        if free_mb < self._parameters.stop_free_mb:
+            self._bus.end(RecordingError(f"recording ended: {self._full(free_mb)}"))
+        elif free_mb < self._parameters.warn_free_mb:
+            self._bus.warn(
+                f"{free_mb:.0f} MB left for {self._directory}, recording ends at "
+                f"{self._parameters.stop_free_mb} MB (stop_free_mb)"
+            )
+
+    def _free_mb(self) -> float:
+        return shutil.disk_usage(_existing(self._directory)).free / MEGABYTE
+
+    def _full(self, free_mb: float) -> str:
+        return (
+            f"{free_mb:.0f} MB are left on the disk of {self._directory}, the limit is "
+            f"stop_free_mb = {self._parameters.stop_free_mb}: free space or record elsewhere"
+        )
+
+
+def versions() -> str:
+    """What a recording was made with, one thing a line."""
+    packages = sorted(
+        f"{each.name} {each.version}"
+        for each in distributions()
+        if (each.name or "").replace("_", "-").lower() in PACKAGES
+    )
+    return "\n".join([f"Python {platform.python_version()}", platform.platform(), *packages, ""])
+
+
+def checked_directory(directory: str) -> Path:
+    """Folder of the bag to be made.
+
+    Raises
+    ------
+    ConfigurationError
+        When it is there already: a recording is never written over.
+    """
+    path = Path(directory or f"bags/runs/{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}")
+    if path.exists():
+        raise ConfigurationError(f"directory = {directory!r} exists: name a bag that does not")
+    return path
+
+
+def chosen_topics(names: tuple[str, ...]) -> tuple[Topic, ...]:
+    """Rows of the topic table for these names.
+
+    Raises
+    ------
+    ConfigurationError
+        For a name that is not in the table.
+    """
+    if names == (ALL,):
+        return TOPICS
+    for name in names:
+        if name.lstrip("/") not in TOPIC_NAMED:
+            known = ", ".join(sorted(TOPIC_NAMED))
+            raise ConfigurationError(f"topics: {name!r} is unknown, choose all or of {known}")
+    return tuple(TOPIC_NAMED[name.lstrip("/")] for name in dict.fromkeys(names))
+
+
+def _existing(path: Path) -> Path:
+    """The path, or its nearest parent that is there."""
+    return next(place for place in (path, *path.absolute().parents) if place.exists())
+
+
+def program() -> Program:
+    """What this node is."""
+    return Program(
+        "recorder",
+        "Records the topics of a stand and its diagnosis as an MCAP bag, whole twice a second.",
+        RecorderParameters,
+        lambda bus, parameters: Recorder(bus, parameters).close,
+        subscribes=tuple(topic.record for topic in TOPICS),
+        publishes=(Health,),
+        examples=(
+            "ros2 run flea_diag recorder --ros-args -p directory:=bags/runs/jam_1",
+            "ros2 run flea_diag recorder --ros-args -p topics:='[sensors/slow, ambiguity_group]'",
+        ),
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run until SIGINT or SIGTERM; the exit status."""
+    return run(program, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

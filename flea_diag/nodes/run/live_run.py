@@ -1,0 +1,295 @@
+"""A whole stand on this machine, each node a process of its own; what ``scripts/run`` starts.
+
+Every wait is for a fact in the ROS graph or for a record, never for time to pass: the stand
+starts to move once everybody listens, and the nodes are ended once the last verdict is out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from flea_diag.configuration import config_path
+from flea_diag.errors import ConfigurationError, FleaError, RecordingError
+from flea_diag.nodes.executables import EXECUTABLES
+from flea_diag.nodes.operator.web import PORT
+from flea_diag.nodes.run.children import Children
+from flea_diag.nodes.run.domain import reserved_domain
+from flea_diag.nodes.run.run_summary import NOMINAL_FAULT, summarise, told
+from flea_diag.wire.bags.bag import read_bag
+from flea_diag.wire.bus import Bus, guest
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    Detection,
+    Health,
+    Record,
+    Scan,
+    Truth,
+)
+
+SEPARATE = ("observer", "isolator", "extractor", "recorder")
+COMPOSED = ("diagnoser", "recorder")
+"""Listeners, and those with the diagnosis in one process. They report their health, so it is known
+when they are ready."""
+READY_S = 180.0
+"""Long, for what numba compiles is compiled at the first start after an installation."""
+LAST_VERDICT_S = 5.0
+LATEST_S = 60.0
+
+
+class Run:
+    """One run from the first process to the last verdict."""
+
+    def __init__(self, options: argparse.Namespace, bus: Bus[Any], children: Children) -> None:
+        self._options, self._bus, self._children = options, bus, children
+        self._listeners = COMPOSED if options.composed else SEPARATE
+        self._healthy: set[str] = set()
+        self._latest: AmbiguityGroup | None = None
+        self.interrupted = False
+        self.bags = [options.bag]
+        bus.subscribe(Health, self._note_health)
+        bus.subscribe(AmbiguityGroup, self._note_group)
+
+    def _note_health(self, health: Health) -> None:
+        self._healthy.add(health.node)
+
+    def _note_group(self, group: AmbiguityGroup) -> None:
+        self._latest = group
+
+    def execute(self) -> None:
+        """Start the listeners, then the stand; return when the stand has ended."""
+        say(f"starting {', '.join(self._listeners)} and console")
+        for name in self._listeners:
+            self._children.start(name, EXECUTABLES[name], self._parameters(name))
+        keys = not self._plain()
+        given = self._parameters("console")
+        self._children.start("console", EXECUTABLES["console"], given, show=True, keys=keys)
+        if self._options.web:
+            self._children.start("web", EXECUTABLES["web"], self._parameters("web"))
+            say(f"the page is at http://127.0.0.1:{PORT}/")
+        self._until(self._all_listen, READY_S, "the nodes to find each other")
+        say(f"all are listening; the stand starts, {self._what()}")
+        self._children.start("daq", EXECUTABLES["daq"], self._daq_parameters())
+        limit_s = self._options.duration + LATEST_S
+        self._until(lambda: self._children.ended("daq"), limit_s, "the stand to end")
+        if not self.interrupted:
+            self._until(self._verdict_is_last, LAST_VERDICT_S, "the last verdict", needed=False)
+
+    def _all_listen(self) -> bool:
+        # Console, recorder, page and a separate observer listen to the verdict, besides ourselves.
+        needed = 3 + self._options.web + ("observer" in self._listeners)
+        heard = self._bus.subscribers(AmbiguityGroup) >= needed
+        return heard and self._healthy >= set(self._listeners)
+
+    def _verdict_is_last(self) -> bool:
+        return self._latest is not None and self._latest.stale
+
+    def _until(
+        self, predicate: Callable[[], bool], limit_s: float, what: str, needed: bool = True
+    ) -> None:
+        def settled() -> bool:
+            self._children.supervise(("daq", "console"), self._anew)
+            # Who quits the console has seen enough.
+            self.interrupted |= not self._plain() and self._children.ended("console")
+            return self.interrupted or predicate()
+
+        if not self._bus.wait_until(settled, limit_s) and needed:
+            raise ConfigurationError(f"waited {limit_s:.0f} s in vain for {what}")
+
+    def _what(self) -> str:
+        fault = self._options.fault
+        if fault == NOMINAL_FAULT:
+            return f"healthy, for {self._options.duration:g} s"
+        return f"{fault} from {self._options.at:g} s on, for {self._options.duration:g} s"
+
+    def _parameters(self, name: str) -> dict[str, str]:
+        if name == "recorder":
+            return {"directory": str(self._options.bag)}
+        journal = str(self._options.bag.with_name("alarms.sqlite"))
+        if name == "console":
+            return {"style": "lines" if self._plain() else "auto", "journal": journal}
+        if name == "web":
+            return {"journal": journal}
+        return {}
+
+    def _plain(self) -> bool:
+        """Whether the console prints lines: no people are at this terminal."""
+        return self._options.headless or not (sys.stdin.isatty() and sys.stdout.isatty())
+
+    def _anew(self, name: str) -> dict[str, str]:
+        """What a restart needs: a recorder that comes back records into a bag of its own."""
+        if name != "recorder":
+            return {}
+        first = self._options.bag
+        named = (first.with_name(f"{first.name}_{number}") for number in itertools.count(2))
+        self.bags.append(next(bag for bag in named if not bag.exists()))
+        return {"directory": str(self.bags[-1])}
+
+    def _daq_parameters(self) -> dict[str, str]:
+        fault = self._options.fault
+        return {
+            "scenario": self._options.scenario,
+            "duration_s": repr(self._options.duration),
+            "wait_for_subscribers": str(self._bus.subscribers(Scan)),
+            **({"seed": str(self._options.seed)} if self._options.seed is not None else {}),
+            **(
+                {"fault": fault, "fault_onset_s": repr(self._options.at)}
+                if fault != NOMINAL_FAULT
+                else {}
+            ),
+        }
+
+
+def say(text: str) -> None:
+    """Tell what is being done."""
+    print(f"run: {text}", file=sys.stderr, flush=True)
+
+
+def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Options of the command line."""
+    parser = argparse.ArgumentParser(
+        prog="scripts/run",
+        description="Run the simulated stand and its diagnosis live, and say whether it was right.",
+        epilog="Exit status: 0 right, 1 not right, 2 it could not run.",
+    )
+    parser.add_argument("--fault", default="jam", help="fault id, or nominal (default: jam)")
+    parser.add_argument(
+        "--at", type=_seconds, default=8.0, metavar="S", help="onset after the start (default: 8)"
+    )
+    parser.add_argument(
+        "--for",
+        dest="duration",
+        type=_seconds,
+        default=30.0,
+        metavar="S",
+        help="length of the run (default: 30)",
+    )
+    parser.add_argument("--headless", action="store_true", help="one line a change, no page")
+    parser.add_argument(
+        "--composed", action="store_true", help="the diagnosis in one process, the diagnoser"
+    )
+    parser.add_argument("--web", action="store_true", help="also the page in a browser")
+    parser.add_argument("--scenario", default="nominal", help="name or file (default: nominal)")
+    parser.add_argument("--seed", type=int, help="of the simulated unit and its noise")
+    parser.add_argument("--bag", type=Path, help="bag to make (default: bags/runs/<UTC time>)")
+    options = parser.parse_args(argv)
+    if options.fault != NOMINAL_FAULT and not 0 <= options.at < options.duration:
+        parser.error(f"--at {options.at:g} is not within the run, --for {options.duration:g}")
+    if options.bag is None:
+        options.bag = Path("bags/runs") / time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    return options
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"invalid number of seconds: {text!r}") from None
+    if not 0.0 <= value <= 86400.0:
+        raise argparse.ArgumentTypeError(f"{text} s is not within 0 to 86400 s")
+    return value
+
+
+@contextmanager
+def _signals_to(interrupt: Callable[[], None]) -> Iterator[None]:
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, lambda *_: interrupt()) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _executed(options: argparse.Namespace, domain: int, log: IO[bytes]) -> Run:
+    """Run it from its first process to its last."""
+    children = Children(log, say)
+    with guest("live_run", domain) as bus:
+        run = Run(options, bus, children)
+        with _signals_to(lambda: setattr(run, "interrupted", True)):
+            try:
+                run.execute()
+            finally:
+                children.end()
+    return run
+
+
+def _recorded(bags: Iterable[Path]) -> Iterator[Record]:
+    for bag in bags:
+        if bag.exists():
+            for _, record in read_bag(bag, (Scan, Truth, Detection, AmbiguityGroup)):
+                yield record
+
+
+def live(options: argparse.Namespace) -> int:
+    """Run, then read the bag just written; the exit status."""
+    log_path = options.bag.with_name(options.bag.name + ".log")
+    with _domain() as domain, _opened(log_path) as log:
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        os.environ["PYTHONUNBUFFERED"] = "1"
+        transport = discovery()
+        os.environ.update(transport)
+        words = " ".join(f"{name}={value}" for name, value in transport.items())
+        say(f"ROS_DOMAIN_ID={domain} {words}, log: {log_path}")
+        run = _executed(options, domain, log)
+    if not options.bag.exists():
+        raise RecordingError(f"no bag was written, see {log_path}")
+    summary = summarise(_recorded(run.bags))
+    print(told(summary, ", ".join(map(str, run.bags))))
+    if run.interrupted:
+        say("interrupted: the summary is of what there was")
+    return 1 if summary.failures or run.interrupted else 0
+
+
+def discovery() -> dict[str, str]:
+    """Environment of nodes that stay on this machine: no socket of theirs is bound beyond it.
+
+    Nor do they share memory. With the range LOCALHOST the middleware lays transports of its own,
+    shared memory among them, which a node that is killed can spoil for the others.
+    """
+    return {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(config_path("security/loopback.xml")),
+    }
+
+
+def _opened(log: Path) -> IO[bytes]:
+    """The log of a run, in a folder that is made where it is missing."""
+    try:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        return log.open("wb")
+    except OSError as error:
+        raise ConfigurationError(f"{log}: cannot be written: {error.strerror}") from error
+
+
+@contextmanager
+def _domain() -> Iterator[int]:
+    """The domain that the environment asks for, or one of our own."""
+    asked = os.environ.get("ROS_DOMAIN_ID", "")
+    if asked.isdigit():
+        yield int(asked)
+    else:
+        with reserved_domain() as number:
+            yield number
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the stand; the exit status."""
+    options = parsed(argv)
+    try:
+        return live(options)
+    except FleaError as error:
+        say(str(error))
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

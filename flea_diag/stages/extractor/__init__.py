@@ -1,0 +1,1 @@
+"""Vibration kept as it came, and single features on request."""

@@ -1,0 +1,275 @@
+"""Features on request: one feature, one window, one answer; and the always-on sentinel.
+
+The answer's stamp is the request's stamp plus the answer budget, whatever the computation
+took: whoever merges records by stamp sees the same order live and in replay.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flea_diag.core.choice.feature_table import FaultFeatureTable
+from flea_diag.core.vibration.features import FeatureId, Scope, evaluate
+from flea_diag.core.vibration.nominal_range import OperatingPoint
+from flea_diag.core.vibration.window import NotComputableError, Window
+from flea_diag.errors import ConfigurationError
+from flea_diag.stages.extractor.condition_indicators import condition_indicators
+from flea_diag.stages.extractor.scan_ring import SECOND_NS
+from flea_diag.stages.extractor.windows import Windows
+from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.parameters import parameter
+from flea_diag.wire.records import (
+    ChannelTable,
+    FeatureRequest,
+    FeatureValue,
+    Record,
+    Scan,
+    VibrationBlock,
+    VibrationLevel,
+)
+
+
+@dataclass(frozen=True)
+class ExtractorParameters:
+    """What the extractor may be told."""
+
+    history_s: float = parameter(
+        10.0, "vibration and scans kept for requests", unit="s", minimum=0.5, maximum=60.0
+    )
+    answer_budget_s: float = parameter(
+        0.15, "stamp of an answer after that of its request", unit="s", minimum=0.0, maximum=5.0
+    )
+    shortest_window_s: float = parameter(
+        0.05, "windows shorter than this are refused", unit="s", minimum=0.001, maximum=10.0
+    )
+    gap_limit_s: float = parameter(
+        0.002, "longest break between blocks inside a window", unit="s", minimum=0.0, maximum=1.0
+    )
+    scan_gap_limit_s: float = parameter(
+        0.05, "longest break between scans inside a window", unit="s", minimum=0.0, maximum=1.0
+    )
+    rate_tolerance: float = parameter(
+        0.01, "largest relative error of the sampling rate", unit="1", minimum=0.0, maximum=0.5
+    )
+    full_scale_m_s2: float = parameter(
+        0.0,
+        "range of the accelerometers where the channel table names none; 0: unlimited",
+        unit="m/s^2",
+        minimum=0.0,
+        maximum=1e6,
+    )
+    saturated_points: int = parameter(
+        3, "points at full scale that spoil a window", unit="1", minimum=1, maximum=1_000_000
+    )
+    most_pending: int = parameter(
+        32, "requests kept until their window is complete", unit="1", minimum=1, maximum=10_000
+    )
+    sentinel: bool = parameter(True, "publish level and kurtosis of every block on vibration_level")
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """A window that was asked about: its operating point, and what is decoded of it.
+
+    ``windows``: by accelerometer; ``moved``: those of them in which the motion is.
+    """
+
+    start_ns: int
+    end_ns: int
+    point: OperatingPoint
+    windows: dict[str, Window] = field(default_factory=dict)
+    moved: set[str] = field(default_factory=set)
+
+
+class ExtractorStage:
+    """Keeps the raw blocks of the last seconds and computes single features on request.
+
+    Parameters
+    ----------
+    table : nominal ranges and ball-pass orders to hold values against
+    stopwatch : nanoseconds of some clock, for ``cost_ms`` alone; a stage owns no clock
+    """
+
+    consumes: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan, FeatureRequest)
+
+    def __init__(
+        self,
+        table: FaultFeatureTable,
+        parameters: ExtractorParameters | None = None,
+        stopwatch: Callable[[], int] = lambda: 0,
+    ) -> None:
+        self.table = table
+        self.parameters = p = parameters or ExtractorParameters()
+        self.windows = Windows(p.history_s, p.gap_limit_s, p.scan_gap_limit_s, table.nominal.orders)
+        self.duplicates = 0
+        self._cut = _Cut(0, 0, OperatingPoint())
+        self._stopwatch = stopwatch
+        self._full_scale: dict[str, float] = {}
+        self._pending: deque[FeatureRequest] = deque()
+        self._now_ns = 0
+        self._seen: deque[tuple[int, int, int]] = deque(maxlen=1024)
+
+    def handle(self, record: Record) -> tuple[Record, ...]:
+        """Answers and levels that a record causes."""
+        levels: tuple[Record, ...] = ()
+        if isinstance(record, Scan):
+            self.windows.scans.add(record)
+            self._now_ns = record.stamp_ns
+        elif isinstance(record, VibrationBlock):
+            levels = self._level(record)
+        elif isinstance(record, FeatureRequest):
+            self._accept(record)
+        elif isinstance(record, ChannelTable):
+            self._full_scale = {
+                row.name: min(abs(row.minimum), abs(row.maximum)) for row in record.channels
+            }
+            return ()
+        if not self._pending:
+            return levels
+        # A request may come later than the last scan there is: it cannot wait for another.
+        return (*levels, *self._answers(max(record.stamp_ns, self._now_ns)))
+
+    @property
+    def takes_blocks(self) -> bool:
+        """Whether no request waits for scans that are still to come."""
+        return not self._pending
+
+    def handle_block(self, block: ScanBlock) -> tuple[int, tuple[Record, ...]]:
+        """Keep all of these scans."""
+        self.windows.scans.add_block(block)
+        self._now_ns = int(block.stamps_ns[-1])
+        return len(block), ()
+
+    def _level(self, block: VibrationBlock) -> tuple[Record, ...]:
+        """Take a block in; the sentinel's record is stamped with the end of the block."""
+        if not self.windows.vibration.add(block) or not self.parameters.sentinel:
+            return ()
+        if not self._is_rate_known(self.windows.vibration.rate_hz):
+            return ()  # its range was learned on another band
+        std, kurtosis = condition_indicators(block)
+        return (VibrationLevel(self.windows.vibration.end_ns, block.axes, std, kurtosis),)
+
+    def _accept(self, request: FeatureRequest) -> None:
+        key = (request.stamp_ns, request.episode, request.step)
+        if key in self._seen:
+            self.duplicates += 1
+            return
+        self._seen.append(key)
+        self._pending.append(request)
+
+    def _answers(self, now_ns: int) -> tuple[Record, ...]:
+        """Answer, in order of the requests, what is complete or cannot wait any longer."""
+        answers: list[Record] = []
+        for _ in range(len(self._pending)):
+            request = self._pending.popleft()
+            full = len(self._pending) >= self.parameters.most_pending
+            if full or self._is_ready(request, now_ns):
+                answers.append(self._answer(request))
+            else:
+                self._pending.append(request)
+        return tuple(answers)
+
+    def _is_ready(self, request: FeatureRequest, now_ns: int) -> bool:
+        """Whether the window is covered, or the time for the answer has come."""
+        late = now_ns >= request.stamp_ns + self._budget_ns
+        return late or self.windows.covers(request.window_end_ns)
+
+    @property
+    def _budget_ns(self) -> int:
+        return round(self.parameters.answer_budget_s * SECOND_NS)
+
+    def _answer(self, request: FeatureRequest) -> FeatureValue:
+        """Value, symbol and nominal range, or NaN with the reason."""
+        begun = self._stopwatch()
+        value, unit, reason = math.nan, "", ""
+        point = self._cut_of(request).point
+        try:
+            wanted = FeatureId.parse(request.feature)
+            unit = wanted.feature.unit
+            value = evaluate(wanted, self._window(request, wanted))
+        except (NotComputableError, ConfigurationError) as error:
+            reason = str(error)
+        low, high = self.table.nominal.at(request.feature, point)
+        symbol = self.table.nominal.symbol(request.feature, value, point)
+        if symbol == "?" and not reason:
+            reason = self._why_no_range(request.feature)
+        return FeatureValue(
+            request.stamp_ns + self._budget_ns,
+            request.episode,
+            request.step,
+            request.feature,
+            request.window_start_ns,
+            request.window_end_ns,
+            value,
+            unit,
+            symbol,
+            low,
+            high,
+            reason,
+            (self._stopwatch() - begun) / 1e6,
+        )
+
+    def _why_no_range(self, feature: str) -> str:
+        if feature not in self.table.nominal.ranges:
+            return f"{self.table.title!r} has no nominal range of {feature}"
+        return "motor_speed is not measured in the window, so the nominal range is not known"
+
+    def _window(self, request: FeatureRequest, wanted: FeatureId) -> Window:
+        """Decode what one feature needs, and nothing else; the next one finds it decoded."""
+        start_ns, end_ns = request.window_start_ns, request.window_end_ns
+        shortest_s = self.parameters.shortest_window_s
+        if end_ns - start_ns < shortest_s * SECOND_NS:
+            raise NotComputableError(
+                f"window of {(end_ns - start_ns) / 1e9:.3f} s is shorter than {shortest_s:g} s"
+            )
+        if wanted.feature.scope is Scope.SCANS:
+            return self.windows.motion(start_ns, end_ns)
+        cut, name = self._cut_of(request), wanted.accelerometer
+        if name not in cut.windows:
+            window = self.windows.cut(start_ns, end_ns, name, with_motion=False)
+            self._check_rate(window.rate_hz)
+            self._check_saturation(window)
+            cut.windows[name] = window
+        if wanted.feature.needs_scans and name not in cut.moved:
+            cut.windows[name] = self.windows.moved(cut.windows[name], start_ns, end_ns)
+            cut.moved.add(name)
+        return cut.windows[name]
+
+    def _cut_of(self, request: FeatureRequest) -> _Cut:
+        """What is kept of the window of a request: that of the last one, if it is the same."""
+        start_ns, end_ns = request.window_start_ns, request.window_end_ns
+        if (self._cut.start_ns, self._cut.end_ns) != (start_ns, end_ns):
+            point = self.windows.operating_point(start_ns, end_ns)
+            self._cut = _Cut(start_ns, end_ns, point)
+        return self._cut
+
+    def _is_rate_known(self, rate_hz: float) -> bool:
+        learned_hz = self.table.nominal.rate_hz
+        return not learned_hz or abs(rate_hz / learned_hz - 1.0) <= self.parameters.rate_tolerance
+
+    def _check_rate(self, rate_hz: float) -> None:
+        learned_hz = self.table.nominal.rate_hz
+        if not self._is_rate_known(rate_hz):
+            raise NotComputableError(
+                f"vibration is sampled at {rate_hz:.6g} Hz, "
+                f"nominal ranges were learned at {learned_hz:.6g} Hz"
+            )
+
+    def _check_saturation(self, window: Window) -> None:
+        for axis, column in zip(window.axes, window.samples.T, strict=True):
+            limit = self._full_scale.get(axis) or self.parameters.full_scale_m_s2
+            if not 0.0 < limit < math.inf:
+                continue
+            end = 0.999 * limit
+            if -end < column.min() and column.max() < end:
+                continue
+            count = int(np.count_nonzero(np.abs(column) >= end))
+            if count >= self.parameters.saturated_points:
+                raise NotComputableError(
+                    f"{axis} is saturated: {count} points at its full scale of {limit:g} m/s^2"
+                )

@@ -1,0 +1,173 @@
+"""The last seconds of vibration as the bytes they came in; only what is asked for is decoded."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from struct import Struct
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.vibration.window import NotComputableError
+from flea_diag.wire.records import VibrationBlock
+
+SECOND_NS = 1_000_000_000
+OFFSET = Struct("<I")
+"""First field of a point; one float32 of the same size follows for each axis."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Decoded samples (n, axes) in m/s^2, the first taken at ``start_ns``."""
+
+    start_ns: int
+    rate_hz: float
+    axes: tuple[str, ...]
+    samples: npt.NDArray[np.float32]
+
+
+class _Kept(NamedTuple):
+    """A block with the two numbers that are read without decoding it."""
+
+    block: VibrationBlock
+    rate_hz: float
+    end_ns: int
+
+
+class VibrationRing:
+    """Bounded store of blocks in order of time.
+
+    Counters: ``decoded_bytes`` (handed out by ``cut``), ``invalid`` (malformed blocks),
+    ``stale`` (repeated or older than the newest), ``restarts`` (time jumped back, or other axes).
+    """
+
+    def __init__(self, history_s: float, gap_limit_s: float) -> None:
+        self.history_ns = round(history_s * SECOND_NS)
+        self.gap_limit_ns = round(gap_limit_s * SECOND_NS)
+        self.decoded_bytes = 0
+        self.invalid = 0
+        self.stale = 0
+        self.restarts = 0
+        self._kept: deque[_Kept] = deque()
+
+    @property
+    def end_ns(self) -> int:
+        """Time up to which samples are here; -1 without any."""
+        return self._kept[-1].end_ns if self._kept else -1
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes of the blocks that are here."""
+        return self._kept[-1].block.axes if self._kept else ()
+
+    @property
+    def rate_hz(self) -> float:
+        """Sampling rate of the newest block; 0 without any."""
+        return self._kept[-1].rate_hz if self._kept else 0.0
+
+    def blocks(self, start_ns: int, end_ns: int) -> Iterator[tuple[VibrationBlock, int]]:
+        """Blocks that lie inside a window, undecoded, each with its end."""
+        for kept in self._kept:
+            if kept.block.stamp_ns >= start_ns and kept.end_ns <= end_ns:
+                yield kept.block, kept.end_ns
+
+    def add(self, block: VibrationBlock) -> bool:
+        """Keep a block and forget what is too old; False where it cannot be used."""
+        kept = _measured(block)
+        if kept is None:
+            self.invalid += 1
+            return False
+        if self._kept and self._is_restart(block):
+            self.restarts += 1
+            self._kept.clear()
+        if self._kept and block.stamp_ns <= self._kept[-1].block.stamp_ns:
+            self.stale += 1
+            return False
+        self._kept.append(kept)
+        while self._kept[0].end_ns < kept.end_ns - self.history_ns:
+            self._kept.popleft()
+        return True
+
+    def cut(self, start_ns: int, end_ns: int, columns: tuple[int, ...]) -> Stretch:
+        """Decode the samples from ``start_ns`` up to ``end_ns`` of some axes.
+
+        Raises
+        ------
+        NotComputableError
+            With the reason: not kept any more, not there yet, a gap, or two rates.
+        """
+        kept = [k for k in self._kept if k.end_ns > start_ns and k.block.stamp_ns < end_ns]
+        self._check(kept, start_ns, end_ns)
+        parts = [_part(k, start_ns, end_ns) for k in kept]
+        # A row an axis, as features want it: what is copied here is not copied once more there.
+        rows = np.empty((len(columns), sum(len(points) for _, points in parts)), np.float32)
+        place = 0
+        for _, points in parts:
+            for row, column in zip(rows, columns, strict=True):
+                row[place : place + len(points)] = points[:, column]
+            place += len(points)
+        self.decoded_bytes += rows.nbytes
+        return Stretch(
+            parts[0][0],
+            kept[0].rate_hz,
+            tuple(kept[0].block.axes[column] for column in columns),
+            rows.T,
+        )
+
+    def _check(self, kept: list[_Kept], start_ns: int, end_ns: int) -> None:
+        """Refuse a window that the blocks do not cover without a break."""
+        if not kept:
+            raise NotComputableError("no vibration was received in the window")
+        limit = self.gap_limit_ns
+        if kept[0].block.stamp_ns > start_ns + limit:
+            raise NotComputableError(
+                f"vibration begins {(kept[0].block.stamp_ns - start_ns) / 1e9:.3f} s "
+                "after the window does"
+            )
+        for before, after in pairwise(kept):
+            gap_ns = after.block.stamp_ns - before.end_ns
+            if abs(gap_ns) > limit:
+                raise NotComputableError(f"a gap of {gap_ns / 1e9:.3f} s lies in the window")
+            if abs(after.rate_hz / kept[0].rate_hz - 1.0) > 0.01:
+                raise NotComputableError(
+                    f"the rate changes from {kept[0].rate_hz:.6g} to {after.rate_hz:.6g} Hz"
+                )
+        if kept[-1].end_ns < end_ns - limit:
+            raise NotComputableError(
+                f"vibration ends {(end_ns - kept[-1].end_ns) / 1e9:.3f} s before the window does"
+            )
+
+    def _is_restart(self, block: VibrationBlock) -> bool:
+        back_ns = self._kept[-1].block.stamp_ns - block.stamp_ns
+        return back_ns > self.history_ns or block.axes != self.axes
+
+
+def _measured(block: VibrationBlock) -> _Kept | None:
+    """Rate and end of a block from its first and last offset; None where it is malformed."""
+    size = OFFSET.size * (1 + len(block.axes))
+    if block.count < 2 or not block.axes or len(block.data) != block.count * size:
+        return None
+    (first,) = OFFSET.unpack_from(block.data)
+    (last,) = OFFSET.unpack_from(block.data, (block.count - 1) * size)
+    if last <= first:
+        return None
+    step_ns = (last - first) / (block.count - 1)
+    return _Kept(block, SECOND_NS / step_ns, block.stamp_ns + last + round(step_ns))
+
+
+def _part(kept: _Kept, start_ns: int, end_ns: int) -> tuple[int, npt.NDArray[np.float32]]:
+    """Time of the first sample and the samples (n, all axes) of a block inside a window.
+
+    A view into the block's bytes: nothing is copied before the columns are chosen.
+    """
+    offset_ns, samples = kept.block.points()
+    stamp_ns = kept.block.stamp_ns
+    if start_ns <= stamp_ns and kept.end_ns <= end_ns:
+        return stamp_ns + int(offset_ns[0]), samples
+    first = int(np.searchsorted(offset_ns, max(start_ns - stamp_ns, 0)))
+    last = int(np.searchsorted(offset_ns, min(end_ns - stamp_ns, 2**32 - 1)))
+    return stamp_ns + int(offset_ns[min(first, kept.block.count - 1)]), samples[first:last]

@@ -1,0 +1,101 @@
+"""Windows of vibration with the motion that went with them, cut from the two rings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from flea_diag.core.vibration.nominal_range import OperatingPoint
+from flea_diag.core.vibration.window import NotComputableError, Window
+from flea_diag.stages.extractor.scan_ring import SECOND_NS, ScanRing, interpolated
+from flea_diag.stages.extractor.vibration_ring import VibrationRing
+from flea_diag.wire.records import Scan, VibrationBlock
+
+
+class Windows:
+    """The last seconds of a stand, from which any window can be cut.
+
+    Parameters
+    ----------
+    history_s : how much is kept
+    gap_limit_s, scan_gap_limit_s : longest break of blocks and of scans inside a window
+    orders : ball-pass orders, handed on to the features
+    """
+
+    def __init__(
+        self,
+        history_s: float,
+        gap_limit_s: float,
+        scan_gap_limit_s: float,
+        orders: Mapping[str, float],
+    ) -> None:
+        self.vibration = VibrationRing(history_s, gap_limit_s)
+        self.scans = ScanRing(history_s, scan_gap_limit_s)
+        self.orders = orders
+
+    def add(self, record: Scan | VibrationBlock) -> bool:
+        """Keep one record; False where it cannot be used."""
+        if isinstance(record, Scan):
+            return self.scans.add(record)
+        return self.vibration.add(record)
+
+    def covers(self, end_ns: int) -> bool:
+        """Whether all that a stream can still bring up to ``end_ns`` is here.
+
+        A stream of which nothing was ever received is not waited for.
+        """
+        vibration_ns, scan_ns = self.vibration.end_ns, self.scans.end_ns
+        return (vibration_ns < 0 or vibration_ns >= end_ns - self.vibration.gap_limit_ns) and (
+            scan_ns < 0 or scan_ns >= end_ns
+        )
+
+    def operating_point(self, start_ns: int, end_ns: int) -> OperatingPoint:
+        """Root mean square of speed and load over a window."""
+        return self.scans.operating_point(start_ns, end_ns)
+
+    def motion(self, start_ns: int, end_ns: int) -> Window:
+        """Window of the scans alone, without any vibration."""
+        slow, times_s = self.scans.columns(start_ns, end_ns)
+        return Window(np.empty((0, 0)), 1.0, (), None, slow, times_s)
+
+    def cut(
+        self, start_ns: int, end_ns: int, accelerometer: str = "", with_motion: bool = True
+    ) -> Window:
+        """Decode one window, of one accelerometer or of all.
+
+        Raises
+        ------
+        NotComputableError
+            With the reason, where vibration does not cover the window.
+        """
+        columns = self._columns(accelerometer)
+        stretch = self.vibration.cut(start_ns, end_ns, columns)
+        window = Window(
+            stretch.samples,
+            stretch.rate_hz,
+            stretch.axes,
+            orders=self.orders,
+            start_s=(stretch.start_ns - start_ns) / SECOND_NS,
+        )
+        return self.moved(window, start_ns, end_ns) if with_motion else window
+
+    def moved(self, window: Window, start_ns: int, end_ns: int) -> Window:
+        """A window that was cut from here without its motion, now with it."""
+        sample_times_s = window.start_s + np.arange(window.count) / window.rate_hz
+        slow, times_s = self.scans.columns(start_ns, end_ns)
+        speed = slow.get("motor_speed", np.empty(0))
+        at_samples = interpolated(speed, times_s, sample_times_s, self.scans.gap_limit_s)
+        return window.moved(at_samples, slow, times_s - window.start_s)
+
+    def _columns(self, accelerometer: str) -> tuple[int, ...]:
+        axes = self.vibration.axes
+        prefix = f"{accelerometer}_" if accelerometer else ""
+        columns = tuple(k for k, axis in enumerate(axes) if axis.startswith(prefix))
+        if not axes:
+            raise NotComputableError("no vibration was received")
+        if not columns:
+            raise NotComputableError(
+                f"the stream holds no axis of {accelerometer}, only {', '.join(axes)}"
+            )
+        return columns

@@ -1,0 +1,1 @@
+"""From symbols, residuals and features to the ambiguity group."""

@@ -1,0 +1,75 @@
+"""What to do next about a group that is left unsplit: tests of the stand, as advice."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from flea_diag.core.choice.next_test import (
+    MOTIONS,
+    StandTest,
+    Suspect,
+    Weighing,
+    feature_tests,
+    motion_tests,
+    next_tests,
+    planned,
+)
+from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.stages.isolator.episode import Episode
+from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
+from flea_diag.wire.records import NextTest
+
+MOST_SUSPECTS = 6
+"""Motions are weighed for groups up to this size: the work grows with its square."""
+MOST_TESTS = 6
+
+
+class Advice:
+    """Ranks the tests that would split the group of an episode."""
+
+    def __init__(
+        self,
+        knowledge: Knowledge,
+        parameters: IsolatorParameters,
+        models: Sequence[FaultModel],
+    ) -> None:
+        self._k = knowledge
+        limits = knowledge.calibration.limits
+        self._weighing = Weighing(
+            models,
+            {limit.name: limit.sigma[0] for limit in limits},
+            {limit.name: limit.correlation_samples for limit in limits},
+            knowledge.calibration.differences(),
+            parameters.drop_nats,
+        )
+        for motion in MOTIONS:  # now, not when a verdict waits for it
+            planned(knowledge.calibration.parameters, motion)
+
+    def tests(self, stamp_ns: int, episode: Episode, axes: Collection[str]) -> tuple[NextTest, ...]:
+        """Tests that would split what is left, the most gained for each second first."""
+        suspects = [Suspect(h.name, h.probability, h.fit) for h in episode.isolation.alive()]
+        if len(suspects) < 2:
+            return ()
+        features, sensors = feature_tests(
+            suspects, self._k.features, axes, episode.inquiry.computed
+        )
+        motions: tuple[StandTest, ...] = ()
+        if len(suspects) <= MOST_SUSPECTS and episode.scans:
+            motions = motion_tests(
+                suspects,
+                episode.likelihood,
+                self._weighing,
+                self._k.calibration.parameters,
+                (stamp_ns - episode.start_ns) / 1e9,
+            )
+        ranked = next_tests(suspects, motions, features, sensors)[:MOST_TESTS]
+        return tuple(
+            NextTest(
+                test.kind,
+                test.what,
+                test.seconds,
+                test.expected_size,
+                tuple(f"{one} / {two}" for one, two in test.splits),
+            )
+            for test in ranked
+        )

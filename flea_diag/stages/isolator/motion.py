@@ -1,0 +1,73 @@
+"""How the actuator has moved lately: what vibration and the signs of symbols rest on."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+from flea_diag.core.causal_graph.operating_point import Quadrant
+from flea_diag.core.likelihood.fault_models import REGRESSORS
+from flea_diag.core.vibration.vibration_monitor import SCANS, Sentinel
+from flea_diag.stages.isolator.feature_query import Pace
+from flea_diag.wire.blocks import ResidualBlock
+
+CURRENT, SPEED = REGRESSORS.index("current_a"), REGRESSORS.index("speed_m_s")
+LOAD, DIRECTION = REGRESSORS.index("load_n"), REGRESSORS.index("direction")
+VISITED_SCANS = 400
+"""Scans in motion over which the quadrants that were passed through are remembered."""
+IDLE_A = 0.1
+"""Below this the sign of a current is that of its noise."""
+
+
+class Motion:
+    """Follows the regressors of every scan; constant memory.
+
+    Parameters
+    ----------
+    encoder_m_per_rad : travel of the nut, 0 where no speed of the shaft is known
+    window_ns : over which ``pace`` looks back
+    sentinel : is told of speed and load
+    """
+
+    def __init__(self, encoder_m_per_rad: float, window_ns: int, sentinel: Sentinel) -> None:
+        self._lead = encoder_m_per_rad
+        self._sentinel = sentinel
+        self._visited: deque[tuple[float, float]] = deque(maxlen=VISITED_SCANS)
+        self.pace = Pace(window_ns)
+
+    def step(self, stamp_ns: int, regressors: Sequence[float], moving: bool) -> None:
+        """Take one scan."""
+        screw_rad_s, load_n = self._screw_rad_s(regressors[SPEED]), regressors[LOAD]
+        self.pace.add(stamp_ns, screw_rad_s, load_n)
+        self._sentinel.motion(screw_rad_s, load_n)
+        if moving:
+            self._visited.append((regressors[CURRENT], regressors[DIRECTION]))
+
+    def follow(self, block: ResidualBlock) -> None:
+        """Take many scans: only the last of them will be remembered."""
+        moving = block.regressors[:, -1] > 0.5
+        visited = block.regressors[moving][-VISITED_SCANS:, [CURRENT, DIRECTION]].tolist()
+        self._visited.extend((current, direction) for current, direction in visited)
+        recent = int((block.stamps_ns > block.stamps_ns[-1] - self.pace.history_ns).sum())
+        last = block.part(slice(-max(recent, SCANS), None))
+        speeds = [self._screw_rad_s(speed) for speed in last.regressors[:, SPEED].tolist()]
+        loads_n = last.regressors[:, LOAD].tolist()
+        self.pace.extend(zip(last.stamps_ns.tolist(), speeds, loads_n, strict=True))
+        for screw_rad_s, load_n in zip(speeds[-SCANS:], loads_n[-SCANS:], strict=True):
+            self._sentinel.motion(screw_rad_s, load_n)
+
+    def _screw_rad_s(self, speed_m_s: float) -> float:
+        return speed_m_s / self._lead if self._lead else math.nan
+
+    def quadrants(self) -> set[Quadrant]:
+        """Quadrants that the last scans in motion lay in."""
+        return {quadrant for scan in self._visited for quadrant in _quadrants(*scan)}
+
+
+def _quadrants(current_a: float, direction: float) -> tuple[Quadrant, ...]:
+    """Quadrants that a scan lies in; a current within its noise lies in both of its signs."""
+    if not math.isfinite(current_a):
+        return ()
+    signs = (-1, 1) if abs(current_a) < IDLE_A else (1 if current_a > 0 else -1,)
+    return tuple(Quadrant(sign, 1 if direction > 0 else -1) for sign in signs)

@@ -1,0 +1,126 @@
+"""What is known of the stand apart from any episode: whether it moves, and is to be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.wire.records import NEVER_NS, STREAM, DataQuality, Quality, UnitOffset
+
+Flags = npt.NDArray[np.bool_]
+Stamps = npt.NDArray[np.int64]
+
+UNUSABLE = (Quality.BAD, Quality.STALE, Quality.ABSENT)
+LOST_NS = 3_000_000_000
+"""A state observer that has been off its track for so long has a model that does not fit."""
+GAP_NS = 1_000_000_000
+"""Nobody knows whether a track that was lost before so long a gap was lost all through it."""
+SEEN_MOVING = 50
+"""Scans in motion without which nothing can be said of motor and screw."""
+
+
+@dataclass
+class Standing:
+    """State of the stand, kept from scan to scan."""
+
+    axes: tuple[str, ...] = ()
+    mismatch: str = ""
+    bad: tuple[str, ...] = ()
+    table_ns: int = NEVER_NS
+    """When the stand began: the stamp of its channel table."""
+    first_ns: int = NEVER_NS
+    unit_ns: int = NEVER_NS
+    """Since when another unit than at the start is in use."""
+    offsets: tuple[UnitOffset, ...] = ()
+    """What the observer has learned of this unit."""
+    counters: tuple[tuple[str, int], ...] = ()
+    """What was wrong with the data so far: ``channel/counter`` and how often."""
+    began_ns: int = NEVER_NS
+    """First scan of the observer that is there now."""
+    returned_ns: int = NEVER_NS
+    """First scan of an observer that has come back in mid-run."""
+    moved: int = 0
+    moved_ns: int = NEVER_NS
+    lost_ns: int = NEVER_NS
+    """Since when the state observer has lost its track; never while it follows."""
+    last_ns: int = NEVER_NS
+    """Stamp of the newest scan."""
+
+    def take(self, quality: DataQuality) -> bool:
+        """What the observer says of the data; whether it is another one than at our first scan."""
+        self.bad = tuple(row.channel for row in quality.channels if row.quality in UNUSABLE)
+        self.offsets, self.counters = quality.offsets, wrong_samples(quality)
+        began_ns = self.began_ns = max(
+            (row.since_ns for row in quality.channels if row.channel == STREAM), default=0
+        )
+        known_ns = max(self.first_ns, self.returned_ns)
+        if known_ns == NEVER_NS or began_ns <= known_ns:
+            return False
+        self.returned_ns = began_ns
+        return True
+
+    def step(self, stamp_ns: int, moving: bool, lost: bool) -> None:
+        """Take one scan."""
+        self._begin(stamp_ns)
+        self.last_ns = stamp_ns
+        if moving:
+            self.moved += 1
+            self.moved_ns = stamp_ns
+        if not lost:
+            self.lost_ns = NEVER_NS
+        elif self.lost_ns == NEVER_NS:
+            self.lost_ns = stamp_ns
+
+    def _begin(self, stamp_ns: int) -> None:
+        if self.first_ns == NEVER_NS:
+            self.first_ns = stamp_ns
+        if stamp_ns - self.last_ns > GAP_NS:
+            self.lost_ns = NEVER_NS
+
+    def follow(
+        self, stamps_ns: Stamps, moving: Flags, lost: Flags, rest_ns: float
+    ) -> Iterator[int]:
+        """Take n scans; stops at those with which another outcome may stand.
+
+        The state is then that of the scan given, and at the end that of the last one.
+        """
+        self._begin(int(stamps_ns[0]))
+        self.last_ns = int(stamps_ns[-1])
+        moved = self.moved + np.cumsum(moving)
+        moved_ns = np.maximum.accumulate(np.where(moving, stamps_ns, self.moved_ns))
+        begins = lost & ~np.append(self.lost_ns != NEVER_NS, lost[:-1])
+        lost_ns = np.maximum.accumulate(np.where(begins, stamps_ns, self.lost_ns))
+        lost_ns = np.where(lost, lost_ns, NEVER_NS)
+        seen = np.stack(
+            (moved < SEEN_MOVING, rested(stamps_ns, moved_ns, rest_ns), astray(stamps_ns, lost_ns))
+        )
+        turns = np.flatnonzero((seen[:, 1:] != seen[:, :-1]).any(axis=0)) + 1
+        for row in (0, *turns.tolist(), len(stamps_ns) - 1):
+            self.moved, self.moved_ns = int(moved[row]), int(moved_ns[row])
+            self.lost_ns = int(lost_ns[row])
+            yield row
+
+
+def wrong_samples(quality: DataQuality) -> tuple[tuple[str, int], ...]:
+    """Every counter that has counted something wrong, as ``channel/counter``."""
+    return tuple(
+        (f"{row.channel}/{name}", count)
+        for row in quality.channels
+        if row.quality is not Quality.ABSENT
+        for name, count in row.counters
+        if count and name != "samples"
+    )
+
+
+def rested(stamp_ns: Any, moved_ns: Any, rest_ns: float) -> Any:
+    """Whether there was no motion for too long; for one scan, or elementwise for many."""
+    return (moved_ns == NEVER_NS) | (stamp_ns - moved_ns > rest_ns)
+
+
+def astray(stamp_ns: Any, lost_ns: Any) -> Any:
+    """Whether the state observer is off its track for good; for one scan, or for many."""
+    return (lost_ns != NEVER_NS) & (stamp_ns - lost_ns >= LOST_NS)

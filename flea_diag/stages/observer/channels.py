@@ -1,0 +1,185 @@
+"""The channels of a stand, each judged by itself: what can be used of a scan, and why not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core import backend as backends
+from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
+from flea_diag.core.sensors.channel_loops import glance_loops
+from flea_diag.core.sensors.quality import BEYOND_BOUNDS, ChannelMonitor
+from flea_diag.core.sensors.stale_rows import LEAST_CHANNELS, StaleRows
+from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.records import ChannelQuality, ChannelTable, Quality
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+VOLTAGE = INDEX["motor_voltage"]
+SENSOR_DEAD = "sensor dead, others read: "
+"""Before the reason of a channel that falls silent alone."""
+
+
+class Reading(NamedTuple):
+    """What n scans say of ``CHANNELS``, shape (n, channels), NaN = not measured.
+
+    ``raw`` as it was read; ``usable`` is NaN where a value is out of its range, too; ``steady``
+    whether each value leaves its channel as it is, None where all of them do.
+    """
+
+    raw: Array
+    usable: Array
+    steady: Flags | None
+
+
+class Channels:
+    """Monitors of the channels that a calibration knows.
+
+    Channels that just go on as they are, reading well or not at all, are counted together;
+    their monitors hear of it when something changes.
+    """
+
+    def __init__(self, known: Iterable[str], distrust: str, backend: str = "auto") -> None:
+        self._compiled = backends.chosen(backend) == "numba"
+        self._distrust = distrust
+        self._monitors = {INDEX[name]: ChannelMonitor(name) for name in CHANNELS if name in known}
+        self._layout: tuple[str, ...] = ()
+        self._from = self._to = np.empty(0, dtype=int)
+        self._said: tuple[str, ...] = ()
+        self._steady_scans = 0
+        self._stale = StaleRows(len(CHANNELS))
+        self._look()
+
+    def take_ranges(self, table: ChannelTable) -> None:
+        """Use the ranges of a channel table; a channel that it does not name has none."""
+        ranges = {row.name: (row.minimum, row.maximum) for row in table.channels}
+        self._count()
+        for monitor in self._monitors.values():
+            monitor.minimum, monitor.maximum = ranges.get(monitor.channel, (-math.inf, math.inf))
+        self._look()
+
+    def read(self, block: ScanBlock) -> Reading:
+        """What n scans say of ``CHANNELS``; one that only repeats the last one, nothing."""
+        layout = block.channels
+        if layout != self._layout:
+            places = {INDEX[name]: k for k, name in enumerate(layout) if name in INDEX}
+            to = [column for column in places if column in self._monitors]
+            self._to = np.array(to, dtype=int)
+            self._from = np.array([places[column] for column in to], dtype=int)
+            self._layout = layout
+        raw = np.empty((len(block), len(CHANNELS)))
+        if self._compiled and self._glance(block.values, raw):
+            return Reading(raw, raw, None)
+        raw.fill(np.nan)
+        raw[:, self._to] = block.values.take(self._from, axis=1)
+        stale = self._stale.find(raw)
+        if stale is not None:
+            self._leave_out(raw, stale)
+        steady = (raw > self._low) & (raw < self._high)
+        steady |= np.isnan(raw) & self._lacking
+        if steady.all():
+            return Reading(raw, raw, None)
+        inside = (raw >= self._least) & (raw <= self._most)
+        return Reading(raw, np.where(inside, raw, np.nan), steady)
+
+    def _glance(self, values: Array, raw: Array) -> bool:
+        """Fill ``raw`` in; whether that is all there is to do, as for most scans it is."""
+        places, bounds = (self._from, self._to), (self._low, self._high, self._lacking)
+        steady: bool = backends.exact(glance_loops)(
+            values, places, bounds, LEAST_CHANNELS, self._stale.last, raw
+        )
+        return steady
+
+    def _leave_out(self, raw: Array, stale: Flags) -> None:
+        """Count what was not read anew, and take it for not measured."""
+        read = np.count_nonzero(~np.isnan(raw[stale]), axis=0).tolist()
+        for column, monitor in self._monitors.items():
+            monitor.counters["stale"] += read[column]
+        raw[stale] = np.nan
+
+    def judge(self, stamps_ns: npt.NDArray[np.int64], reading: Reading, trusted: Flags) -> int:
+        """Follow the channels through n scans; the first that changes what is to be said, or n.
+
+        ``trusted`` is what a cross-check of several channels says of the voltage.
+        """
+        rows, steady = reading.raw, reading.steady
+        believed = bool(trusted.all())
+        if believed and self._said and steady is None:
+            self._steady_scans += len(rows)
+            return len(rows)
+        self._count()
+        as_before: Flags = np.ones(len(CHANNELS), dtype=bool)
+        if steady is not None:
+            as_before = np.all(steady, axis=0)
+        as_before[VOLTAGE] &= believed
+        first = len(rows) if self._said else 0
+        for column, monitor in self._monitors.items():
+            if as_before[column]:
+                monitor.pass_over(len(rows))
+            else:
+                doubted = trusted if column == VOLTAGE else np.ones_like(trusted)
+                first = min(first, self._step(monitor, stamps_ns, rows[:, column], doubted))
+        self._look()
+        self._said = tuple(monitor.state.quality for monitor in self._monitors.values())
+        return first
+
+    def _step(
+        self,
+        monitor: ChannelMonitor,
+        stamps_ns: npt.NDArray[np.int64],
+        values: Array,
+        trusted: Flags,
+    ) -> int:
+        """Value by value; the first that changes the state, or their number."""
+        before, first = monitor.state.quality, len(values)
+        columns = zip(stamps_ns.tolist(), values.tolist(), trusted.tolist(), strict=True)
+        for number, (stamp_ns, value, believed) in enumerate(columns):
+            monitor.step(stamp_ns, value, believed, self._distrust)
+            if monitor.state.quality != before:
+                first = min(first, number)
+        return first
+
+    def _count(self) -> None:
+        """Tell the monitors what they have not been told one by one."""
+        if self._steady_scans:
+            for monitor in self._monitors.values():
+                monitor.pass_over(self._steady_scans)
+            self._steady_scans = 0
+
+    def _look(self) -> None:
+        """Bounds inside which each channel goes on as it is."""
+        self._least, self._most = np.full((2, len(CHANNELS)), np.nan)
+        self._low, self._high = np.full((2, len(CHANNELS)), np.nan)
+        self._lacking = np.array([column not in self._monitors for column in range(len(CHANNELS))])
+        for column, monitor in self._monitors.items():
+            self._least[column] = max(monitor.minimum, -BEYOND_BOUNDS)
+            self._most[column] = min(monitor.maximum, BEYOND_BOUNDS)
+            self._lacking[column] = monitor.lacks
+            if monitor.reads:
+                self._low[column], self._high[column] = self._least[column], self._most[column]
+
+    @property
+    def driver_dead(self) -> bool:
+        """Whether every channel that ever read has fallen silent; one alone is a sensor."""
+        read = [m for m in self._monitors.values() if m.state.quality != "absent"]
+        return len(read) > 1 and all(monitor.silent for monitor in read)
+
+    def states(self, stuck: Mapping[str, int]) -> tuple[ChannelQuality, ...]:
+        """State and counters of every channel, as they are now; ``stuck`` is counted elsewhere."""
+        self._count()
+        alone = "" if self.driver_dead else SENSOR_DEAD
+        return tuple(
+            ChannelQuality(
+                m.channel,
+                Quality(m.state.quality),
+                m.state.since_ns,
+                (alone if m.silent else "") + m.state.reason,
+                (*m.counters.items(), ("stuck", stuck.get(m.channel, 0))),
+            )
+            for m in self._monitors.values()
+        )

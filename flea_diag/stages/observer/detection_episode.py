@@ -1,0 +1,160 @@
+"""The observer's episode: opened by the first test beyond its limit, closed when all is quiet."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.detection import symbols
+from flea_diag.core.detection.detection import TestResults
+from flea_diag.core.detection.symbols import SLOPE_S, UNKNOWN, SymbolState
+from flea_diag.core.residuals.residual_rows import RESIDUALS
+from flea_diag.wire.records import (
+    EARLIER_LEVEL,
+    NEVER_NS,
+    TAKEN_OVER,
+    Detection,
+    Record,
+    Symbol,
+    Symbols,
+)
+
+Flags = npt.NDArray[np.bool_]
+Stamps = npt.NDArray[np.int64]
+
+ISOLATING = np.array([row.isolates for row in RESIDUALS])
+QUIET = 0.7
+"""A test within this share of its limit is quiet."""
+
+
+class Deviation:
+    """Symbols of the open episode, if there is one, and for how long all has been quiet."""
+
+    def __init__(self, rearm_after_s: float) -> None:
+        self._wait_ns = rearm_after_s * 1e9
+        self._number = 0
+        self.is_open = False
+        self.forget()
+
+    def forget(self) -> None:
+        """No episode is open; the next has the next number."""
+        self.is_open = False
+        self._taken_over = False
+        self._symbols: dict[int, SymbolState] = {}
+        self._quiet_since_ns = NEVER_NS
+
+    def take_over(self, opened_ns: int, number: int) -> Detection:
+        """Go on with an episode that was opened before this observer was there.
+
+        It has no slopes, for nobody knows how a residual began, and quiet does not close it: what
+        is the same as at the return looks quiet.
+        """
+        self._number = number
+        self.is_open = self._taken_over = True
+        return Detection(opened_ns, number, True, "", math.nan, math.nan, TAKEN_OVER)
+
+    def follow(self, stamps_ns: Stamps, results: TestResults) -> int:
+        """Go through n scans; the first in which something happens, or n if nothing does."""
+        happens = results.deviating()
+        if not self.is_open:
+            return _first(np.any(happens, axis=1))
+        happens &= ISOLATING
+        happens[:, list(self._symbols)] = False
+        event = np.any(happens, axis=1)
+        if self._taken_over:
+            return _first(event)
+        for j, state in self._symbols.items():
+            if state.slope == UNKNOWN:
+                due = stamps_ns - state.since_ns >= SLOPE_S * 1e9
+                window, k = state.test
+                same = (results.window[:, j] == window) & (results.k[:, j] == k)
+                event |= due & same & ~np.isnan(results.z[:, j])
+        quiet_ns = self._quiet_ns(stamps_ns, results)
+        event |= (quiet_ns >= self._wait_ns) & (self._wait_ns > 0)
+        self._quiet_since_ns = int(stamps_ns[-1] - quiet_ns[-1]) if quiet_ns[-1] >= 0 else NEVER_NS
+        return _first(event)
+
+    def step(self, stamp_ns: int, results: TestResults) -> tuple[Record, ...]:
+        """Records of one scan."""
+        deviating = results.deviating()[0]
+        if not self.is_open:
+            return self._open(stamp_ns, results, deviating) if deviating.any() else ()
+        before = dict(self._symbols)
+        for j in np.flatnonzero(deviating & ISOLATING).tolist():
+            self._symbols.setdefault(j, symbols.crossed(*results.test(j), stamp_ns))
+        if not self._taken_over:
+            for j, state in self._symbols.items():
+                self._symbols[j] = symbols.later(state, *results.test(j), stamp_ns)
+        changed = self._symbols != before
+        out: tuple[Record, ...] = (self._symbol_record(stamp_ns),) if changed else ()
+        if self._taken_over:
+            return out
+        quiet_ns = int(self._quiet_ns(np.array([stamp_ns]), results)[0])
+        self._quiet_since_ns = stamp_ns - quiet_ns if quiet_ns >= 0 else NEVER_NS
+        if 0 < self._wait_ns <= quiet_ns:
+            return *out, self.close(stamp_ns, "quiet")
+        return out
+
+    def _quiet_ns(self, stamps_ns: Stamps, results: TestResults) -> Stamps:
+        """For how long all had been quiet at each scan; -1 where it is not."""
+        loud: Flags = np.any(np.abs(results.z) > QUIET * results.k, axis=1)
+        # Time counts from the first quiet scan after a loud one.
+        begins = np.append(self._quiet_since_ns < 0, loud[:-1])
+        begun = np.where(begins, stamps_ns, self._quiet_since_ns)
+        since = np.maximum.accumulate(begun)
+        quiet: Stamps = np.where(loud, -1, stamps_ns - since)
+        return quiet
+
+    def _open(self, stamp_ns: int, results: TestResults, deviating: Flags) -> tuple[Record, ...]:
+        self._number += 1
+        self.is_open = True
+        z, k, shift = results.z[0], results.k[0], results.shift[0]
+        self._symbols = {
+            j: symbols.crossed(*results.test(j), stamp_ns)
+            for j in np.flatnonzero(deviating & ISOLATING).tolist()
+        }
+        # Of a shift and its witness, which deviate alike, the shift is what has happened.
+        first = max(
+            np.flatnonzero(deviating).tolist(),
+            key=lambda j: (float(abs(z[j]) / k[j]), not math.isnan(shift[j])),
+        )
+        detection = Detection(
+            stamp_ns,
+            self._number,
+            True,
+            RESIDUALS[first].name,
+            float(z[first]),
+            float(k[first]),
+            _test(int(results.window[0, first]), float(shift[first]), RESIDUALS[first].unit),
+        )
+        # An innovation detects and has no symbol: those of the relations follow.
+        return (detection, self._symbol_record(stamp_ns)) if self._symbols else (detection,)
+
+    def _symbol_record(self, stamp_ns: int) -> Symbols:
+        rows = (
+            Symbol(RESIDUALS[j].name, state.magnitude, state.slope, state.since_ns)
+            for j, state in sorted(self._symbols.items(), key=lambda item: item[1].since_ns)
+        )
+        return Symbols(stamp_ns, self._number, tuple(rows))
+
+    def close(self, stamp_ns: int, why: str) -> Detection:
+        """Close the open episode."""
+        closed = Detection(stamp_ns, self._number, False, "", math.nan, math.nan, why)
+        self.forget()
+        return closed
+
+
+def _test(window: int, shift: float, unit: str) -> str:
+    """Words for the test that opens an episode: what was held against what."""
+    mean = f"mean of {window} samples"
+    if math.isnan(shift):
+        return mean
+    side = "above" if shift > 0.0 else "below"
+    return f"{mean}, {abs(shift):.3g} {unit} {side} {EARLIER_LEVEL}"
+
+
+def _first(event: Flags) -> int:
+    """Index of the first true one, their number if there is none."""
+    return int(event.argmax()) if event.any() else len(event)

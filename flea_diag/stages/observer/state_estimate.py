@@ -1,0 +1,123 @@
+"""The state observer in the observer stage: estimates and health out, innovations as residuals.
+
+Until a detection the filter corrects itself with every scan. From then on it is frozen: it
+predicts what a healthy actuator would do under the measured voltage and load, so that a faulty
+sensor does not smear. Once the episode is closed it begins anew.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core import backend as backends
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.observers import innovation_residual
+from flea_diag.core.observers.innovation_loops import told_loops
+from flea_diag.core.observers.observer_block import PREDICTED, Innovations
+from flea_diag.core.observers.state_observer import StateObserver
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.residual_rows import INDEX, INNOVATION_COLUMNS
+
+Array = npt.NDArray[np.float64]
+
+KINDS = {"particle": "optimal", "kalman": "kalman"}
+NONE = "none"
+_VOLTAGE, _COMMAND = INDEX["motor_voltage"], INDEX["commanded_voltage"]
+
+
+class Told(NamedTuple):
+    """What the estimates of n scans add to their residuals, columns in the order of their names.
+
+    ``estimates`` are predictions from earlier scans, ``sigmas`` what each reading is expected
+    to scatter by about them, both of shape (n, channels); ``health``, shape (n, 3), is the
+    effective sample size (inf without particles), the normalised innovation squared per channel
+    (1 expected), and 1 for a lost track.
+    """
+
+    channels: tuple[str, ...]
+    estimates: Array
+    sigmas: Array
+    health: Array
+
+
+class StateEstimate:
+    """A particle or Kalman filter over the scans of one stream, or nothing at all."""
+
+    def __init__(self, calibration: Calibration, kind: str, seed: int, backend: str) -> None:
+        self._channels = tuple(name for name in PREDICTED if name in calibration.channels)
+        self._at = np.array([PREDICTED.index(name) for name in self._channels], dtype=int)
+        self._frozen = False
+        self._compiled = backends.chosen(backend) == "numba"
+        self._pwm = calibration.voltage_sampling == "instant_pwm"
+        self._observer: StateObserver | None = None
+        if kind != NONE:
+            self._observer = StateObserver(
+                calibration.parameters,
+                calibration.period_s,
+                np.random.default_rng(seed),
+                backend=backend,
+                noise=calibration.observer_noise,
+                voltage_sampling=calibration.voltage_sampling or "mean",
+                kind=KINDS[kind],
+            )
+
+    @property
+    def runs(self) -> bool:
+        """Whether anything is estimated."""
+        return self._observer is not None
+
+    def step(
+        self, rows: Array, voltage_usable: npt.NDArray[np.bool_], frozen: bool, values: Array
+    ) -> Told:
+        """Take rows of ``CHANNELS`` and fill the innovations among their residuals ``values``."""
+        observer, count = self._observer, len(rows)
+        if observer is None:
+            nothing = np.empty((count, 0))
+            return Told((), nothing, nothing, nothing)
+        if self._frozen and not frozen:
+            observer.interrupt()
+        self._frozen = frozen
+        if not voltage_usable.all():
+            rows = rows.copy()
+            rows[~voltage_usable, _VOLTAGE] = math.nan
+        found = observer.follow(rows, frozen)
+        # A mean voltage that no command corroborates is an input on trust: its own error would
+        # read as an innovation. Raw PWM is a measurement among others.
+        testable = ~np.isnan(rows[:, _COMMAND]) | self._pwm
+        if self._compiled:
+            return self._follow(found, testable, frozen, values)
+        values[:, INNOVATION_COLUMNS] = math.nan
+        if not frozen:
+            tested = innovation_residual.normalised(found)
+            values[testable, INNOVATION_COLUMNS] = tested[testable]
+        sigmas = found.sigmas.take(self._at, axis=1)
+        sigmas[sigmas == 0.0] = math.nan
+        health = np.empty((count, 3))
+        # A frozen filter follows nothing, so it has no track to lose.
+        health[:, 0], health[:, 2] = found.ess, found.diverged & (not frozen)
+        np.divide(found.nis, np.maximum(found.measured, 1), out=health[:, 1])
+        return Told(self._channels, found.predictions.take(self._at, axis=1), sigmas, health)
+
+    def _follow(
+        self, found: Innovations, testable: npt.NDArray[np.bool_], frozen: bool, values: Array
+    ) -> Told:
+        """The same in one compiled loop."""
+        count = len(testable)
+        estimates, sigmas = np.empty((2, count, len(self._at)))
+        told = estimates, sigmas, np.empty((count, 3))
+        backends.exact(told_loops)(tuple(found), testable, frozen, self._at, told, values)
+        return Told(self._channels, *told)
+
+    def adopt(self, parameters: ActuatorParameters) -> None:
+        """Go on with other parameters (the offsets of this unit, once they are learned)."""
+        if self._observer is not None:
+            self._observer.adopt(parameters)
+
+    def interrupt(self) -> None:
+        """A gap in the stream."""
+        if self._observer is not None:
+            self._observer.interrupt()

@@ -1,0 +1,185 @@
+"""Whether scans come in order and without a gap: what was late, twice or lost is counted.
+
+Of the samples that came, those were used that are neither late, duplicate, crowded nor
+elsewhere. ``lost`` never came; ``jumps`` are stamps that leapt for good.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from enum import Enum
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.wire.records import STARVING, STREAM, ChannelQuality, Quality
+
+Stamps = npt.NDArray[np.int64]
+
+BACK_NS = 1_000_000_000
+"""A stamp that is older than the stream by more than this is of another clock."""
+AHEAD_NS = 60_000_000_000
+"""So is one that is farther ahead; nobody can tell what was lost in between, if anything."""
+FOLLOWERS = 10
+"""Scans in a row that a leap of the stamps needs to be believed. One wrong stamp ends no
+episode, and of two sources the one that was first is used for as long as it goes on."""
+ACCOUNTED = 100
+"""Scans used last, whose spacing tells whether a stream is starved."""
+STARVED = 2 * ACCOUNTED
+"""Periods beyond which they are too sparse. A stop of the source alone never makes them so."""
+SAY_NS = 1_000_000_000
+"""Counters that grow are said no oftener than this."""
+WORDS = {
+    "lost": "lost",
+    "late": "too late to be used",
+    "duplicate": "twice",
+    "crowded": "less than half a period from another (a second source?)",
+    "elsewhere": "of another clock (a second source, or one that was set)",
+    "jumps": "leaps of the stamps followed",
+}
+"""Counters beside ``samples``, and what each of them counts."""
+
+
+class Place(Enum):
+    """How a scan follows on the one before."""
+
+    NEXT = "next"
+    AFTER_GAP = "after a gap"
+    RESTART = "of a new stream"
+    PASSED_OVER = "not to be used"
+
+
+class StreamOrder:
+    """Stamps of one stream of scans, with what was counted on it over all its restarts."""
+
+    def __init__(self, period_ns: int, gap_scans: int) -> None:
+        self._period_ns = period_ns
+        self._gap_scans = gap_scans
+        self._counters = dict.fromkeys(("samples", *WORDS), 0)
+        self._seen: deque[int] = deque(maxlen=2 + BACK_NS // period_ns)
+        self._places: deque[int] = deque([0], maxlen=1 + ACCOUNTED)
+        """Periods from the first scan to each of the last ones, stops left out."""
+        self._elsewhere_ns = 0
+        self._followers = 0
+        self._said_ns = 0
+        self._said: tuple[int, ...] = self._faults()
+        self.first_ns: int | None = None
+        self.last_ns: int | None = None
+
+    def step(self, stamp_ns: int) -> Place:
+        """Take one scan."""
+        self._counters["samples"] += 1
+        if self.last_ns is None:
+            return self._begin(stamp_ns)
+        ahead_ns = stamp_ns - self.last_ns
+        if not -BACK_NS <= ahead_ns <= AHEAD_NS:
+            return self._leapt(stamp_ns)
+        self._followers = 0
+        if 2 * ahead_ns < self._period_ns:
+            return self._pass_over(stamp_ns)
+        missing = round(ahead_ns / self._period_ns) - 1
+        self._counters["lost"] += max(missing, 0)
+        self._places.append(self._places[-1] + (missing + 1 if missing < ACCOUNTED else 1))
+        self.last_ns = stamp_ns
+        self._seen.append(stamp_ns)
+        return Place.AFTER_GAP if missing >= self._gap_scans else Place.NEXT
+
+    def _begin(self, stamp_ns: int) -> Place:
+        self.first_ns = self.last_ns = stamp_ns
+        self._seen.clear()
+        self._seen.append(stamp_ns)
+        return Place.RESTART
+
+    def _pass_over(self, stamp_ns: int) -> Place:
+        """What comes after its turn: it, or its neighbour, was here, or it was thought lost."""
+        apart_ns = min((abs(stamp_ns - seen_ns) for seen_ns in self._seen), default=0)
+        if apart_ns == 0:
+            self._counters["duplicate"] += 1
+        elif 2 * apart_ns < self._period_ns:
+            self._counters["crowded"] += 1
+        else:
+            self._counters["late"] += 1
+            # What is older than the stream was never thought lost.
+            self._counters["lost"] -= self.first_ns is not None and stamp_ns > self.first_ns
+            self._seen.append(stamp_ns)
+        return Place.PASSED_OVER
+
+    def _leapt(self, stamp_ns: int) -> Place:
+        """A stamp of another clock; followed once so many of them came without any of the old."""
+        follows = 0 < stamp_ns - self._elsewhere_ns <= BACK_NS
+        self._followers = self._followers + 1 if self._followers and follows else 1
+        self._elsewhere_ns = stamp_ns
+        if self._followers < FOLLOWERS:
+            self._counters["elsewhere"] += 1
+            return Place.PASSED_OVER
+        self._followers = 0
+        self._counters["jumps"] += 1
+        first_ns, ahead = self.first_ns, stamp_ns > (self.last_ns or 0)
+        place = self._begin(stamp_ns)
+        if ahead:
+            # What was learned and found still holds; only smoothing starts anew.
+            self.first_ns, place = first_ns, Place.AFTER_GAP
+        return place
+
+    def leading(self, stamps_ns: Stamps) -> int:
+        """How many of these scans follow on one another and on the stream, with nothing to say.
+
+        A scan before which some were lost is left to ``step``, and so is the one with which
+        counters are to be said.
+        """
+        if self.last_ns is None or self.starved:
+            return 0
+        ahead_ns, missing = self._ahead(stamps_ns)
+        wrong = (2 * ahead_ns < self._period_ns) | (missing >= 1)
+        if self.unsaid:
+            wrong |= self._is_long_said(stamps_ns)
+        return int(wrong.argmax()) if wrong.any() else len(stamps_ns)
+
+    def follow(self, stamps_ns: Stamps) -> None:
+        """Take scans that ``leading`` has found to be in order."""
+        self._followers = 0
+        self._counters["samples"] += len(stamps_ns)
+        place = self._places[-1]
+        self._places.extend(range(place + 1, place + 1 + len(stamps_ns)))
+        self.last_ns = int(stamps_ns[-1])
+        self._seen.extend(stamps_ns[-(self._seen.maxlen or 0) :].tolist())
+
+    def _ahead(self, stamps_ns: Stamps) -> tuple[Stamps, npt.NDArray[np.float64]]:
+        """How far each scan is after the one before, and how many are missing between them."""
+        ahead_ns = stamps_ns - np.append(self.last_ns or 0, stamps_ns[:-1])
+        return ahead_ns, np.rint(ahead_ns / self._period_ns) - 1.0
+
+    def _faults(self) -> tuple[int, ...]:
+        return (*(self._counters[name] for name in WORDS), int(self.starved))
+
+    @property
+    def starved(self) -> bool:
+        """Whether more than half of the scans of the last seconds could not be used."""
+        return self._places[-1] - self._places[0] > STARVED
+
+    @property
+    def unsaid(self) -> bool:
+        """Whether something beside good scans was counted since ``say``."""
+        return self._faults() != self._said
+
+    def is_due(self, stamp_ns: int) -> bool:
+        """Whether that is to be said with this scan."""
+        return self.unsaid and bool(self._is_long_said(np.array([stamp_ns]))[0])
+
+    def _is_long_said(self, stamps_ns: Stamps) -> npt.NDArray[np.bool_]:
+        since_ns = stamps_ns - self._said_ns
+        return (since_ns < 0) | (since_ns >= SAY_NS)
+
+    def say(self, stamp_ns: int) -> ChannelQuality:
+        """The stream as a row of DataQuality that goes out now."""
+        self._said, self._said_ns = self._faults(), stamp_ns
+        return self.state()
+
+    def state(self) -> ChannelQuality:
+        """The stream as a row of DataQuality."""
+        counted = tuple(self._counters.items())
+        words = "; ".join(f"{self._counters[k]} {w}" for k, w in WORDS.items() if self._counters[k])
+        quality = Quality.GOOD
+        if self.starved:
+            quality, words = Quality.BAD, f"{STARVING}; {words}"
+        return ChannelQuality(STREAM, quality, self.first_ns or 0, words, counted)

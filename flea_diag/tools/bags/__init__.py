@@ -1,0 +1,1 @@
+"""``flea bag`` and ``flea recover``: whether bags are sound, and mending them."""

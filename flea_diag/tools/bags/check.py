@@ -1,0 +1,172 @@
+"""``flea bag check``: the layout of rosbag2, and that every message holds what it says."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flea_diag.errors import FleaError, RecordingError, WireError
+from flea_diag.tools.bags.recover import mcap_files, merged
+from flea_diag.tools.terminal import IN_PART, progress, warn
+from flea_diag.wire.bags import bag_layout as layout
+from flea_diag.wire.bags.bag_reader import described
+from flea_diag.wire.bags.mcap_scan import Channel, McapScan, Message
+from flea_diag.wire.messages.codec import decode
+from flea_diag.wire.records import ChannelTable
+from flea_diag.wire.topics import TOPIC_OF
+
+NAME = "bag"
+SUMMARY = "check that bags are sound (flea bag check BAGDIR...)"
+EXAMPLES = """\
+examples:
+  flea bag check bags/*          status 1 when one of them has an error
+"""
+
+TABLE_TOPIC = TOPIC_OF[ChannelTable].name
+EPOCH_NS = 946_684_800_000_000_000
+"""The year 2000: a stamp before it is no wall clock."""
+
+
+class Finding(NamedTuple):
+    """Something wrong (``error``) or worth knowing."""
+
+    error: bool
+    words: str
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    check_parser = actions.add_parser("check", help="check layout, metadata and every message")
+    check_parser.add_argument("bags", nargs="+", type=Path, metavar="BAGDIR")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check every bag."""
+    bad = 0
+    for number, bag in enumerate(arguments.bags, 1):
+        progress(number, len(arguments.bags), bag.name)
+        try:
+            findings = check(bag)
+        except FleaError as error:
+            findings = [Finding(True, str(error))]
+        bad += any(finding.error for finding in findings)
+        for finding in findings:
+            print(f"{bag}: {'error' if finding.error else 'note'}: {finding.words}")
+        if not findings:
+            print(f"{bag}: sound")
+    if bad and len(arguments.bags) > 1:
+        warn(f"{bad} of {len(arguments.bags)} bags have errors")
+    return IN_PART if bad else 0
+
+
+def check(bag: Path) -> list[Finding]:
+    """Everything that is wrong with a bag, or worth knowing.
+
+    Raises
+    ------
+    RecordingError
+        When there is no MCAP bag at all.
+    """
+    if not bag.is_dir():
+        raise RecordingError(f"{bag} is no folder: a bag is a folder with an .mcap file in it")
+    scans = [McapScan(file) for file in mcap_files(bag)]
+    counts: Counter[str] = Counter()
+    findings = [*_messages(scans, counts), *(f for scan in scans for f in _file(scan))]
+    return [*_metadata(bag, scans, counts), *findings]
+
+
+def _file(scan: McapScan) -> Iterator[Finding]:
+    name = scan.path.name
+    if scan.profile != "ros2":
+        yield Finding(True, f"{name}: profile {scan.profile!r} in the header, it must be 'ros2'")
+    for loss in scan.losses:
+        yield Finding(True, loss)
+    if not scan.indexed:
+        yield Finding(False, f"{name}: no summary (its recorder died); flea recover writes one")
+    for channel in scan.channels.values():
+        yield from _channel(channel)
+
+
+def _channel(channel: Channel) -> Iterator[Finding]:
+    known = dict(channel.metadata)
+    if channel.encoding != "cdr":
+        yield Finding(True, f"{channel.topic}: encoding {channel.encoding!r}, it must be 'cdr'")
+    if channel.schema.encoding not in ("ros2msg", "ros2idl"):
+        encoding = channel.schema.encoding
+        yield Finding(True, f"{channel.topic}: schema encoding {encoding!r}, it must be 'ros2msg'")
+    if "offered_qos_profiles" not in known:
+        yield Finding(True, f"{channel.topic}: no offered_qos_profiles on its channel")
+    ours = layout.split_name(channel.topic)
+    if ours is None:
+        yield Finding(False, f"{channel.topic}: not one of our topics")
+    elif channel.message != ours[1].message:
+        yield Finding(True, f"{channel.topic}: {channel.message}, it must be {ours[1].message}")
+    else:
+        expected = layout.message_type(channel.message).type_hash
+        if known.get("topic_type_hash", expected) != expected:
+            yield Finding(True, f"{channel.topic}: its type hash is not that of ROS 2 Jazzy")
+
+
+def _messages(scans: list[McapScan], counts: Counter[str]) -> Iterator[Finding]:
+    """Read every message; what is wrong with a topic is said once, with how often."""
+    wrong: Counter[tuple[str, str]] = Counter()
+    tables = 0
+    for message in merged(scans):
+        counts[message.channel.topic] += 1
+        for words in _message(message):
+            wrong[message.channel.topic, words] += 1
+        tables += message.channel.topic.endswith(TABLE_TOPIC)
+    for (topic, words), count in wrong.items():
+        yield Finding(True, f"{topic}: {words} ({count} messages)")
+    if not tables:
+        yield Finding(False, f"no {TABLE_TOPIC}: units and signs are not told")
+
+
+def _message(message: Message) -> Iterator[str]:
+    ours = layout.split_name(message.channel.topic)
+    if min(message.log_ns, message.publish_ns) < EPOCH_NS:
+        yield "a stamp before the year 2000, bags need a wall clock"
+    if ours is None or message.channel.message != ours[1].message:
+        return
+    try:
+        record: Any = decode(ours[1].record, message.data)
+    except WireError as error:
+        yield f"unreadable: {error}"
+        return
+    if record.stamp_ns != message.publish_ns:
+        yield "publish time is not the stamp of the acquisition"
+
+
+def _metadata(bag: Path, scans: list[McapScan], counts: Counter[str]) -> Iterator[Finding]:
+    lost: list[str] = []
+    known = described(bag, lost)
+    if lost:
+        yield Finding(True, lost[0])
+        return
+    if known.get("version") != layout.VERSION:
+        words = f"version {known.get('version')}, rosbag2 of Jazzy writes {layout.VERSION}"
+        yield Finding(False, f"{layout.METADATA_FILE}: {words}")
+    files = [str(name) for name in known.get("relative_file_paths") or []]
+    present = [scan.path.name for scan in scans]
+    if sorted(files) != sorted(present):
+        yield Finding(True, f"{layout.METADATA_FILE} names {files}, the folder holds {present}")
+    told = dict(_told(known))
+    if not told:
+        yield Finding(True, f"{layout.METADATA_FILE}: no topics (ros2 bag play hangs on that)")
+    for topic in sorted(told.keys() | counts.keys()):
+        if told.get(topic, 0) != counts[topic]:
+            words = f"{told.get(topic, 0)} messages on {topic}, the files hold {counts[topic]}"
+            yield Finding(True, f"{layout.METADATA_FILE}: {words}")
+
+
+def _told(known: dict[str, Any]) -> Iterator[tuple[str, int]]:
+    """Topics and message counts that metadata.yaml tells."""
+    for row in known.get("topics_with_message_count") or []:
+        try:
+            yield str(row["topic_metadata"]["name"]), int(row["message_count"])
+        except (TypeError, KeyError, ValueError):
+            continue

@@ -1,0 +1,1 @@
+"""``flea calibrate``: parameters and limits from nominal recordings."""

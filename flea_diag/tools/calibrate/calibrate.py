@@ -1,0 +1,200 @@
+"""``flea calibrate``: parameters, offsets and limits from nominal recordings."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flea_diag.errors import CalibrationError, ConfigurationError
+from flea_diag.tools.calibrate import plots as calibration_plots
+from flea_diag.tools.calibrate import report as calibration_report
+from flea_diag.tools.calibrate.nominal_recording import NominalRecording, check_alike, read_nominal
+from flea_diag.tools.extra import require
+from flea_diag.tools.terminal import IN_PART, make_folder, warn, write_text
+
+if TYPE_CHECKING:
+    from flea_diag.core.calibration.calibration import Calibration, Run
+    from flea_diag.core.calibration.thresholds import Trace
+
+NAME = "calibrate"
+SUMMARY = "learn parameters and thresholds from nominal bags"
+EXAMPLES = """\
+examples:
+  flea calibrate bags/*Nominal* -o calibration.yaml
+  flea calibrate bags/nominal_* -o calibration.yaml --false-alarms 0.01
+  flea calibrate bags/nominal_* -o calibration.yaml --plots pictures/
+"""
+
+FALSE_ALARMS_PER_HOUR = 0.1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="nominal recordings")
+    parser.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="FILE", help="calibration to write"
+    )
+    parser.add_argument(
+        "--false-alarms",
+        type=float,
+        default=FALSE_ALARMS_PER_HOUR,
+        metavar="RATE",
+        help="false alarms per hour of nominal running, all tests together (default %(default)s)",
+    )
+    parser.add_argument(
+        "--plots",
+        type=Path,
+        metavar="DIR",
+        help="draw the residuals of each recording against their limits (needs matplotlib)",
+    )
+    parser.add_argument(
+        "--plot-format", choices=("png", "svg"), default="png", help="of the pictures"
+    )
+    parser.add_argument("--actuator", default="actuator.yaml", help="actuator description")
+    parser.add_argument("--force", action="store_true", help="replace an existing file")
+    parser.add_argument("--json", action="store_true", help="report as JSON on standard output")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Read the bags, fit, write the file and say what was found."""
+    if not arguments.false_alarms > 0.0:
+        raise ConfigurationError(
+            f"--false-alarms = {arguments.false_alarms}: must be above 0 per hour"
+        )
+    if arguments.output.exists() and not arguments.force:
+        raise ConfigurationError(f"{arguments.output}: exists already, use --force to replace it")
+    if arguments.plots is not None:
+        require("plot", "--plots")
+    recordings, refused = read_nominal(arguments.bags)
+    found = learn(recordings, arguments.actuator, arguments.false_alarms)
+    calibration = found.calibration
+    write_calibration(arguments.output, calibration)
+    if arguments.plots is not None:
+        calibration_plots.draw(calibration, found.traces, arguments.plots, arguments.plot_format)
+    report = json.dumps(calibration.to_mapping(), indent=2) if arguments.json else None
+    print(report or calibration_report.words(calibration))
+    if refused:
+        warn(f"{len(refused)} of {len(arguments.bags)} bags left out")
+    return IN_PART if refused else 0
+
+
+@dataclass(frozen=True)
+class Learned:
+    """A calibration, and the residuals of each recording that its limits were fitted to."""
+
+    calibration: Calibration
+    traces: tuple[Trace, ...]
+
+
+def calibrate(
+    recordings: list[NominalRecording], actuator: str, false_alarms_per_hour: float
+) -> Calibration:
+    """Calibration from recordings of one stand, see ``learn``."""
+    return learn(recordings, actuator, false_alarms_per_hour).calibration
+
+
+def learn(
+    recordings: list[NominalRecording], actuator: str, false_alarms_per_hour: float
+) -> Learned:
+    """Calibration from recordings of one stand, with what its limits were fitted to.
+
+    Raises
+    ------
+    CalibrationError
+        Fewer than two recordings, recordings of different stands, or of an actuator that the
+        description does not fit, no motion.
+    """
+    from flea_diag.configuration import load_yaml
+    from flea_diag.core.calibration import identification, innovation_learning, thresholds
+    from flea_diag.core.calibration.calibration import Calibration, Run
+    from flea_diag.core.residuals.parameters import UnitTolerance
+    from flea_diag.core.residuals.residual_rows import INDEX
+    from flea_diag.core.sensors.sensor_limits import RESOLUTIONS, sensor_limits
+    from flea_diag.core.smoothing import KERNEL_LENGTH
+
+    if len(recordings) < 2:
+        raise CalibrationError(
+            f"{len(recordings)} usable recordings, at least 2 are needed to tell scatter from fault"
+        )
+    first = recordings[0]
+    described = load_yaml(actuator)
+    _check_described(first, described, actuator)
+    for other in recordings[1:]:
+        check_alike(first, other)
+    runs = [recording.run for recording in recordings]
+    found = identification.identify(runs, KERNEL_LENGTH, first.period_s)
+    traces = [thresholds.trace(run, found, KERNEL_LENGTH, first.period_s) for run in runs]
+    watched = innovation_learning.learn(
+        [Run(run.name, _trusted(run, seen)) for run, seen in zip(runs, traces, strict=True)],
+        found.parameters,
+        UnitTolerance(),
+        first.period_s,
+        first.sampling or "mean",
+    )
+    traces = list(map(thresholds.with_innovations, traces, watched.residuals))
+    calibration = Calibration(
+        actuator=str(described["name"]),
+        period_s=first.period_s,
+        channels=first.channels,
+        voltage_sampling=first.sampling,
+        parameters=found.parameters,
+        sigmas=found.sigmas,
+        not_identified=found.not_identified,
+        tolerance=UnitTolerance(),
+        limits=thresholds.limits(traces, false_alarms_per_hour, first.period_s, watched.spread),
+        false_alarms_per_hour=false_alarms_per_hour,
+        voltage_limit_v=found.voltage_limit_v,
+        nominal_s=sum(len(run.rows) for run in runs) * first.period_s,
+        sources=tuple(run.name for run in runs),
+        bad_stretches=tuple(
+            stretch for traced in traces for stretch in thresholds.stretches(traced, first.period_s)
+        ),
+        observer_noise=watched.noise,
+        sensors=sensor_limits(
+            [{name: run.rows[:, INDEX[name]] for name in RESOLUTIONS} for run in runs],
+            false_alarms_per_hour,
+            first.period_s,
+        ),
+        covariance=tuple(found.covariance),
+        shifts=thresholds.shift_limits(traces, false_alarms_per_hour, first.period_s),
+    )
+    return Learned(calibration, tuple(traces))
+
+
+def _trusted(run: Run, seen: Trace) -> Any:
+    """Rows without the voltage where it is not to be trusted: not measured there."""
+    from flea_diag.core.residuals.residual_rows import INDEX
+
+    rows = run.rows.copy()
+    rows[~seen.voltage_usable, INDEX["motor_voltage"]] = float("nan")
+    return rows
+
+
+def _check_described(first: NominalRecording, described: Any, actuator: str) -> None:
+    """Channels that the diagnosis reads must be sensors or inputs of the described actuator."""
+    if not isinstance(described, dict) or "name" not in described:
+        raise ConfigurationError(f"{actuator}: no actuator description: it has no 'name'")
+    known = {*described.get("sensors", ()), *described.get("inputs", ())}
+    strange = [channel for channel in first.channels if channel not in known]
+    if strange:
+        raise CalibrationError(
+            f"{first.run.name}: {strange[0]} is no sensor of actuator {described['name']!r} "
+            f"({actuator}): the recordings are of another actuator, or --actuator is to name theirs"
+        )
+
+
+def write_calibration(path: Path, calibration: Calibration) -> None:
+    """Write a calibration file, in a folder that is made where it is missing.
+
+    Raises
+    ------
+    ConfigurationError
+        When it cannot be written.
+    """
+    import yaml
+
+    make_folder(path.parent)
+    write_text(path, yaml.safe_dump(calibration.to_mapping(), sort_keys=False, width=100))

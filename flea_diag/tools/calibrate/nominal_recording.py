@@ -1,0 +1,168 @@
+"""Recordings that a calibration is learned from: nominal, in SI units, of one stand, each once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flea_diag.errors import CalibrationError, FleaError
+from flea_diag.tools.terminal import progress, warn
+
+if TYPE_CHECKING:
+    from flea_diag.core.calibration.calibration import Run
+    from flea_diag.wire.records import ChannelTable
+
+NOMINAL = ("", "nominal")
+
+
+@dataclass(frozen=True)
+class NominalRecording:
+    """What was read of one bag; ``sampling`` is that of the voltage."""
+
+    run: Run
+    stand: str
+    channels: tuple[str, ...]
+    sampling: str
+    period_s: float
+
+
+def read_nominal(bags: Sequence[Path]) -> tuple[list[NominalRecording], list[str]]:
+    """Recordings that can be used, and why the others cannot; each is said at once."""
+    recordings: list[NominalRecording] = []
+    refused: list[str] = []
+    seen: set[Path] = set()
+    for number, bag in enumerate(bags, 1):
+        progress(number, len(bags), bag.name)
+        try:
+            if bag.resolve() in seen:
+                raise CalibrationError(
+                    f"{bag} is given twice: what repeats itself to the last bit shows no scatter"
+                )
+            seen.add(bag.resolve())
+            recordings.append(_read(bag))
+        except FleaError as error:
+            refused.append(str(error))
+            warn(str(error))
+    return recordings, refused
+
+
+def _read(bag: Path) -> NominalRecording:
+    """Rows, channels and period of one bag; a bag with a fault in it is refused."""
+    import numpy as np
+
+    from flea_diag.core.calibration.calibration import Run
+    from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
+
+    table, stamps, measured = _content(bag)
+    if len(stamps) < 2 or table is None:
+        missing = "channel table" if table is None else "scans"
+        raise CalibrationError(f"{bag}: no {missing} in it, {len(stamps)} scans")
+    present = tuple(c for c in CHANNELS if np.isfinite(measured[:, INDEX[c]]).any())
+    voltage = table.info("motor_voltage")
+    _check_units(bag, table)
+    return NominalRecording(
+        Run(bag.name, measured),
+        table.stand,
+        present,
+        voltage.sampling if voltage is not None else "",
+        float(np.median(np.diff(stamps))) / 1e9,
+    )
+
+
+def _content(bag: Path) -> tuple[ChannelTable | None, list[int], Any]:
+    """Channel table, stamps (ns), and what the residual bank reads, shape (scans, channels)."""
+    import numpy as np
+
+    from flea_diag.wire.bags.bag import BagReader
+    from flea_diag.wire.blocks import ScanBlock
+    from flea_diag.wire.records import ChannelTable, Scan, Truth
+
+    rows: list[Any] = [_rows((), np.empty((0, 0)))]
+    stamps: list[int] = []
+    table: ChannelTable | None = None
+    reader = BagReader(bag)
+    for record in reader.blocks((ChannelTable, Scan, Truth)):
+        if isinstance(record, ChannelTable):
+            table = record
+        elif isinstance(record, Truth) and record.fault not in NOMINAL:
+            raise CalibrationError(
+                f"{bag}: its truth says {record.fault!r}, calibration needs nominal runs"
+            )
+        elif isinstance(record, ScanBlock):
+            rows.append(_rows(record.channels, record.values))
+            stamps += record.stamps_ns.tolist()
+        elif isinstance(record, Scan):
+            rows.append(_rows(record.channels, np.array([record.values])))
+            stamps.append(record.stamp_ns)
+    for loss in reader.losses:
+        warn(f"{bag}: {loss}")
+    return table, stamps, np.concatenate(rows)
+
+
+def _rows(channels: Sequence[str], values: Any) -> Any:
+    """The columns that the residual bank knows, in its order; NaN for those that are not here."""
+    import numpy as np
+
+    from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
+
+    rows = np.full((len(values), len(CHANNELS)), np.nan)
+    for column, name in enumerate(channels):
+        if name in INDEX:
+            rows[:, INDEX[name]] = values[:, column]
+    return rows
+
+
+UNITS = {
+    "motor_current": "A",
+    "motor_voltage": "V",
+    "commanded_voltage": "V",
+    "motor_speed": "rad/s",
+    "actuator_position": "m",
+    "load_position": "m",
+    "load_force": "N",
+    "motor_temperature": "degC",
+    "nut_temperature": "degC",
+    "ambient_temperature": "degC",
+}
+
+
+def _check_units(bag: Path, table: Any) -> None:
+    for channel, unit in UNITS.items():
+        info = table.info(channel)
+        if info is not None and info.unit != unit:
+            raise CalibrationError(
+                f"{bag}: {channel} is in {info.unit!r}, it must be in {unit!r}: import it anew"
+            )
+
+
+def check_alike(first: NominalRecording, other: NominalRecording) -> None:
+    """See that two recordings are of one stand.
+
+    Raises
+    ------
+    CalibrationError
+        Naming what they differ in.
+    """
+    if other.stand != first.stand:
+        raise CalibrationError(
+            f"{other.run.name}: recorded on stand {other.stand!r}, {first.run.name} on "
+            f"{first.stand!r}: one calibration is of one actuator, calibrate each on its own"
+        )
+    if abs(other.period_s - first.period_s) > 0.01 * first.period_s:
+        raise CalibrationError(
+            f"{other.run.name}: scans every {other.period_s} s, {first.run.name} every "
+            f"{first.period_s} s: calibrate from recordings of one stand"
+        )
+    if other.sampling != first.sampling:
+        raise CalibrationError(
+            f"{other.run.name}: motor_voltage sampled as {other.sampling!r}, {first.run.name} as "
+            f"{first.sampling!r}: calibrate from recordings of one stand"
+        )
+    if other.channels != first.channels:
+        odd = sorted(set(first.channels) ^ set(other.channels))
+        raise CalibrationError(
+            f"{other.run.name}: {odd[0]} is not in both it and {first.run.name}: "
+            "calibrate from recordings of one stand"
+        )

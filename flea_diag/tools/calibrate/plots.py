@@ -1,0 +1,106 @@
+"""Pictures of a calibration: the residuals of each nominal recording against their limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.tools.terminal import make_folder, writing
+
+if TYPE_CHECKING:
+    from flea_diag.core.calibration.calibration import Calibration
+    from flea_diag.core.calibration.thresholds import Trace
+    from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
+
+Array = npt.NDArray[np.float64]
+
+COLUMNS = 3
+PANEL_IN = (5.2, 1.7)
+RESIDUAL, LIMIT, OUTSIDE = "#0072b2", "#d55e00", "#999999"
+"""Blue, vermilion and grey: told apart by the colour-blind."""
+
+
+def draw(calibration: Calibration, traces: Sequence[Trace], folder: Path, kind: str) -> list[Path]:
+    """One picture a recording, ``<recording>.<kind>`` in the folder; returns their paths."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    make_folder(folder)
+    limits = [limit for limit in calibration.limits if limit.windows[0].window > 1]
+    rows = math.ceil(len(limits) / COLUMNS)
+    made = []
+    for trace in traces:
+        figure = Figure(figsize=(PANEL_IN[0] * COLUMNS, PANEL_IN[1] * rows), layout="constrained")
+        FigureCanvasAgg(figure)
+        figure.suptitle(
+            f"{trace.name}: residuals and limits at {calibration.false_alarms_per_hour:g} false "
+            "alarms per hour (grey: not tested)"
+        )
+        panels = figure.subplots(rows, COLUMNS, sharex=True, squeeze=False).ravel()
+        for panel, limit in zip(panels, limits, strict=False):
+            _panel(panel, limit, trace, calibration.period_s)
+        for panel in panels[len(limits) :]:
+            panel.set_visible(False)
+        for panel in panels[max(len(limits) - COLUMNS, 0) : len(limits)]:
+            panel.tick_params(labelbottom=True)
+            panel.set_xlabel("time [s]", fontsize=7, labelpad=0)
+        target = folder / f"{trace.name}.{kind}"
+        with writing(target):
+            figure.savefig(target, dpi=80)
+        made.append(target)
+    return made
+
+
+def _panel(panel: Any, limit: ResidualLimit, trace: Trace, period_s: float) -> None:
+    from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS
+
+    row = RESIDUALS[RESIDUAL_INDEX[limit.name]]
+    window = limit.windows[len(limit.windows) // 2]
+    time_s = np.arange(len(trace.values)) * period_s
+    mean, low, high = windowed(limit, window, trace)
+    panel.fill_between(time_s, 0, 1, where=np.isnan(mean), transform=panel.get_xaxis_transform(),
+                       color=OUTSIDE, alpha=0.25, linewidth=0)  # fmt: skip
+    panel.plot(time_s, mean, color=RESIDUAL, linewidth=1.0)
+    for bound in (low, high):
+        panel.plot(time_s, bound, color=LIMIT, linewidth=1.0, linestyle="--")
+    panel.set_title(f"{limit.name} [{row.unit}], mean of {window.window}", fontsize=8, loc="left")
+    panel.tick_params(labelsize=7)
+    panel.set_xlim(0.0, float(time_s[-1]))
+
+
+def windowed(limit: ResidualLimit, window: WindowLimit, trace: Trace) -> tuple[Array, Array, Array]:
+    """Statistic of one test over a recording with its lower and upper limit, (scans,) each.
+
+    NaN where nothing was tested. The limits are those of nominal scatter alone; what healthy
+    units differ by comes on top in a diagnosis.
+    """
+    from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S
+    from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS
+
+    index = RESIDUAL_INDEX[limit.name]
+    values = trace.values[:, index]
+    tested = np.isfinite(values)
+    if RESIDUALS[index].gate == "moving":
+        tested &= trace.moving
+    mean, low, high = (np.full(len(values), np.nan) for _ in range(3))
+    count = window.window
+    at = np.flatnonzero(tested)[count - 1 :]
+    if not len(at):
+        return mean, low, high
+    statistic = _rolling(values[tested], count)
+    speed = _rolling(np.nan_to_num(trace.speed_m_s[tested]), count)
+    region = np.searchsorted(SPEED_REGIONS_M_S, speed)
+    centre, reach = np.take(window.centre, region), window.k * np.take(window.sigma, region)
+    mean[at], low[at], high[at] = statistic, centre - reach, centre + reach
+    return mean, low, high
+
+
+def _rolling(values: Array, window: int) -> Array:
+    sums = np.concatenate(([0.0], np.cumsum(values)))
+    rolled: Array = (sums[window:] - sums[:-window]) / window
+    return rolled

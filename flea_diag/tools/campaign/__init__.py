@@ -1,0 +1,1 @@
+"""Campaigns: which runs there are, their records, and the results that are kept."""

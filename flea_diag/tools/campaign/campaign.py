@@ -1,0 +1,261 @@
+"""What a campaign file says: which runs, which truth is right to be answered how.
+
+Frozen values, read from YAML and checked: unknown keys, wrong types and sizes beyond a limit are
+refused by name. Files are found from the campaign's own folder or, where they are not there,
+from the folder that the environment variable FLEA_DATA_DIR names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.campaign.run_result import NOMINAL
+from flea_diag.wire.parameters import build, parameter
+
+SCHEMA_VERSION = 1
+HYBRID = "hybrid"
+"""The diagnoser as `flea replay` runs it; others are baselines."""
+CLASSIFIER = "feature_classifier"
+"""The configuration that needs a network."""
+HALVES = "halves"
+"""Calibration by the recordings themselves: each half of the nominal runs scores the other."""
+
+LARGEST_LIST = 10_000
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a table of runs: a fault, how often, and between which sizes."""
+
+    title: str = parameter("", "name of the row")
+    fault: str = parameter("", "id of the catalogue, empty: nominal")
+    cases: int = parameter(1, "how many runs", minimum=1, maximum=LARGEST_LIST)
+    low: float = parameter(0.0, "smallest size")
+    high: float = parameter(0.0, "largest size; 0: the catalogue's default")
+    either_sign: bool = parameter(False, "every second draw or so is negative")
+    switched: bool = parameter(False, "control is switched to a unit that has the fault")
+    sizes: tuple[float, ...] = field(default=())
+    """A ladder: these sizes in turn instead of draws between low and high."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Runs of the simulated stand, drawn as those of the paper's Table 4."""
+
+    name: str = parameter("drawn", "first part of the names of the runs")
+    seed: int = parameter(1, "of all draws", minimum=0, maximum=2**31)
+    times: int = parameter(1, "so many times the cases of each row", minimum=1, maximum=1000)
+    duration_s: float = parameter(40.0, "length", unit="s", minimum=10.0, maximum=86400.0)
+    earliest_onset_s: float = parameter(12.0, "of a fault", unit="s", minimum=0.0)
+    latest_onset_s: float = parameter(18.0, "of a fault", unit="s", minimum=0.0)
+    unit_spread: float = parameter(1.0, "scale of all spreads", minimum=0.0, maximum=3.0)
+    vibration: bool = parameter(True, "sample the accelerometers")
+    voltage: str = parameter("mean", "how it is sampled", choices=("mean", "instant_pwm"))
+    spread: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviations between units, relative, where they are not the stand's own."""
+    rows: tuple[Row, ...] = ()
+
+
+@dataclass(frozen=True)
+class Scenarios:
+    """Runs of the simulated stand by scenario: names of shipped ones, or YAML files."""
+
+    name: str = parameter("scenarios", "first part of the names of the runs")
+    seed: int = parameter(1, "of the first run of each scenario", minimum=0, maximum=2**31)
+    times: int = parameter(1, "runs of each, with seeds that follow", minimum=1, maximum=1000)
+    vibration: bool = parameter(True, "sample the accelerometers")
+    files: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """Recorded runs: bags, folders of bags, FLEA .data files; ``*`` stands for anything."""
+
+    name: str = parameter("recordings", "first part of the names of the runs")
+    files: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Injections:
+    """Software faults put into recorded nominal runs, after their DAQ."""
+
+    name: str = parameter("injections", "first part of the names of the runs")
+    seed: int = parameter(1, "of all draws", minimum=0, maximum=2**31)
+    cases: int = parameter(60, "of each row or rung", minimum=1, maximum=LARGEST_LIST)
+    ladder: bool = parameter(False, "a ladder of severities in place of drawn sizes")
+    files: tuple[str, ...] = ()
+    rows: tuple[str, ...] = ()
+    """Channel and mode (``motor_current bias``); all that there are where none is named."""
+
+
+@dataclass(frozen=True)
+class Switches:
+    """A recorded nominal run that becomes a faulty one of the same motion and load."""
+
+    name: str = parameter("switches", "first part of the names of the runs")
+    margin_s: float = parameter(
+        12.0, "of the switch from the start of the nominal run", unit="s", minimum=0.0
+    )
+    nominal: tuple[str, ...] = ()
+    faulty: tuple[str, ...] = ()
+
+
+Source = Drawn | Scenarios | Recordings | Injections | Switches
+SOURCES: dict[str, type[Any]] = {
+    "drawn": Drawn,
+    "scenarios": Scenarios,
+    "recordings": Recordings,
+    "injections": Injections,
+    "switches": Switches,
+}
+LISTS = ("files", "nominal", "faulty")
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """All of a campaign file."""
+
+    name: str = parameter("campaign", "for people")
+    calibration: str = parameter(
+        "", "a file; empty: the simulated stand's; halves: of the recordings themselves"
+    )
+    classifier: str = parameter(
+        "", "network that `flea features train` made, for the configuration feature_classifier"
+    )
+    limit_percent: float = parameter(
+        0.0, "share of right runs below which a row is lost", minimum=0.0, maximum=100.0
+    )
+    configurations: tuple[str, ...] = (HYBRID,)
+    learn_from: tuple[str, ...] = ()
+    """Nominal bags that limit checks learn from, where the runs themselves teach none."""
+    expect: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Truth -> faults that a right group may hold, where that is not the truth alone."""
+    sources: tuple[Source, ...] = ()
+    folder: Path = Path()
+
+    def expected(self, truth: str) -> tuple[str, ...]:
+        """Faults that a right final group may hold; empty: no alarm is right."""
+        return expected_of(truth, self.expect)
+
+
+def expected_of(truth: str, expect: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+    """What ``expect`` says of a truth, else that truth alone, and of a healthy run nothing."""
+    return expect.get(truth, () if truth == NOMINAL else (truth,))
+
+
+def load_campaign(path: Path) -> Campaign:
+    """Campaign of a YAML file, or of a folder of recordings.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the file, the key, the value and what it must be.
+    """
+    if path.is_dir():
+        source = Recordings(name=path.resolve().name, files=(str(path.resolve()),))
+        return Campaign(name=path.resolve().name, sources=(source,))
+    from flea_diag.configuration import load_yaml
+
+    found = path if path.is_file() or path.parent != Path() else _shipped(path)
+    return campaign_from_mapping(load_yaml(found), str(path), found.resolve().parent)
+
+
+def _shipped(name: Path) -> Path:
+    from flea_diag.configuration import config_path
+
+    return config_path(f"campaigns/{name.name}")
+
+
+def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Campaign:
+    """Campaign of what a YAML file held; see ``load_campaign``."""
+    from flea_diag.core.schema import version
+
+    version(content, where, SCHEMA_VERSION)
+    plain = {k: v for k, v in content.items() if k not in _STRUCTURED}
+    campaign = build(Campaign, plain, where)
+    expect = _mapping(content.get("expect", {}), f"{where}: expect")
+    sources = _list(content.get("sources"), f"{where}: sources")
+    made = tuple(_source(row, f"{where}: sources[{k}]") for k, row in enumerate(sources))
+    names = [source.name for source in made]
+    double = sorted({name for name in names if names.count(name) > 1})
+    if double:
+        raise ConfigurationError(f"{where}: two sources are named {double[0]!r}, give each its own")
+    return replace(
+        campaign,
+        configurations=_texts(content.get("configurations", [HYBRID]), f"{where}: configurations"),
+        learn_from=_texts(content.get("learn_from", []), f"{where}: learn_from", may_be_empty=True),
+        expect={
+            truth: _texts(names, f"{where}: expect: {truth}", may_be_empty=True)
+            for truth, names in expect.items()
+        },
+        sources=made,
+        folder=folder,
+    )
+
+
+_STRUCTURED = ("schema_version", "configurations", "expect", "learn_from", "sources")
+
+
+def _source(content: Any, where: str) -> Source:
+    values = dict(_mapping(content, where))
+    kind = values.pop("kind", None)
+    if not isinstance(kind, str) or kind not in SOURCES:
+        raise ConfigurationError(
+            f"{where}: kind = {kind!r} is unknown, choose one of {', '.join(SOURCES)}"
+        )
+    known = SOURCES[kind].__dataclass_fields__
+    structured: dict[str, Any] = {
+        key: _texts(values.pop(key, None), f"{where}: {key}") for key in LISTS if key in known
+    }
+    if kind == "injections":
+        rows = values.pop("rows", [])
+        structured["rows"] = _texts(rows, f"{where}: rows", may_be_empty=True)
+    elif "rows" in known:
+        rows = _list(values.pop("rows", None), f"{where}: rows")
+        structured["rows"] = tuple(_row(row, f"{where}: rows[{k}]") for k, row in enumerate(rows))
+    if "spread" in known:
+        structured["spread"] = _numbers(values.pop("spread", {}), f"{where}: spread")
+    source: Source = replace(build(SOURCES[kind], values, where), **structured)
+    return source
+
+
+def _row(content: Any, where: str) -> Row:
+    values = dict(_mapping(content, where))
+    sizes = values.pop("sizes", [])
+    row: Row = build(Row, values, where)
+    if not isinstance(sizes, list) or not all(isinstance(s, (int, float)) for s in sizes):
+        raise ConfigurationError(f"{where}: sizes = {sizes!r} must be a list of numbers")
+    if row.high < row.low:
+        raise ConfigurationError(f"{where}: high = {row.high!r} is below low = {row.low!r}")
+    return replace(row, title=row.title or row.fault or "Nominal", sizes=tuple(map(float, sizes)))
+
+
+def _mapping(value: Any, where: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise ConfigurationError(f"{where} = {value!r} must be a mapping")
+    return value
+
+
+def _numbers(value: Any, where: str) -> dict[str, float]:
+    from flea_diag.core.schema import numbers
+
+    return numbers(value, where)
+
+
+def _list(value: Any, where: str) -> list[Any]:
+    if not isinstance(value, list) or not 0 < len(value) <= LARGEST_LIST:
+        raise ConfigurationError(f"{where} must be a list of 1 to {LARGEST_LIST} entries")
+    return value
+
+
+def _texts(value: Any, where: str, *, may_be_empty: bool = False) -> tuple[str, ...]:
+    if may_be_empty and value == []:
+        return ()
+    entries = _list([value] if isinstance(value, str) else value, where)
+    if not all(isinstance(entry, str) for entry in entries):
+        raise ConfigurationError(f"{where} = {value!r} must be a list of names")
+    return tuple(entries)

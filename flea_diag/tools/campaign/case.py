@@ -1,0 +1,277 @@
+"""A campaign as a list of runs: each a frozen recipe from which its records are made anew.
+
+Drawing the list is cheap and depends on the campaign alone, so that a campaign that was
+interrupted goes on with the same runs, in whatever process or on whatever machine.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.campaign.campaign import (
+    CLASSIFIER,
+    HALVES,
+    HYBRID,
+    Campaign,
+    Drawn,
+    Injections,
+    Recordings,
+    Row,
+    Scenarios,
+    Switches,
+)
+from flea_diag.tools.campaign.recording_set import RecordingSet, Run
+from flea_diag.tools.campaign.run_result import NOMINAL
+
+PROFILE = re.compile(r"BatchProfile_([a-z]+\d\d)_")
+"""Motion and load in the name of a FLEA run."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How the records of a run are made; fields that a kind does not need stay empty.
+
+    ``recording`` is a bag. ``faulty`` is the bag that it becomes, in a switch. ``fault`` is
+    the channel and mode of an injection, case ``number`` of ``seed``; ``size`` is the rung of
+    a ladder, None where the size is drawn.
+    """
+
+    scenario: dict[str, Any] = field(default_factory=dict)
+    recording: str = ""
+    faulty: str = ""
+    fault: str = ""
+    size: float | None = None
+    seed: int = 0
+    number: int = 0
+    margin_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One line to be: a run, the row that it counts in, a configuration, its calibration.
+
+    ``learned_from`` are the nominal bags behind the calibration, ``classifier`` is a network, for
+    baselines that learn.
+    """
+
+    id: str
+    kind: str
+    row: str
+    recipe: Recipe
+    configuration: str = HYBRID
+    fold: str = ""
+    calibration: str = ""
+    learned_from: tuple[str, ...] = ()
+    classifier: str = ""
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What tells it from the others; equal to the key of its result."""
+        return self.id, self.configuration, self.fold
+
+
+def plan(campaign: Campaign, recordings: RecordingSet) -> tuple[Case, ...]:
+    """Every run of a campaign, configuration after configuration.
+
+    Raises
+    ------
+    ConfigurationError
+        A row or scenario that cannot be run, no recording where a pattern looks for some.
+    """
+    once = [case for source in campaign.sources for case in _of(source, campaign, recordings)]
+    if not once:
+        raise ConfigurationError(f"{campaign.name}: the campaign has no run")
+    (name, _, _), count = Counter(case.key for case in once).most_common(1)[0]
+    if count > 1:
+        raise ConfigurationError(f"{campaign.name}: {count} runs are named {name!r}")
+    classifier = _found(campaign, campaign.classifier)
+    nominal = _taught(campaign, recordings)
+    return tuple(
+        replace(
+            case,
+            configuration=name,
+            learned_from=case.learned_from or nominal,
+            classifier=classifier if name == CLASSIFIER else "",
+        )
+        for name in campaign.configurations
+        for case in once
+    )
+
+
+def _taught(campaign: Campaign, recordings: RecordingSet) -> tuple[str, ...]:
+    """Nominal bags for baselines that learn, of a campaign whose own runs teach none."""
+    if campaign.calibration == HALVES:
+        return ()
+    runs = recordings.matching(campaign.learn_from, campaign.folder)
+    return tuple(str(run.bag) for run in runs)
+
+
+def plan_sha256(campaign: Campaign, cases: Sequence[Case]) -> str:
+    """Digest of what is run and what is right: results of another plan are not mixed in."""
+    content = [{**asdict(case), "calibration": ""} for case in cases]
+    for row in content:
+        del row["classifier"]  # a file, as the calibration; where it lies tells no runs apart
+    text = json.dumps([content, {k: list(v) for k, v in campaign.expect.items()}], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _of(source: Any, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
+    if isinstance(source, Drawn):
+        return _drawn(source, campaign)
+    if isinstance(source, Scenarios):
+        return _scenarios(source, campaign)
+    if isinstance(source, Recordings):
+        return _recorded(source, campaign, recordings)
+    if isinstance(source, Injections):
+        return _injected(source, campaign, recordings)
+    return _spliced(source, campaign, recordings)
+
+
+# --- simulated ----------------------------------------------------------------------------
+
+
+def _calibration(campaign: Campaign) -> str:
+    """The simulated stand has its own calibration unless the campaign names a file."""
+    return "" if campaign.calibration == HALVES else _found(campaign, campaign.calibration)
+
+
+def _found(campaign: Campaign, name: str) -> str:
+    """A file beside the campaign where there is one of this name."""
+    path = campaign.folder / name
+    return str(path) if path.is_file() else name
+
+
+def _drawn(source: Drawn, campaign: Campaign) -> Iterator[Case]:
+    from flea_sim_driver.scenario import table4
+    from flea_sim_driver.scenario.scenario_file import scenario_to_mapping
+
+    shared = table4.Shared(
+        source.duration_s,
+        source.earliest_onset_s,
+        source.latest_onset_s,
+        {
+            "unit_spread": source.unit_spread,
+            "spread": dict(source.spread),
+            "sensors": {"vibration": source.vibration, "voltage": source.voltage},
+        },
+    )
+    rows = tuple(_table_row(row, source.times) for row in source.rows)
+    for row, scenario in table4.draw(rows, source.seed, shared):
+        name = f"{source.name}/{_slug(row.title)}/{scenario.run.name}"
+        recipe = Recipe(scenario=scenario_to_mapping(scenario))
+        yield Case(name, "simulated", row.title, recipe, calibration=_calibration(campaign))
+
+
+def _table_row(row: Row, times: int) -> Any:
+    from flea_sim_driver.scenario import table4
+
+    return table4.Row(
+        row.title,
+        row.fault,
+        row.cases * times,
+        row.low,
+        row.high,
+        row.either_sign,
+        row.switched,
+        row.sizes,
+    )
+
+
+def _scenarios(source: Scenarios, campaign: Campaign) -> Iterator[Case]:
+    from flea_sim_driver.scenario.library import find_scenario
+    from flea_sim_driver.scenario.scenario_file import scenario_to_mapping
+
+    for name in source.files:
+        local = campaign.folder / name
+        found = find_scenario(str(local) if local.is_file() else name)
+        vibration = found.sensors.vibration and source.vibration
+        for seed in range(source.seed, source.seed + source.times):
+            scenario = replace(
+                found,
+                run=replace(found.run, seed=seed),
+                sensors=replace(found.sensors, vibration=vibration),
+            )
+            yield Case(
+                f"{source.name}/{found.run.name}/{seed}",
+                "simulated",
+                found.run.name,
+                Recipe(scenario=scenario_to_mapping(scenario)),
+                calibration=_calibration(campaign),
+            )
+
+
+# --- recorded -----------------------------------------------------------------------------
+
+
+def _recorded(source: Recordings, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
+    for run in recordings.matching(source.files, campaign.folder):
+        kind = "simulated" if run.simulated else "real"
+        recipe = Recipe(recording=str(run.bag))
+        case = Case(f"{source.name}/{run.name}", kind, run.truth or "unknown", recipe)
+        yield from _folded(case, run, recordings)
+
+
+def _injected(source: Injections, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
+    """So many cases of each row, or of each rung of its ladder; recordings in turn."""
+    from flea_diag.tools.recordings import injection
+
+    runs = [r for r in recordings.matching(source.files, campaign.folder) if r.truth == NOMINAL]
+    if not runs:
+        raise ConfigurationError(f"{source.name}: no nominal recording to inject faults into")
+    known = {f"{row.channel} {row.mode}": row for row in injection.ROWS}
+    for title in source.rows or known:
+        if title not in known:
+            raise ConfigurationError(
+                f"{source.name}: rows: {title!r} is unknown, choose among {', '.join(known)}"
+            )
+        rungs = known[title].ladder if source.ladder else (None,)
+        cases = [rung for rung in rungs for _ in range(source.cases)]
+        for number, rung in enumerate(cases):
+            run = runs[number % len(runs)]
+            recipe = Recipe(
+                recording=str(run.bag), fault=title, size=rung, seed=source.seed, number=number
+            )
+            name = f"{source.name}/{_slug(title)}/{number + 1:03d}"
+            yield from _folded(Case(name, "injected", title, recipe), run, recordings)
+
+
+def _folded(case: Case, run: Run, recordings: RecordingSet) -> Iterator[Case]:
+    """The case with each calibration that may score the run."""
+    for fold, calibration in recordings.calibrations(run):
+        yield replace(
+            case,
+            fold=fold,
+            calibration=calibration,
+            learned_from=recordings.learned_from(fold),
+        )
+
+
+def _spliced(source: Switches, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
+    """Every faulty run that has a nominal one of the same motion and load."""
+    nominal: dict[str, Run] = {}
+    for run in recordings.matching(source.nominal, campaign.folder):
+        if run.truth == NOMINAL:
+            nominal[_profile(run.name)] = run
+    for run in recordings.matching(source.faulty, campaign.folder):
+        before = nominal.get(_profile(run.name))
+        if before is None or not run.truth or run.truth == NOMINAL:
+            continue
+        recipe = Recipe(recording=str(before.bag), faulty=str(run.bag), margin_s=source.margin_s)
+        case = Case(f"{source.name}/{run.name}", "spliced", run.truth, recipe)
+        yield from _folded(case, before, recordings)
+
+
+def _profile(name: str) -> str:
+    match = PROFILE.match(name)
+    return match[1] if match else name
+
+
+def _slug(title: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", title.lower()).strip("_")

@@ -1,0 +1,77 @@
+"""From a recipe to the records that a stand would have sent, truth among them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from flea_diag.errors import RecordingError
+from flea_diag.tools.campaign.case import Recipe
+from flea_diag.tools.motion import POSITION
+from flea_diag.wire.records import ChannelTable, Record, Scan, Truth, VibrationBlock
+
+SENT = (ChannelTable, Truth, VibrationBlock, Scan)
+"""What comes from a stand, and from its truth; a diagnosis in a bag is left out."""
+
+
+def records_of(recipe: Recipe) -> Iterator[Record]:
+    """Records of a run in the order in which the stages would get them.
+
+    Raises
+    ------
+    FleaError
+        A recording or scenario that cannot be used.
+    """
+    if recipe.scenario:
+        return _simulated(recipe)
+    if recipe.faulty:
+        return iter(_spliced(recipe))
+    if recipe.fault:
+        return iter(_injected(recipe))
+    return _read(recipe.recording)
+
+
+def _simulated(recipe: Recipe) -> Iterator[Record]:
+    """The simulated stand, each record through the bytes that would go over the wire."""
+    from flea_diag.wire.messages.codec import decode, encode
+    from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
+    from flea_sim_driver.stand import Stand
+
+    for record in Stand(scenario_from_mapping(recipe.scenario, "scenario")):
+        sent: Record = decode(type(record), encode(record, "stand"))
+        yield sent
+
+
+def _read(bag: str) -> Iterator[Record]:
+    from flea_diag.wire.bags.bag import BagReader
+
+    return (record for _, record in BagReader(Path(bag)).records(SENT))
+
+
+def _spliced(recipe: Recipe) -> tuple[Record, ...]:
+    from flea_diag.tools.recordings.splice import splice
+
+    return splice(list(_read(recipe.recording)), list(_read(recipe.faulty)), recipe.margin_s)
+
+
+def _injected(recipe: Recipe) -> Iterable[Record]:
+    """A recorded run with one channel read wrongly from a time on at which it moves."""
+    from flea_diag.tools.recordings import injection
+
+    records = list(_read(recipe.recording))
+    scans = [record for record in records if isinstance(record, Scan)]
+    table = next((record for record in records if isinstance(record, ChannelTable)), None)
+    if not scans or table is None:
+        raise RecordingError(f"{recipe.recording}: no scans or no channel table in it")
+    times = np.array([(scan.stamp_ns - scans[0].stamp_ns) / 1e9 for scan in scans])
+    position = np.array([scan.value(POSITION) for scan in scans])
+    row = injection.row_of(*recipe.fault.split())
+    possible = injection.onsets(times, position)
+    made = injection.draw(row, possible, recipe.seed, recipe.number, recipe.size)
+    info = table.info(made.channel)
+    low, high = (info.minimum, info.maximum) if info else (-np.inf, np.inf)
+    onset_ns = scans[0].stamp_ns + round(made.onset_s * 1e9)
+    truth = Truth(scans[0].stamp_ns, made.fault, onset_ns, (("size", repr(made.size)),))
+    return (table, truth, *injection.inject(scans, made, low, high))

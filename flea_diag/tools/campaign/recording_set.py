@@ -1,0 +1,208 @@
+"""The recordings of a campaign: found, imported where they are FLEA files, and calibrated on.
+
+With ``calibration: halves`` the nominal runs, ordered by name, are dealt into A and B. Each
+half calibrates once; a nominal run is only ever scored with the half that it is not in.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from flea_diag.errors import ConfigurationError, FleaError, RecordingError
+from flea_diag.tools.campaign.campaign import (
+    HALVES,
+    LISTS,
+    Campaign,
+    Injections,
+    Recordings,
+    Switches,
+)
+from flea_diag.tools.campaign.run_result import NOMINAL
+from flea_diag.tools.terminal import progress, warn
+from flea_diag.wire.bags.bag_layout import refuse_closed
+
+DATA_FOLDER = "FLEA_DATA_DIR"
+FOLDS = ("A", "B")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One recording: the bag it is or will be, the file it comes from, and its truth."""
+
+    name: str
+    bag: Path
+    file: Path
+    truth: str
+    simulated: bool = False
+
+    @property
+    def imported(self) -> bool:
+        """Whether the bag is made from a FLEA file."""
+        return self.bag != self.file
+
+
+class RecordingSet:
+    """All recordings that the sources of a campaign name.
+
+    Parameters
+    ----------
+    campaign
+        Whose sources are looked through.
+    output
+        Folder of the evaluation: imported bags and calibrations are kept there.
+
+    Raises
+    ------
+    ConfigurationError
+        A pattern that fits nothing.
+    """
+
+    def __init__(self, campaign: Campaign, output: Path) -> None:
+        self._campaign = campaign
+        self._output = output
+        self._known: dict[Path, Run] = {}
+        for source in campaign.sources:
+            if isinstance(source, Recordings | Injections | Switches):
+                for key in LISTS:
+                    self.matching(getattr(source, key, ()), campaign.folder)
+
+    def matching(self, patterns: Sequence[str], folder: Path) -> tuple[Run, ...]:
+        """Runs that fit one of the patterns, ordered by name."""
+        found: dict[str, Run] = {}
+        for pattern in patterns:
+            for path in _paths(pattern, folder):
+                run = self._known.get(path) or self._run(path)
+                self._known[path] = run
+                found[run.name] = run
+        return tuple(found[name] for name in sorted(found))
+
+    def _run(self, path: Path) -> Run:
+        if path.suffix == ".data":
+            from flea_diag.tools.recordings.flea_run import label_of
+
+            name = path.name.removesuffix(".data")
+            label = label_of(name)
+            return Run(name, self._output / "bags" / name, path, label.fault if label else "")
+        truth, simulated = _told(path)
+        return Run(path.name, path, path, truth, simulated)
+
+    @property
+    def halves(self) -> tuple[tuple[Run, ...], tuple[Run, ...]]:
+        """The nominal runs, dealt out in turn."""
+        nominal = sorted((r for r in self._known.values() if r.truth == NOMINAL), key=_by_name)
+        return tuple(nominal[::2]), tuple(nominal[1::2])
+
+    def calibrations(self, run: Run) -> Iterator[tuple[str, str]]:
+        """Folds that may score a run, each with the file of its calibration."""
+        if self._campaign.calibration != HALVES:
+            path = self._campaign.folder / self._campaign.calibration
+            yield "", str(path) if path.is_file() else self._campaign.calibration
+            return
+        for fold, half in zip(FOLDS, self.halves, strict=True):
+            if run not in half:
+                yield fold, str(self._file_of(fold))
+
+    def learned_from(self, fold: str) -> tuple[str, ...]:
+        """Bags that a fold's calibration was learned from."""
+        halves = dict(zip(FOLDS, self.halves, strict=True))
+        return tuple(str(run.bag) for run in halves.get(fold, ()))
+
+    def _file_of(self, fold: str) -> Path:
+        return self._output / "calibrations" / f"{fold}.yaml"
+
+    def prepare(self) -> None:
+        """Import what is no bag yet, and calibrate; what is there already is kept.
+
+        Raises
+        ------
+        ConfigurationError, CalibrationError
+            Too few nominal runs for two halves.
+        """
+        imported = [run for run in self._known.values() if run.imported]
+        for number, run in enumerate(imported, 1):
+            progress(number, len(imported), f"importing {run.name}")
+            self._import(run)
+        if self._campaign.calibration == HALVES:
+            for fold, half in zip(FOLDS, self.halves, strict=True):
+                self._calibrate(fold, half)
+
+    def _import(self, run: Run) -> None:
+        from flea_diag.tools.recordings.importer import import_run
+
+        if (run.bag / "metadata.yaml").is_file():
+            return
+        try:
+            import_run(run.file, run.bag.parent, force=True)
+        except FleaError as error:
+            warn(f"{error}; its runs will fail")
+
+    def _calibrate(self, fold: str, half: Sequence[Run]) -> None:
+        from flea_diag.tools.calibrate import calibrate as tool
+        from flea_diag.tools.calibrate.nominal_recording import read_nominal
+
+        if self._file_of(fold).is_file():
+            return
+        if len(half) < 2:
+            raise ConfigurationError(
+                f"{self._campaign.name}: {len(half)} nominal recordings in half {fold}, each half "
+                "needs 2 at least: name more, or give a calibration file"
+            )
+        recordings, _ = read_nominal([run.bag for run in half])
+        made = tool.calibrate(recordings, "actuator.yaml", tool.FALSE_ALARMS_PER_HOUR)
+        tool.write_calibration(self._file_of(fold), made)
+
+
+def _by_name(run: Run) -> str:
+    return run.name
+
+
+def _paths(pattern: str, folder: Path) -> list[Path]:
+    """Files and bags that fit a pattern, below the campaign's folder or the data folder.
+
+    Raises
+    ------
+    ConfigurationError
+        Nothing fits.
+    """
+    data = os.environ.get(DATA_FOLDER, "")
+    for place in (folder, Path(data)) if data else (folder,):
+        anchor, relative = (Path("/"), pattern[1:]) if pattern.startswith("/") else (place, pattern)
+        found = [anchor] if relative in ("", ".") else sorted(anchor.glob(relative.rstrip("/")))
+        recordings = [path for each in found for path in _recordings(each)]
+        if recordings:
+            return recordings
+    if pattern.startswith("/"):
+        raise ConfigurationError(f"no recording fits {pattern!r}: neither a bag nor a .data file")
+    where = f"{folder} or {data}" if data else f"{folder}; {DATA_FOLDER} names no data folder"
+    raise ConfigurationError(f"no recording fits {pattern!r} in {where}")
+
+
+def _recordings(path: Path) -> Iterator[Path]:
+    """The path itself where it is a recording, else those directly below it."""
+    refuse_closed(path)
+    if path.suffix in (".data", ".mcap") or (path / "metadata.yaml").is_file():
+        yield path
+    elif path.is_dir():
+        below = sorted(path.iterdir())
+        yield from (p for p in below if p.suffix == ".data" or (p / "metadata.yaml").is_file())
+
+
+def _told(bag: Path) -> tuple[str, bool]:
+    """First fault that a bag's truth tells, and whether a simulator made it."""
+    from flea_diag.wire.bags.bag import read_bag
+    from flea_diag.wire.records import ChannelTable, Truth
+
+    faults, simulated = [], False
+    try:
+        for _, record in read_bag(bag, (Truth, ChannelTable)):
+            if isinstance(record, Truth):
+                faults.append(record.fault)
+            elif isinstance(record, ChannelTable):
+                simulated = record.stand.endswith("_sim")
+    except RecordingError:
+        return "", False
+    wrong = [fault for fault in faults if fault not in ("", NOMINAL)]
+    return (wrong or faults or [""])[0], simulated

@@ -1,0 +1,140 @@
+"""The lines of an evaluation on disk: appended one by one, read back after whatever stopped it."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from flea_diag.errors import ConfigurationError, RecordingError
+from flea_diag.tools.campaign.run_result import RunResult, from_mapping
+
+RESULTS = "results.jsonl"
+PLAN = "plan.sha256"
+
+
+class ResultLog:
+    """Append results to the evaluation in a folder; a context manager.
+
+    Parameters
+    ----------
+    folder
+        Made where it is missing.
+    plan_sha256
+        Digest of the campaign's plan.
+
+    Attributes
+    ----------
+    done
+        Results that an earlier run of the same plan has left, by key.
+
+    Raises
+    ------
+    ConfigurationError
+        The folder holds the results of another plan, or cannot be written.
+    """
+
+    def __init__(self, folder: Path, plan_sha256: str) -> None:
+        self.path = folder / RESULTS
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            _claim(folder, plan_sha256)
+            if self.path.exists():
+                _drop_half_a_line(self.path)
+            kept = read_results(self.path) if self.path.exists() else ()
+            self.done = {result.key: result for result in kept}
+            self._file = self.path.open("a", encoding="utf-8")
+        except OSError as error:
+            raise ConfigurationError(f"cannot write {self.path}: {error.strerror}") from error
+
+    def add(self, result: RunResult) -> None:
+        """Keep a result; it is with the system when this returns."""
+        self._file.write(result.to_line() + "\n")
+        self._file.flush()
+        self.done[result.key] = result
+
+    def __enter__(self) -> ResultLog:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Hold a folder against a second evaluation, by which every run would be made twice.
+
+    Raises
+    ------
+    ConfigurationError
+        Another process has it, or it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {folder}: {error.strerror}") from error
+    try:
+        _lock(descriptor, folder)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _lock(descriptor: int, folder: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise ConfigurationError(
+            f"{folder}: another evaluation is at work there: wait for its end, or choose another "
+            "folder"
+        ) from None
+
+
+def read_results(path: Path) -> tuple[RunResult, ...]:
+    """Runs of a file, or of the file in an evaluation's folder; of a repeated run the last line.
+
+    Raises
+    ------
+    RecordingError
+        There is none, or a line is no result.
+    """
+    file = path / RESULTS if path.is_dir() else path
+    return tuple({result.key: result for result in _read(file)}.values())
+
+
+def _read(file: Path) -> Iterator[RunResult]:
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{file}: cannot be read: {error}") from error
+    whole = text[: text.rfind("\n") + 1]
+    for number, line in enumerate(whole.splitlines(), 1):
+        where = f"{file}: line {number}"
+        try:
+            content = json.loads(line)
+        except ValueError as error:
+            raise RecordingError(f"{where}: is not JSON: {error}") from error
+        yield from_mapping(content, where)
+
+
+def _claim(folder: Path, plan_sha256: str) -> None:
+    """One folder, one plan."""
+    note = folder / PLAN
+    if note.exists() and note.read_text(encoding="utf-8").strip() != plan_sha256:
+        raise ConfigurationError(
+            f"{folder} holds the results of another campaign, or of this one as it was: choose "
+            "another folder, or --force to begin anew"
+        )
+    note.write_text(plan_sha256 + "\n", encoding="utf-8")
+
+
+def _drop_half_a_line(path: Path) -> None:
+    """What a kill left of the last line goes; that run is made again."""
+    with path.open("rb+") as file:
+        content = file.read()
+        file.truncate(content.rfind(b"\n") + 1)
+        os.fsync(file.fileno())

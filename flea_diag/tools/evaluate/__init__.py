@@ -1,0 +1,1 @@
+"""``flea evaluate``: the runs of a campaign, diagnosed and scored."""

@@ -1,0 +1,175 @@
+"""Other ways to diagnose the same recordings, one row each, for comparison with ours.
+
+Baselines are methods that others use; ablations are ours with one part left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.stages import Stage
+from flea_diag.tools.campaign.campaign import CLASSIFIER
+from flea_diag.wire.blocks import Block, ScanBlock
+from flea_diag.wire.records import ChannelTable, Record, Scan, VibrationBlock
+
+PAPER_TABLE = "feature_table_paper.yaml"
+ACCELEROMETER = "accelerometer"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a diagnoser may learn from: a calibration, the nominal bags that made it, a network."""
+
+    calibration: Path | None = None
+    nominal: tuple[Path, ...] = ()
+    classifier: Path | None = None
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """One way to diagnose; ``make`` gives a fresh stage."""
+
+    name: str
+    summary: str
+    make: Callable[[Setting], Stage]
+
+
+class WithoutVibration:
+    """A stage that does not hear of vibration, as on a stand without accelerometers."""
+
+    def __init__(self, stage: Any) -> None:
+        self._stage = stage
+        self.consumes = tuple(kind for kind in stage.consumes if kind is not VibrationBlock)
+
+    def handle(self, record: Record) -> tuple[Record, ...]:
+        """What the stage makes of this record, were there no accelerometers."""
+        if isinstance(record, VibrationBlock):
+            return ()
+        if isinstance(record, ChannelTable):
+            slow = [row for row in record.channels if not row.name.startswith(ACCELEROMETER)]
+            record = replace(record, channels=tuple(slow))
+        caused: tuple[Record, ...] = self._stage.handle(record)
+        return caused
+
+    def handle_block(self, block: ScanBlock) -> tuple[Record | Block, ...]:
+        """Scans are heard as they are."""
+        caused: tuple[Record | Block, ...] = self._stage.handle_block(block)
+        return caused
+
+    def finish(self) -> tuple[Record, ...]:
+        """The input has ended."""
+        held: tuple[Record, ...] = self._stage.finish()
+        return held
+
+
+def _hybrid(**given: Any) -> Callable[[Setting], Stage]:
+    def make(setting: Setting) -> Stage:
+        from flea_diag.configuration import make_pipeline
+
+        return make_pipeline(setting.calibration, **given)
+
+    return make
+
+
+def _without_vibration(setting: Setting) -> Stage:
+    return WithoutVibration(_hybrid()(setting))
+
+
+def _structural(setting: Setting) -> Stage:
+    from flea_diag.configuration import knowledge, load_calibration
+    from flea_diag.core.signatures.structural import without_signs
+    from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
+    from flea_diag.stages.observer.observer import ObserverParameters, ObserverStage
+    from flea_diag.stages.pipeline import Pipeline
+
+    calibration = load_calibration(setting.calibration or "")
+    known = knowledge(calibration)
+    signatures = {quadrant: without_signs(table) for quadrant, table in known.signatures.items()}
+    isolator = IsolatorStage(
+        replace(known, signatures=signatures),
+        IsolatorParameters(likelihood=False, gating=False, source="replay"),
+    )
+    observer = ObserverStage(calibration, ObserverParameters())
+    return WithoutVibration(Pipeline((observer, isolator)))
+
+
+def _limits(setting: Setting) -> Stage:
+    from flea_diag.configuration import knowledge, load_calibration
+    from flea_diag.stages.baselines.limit_check import LimitCheckStage
+
+    if not setting.nominal:
+        raise ConfigurationError(
+            "limit checks learn from nominal bags and none is named: give some as `learn_from` "
+            "in the campaign"
+        )
+    known = knowledge(load_calibration(setting.calibration or ""))
+    return LimitCheckStage(_channel_limits(setting.nominal), known.faults)
+
+
+def _classifier(setting: Setting) -> Stage:
+    from flea_diag.stages.baselines.feature_classifier import FeatureClassifierStage
+    from flea_diag.tools.features.bench import FLEA_SCREW
+    from flea_diag.tools.features.classifier import read_classifier
+
+    if setting.classifier is None:
+        raise ConfigurationError(
+            "the feature-only classifier needs a network and none is named: make one with "
+            "`flea features train`, and name it as `classifier` in the campaign"
+        )
+    return FeatureClassifierStage(read_classifier(setting.classifier), FLEA_SCREW.orders())
+
+
+@cache
+def _channel_limits(bags: Sequence[Path]) -> dict[str, tuple[float, float]]:
+    from flea_diag.stages.baselines.limit_check import learned_limits
+    from flea_diag.wire.bags.bag import BagReader
+
+    scans = (
+        record
+        for bag in bags
+        for _, record in BagReader(bag).records((Scan,))
+        if isinstance(record, Scan)
+    )
+    return learned_limits(scans)
+
+
+BASELINES: dict[str, Baseline] = {
+    row.name: row
+    for row in (
+        Baseline("hybrid", "everything, as `flea replay` runs it", _hybrid()),
+        Baseline("without_vibration", "ours, deaf to accelerometers", _without_vibration),
+        Baseline(
+            "without_gating",
+            "ours, symbols held against all quadrants, likelihoods at once",
+            _hybrid(gating=False),
+        ),
+        Baseline("without_likelihood", "ours, signs and features alone", _hybrid(likelihood=False)),
+        Baseline(
+            "paper",
+            "the paper's isolation: signs, then its literal tree over its Table 3",
+            _hybrid(likelihood=False, strategy="paper", features=PAPER_TABLE),
+        ),
+        Baseline("structural", "residuals that react, without signs or features", _structural),
+        Baseline("limit_checks", "each channel against its nominal extremes", _limits),
+        Baseline(CLASSIFIER, "all vibration features into a network, no model", _classifier),
+    )
+}
+
+
+def baseline(name: str) -> Baseline:
+    """A row of the table.
+
+    Raises
+    ------
+    ConfigurationError
+        No such row; the message lists those there are.
+    """
+    if name not in BASELINES:
+        known = ", ".join(BASELINES)
+        raise ConfigurationError(f"no way to diagnose is called {name!r}, there are: {known}")
+    return BASELINES[name]

@@ -1,0 +1,118 @@
+"""Runs of a campaign over several processes: here, or on a Dask cluster.
+
+Both give results in the order in which they are ready, and both outlive a worker: its runs are
+made again. A run that takes its worker down twice, the second time alone, is a failed line.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from itertools import islice
+from typing import Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.campaign.case import Case
+from flea_diag.tools.campaign.run_result import RunResult
+from flea_diag.tools.extra import require
+from flea_diag.tools.workers import worker_pool
+
+Work = Callable[[Case], RunResult]
+DIED = "its process died: killed, out of memory, or a crash in a library"
+
+
+def run_all(cases: Sequence[Case], work: Work, jobs: int) -> Iterator[RunResult]:
+    """Results of all cases from ``jobs`` processes; ``work`` must be picklable."""
+    rest = iter(cases)
+    while True:
+        suspects: list[Case] = []
+        yield from _until_it_breaks(rest, work, jobs, suspects)
+        if not suspects:
+            return
+        for case in suspects:  # one of them broke the pool: which, each alone will show
+            yield from _alone(case, work)
+
+
+def _until_it_breaks(
+    cases: Iterator[Case], work: Work, jobs: int, suspects: list[Case]
+) -> Iterator[RunResult]:
+    """Results until all are done, or a worker has died: who was at work then is a suspect."""
+    with worker_pool(jobs) as pool:
+        running: dict[Future[RunResult], Case] = {}
+        try:
+            while True:
+                for case in islice(cases, 2 * jobs - len(running)):
+                    suspects.append(case)  # a pool that is broken by now takes none
+                    running[pool.submit(work, case)] = suspects.pop()
+                if not running:
+                    return
+                done, _ = wait(running, return_when=FIRST_COMPLETED)
+                for future in done:
+                    result = future.result()
+                    del running[future]
+                    yield result
+        except BrokenProcessPool:
+            suspects += running.values()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
+
+
+def _alone(case: Case, work: Work) -> Iterator[RunResult]:
+    with worker_pool(1) as pool:
+        try:
+            yield pool.submit(work, case).result()
+        except BrokenProcessPool:
+            yield failed(case, DIED)
+
+
+def failed(case: Case, reason: str) -> RunResult:
+    """The line of a run that nothing is known of."""
+    return RunResult(case.id, case.kind, case.row, case.configuration, case.fold, failure=reason)
+
+
+# --- Dask ---------------------------------------------------------------------------------
+
+TRIES = 3
+"""Workers that a run may lose before it is itself held to be the reason."""
+
+
+def run_on_dask(
+    cases: Sequence[Case], work: Work, address: str, timeout_s: float = 10.0
+) -> Iterator[RunResult]:
+    """Results of all cases from the workers of a cluster, which see the same files.
+
+    Raises
+    ------
+    ConfigurationError
+        Dask is not installed, or nobody answers at the address.
+    """
+    require("dask", "--dask")
+    import distributed
+
+    try:
+        client = distributed.Client(address, timeout=timeout_s)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ConfigurationError(
+            f"--dask {address}: no scheduler answers there ({error}); start one with "
+            "`dask scheduler` and workers with `dask worker ADDRESS`"
+        ) from error
+    with client:
+        by_key = {f"flea-{number}-{case.id}": case for number, case in enumerate(cases)}
+        futures = [
+            client.submit(work, case, key=key, pure=False, retries=TRIES)
+            for key, case in by_key.items()
+        ]
+        yield from _as_they_come(distributed.as_completed(futures), by_key)
+
+
+def _as_they_come(futures: Iterable[Any], by_key: dict[str, Case]) -> Iterator[RunResult]:
+    for future in futures:
+        error = future.exception()
+        case = by_key[future.key]
+        yield future.result() if error is None else failed(case, f"{DIED} ({error!r:.200})")
+        future.release()

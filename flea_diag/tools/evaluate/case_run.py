@@ -1,0 +1,242 @@
+"""One run of a campaign: its records through a fresh diagnoser, and what came of it as a line."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from itertools import groupby, islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flea_diag.errors import FleaError, RecordingError
+from flea_diag.tools.campaign.campaign import expected_of
+from flea_diag.tools.campaign.case import Case
+from flea_diag.tools.campaign.run_result import NOMINAL, RunResult
+from flea_diag.tools.campaign.run_trace import RunTrace, write_trace
+from flea_diag.tools.motion import moving_s
+from flea_diag.tools.peak_memory import forget_peak, peak_bytes
+from flea_diag.tools.replay.summary import BULK, summarise
+from flea_diag.wire.blocks import Block, ScanBlock
+from flea_diag.wire.records import NEVER_NS, Record, Scan, Truth
+
+if TYPE_CHECKING:
+    from flea_diag.stages import Stage
+
+DETAILS = "runs"
+"""Folder of the replay summaries, below the evaluation's."""
+
+MOST_SCANS = 1024
+"""In a block."""
+
+Expect = Mapping[str, tuple[str, ...]]
+
+
+@dataclass
+class Diagnosis:
+    """What a stage said of a run, and the truth that it was not told."""
+
+    kept: list[Record | Block] = field(default_factory=list)
+    truths: list[Truth] = field(default_factory=list)
+    cpu_s: float = 0.0
+    trace: RunTrace = field(default_factory=RunTrace)
+
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first scan."""
+        for record in self.kept:
+            if isinstance(record, ScanBlock):
+                return int(record.stamps_ns[0])
+            if isinstance(record, Scan):
+                return record.stamp_ns
+        return NEVER_NS
+
+    def take(self, records: Iterable[Record | Block]) -> None:
+        """Keep what is scored, and of all of it what can be drawn."""
+        for record in records:
+            self.trace.add(record)
+            if not isinstance(record, BULK):
+                self.kept.append(record)
+
+
+def run_case(case: Case, expect: Expect, folder: Path) -> RunResult:
+    """Diagnose one run; what fails, whatever it is, becomes a failed line."""
+    try:
+        forget_peak()
+        done = diagnose(_records(case), _stage(case))
+        result, summary = _scored(case, expect, done)
+        _write_detail(folder / result.detail, case, result, summary)
+        write_trace(folder / result.detail, done.trace)
+        return result
+    except FleaError as error:
+        reason = str(error)
+    except Exception as error:  # a defect of ours: the campaign goes on, the line names the place
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        reason = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
+    return RunResult(
+        case.id,
+        case.kind,
+        case.row,
+        case.configuration,
+        case.fold,
+        expected=(),
+        failure=reason or "failed without a word",
+    )
+
+
+def _records(case: Case) -> Iterable[Record]:
+    from flea_diag.tools.campaign.case_records import records_of
+
+    return records_of(case.recipe)
+
+
+def _stage(case: Case) -> Stage:
+    from flea_diag.tools.evaluate.baselines import Setting, baseline
+
+    calibration = Path(case.calibration) if case.calibration else None
+    bags = tuple(Path(bag) for bag in case.learned_from)
+    setting = Setting(calibration, bags, Path(case.classifier) if case.classifier else None)
+    return baseline(case.configuration).make(setting)
+
+
+def diagnose(records: Iterable[Record], stage: Stage) -> Diagnosis:
+    """Feed a stage what a stand sent; truth is kept aside and goes into no stage."""
+    done = Diagnosis()
+    clock = time.process_time
+    by_block = getattr(stage, "handle_block", None)
+    for record in records if by_block is None else in_blocks(records):
+        if isinstance(record, Truth):
+            done.truths.append(record)
+            done.trace.add(record)
+            continue
+        begin = clock()
+        caused = by_block(record) if isinstance(record, ScanBlock) else stage.handle(record)
+        done.cpu_s += clock() - begin
+        done.take((record, *caused))
+    begin = clock()
+    held: tuple[Record, ...] = getattr(stage, "finish", tuple)()
+    done.cpu_s += clock() - begin
+    done.take(held)
+    return done
+
+
+def in_blocks(records: Iterable[Record]) -> Iterator[Record | ScanBlock]:
+    """The same records, scans that follow on one another as blocks."""
+    for kind, part in groupby(records, key=_layout):
+        if kind is None:
+            yield from part
+            continue
+        while rows := list(islice(part, MOST_SCANS)):
+            stamps, values = [r.stamp_ns for r in rows], [r.values for r in rows]
+            yield ScanBlock(np.array(stamps), kind, np.array(values))
+
+
+def _layout(record: Record) -> tuple[str, ...] | None:
+    return record.channels if isinstance(record, Scan) else None
+
+
+def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dict[str, Any]]:
+    from flea_diag.tools.numeric_backend import numeric_backend
+    from flea_diag.wire.records import AmbiguityGroup
+
+    summary = summarise(done.kept)
+    if not summary["scans"]:
+        raise RecordingError("no scan in it (topic sensors/slow), nothing to diagnose")
+    if not done.truths:
+        # Taken for healthy it would count as right, or as a false alarm; nobody knows which.
+        raise RecordingError("no truth in it, nothing to score by: flea replay diagnoses it")
+    start_ns = done.start_ns
+    last = next((r for r in reversed(done.kept) if isinstance(r, AmbiguityGroup)), None)
+    truth = _first_fault(done.truths)
+    told = _told(truth, expect, start_ns)
+    computed = tuple(summary["features_computed"])
+    verdict = _verdict(summary, told["onset_s"], start_ns)
+    if truth and "detection_time_s" in verdict:
+        moved_s = moving_s(done.kept, truth.onset_ns, verdict["detected_stamp_ns"])
+        verdict["detection_motion_s"] = round(moved_s, 6)
+    result = RunResult(
+        case.id,
+        case.kind,
+        case.row,
+        case.configuration,
+        case.fold,
+        words=last.words if last else "",
+        not_observable=tuple(entry["fault"] for entry in summary["not_observable"]),
+        features_computed=computed,
+        features_skipped=max((last.features_available if last else 0) - len(computed), 0),
+        cpu_s=round(done.cpu_s, 6),
+        peak_memory_bytes=peak_bytes(),
+        digest=summary["digest"],
+        decision_digest=summary["decision_digest"],
+        backend=numeric_backend(),
+        detail=f"{DETAILS}/{case.configuration}/{case.id.replace('/', '.')}{case.fold}.json",
+        duration_s=summary["duration_s"],
+        **told,
+        **verdict,
+    )
+    return result, summary
+
+
+def _told(truth: Truth | None, expect: Expect, start_ns: int) -> dict[str, Any]:
+    """Fields that say what was so; no truth of a fault: nothing was wrong."""
+    if truth is None:
+        return {"truth": NOMINAL, "onset_s": None, "expected": expected_of(NOMINAL, expect)}
+    details = dict(truth.details)
+    return {
+        "truth": truth.fault,
+        "onset_s": (truth.onset_ns - start_ns) / 1e9,
+        "size": _number(details.get("size")),
+        "size_unit": details.get("size_unit", ""),
+        "expected": expected_of(truth.fault, expect),
+    }
+
+
+def _first_fault(truths: Iterable[Truth]) -> Truth | None:
+    wrong = [truth for truth in truths if truth.fault not in ("", NOMINAL)]
+    return min(wrong, key=lambda truth: truth.onset_ns, default=None)
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return None
+
+
+def _verdict(summary: dict[str, Any], onset_s: float | None, start_ns: int) -> dict[str, Any]:
+    """Fields that say when what was said; times against the onset where there is one."""
+    episodes = summary["episodes"]
+    alarms = tuple(episode["detected_at_s"] for episode in episodes)
+    quiet_s = summary["duration_s"] if onset_s is None else onset_s
+    found: dict[str, Any] = {
+        "outcome": summary["outcome"] or "",
+        "alarms_s": alarms,
+        "false_alarms": sum(1 for at_s in alarms if onset_s is None or at_s < onset_s),
+        "nominal_s": quiet_s,
+    }
+    if not episodes:
+        return found
+    final = episodes[-1]
+    detected_s, settled_s = final["detected_at_s"], final["settled_at_s"]
+    found |= {
+        "outcome": final["outcome"],
+        "group": tuple(final["ambiguity_group"]),
+        "probabilities": tuple(final["probabilities"]),
+        "detected_stamp_ns": start_ns + round(detected_s * 1e9),
+        "isolated_stamp_ns": start_ns + round(settled_s * 1e9),
+    }
+    if onset_s is not None and detected_s >= onset_s:
+        found["detection_time_s"] = round(detected_s - onset_s, 6)
+        found["isolation_time_s"] = round(settled_s - onset_s, 6)
+    return found
+
+
+def _write_detail(path: Path, case: Case, result: RunResult, summary: dict[str, Any]) -> None:
+    from flea_diag.tools.terminal import make_folder, write_json
+
+    make_folder(path.parent)
+    said = {**summary, "words": result.words}
+    write_json(str(path), {"case": asdict(case), "result": asdict(result), "summary": said})

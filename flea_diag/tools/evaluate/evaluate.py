@@ -1,0 +1,185 @@
+"""``flea evaluate``: a campaign of runs, replayed, scored and written down."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.extra import require
+from flea_diag.tools.terminal import IN_PART, warn, write_json, write_text
+
+if TYPE_CHECKING:
+    from flea_diag.tools.campaign.campaign import Campaign
+    from flea_diag.tools.campaign.case import Case
+    from flea_diag.tools.campaign.result_log import ResultLog
+    from flea_diag.tools.campaign.run_result import RunResult
+    from flea_diag.tools.evaluate.case_pool import Work
+
+NAME = "evaluate"
+SUMMARY = "run a campaign of recordings and scenarios, and score what the diagnosis says"
+EXAMPLES = """\
+examples:
+  flea evaluate small.yaml -o results/small          a campaign that comes with flea
+  flea evaluate table4.yaml -o results/table4 -j 4   on four processes; Ctrl-C and go on later
+  flea evaluate bags/ -o results/bags                every bag of a folder
+  flea evaluate real.yaml -o results/real --dask tcp://10.0.0.5:8786
+
+A campaign goes on where it was stopped when the same command is given again; runs that failed
+are tried again. Real recordings are looked for from the campaign's folder and from the folder
+that FLEA_DATA_DIR names.
+Exit status: 0 done, 1 done and a row fell below the campaign's limit or a run failed,
+2 refused, 130 interrupted.
+"""
+SUMMARY_FILE = "summary.json"
+REPORT_FILE = "report.html"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument(
+        "campaign", type=Path, metavar="CAMPAIGN", help="YAML file, or a folder of bags"
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FOLDER", help="results (default: evaluations/NAME)"
+    )
+    parser.add_argument("-j", "--jobs", type=int, help="processes (default: one a core)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="run on the Dask cluster there")
+    parser.add_argument(
+        "--drawn",
+        type=int,
+        default=400,
+        metavar="N",
+        help="runs drawn in the report, those that are wrong first (default: 400, about 30 MB)",
+    )
+    parser.add_argument("--force", action="store_true", help="begin anew, forget earlier results")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run what is not done yet, score all that is; 0 when every row holds."""
+    from flea_diag.tools.campaign.campaign import load_campaign
+    from flea_diag.tools.campaign.case import plan, plan_sha256
+    from flea_diag.tools.campaign.recording_set import RecordingSet
+    from flea_diag.tools.campaign.result_log import ResultLog, held
+    from flea_diag.tools.evaluate.case_run import run_case
+
+    # The report is made at the very end: what it needs is missed now, not after hours.
+    require("evaluate", "evaluate")
+    jobs = _jobs(arguments.jobs)
+    campaign = load_campaign(arguments.campaign)
+    folder: Path = (arguments.output or Path("evaluations") / campaign.name).resolve()
+    recordings = RecordingSet(campaign, folder)
+    cases = plan(campaign, recordings)
+    work = partial(run_case, expect=dict(campaign.expect), folder=folder)
+    with held(folder):
+        if arguments.force:
+            _begin_anew(folder)
+        with ResultLog(folder, plan_sha256(campaign, cases)) as log:
+            done = log.done.values()
+            left = [
+                case for case in cases if case.key not in log.done or log.done[case.key].failure
+            ]
+            try:
+                if left:
+                    recordings.prepare()
+                    results = _results(left, work, jobs, arguments.dask)
+                    _keep(results, log, _bar(len(cases), len(left), arguments.quiet))
+            except KeyboardInterrupt:
+                _score(campaign, done, folder, arguments.drawn, quiet=True)
+                warn(f"{len(done)} of {len(cases)} runs are kept; the same command goes on")
+                raise
+            return _score(campaign, done, folder, arguments.drawn, quiet=arguments.quiet)
+
+
+def _jobs(given: int | None) -> int:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    jobs = given if given is not None else cores or 1
+    if not 1 <= jobs <= 1024:
+        raise ConfigurationError(f"-j {jobs}: from 1 to 1024 processes")
+    return jobs
+
+
+def _begin_anew(folder: Path) -> None:
+    """Forget results and calibrations; imported bags stay. A folder of others is refused."""
+    from flea_diag.tools.campaign.result_log import PLAN, RESULTS
+    from flea_diag.tools.evaluate.case_run import DETAILS
+
+    if folder.exists() and not (folder / PLAN).exists() and any(folder.iterdir()):
+        raise ConfigurationError(f"{folder} holds no evaluation, --force does not empty it")
+    for name in (DETAILS, "calibrations"):
+        shutil.rmtree(folder / name, ignore_errors=True)
+    for name in (RESULTS, PLAN, SUMMARY_FILE, REPORT_FILE):
+        (folder / name).unlink(missing_ok=True)
+
+
+def _results(left: Sequence[Case], work: Work, jobs: int, dask: str | None) -> Iterator[RunResult]:
+    from flea_diag.tools.evaluate.case_pool import run_all, run_on_dask
+
+    return run_on_dask(left, work, dask) if dask else run_all(left, work, jobs)
+
+
+def _bar(count: int, left: int, quiet: bool) -> Any:
+    """Progress with rate and time left, where somebody can see it."""
+    from tqdm import tqdm
+
+    shown = None if not quiet else True
+    return tqdm(total=count, initial=count - left, unit="run", smoothing=0.05, disable=shown)
+
+
+def _keep(results: Iterator[RunResult], log: ResultLog, bar: Any) -> None:
+    wrong = 0
+    with bar:
+        for result in results:
+            log.add(result)
+            wrong += not result.right
+            bar.set_postfix_str(f"{wrong} not right", refresh=False)
+            bar.update()
+            if result.failure:
+                bar.write(f"flea: {result.id}: {result.failure}", file=sys.stderr)
+
+
+def _score(
+    campaign: Campaign, results: Iterable[RunResult], folder: Path, drawn: int, *, quiet: bool
+) -> int:
+    from flea_diag.tools.score.summary import summarise, tables
+
+    known = tuple(results)
+    summary = summarise(campaign, known)
+    write_json(str(folder / SUMMARY_FILE), summary)
+    _report(campaign, known, summary, folder, drawn)
+    if not quiet:
+        print(tables(summary))
+        print(f"results in {folder}, report in {folder / REPORT_FILE}")
+    return IN_PART if summary["lost_rows"] or summary["failed"] else 0
+
+
+def _report(
+    campaign: Campaign,
+    results: Sequence[RunResult],
+    summary: dict[str, Any],
+    folder: Path,
+    drawn: int,
+) -> None:
+    """The page for people: every run a line, and drawn."""
+    from datetime import datetime, timezone
+
+    from flea_diag.tools.campaign.run_trace import read_trace
+    from flea_diag.tools.score.report import page
+
+    made = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
+    text = page(
+        f"Evaluation: {campaign.name}",
+        made,
+        results,
+        summary,
+        lambda result: read_trace(folder / result.detail) if result.detail else None,
+        drawn,
+    )
+    write_text(folder / REPORT_FILE, text)

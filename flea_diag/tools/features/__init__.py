@@ -1,0 +1,1 @@
+"""``flea features``: measure, learn, judge and study vibration features."""

@@ -1,0 +1,133 @@
+"""Features on bearing recordings (MATLAB files of drive-end acceleration): a check on real data.
+
+Ranges are learned on the first half of a normal recording, false alarms counted on its second
+half, detections on recordings of faults.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.vibration.bearing_frequencies import Bearing
+from flea_diag.core.vibration.features import FEATURES, Scope, compute_all
+from flea_diag.core.vibration.features_envelope import named_line
+from flea_diag.core.vibration.nominal_range import NominalRange, OperatingPoint, learn_nominal
+from flea_diag.core.vibration.window import Window
+from flea_diag.errors import CalibrationError, RecordingError
+
+SKF_6205 = Bearing(pitch_diameter_m=39.04e-3, ball_diameter_m=7.94e-3, balls=9)
+"""Drive-end bearing of the Case Western Reserve University stand."""
+
+AXIS = "accelerometer_1_x"
+GRAVITY_M_S2 = 9.80665
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One recording at constant speed."""
+
+    name: str
+    samples: npt.NDArray[np.float32]
+    rate_hz: float
+    speed_rad_s: float
+    orders: Mapping[str, float]
+
+    def windows(self, window_s: float) -> list[Window]:
+        """Windows side by side."""
+        points = round(window_s * self.rate_hz)
+        return [
+            Window(
+                self.samples[start : start + points, np.newaxis],
+                self.rate_hz,
+                (AXIS,),
+                np.full(points, self.speed_rad_s),
+                orders=self.orders,
+            )
+            for start in range(0, len(self.samples) - points + 1, points)
+        ]
+
+
+def read_bearing(path: Path, rate_hz: float, rpm: float) -> Recording:
+    """Read the drive-end channel (``*_DE_time``, in g) of one file.
+
+    Raises
+    ------
+    RecordingError
+        When the file cannot be read, or holds no such channel.
+    """
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        values = loadmat(path)
+    except (OSError, ValueError, NotImplementedError, TypeError, MatReadError) as error:
+        raise RecordingError(f"{path}: cannot be read as a MATLAB file: {error}") from error
+    names = [name for name in values if name.endswith("_DE_time")]
+    if not names:
+        raise RecordingError(f"{path}: holds no drive-end channel *_DE_time")
+    samples = np.asarray(values[names[0]], dtype=np.float32).ravel() * np.float32(GRAVITY_M_S2)
+    orders = SKF_6205.orders()
+    return Recording(path.stem, samples, rate_hz, rpm * 2.0 * np.pi / 60.0, orders)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One feature: its range, and the share of windows outside it in each recording."""
+
+    feature: str
+    found: NominalRange
+    false_alarms: float
+    detected: Mapping[str, float]
+
+
+def features_of_one_axis() -> list[str]:
+    """Features that one accelerometer with one axis at constant speed can have."""
+    needless = {"axis_coherence", "mean", "rest_std", "rest_moving_ratio", "reversal_ratio",
+                "speed_correlation", "current_correlation", "nut_line", "screw_line",
+                "ball_line"}  # fmt: skip
+    return [
+        f"accelerometer_1_{row.name}"
+        for row in FEATURES.values()
+        if row.scope is Scope.ACCELEROMETER and row.name not in needless
+    ]
+
+
+def judge(
+    normal: Recording, faulty: list[Recording], window_s: float, false_alarm_rate: float
+) -> list[Judgement]:
+    """False alarms on the second half of ``normal`` and detections, for each feature."""
+    ids = features_of_one_axis()
+    healthy = [compute_all(ids, window) for window in normal.windows(window_s)]
+    half = len(healthy) // 2
+    broken = {r.name: [compute_all(ids, w) for w in r.windows(window_s)] for r in faulty}
+    found: list[Judgement] = []
+    for feature in ids:
+        values = [row[feature] for row in healthy]
+        try:
+            nominal = learn_nominal(values[:half], false_alarm_rate)
+        except CalibrationError:
+            continue
+        found.append(
+            Judgement(
+                feature,
+                nominal,
+                _outside(nominal, values[half:]),
+                {n: _outside(nominal, [r[feature] for r in rows]) for n, rows in broken.items()},
+            )
+        )
+    return found
+
+
+def lines(recording: Recording, window_s: float = 1.0) -> list[str]:
+    """Name of the ball-pass line in each window."""
+    return [named_line(window) for window in recording.windows(window_s)]
+
+
+def _outside(nominal: NominalRange, values: list[float]) -> float:
+    symbols = [nominal.symbol(value, OperatingPoint()) for value in values]
+    return sum(symbol in "+-" for symbol in symbols) / len(symbols)

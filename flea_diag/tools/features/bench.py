@@ -1,0 +1,76 @@
+"""CPU time of features, measured on a window of synthetic vibration with motion."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+
+import numpy as np
+
+from flea_diag.core.vibration.bearing_frequencies import BallScrew
+from flea_diag.core.vibration.features import (
+    FEATURES,
+    Feature,
+    FeatureId,
+    Scope,
+    all_ids,
+    compute_all,
+)
+from flea_diag.core.vibration.window import Window
+
+AXES = tuple(f"accelerometer_{number}_{axis}" for number in (1, 2) for axis in "xyz")
+FLEA_SCREW = BallScrew(pitch_diameter_m=9.9e-3, ball_diameter_m=1.588e-3, lead_m=3.175e-3)
+"""Assumed geometry: the data sheet of the stand's screws is not public."""
+
+
+def bench_window(rate_hz: float = 20_000.0, duration_s: float = 1.0) -> Window:
+    """Noise on six axes, while the shaft swings to and fro; new caches each time."""
+    count = round(rate_hz * duration_s)
+    draw = np.random.default_rng(0)
+    samples = draw.standard_normal((count, len(AXES)), dtype=np.float32)
+    scan_s = np.arange(round(100 * duration_s)) / 100.0
+    slow = {
+        "motor_speed": 80.0 * np.cos(2.0 * np.pi * 0.9 * scan_s + 0.3),
+        "motor_current": draw.standard_normal(len(scan_s)),
+        "motor_temperature": 25.0 + draw.standard_normal(len(scan_s)),
+        "nut_temperature": 25.0 + draw.standard_normal(len(scan_s)),
+        "load_force": 100.0 * draw.standard_normal(len(scan_s)),
+    }
+    speed = 80.0 * np.cos(2.0 * np.pi * 0.9 * np.arange(count) / rate_hz + 0.3)
+    return Window(samples, rate_hz, AXES, speed, slow, scan_s, FLEA_SCREW.orders())
+
+
+def costs_s(repeats: int = 9, both: bool = False) -> dict[str, float]:
+    """Least CPU time of every feature, by name; on one accelerometer where it has one, or ``both``.
+
+    Round by round over all features, so that a slow moment of the machine hits them alike.
+    """
+    rounds = [
+        {name: _timed(_ids(row, both)) for name, row in FEATURES.items()} for _ in range(repeats)
+    ]
+    return {name: min(found[name] for found in rounds) for name in FEATURES}
+
+
+def _ids(feature: Feature, both: bool) -> list[str]:
+    if feature.scope is not Scope.ACCELEROMETER:
+        return [str(FeatureId(feature))]
+    names = ("accelerometer_1", "accelerometer_2") if both else ("accelerometer_2",)
+    return [str(FeatureId(feature, name)) for name in names]
+
+
+def cost_of_all_s(texts: Iterable[str], repeats: int = 5) -> float:
+    """Least CPU time of many features on one window, spectra shared."""
+    texts = list(texts)
+    return min(_timed(texts) for _ in range(repeats))
+
+
+def library_s() -> float:
+    """Cost of the whole library on both accelerometers."""
+    return cost_of_all_s(all_ids(AXES))
+
+
+def _timed(texts: list[str]) -> float:
+    window = bench_window()
+    begin = time.process_time_ns()
+    compute_all(texts, window)
+    return (time.process_time_ns() - begin) / 1e9

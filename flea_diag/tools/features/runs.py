@@ -1,0 +1,74 @@
+"""The labelled runs that ``flea features`` was given: bags, or seeds of the simulated stand."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+
+from flea_diag.errors import ConfigurationError, FleaError
+from flea_diag.tools.features import bench
+from flea_diag.tools.features.samples import Grid, Run, run_of_bag
+from flea_diag.tools.features.stand import LARGEST_LOAD_N, SEVERITIES, stand_runs
+from flea_diag.tools.terminal import warn
+
+
+def labelled_runs(
+    arguments: argparse.Namespace, faults: Sequence[str] = tuple(SEVERITIES), nominal: bool = True
+) -> tuple[list[Run], str, int]:
+    """Runs of bags or of the stand, where they come from, and 1 when some could not be read.
+
+    Raises
+    ------
+    ConfigurationError
+        Neither bags nor seeds are named, or loads or seeds make no sense.
+    """
+    grid = Grid(arguments.window, arguments.hop, bench.FLEA_SCREW.orders())
+    if arguments.stand:
+        seeds, loads = seeds_of(arguments.stand), _loads(arguments.loads)
+        # As many nominal runs as four faults have: ranges need more windows than entries do.
+        runs = stand_runs(seeds, faults, arguments.duration, grid, arguments.jobs, loads)
+        if nominal:
+            more = range(seeds.start * 10, seeds.start * 10 + 4 * len(seeds))
+            runs += stand_runs(more, ["nominal"], arguments.duration, grid, arguments.jobs, loads)
+        return runs, f"simulated stand, seeds {arguments.stand}, loads {arguments.loads} N", 0
+    if not arguments.bags:
+        raise ConfigurationError("features: give bags, or --stand FIRST:LAST")
+    runs, failed = [], 0
+    for directory in arguments.bags:
+        try:
+            runs.append(run_of_bag(directory, grid))
+        except FleaError as error:
+            warn(f"{directory}: left out: {error}")
+            failed = 1
+        else:
+            if not runs[-1].samples:
+                warn(f"{directory}: no window of it can be used: vibration, or a truth, is missing")
+    return runs, f"{len(runs)} bags", failed
+
+
+def seeds_of(text: str) -> range:
+    """Seeds of ``FIRST:LAST``, the last one not among them.
+
+    Raises
+    ------
+    ConfigurationError
+        When it is none.
+    """
+    first, _, last = text.partition(":")
+    if not (first.isdecimal() and last.isdecimal() and int(first) < int(last)):
+        raise ConfigurationError(f"features: --stand = {text!r} must be FIRST:LAST, as 0:20")
+    return range(int(first), int(last))
+
+
+def _loads(text: str) -> tuple[float, float]:
+    first, _, last = text.partition(":")
+    try:
+        low, high = float(first), float(last)
+    except ValueError:
+        low, high = math.nan, math.nan
+    if not 0.0 <= low < high <= LARGEST_LOAD_N:
+        raise ConfigurationError(
+            f"features: --loads = {text!r} must be LOW:HIGH within 0 and {LARGEST_LOAD_N:g} N"
+        )
+    return low, high

@@ -1,0 +1,145 @@
+"""What is said of many studied runs: a table, a picture, a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.extra import require
+from flea_diag.tools.features.study import Study
+from flea_diag.tools.interval import wilson
+from flea_diag.tools.terminal import write_json
+
+MOVED_S = 2.0
+"""Motion that a fault needs to show: with the small strokes some runs hardly move at all."""
+
+WAYS: dict[str, tuple[str, Callable[[Study], bool]]] = {
+    "diagnosis": ("tab:blue", lambda run: run.resolved),
+    "features": ("tab:orange", lambda run: run.told),
+    "classifier": ("tab:green", lambda run: run.classified),
+}
+"""How a run was judged -> colour in pictures, and whether it was right."""
+
+
+def ways(runs: Sequence[Study]) -> list[str]:
+    """The ways that these runs were judged in."""
+    return [name for name in WAYS if name != "classifier" or any(run.called for run in runs)]
+
+
+def study_report(runs: Sequence[Study]) -> str:
+    """What was resolved, by fault and by third of the sizes, and what it cost."""
+    shown = ways(runs)
+    lines = [f"{'fault':24s}{'n':>5s}" + "".join(f"{name:>24s}" for name in shown)]
+    lines[0] += f"{'kept':>7s}{'features':>10s}"
+    for fault in dict.fromkeys(run.fault for run in runs):
+        rows = [run for run in runs if run.fault == fault]
+        lines.append(_line(fault, rows, shown))
+        lines += [_line(f"  size {_span(part)}", part, shown) for part in thirds(rows)]
+    lines.append(_line("all", runs, shown))
+    moved = [run for run in runs if run.moved_s >= MOVED_S]
+    if moved:
+        lines.append(_line(f"  {MOVED_S:g} s in motion", moved, shown))
+    ratio = sum(run.lazy_s for run in runs) / sum(run.eager_s for run in runs)
+    answer = max(run.answer_ms for run in runs)
+    lines.append(f"lazy over always: {ratio:.2%} of CPU; slowest answer {answer:.1f} ms")
+    lines += [_miss(run) for run in runs if not run.resolved]
+    return "\n".join(lines)
+
+
+def _miss(run: Study) -> str:
+    """What was said of a run whose fault is not what alone is left."""
+    named = f"; classifier: {run.called}" if run.called else ""
+    return (
+        f"  {run.fault} seed {run.seed} size {run.size:.3g}, {run.moved_s:.1f} s in motion: "
+        f"{', '.join(run.group) or 'nothing'}; features: {', '.join(run.alone)}{named}"
+    )
+
+
+def thirds(runs: Sequence[Study]) -> list[list[Study]]:
+    """Runs by size in three parts, smallest first; all that have one size in one part."""
+    ordered = sorted(runs, key=lambda run: run.size)
+    cuts = [round(len(ordered) * k / 3) for k in range(4)]
+    return [ordered[a:b] for a, b in pairwise(cuts) if b > a]
+
+
+def write_study(path: Path, runs: Sequence[Study]) -> None:
+    """Write one row a run as JSON.
+
+    Raises
+    ------
+    ConfigurationError
+        When the file cannot be written.
+    """
+    judged = {name: right for name, (_, right) in WAYS.items()}
+    rows = [{**asdict(run), "right": {n: r(run) for n, r in judged.items()}} for run in runs]
+    write_json(str(path), {"schema_version": 2, "runs": rows})
+
+
+def draw_study(path: Path, runs: Sequence[Study]) -> None:
+    """Draw the share resolved against the size of each fault, with Wilson's intervals.
+
+    Raises
+    ------
+    ConfigurationError
+        Without matplotlib, or where the file cannot be written.
+    """
+    require("plot", str(path))
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    faults = list(dict.fromkeys(run.fault for run in runs))
+    with pyplot.rc_context({"svg.hashsalt": "study", "font.size": 9}):
+        figure, row = pyplot.subplots(
+            1, len(faults), figsize=(3.0 * len(faults), 2.8), sharey=True, squeeze=False
+        )
+        for axes, fault in zip(row[0], faults, strict=True):
+            _curves(axes, [run for run in runs if run.fault == fault and run.size > 0.0])
+            axes.set_title(fault)
+        row[0][0].set_ylabel("resolved to the truth")
+        row[0][0].legend(loc="lower right")
+        figure.tight_layout()
+        try:
+            figure.savefig(path)
+        except (OSError, ValueError) as error:
+            raise ConfigurationError(f"{path}: cannot be written: {error}") from error
+        finally:
+            pyplot.close(figure)
+
+
+def _curves(axes: Any, runs: Sequence[Study]) -> None:
+    """One point a third of the sizes and a way, at the third's median; ways side by side."""
+    for number, name in enumerate(ways(runs)):
+        colour, right = WAYS[name]
+        points = []
+        for part in thirds(runs):
+            hits, n = sum(map(right, part)), len(part)
+            size = part[n // 2].size * 1.06**number
+            axes.plot([size, size], wilson(hits, n), color=colour, alpha=0.4)
+            points.append((size, hits / n))
+        axes.plot(*zip(*points, strict=True), "o-", color=colour, markersize=4, label=name)
+    axes.set_xscale("log")
+    axes.set_ylim(0.0, 1.05)
+    axes.set_xlabel("size of the fault")
+
+
+def _span(runs: Sequence[Study]) -> str:
+    return f"{runs[0].size:.3g} to {runs[-1].size:.3g}"
+
+
+def _line(name: str, runs: Sequence[Study], shown: Sequence[str]) -> str:
+    n = len(runs)
+    hits = {way: sum(map(WAYS[way][1], runs)) for way in shown}
+    shares = "".join(
+        "{:>24s}".format(f"{count / n:.3f} ({low:.3f} to {high:.3f})")
+        for count in hits.values()
+        for low, high in [wilson(count, n)]
+    )
+    kept = sum(run.kept for run in runs) / n
+    asked = sum(len(run.features) for run in runs) / n
+    return f"{name:24s}{n:5d}{shares}{kept:7.3f}{asked:10.2f}"

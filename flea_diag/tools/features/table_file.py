@@ -1,0 +1,135 @@
+"""Learned fault feature tables as YAML files that say how they were made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from flea_diag.core.choice.feature_learning import NOMINAL, SYMBOLS, Ends, Learned
+from flea_diag.core.vibration.nominal_range import NominalRange
+from flea_diag.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class Making:
+    """How a table was made, for its header and its provenance."""
+
+    title: str
+    provenance: str
+    source: str
+    rate_hz: float
+    window_s: float
+    false_alarm_rate: float
+    orders: Mapping[str, float]
+
+
+def table_mapping(
+    learned: Learned,
+    features: Mapping[str, Ends],
+    heard: Mapping[str, Ends],
+    costs: Mapping[str, float],
+    levels: Mapping[str, Mapping[str, NominalRange]],
+    unaffected: Iterable[str],
+    making: Making,
+) -> dict[str, Any]:
+    """Plain values of a learned table with chosen features and the ends of their ranges.
+
+    ``heard``: features that are never asked for, with entries for what alarms say of them;
+    ``levels``: section of the file to the range of each axis; ``unaffected`` faults read as
+    nominal windows do.
+    """
+    columns = {**features, **heard}
+    rows: dict[str, Any] = {
+        fault: {
+            "source": f"{making.source}, {learned.counts[fault]} windows",
+            **{f: _entry(learned.probability(fault, f, ends)) for f, ends in columns.items()},
+        }
+        for fault in learned.faults
+    }
+    nominal = {f: _entry(learned.probability(NOMINAL, f, ends)) for f, ends in columns.items()}
+    return {
+        "title": making.title,
+        "provenance": making.provenance,
+        "alphabet": list(SYMBOLS),
+        "features": {
+            **{feature: {"cost": costs[feature]} for feature in features},
+            **{feature: {"cost": costs[feature], "asked": False} for feature in heard},
+        },
+        "faults": rows,
+        "unaffected": {
+            "source": f"assumed to act on no accelerometer: entries of {NOMINAL} windows",
+            "faults": list(unaffected),
+            "entries": nominal,
+        },
+        "nominal": {
+            "rate_hz": _rounded(making.rate_hz),
+            "window_s": making.window_s,
+            "false_alarm_rate": making.false_alarm_rate,
+            "orders": {name: _rounded(order) for name, order in making.orders.items()},
+            "ranges": {
+                f: _rounded_range(replace(learned.ranges[f], much=(low, high), upper=upper))
+                for f, (low, high, upper) in features.items()
+            },
+            **{
+                section: {axis: _rounded_range(found) for axis, found in ranges.items()}
+                for section, ranges in levels.items()
+            },
+        },
+    }
+
+
+def write_table(path: Path, mapping: Mapping[str, Any], header: Sequence[str]) -> None:
+    """Write a table under comment lines that say how it was made.
+
+    Raises
+    ------
+    ConfigurationError
+        When the file cannot be written.
+    """
+    lines = [f"# {line}".rstrip() for line in header]
+    body = yaml.dump(dict(mapping), Dumper=_Dumper, sort_keys=False, width=100)
+    try:
+        path.write_text("\n".join([*lines, body]), encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be written: {error}") from error
+
+
+class _Inline(dict[str, Any]):
+    """A mapping written on one line."""
+
+
+class _Dumper(yaml.SafeDumper):  # type: ignore[misc,unused-ignore]
+    """Entries on one line each, no aliases: the file is read by people too."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Never write anchors."""
+        return True
+
+
+_Dumper.add_representer(
+    _Inline,
+    lambda dumper, value: dumper.represent_mapping("tag:yaml.org,2002:map", value, flow_style=True),
+)
+
+
+def _entry(probabilities: Sequence[float]) -> _Inline:
+    """Probabilities to three digits that still sum to 1: the largest takes up the rest."""
+    rounded = [round(p, 3) for p in probabilities]
+    largest = rounded.index(max(rounded))
+    rounded[largest] = round(1.0 - sum(rounded[:largest] + rounded[largest + 1 :]), 3)
+    return _Inline(zip(SYMBOLS, rounded, strict=True))
+
+
+def _rounded_range(found: NominalRange) -> _Inline:
+    plain = found.as_mapping()
+    return _Inline({key: _rounded(value) for key, value in plain.items()})
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_rounded(item) for item in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value

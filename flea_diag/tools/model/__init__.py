@@ -1,0 +1,1 @@
+"""``flea model``: an actuator's graph, equations, signatures and diagnosability."""

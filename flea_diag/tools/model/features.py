@@ -1,0 +1,32 @@
+"""What fault feature tables can never split, for ``flea model diagnosability``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from flea_diag.configuration import load_features
+from flea_diag.core.choice.feature_table import FaultFeatureTable
+
+TABLES = ("feature_table.yaml", "feature_table_paper.yaml")
+"""The learned table, and that of the founding paper as it stands."""
+
+
+def never_split(faults: Iterable[str]) -> dict[str, list[list[str]]]:
+    """Groups with equal symbols in every feature, by title of the table: no tree splits them."""
+    faults = list(faults)
+    tables = [load_features(name) for name in TABLES]
+    return {table.title: _groups(table, faults) for table in tables}
+
+
+def _groups(table: FaultFeatureTable, faults: list[str]) -> list[list[str]]:
+    known = [fault for fault in faults if fault in table.faults]
+    return [sorted(group) for group in table.inseparable(known) if len(group) > 1]
+
+
+def in_words(groups: dict[str, list[list[str]]]) -> list[str]:
+    """Lines for people."""
+    lines = ["", "Never split by vibration features, because all their symbols are alike:"]
+    for title, found in groups.items():
+        lines.append(f"  {title}:" + ("" if found else " every pair of its faults is split"))
+        lines += [f"    {{{', '.join(group)}}}" for group in found]
+    return lines

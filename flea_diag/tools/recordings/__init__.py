@@ -1,0 +1,1 @@
+"""``flea import``, and faults and switches put into real recordings."""

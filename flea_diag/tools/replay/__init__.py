@@ -1,0 +1,1 @@
+"""``flea replay`` and ``flea trend``: bags through the diagnosis, without ROS."""

@@ -1,0 +1,188 @@
+"""``flea replay``: the diagnosis of a bag, without ROS, repeatable bit for bit."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flea_diag.errors import ConfigurationError, FleaError, RecordingError
+from flea_diag.tools.numeric_backend import numeric_backend
+from flea_diag.tools.terminal import IN_PART, make_folder, progress, warn, write_json
+
+if TYPE_CHECKING:
+    from flea_diag.stages.pipeline import Pipeline
+    from flea_diag.wire.blocks import Block, ScanBlock
+    from flea_diag.wire.records import Record
+
+NAME = "replay"
+SUMMARY = "run the diagnosis over bags, faster than real time and without ROS"
+EXAMPLES = """\
+examples:
+  flea replay bags/run                              the verdict in words
+  flea replay bags/run --calibration cal.yaml --json -
+  flea replay bags/* --json results/ -q             one JSON file for each bag
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAGDIR", help="bags to diagnose")
+    parser.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="calibration (default: the simulated stand)",
+    )
+    parser.add_argument(
+        "--json",
+        metavar="OUT",
+        help="file, - for standard output, or a folder for one file per bag; several bags make a "
+        "list",
+    )
+    parser.add_argument("--namespace", help="which stand, where a bag holds several")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no verdict in words")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Replay every bag; one that is refused does not stop the others."""
+    from flea_diag.configuration import make_pipeline
+
+    _check_names(arguments.json, arguments.bags)
+    # The first pipeline is built before any bag: a wrong calibration is no fault of a bag.
+    fresh = chain((make_pipeline(arguments.calibration),), _pipelines(arguments.calibration))
+    summaries: list[dict[str, Any]] = []
+    refused = 0
+    for number, (bag, pipeline) in enumerate(zip(arguments.bags, fresh, strict=False), 1):
+        progress(number, len(arguments.bags), bag.name)
+        try:
+            summary = replay(bag, pipeline, arguments.namespace)
+        except FleaError as error:
+            refused += 1
+            warn(str(error))
+            continue
+        summaries.append(summary)
+        _say(summary, arguments)
+    if arguments.json:
+        _write(arguments.json, summaries, several=len(arguments.bags) > 1)
+    return _status(summaries, refused, len(arguments.bags))
+
+
+def _pipelines(calibration: Path | None) -> Iterator[Pipeline]:
+    from flea_diag.configuration import make_pipeline
+
+    while True:
+        yield make_pipeline(calibration)
+
+
+def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[str, Any]:
+    """Feed what the stand said in a bag to a fresh pipeline, and summarise what it answers.
+
+    Raises
+    ------
+    RecordingError
+        When there is no bag of ours, or no scan in it.
+    """
+    from flea_diag.stages.digest import DECISIONS, Digest, decided
+    from flea_diag.tools.replay.summary import BULK, summarise, without_values
+    from flea_diag.wire.bags.bag import BagReader
+    from flea_diag.wire.records import AmbiguityGroup
+
+    reader = BagReader(bag)
+    recorded, published = (Digest(), Digest(decided)), False
+
+    def sent() -> Iterator[Record | ScanBlock]:
+        """What the stand said; what was decided back then goes into digests of its own."""
+        nonlocal published
+        for record in reader.blocks((*sources(), *DECISIONS), namespace):
+            if isinstance(record, DECISIONS):
+                published = published or isinstance(record, AmbiguityGroup)
+                for each in recorded:
+                    each.add(record)
+            else:
+                yield record
+
+    said = diagnosed(sent(), pipeline)
+    kept = [without_values(each) for each in said if not isinstance(each, BULK)]
+    summary = summarise(kept)
+    if not summary["scans"]:
+        raise RecordingError(f"{bag}: no scan in it (topic sensors/slow), nothing to diagnose")
+    return {
+        **summary,
+        "backend": numeric_backend(),
+        "bag": str(bag),
+        "recorded_digest": recorded[0].hexdigest() if published else None,
+        "recorded_decision_digest": recorded[1].hexdigest() if published else None,
+        "losses": reader.losses,
+    }
+
+
+def sources() -> tuple[type, ...]:
+    """Records that a diagnosis starts from."""
+    from flea_diag.wire.records import ChannelTable, Scan, VibrationBlock
+
+    return (ChannelTable, VibrationBlock, Scan)
+
+
+def diagnosed(
+    records: Iterable[Record | ScanBlock], pipeline: Pipeline
+) -> Iterator[Record | Block]:
+    """Each record, followed by what it caused; at the end what was still held back."""
+    from flea_diag.wire.blocks import ScanBlock
+
+    for record in records:
+        yield record
+        by_block = isinstance(record, ScanBlock)
+        yield from pipeline.handle_block(record) if by_block else pipeline.handle(record)
+    yield from pipeline.finish()
+
+
+def _say(summary: dict[str, Any], arguments: argparse.Namespace) -> None:
+    from flea_diag.tools.replay.summary import in_words
+
+    for loss in summary["losses"]:
+        warn(f"{summary['bag']}: {loss}")
+    if not arguments.quiet:
+        print(in_words(summary), file=sys.stderr if arguments.json == "-" else sys.stdout)
+
+
+def _check_names(target: str | None, bags: Sequence[Path]) -> None:
+    """In a folder each bag has a file of its own, named like it."""
+    if target is None or not _is_folder(target):
+        return
+    names = Counter(bag.resolve().name for bag in bags)
+    double = next((name for name, count in names.items() if count > 1), None)
+    if double is not None:
+        raise ConfigurationError(
+            f"--json {target}: {names[double]} bags are named {double!r} and would share one file: "
+            "give one file for all (--json results.json)"
+        )
+
+
+def _is_folder(target: str) -> bool:
+    return target.endswith("/") or Path(target).is_dir()
+
+
+def _write(target: str, summaries: list[dict[str, Any]], several: bool) -> None:
+    if _is_folder(target):
+        make_folder(Path(target))
+        for summary in summaries:
+            name = Path(summary["bag"]).resolve().name
+            write_json(str(Path(target) / f"{name}.json"), summary)
+    elif several:
+        write_json(target, summaries)
+    elif summaries:
+        write_json(target, summaries[0])
+
+
+def _status(summaries: list[dict[str, Any]], refused: int, count: int) -> int:
+    in_part = sum(1 for summary in summaries if summary["losses"])
+    if not refused and not in_part:
+        return 0
+    if count > 1:
+        warn(f"{len(summaries)} of {count} bags replayed, {refused} refused, {in_part} incomplete")
+    return IN_PART

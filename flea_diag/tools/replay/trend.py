@@ -1,0 +1,216 @@
+"""``flea trend``: the size of a fault over the episodes and bags of one actuator."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flea_diag.errors import FleaError
+from flea_diag.tools.terminal import IN_PART, progress, warn, write_json, write_text
+
+if TYPE_CHECKING:
+    from flea_diag.wire.blocks import Block
+    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Record
+
+NAME = "trend"
+SUMMARY = "the size of a fault with its uncertainty over the bags of one actuator"
+EXAMPLES = """\
+examples:
+  flea trend bags/2026*                            the verdicts that the bags hold
+  flea trend bags/2026* --calibration cal.yaml     diagnosed anew
+  flea trend bags/* --serial EMA-007               of one actuator alone
+  flea trend bags/* --json trend.json --csv trend.csv
+
+The serial number is that of the test actuator's channels in the channel table, or, where a
+simulated stand has switched to its other unit, that of the unit that has the fault; bags
+without one are kept apart as 'unknown'. In the JSON file `times` (s) and `data` of each trend
+are what progpy's SimResult takes; `sigmas` are the standard errors beside them.
+"""
+OF_ACTUATOR = ("motor_current", "motor_voltage", "motor_speed", "actuator_position")
+"""Channels whose serial number is the test actuator's, the first that has one."""
+UNKNOWN = "unknown"
+DAY_S = 86400.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="of whatever actuators")
+    parser.add_argument("--serial", help="only actuators of this serial number")
+    parser.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="diagnose anew with it, whatever the bags hold",
+    )
+    parser.add_argument("--csv", type=Path, metavar="OUT", help="write one line an estimate")
+    parser.add_argument("--json", metavar="OUT", help="write estimates and trends, - for here")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The size of one fault as the last verdict of one episode has it.
+
+    ``outcome`` says whether the fault was isolated or is one of several left.
+    """
+
+    serial: str
+    fault: str
+    stamp_ns: int
+    size: float
+    size_sigma: float
+    unit: str
+    outcome: str
+    probability: float
+    bag: str
+    episode: int
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Collect the estimates of all bags, tell and write their trends."""
+    found: list[Estimate] = []
+    refused = 0
+    for number, bag in enumerate(arguments.bags, 1):
+        progress(number, len(arguments.bags), bag.name)
+        try:
+            found += estimates(bag, arguments.calibration)
+        except FleaError as error:
+            refused += 1
+            warn(str(error))
+    if arguments.serial:
+        found = [entry for entry in found if entry.serial == arguments.serial]
+    found.sort(key=lambda entry: (entry.serial, entry.fault, entry.unit, entry.stamp_ns))
+    trends = [_trend(part) for part in _parts(found)]
+    if arguments.csv:
+        _write_csv(arguments.csv, found)
+    if arguments.json:
+        write_json(arguments.json, {"schema_version": 1, "trends": trends})
+    if arguments.json != "-":
+        print("\n".join(map(_words, trends)) or "no size was estimated in these bags")
+    if refused == len(arguments.bags):
+        return 2
+    return IN_PART if refused else 0
+
+
+def estimates(bag: Path, calibration: Path | None = None) -> list[Estimate]:
+    """Sizes that the episodes of a bag ended with.
+
+    Raises
+    ------
+    RecordingError
+        When there is no bag of ours.
+    """
+    from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, ChannelTable, Truth
+
+    mounted = owner = ""
+    last: dict[int, tuple[AmbiguityGroup, str]] = {}
+    for record in _said(bag, calibration):
+        if isinstance(record, ChannelTable):
+            mounted = serial_of(record)
+        elif isinstance(record, Truth):
+            owner = dict(record.details).get("serial", "")
+        elif isinstance(record, AmbiguityGroup) and record.detected_stamp_ns != NEVER_NS:
+            last[record.detected_stamp_ns] = record, owner or mounted or UNKNOWN
+    return [entry for group, serial in last.values() for entry in _of_group(group, serial, bag)]
+
+
+def _said(bag: Path, calibration: Path | None) -> Iterable[Record | Block]:
+    """Channel table, truth and verdicts: those recorded, or new ones."""
+    from flea_diag.configuration import make_pipeline
+    from flea_diag.tools.replay.replay import diagnosed, sources
+    from flea_diag.wire.bags.bag import BagReader
+    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Truth
+
+    reader = BagReader(bag)
+    if calibration is None:
+        recorded = [r for _, r in reader.records((ChannelTable, Truth, AmbiguityGroup))]
+        if any(isinstance(record, AmbiguityGroup) for record in recorded):
+            return recorded
+    # The truth is here for the serial number: no stage consumes it.
+    return diagnosed(reader.blocks((*sources(), Truth)), make_pipeline(calibration))
+
+
+def serial_of(table: ChannelTable) -> str:
+    """Serial number of the test actuator, empty where the table tells none."""
+    rows = map(table.info, OF_ACTUATOR)
+    return next((row.serial for row in rows if row is not None and row.serial), "")
+
+
+def _of_group(group: AmbiguityGroup, serial: str, bag: Path) -> Iterator[Estimate]:
+    for member in group.members:
+        # A size without an error, or on a bound (error 0), is no estimate.
+        if math.isfinite(member.size) and member.size_sigma > 0.0:
+            yield Estimate(
+                serial,
+                member.fault,
+                group.stamp_ns,
+                member.size,
+                member.size_sigma,
+                member.size_unit,
+                group.outcome.value,
+                member.probability,
+                str(bag),
+                group.episode,
+            )
+
+
+def _parts(found: Sequence[Estimate]) -> list[list[Estimate]]:
+    """Estimates that may be compared: one actuator, one fault, one unit of its size."""
+    parts: dict[tuple[str, str, str], list[Estimate]] = {}
+    for entry in found:
+        parts.setdefault((entry.serial, entry.fault, entry.unit), []).append(entry)
+    return list(parts.values())
+
+
+def _trend(part: Sequence[Estimate]) -> dict[str, Any]:
+    from flea_diag.core.likelihood.trend import trend
+
+    first = part[0]
+    times = [(entry.stamp_ns - first.stamp_ns) / 1e9 for entry in part]
+    line = trend(times, [e.size for e in part], [e.size_sigma for e in part])
+    return {
+        "serial": first.serial,
+        "fault": first.fault,
+        "unit": first.unit,
+        "since_ns": first.stamp_ns,
+        "times": times,
+        "data": [{"size": entry.size} for entry in part],
+        "sigmas": [entry.size_sigma for entry in part],
+        "level": line.level,
+        "level_sigma": line.level_sigma,
+        "slope_per_s": _known(line.slope),
+        "slope_sigma_per_s": _known(line.slope_sigma),
+        "direction": line.direction,
+        "estimates": [asdict(entry) for entry in part],
+    }
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def _words(entry: dict[str, Any]) -> str:
+    """One trend in a line."""
+    unit, count = entry["unit"], len(entry["times"])
+    head = f"{entry['serial']:12} {entry['fault']:26}"
+    level = f"{entry['level']:.3g} ± {entry['level_sigma']:.2g} {unit}"
+    if entry["slope_per_s"] is None:
+        return f"{head} {level}, {count} estimate{'s' if count > 1 else ''}: no trend without time"
+    slope, sigma = entry["slope_per_s"] * DAY_S, entry["slope_sigma_per_s"] * DAY_S
+    return (
+        f"{head} {level}, {count} estimates: {slope:+.3g} ± {sigma:.2g} {unit} a day, "
+        f"{entry['direction']}"
+    )
+
+
+def _write_csv(path: Path, found: Sequence[Estimate]) -> None:
+    text = io.StringIO()
+    rows = csv.DictWriter(text, [entry.name for entry in fields(Estimate)], lineterminator="\n")
+    rows.writeheader()
+    rows.writerows(map(asdict, found))
+    write_text(path, text.getvalue())

@@ -1,0 +1,222 @@
+"""What was decided of one run, from an evaluation or a replay, and how two of them differ."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+from flea_diag.errors import RecordingError
+from flea_diag.tools.campaign.result_log import RESULTS, read_results
+from flea_diag.tools.campaign.run_result import RunResult
+from flea_diag.wire.bags.bag_layout import refuse_closed
+
+LARGEST_JSON_BYTES = 64 << 20
+
+Episode = Mapping[str, Any]
+"""One episode of a replay's summary, of which ``_episodes`` has made sure what is in it."""
+ABSENT: Episode = {}
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Verdict of one run; ``episodes`` are those of a replay's summary, with their evidence."""
+
+    name: str
+    outcome: str
+    group: tuple[str, ...]
+    alarms_s: tuple[float, ...]
+    episodes: tuple[Episode, ...] = ()
+    digest: str = ""
+    decision_digest: str = ""
+    backend: str = ""
+    right: bool | None = None
+    failure: str = ""
+
+    @property
+    def verdict(self) -> tuple[Any, ...]:
+        """What must be equal for two runs to be decided alike."""
+        said = [(e["outcome"], sorted(e["ambiguity_group"])) for e in self.episodes]
+        return self.outcome, self.group, self.alarms_s, said, bool(self.failure)
+
+    def same_numbers(self, other: Decision) -> bool:
+        """Whether both rest on the same numbers; a file of before has no digest of them alone."""
+        if self.decision_digest and other.decision_digest:
+            return self.decision_digest == other.decision_digest
+        return self.digest == other.digest
+
+    def words(self) -> str:
+        """The verdict in a few words."""
+        if self.failure:
+            return f"failed: {self.failure}"
+        members = ", ".join(self.group)
+        when = ", ".join(f"{at_s:.2f} s" for at_s in self.alarms_s)
+        return (
+            self.outcome + (f" {{{members}}}" if members else "") + (f" at {when}" if when else "")
+        )
+
+
+def read_decisions(path: Path) -> dict[str, Decision]:
+    """Decisions by name of the run: of an evaluation's folder, its lines, or a replay's JSON.
+
+    Raises
+    ------
+    RecordingError
+        There is neither, or it cannot be read.
+    """
+    refuse_closed(path)
+    if path.is_dir() or path.suffix == ".jsonl":
+        folder = path if path.is_dir() else path.parent
+        if path.is_dir() and not (path / RESULTS).is_file():
+            found = _of_files(sorted(path.glob("*.json")))
+            if found:
+                return found
+            raise RecordingError(f"{path}: no {RESULTS} and no replay's JSON in it")
+        return {each.name: each for each in _of_results(read_results(path), folder)}
+    return _of_files([path])
+
+
+def _of_files(paths: list[Path]) -> dict[str, Decision]:
+    found: dict[str, Decision] = {}
+    for path in paths:
+        content = _json(path)
+        for summary in content if isinstance(content, list) else [content]:
+            decision = _of_summary(summary, path)
+            found[decision.name] = decision
+    return found
+
+
+def _of_results(results: tuple[RunResult, ...], folder: Path) -> Iterator[Decision]:
+    for result in results:
+        name = "/".join(part for part in (result.configuration, result.id, result.fold) if part)
+        detail = folder / result.detail
+        told = bool(result.detail) and detail.is_file()
+        yield Decision(
+            name,
+            result.outcome,
+            tuple(sorted(result.group)),
+            result.alarms_s,
+            _of_detail(detail) if told else (),
+            result.digest,
+            result.decision_digest,
+            result.backend,
+            result.right,
+            result.failure,
+        )
+
+
+def _of_detail(path: Path) -> tuple[Episode, ...]:
+    with _shaped(path):
+        return _episodes(_json(path)["summary"])
+
+
+def _of_summary(summary: Any, path: Path) -> Decision:
+    with _shaped(path):
+        episodes = _episodes(summary)
+        return Decision(
+            Path(summary["bag"]).name,
+            str(summary["outcome"]),
+            tuple(sorted(map(str, summary["ambiguity_group"]))),
+            tuple(episode["detected_at_s"] for episode in episodes),
+            episodes,
+            str(summary["digest"]),
+            str(summary.get("decision_digest", "")),
+            str(summary.get("backend", "")),
+        )
+
+
+def _episodes(summary: Mapping[str, Any]) -> tuple[Episode, ...]:
+    """What is compared of each episode; older files lack evidence and steps."""
+    return tuple(
+        {
+            "outcome": str(row["outcome"]),
+            "detected_at_s": float(row["detected_at_s"]),
+            "detected_by": str(row.get("detected_by", "")),
+            "ambiguity_group": [str(fault) for fault in row["ambiguity_group"]],
+            "kept": dict(row.get("kept", {})),
+            "dropped": dict(row.get("dropped", {})),
+            "steps": [
+                {"at_s": float(s["at_s"]), "outcome": str(s["outcome"]), "members": [*s["members"]]}
+                for s in row.get("steps", ())
+            ],
+        }
+        for row in summary["episodes"]
+    )
+
+
+@contextmanager
+def _shaped(path: Path) -> Iterator[None]:
+    """JSON of another shape is refused, wherever it differs."""
+    try:
+        yield
+    except (TypeError, KeyError, ValueError, AttributeError) as error:
+        raise RecordingError(
+            f"{path}: not the JSON of a replay ({error!r}): make it with flea replay --json"
+        ) from error
+
+
+def _json(path: Path) -> Any:
+    try:
+        if path.stat().st_size > LARGEST_JSON_BYTES:
+            raise RecordingError(f"{path}: larger than {LARGEST_JSON_BYTES} bytes, it is not read")
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise RecordingError(f"{path}: cannot be read as JSON: {error}") from error
+
+
+# --- how two differ -----------------------------------------------------------------------
+
+
+def differences(a: Decision, b: Decision) -> list[str]:
+    """Lines that say what changed, when, and by which evidence."""
+    lines = [f"{a.words()}  ->  {b.words()}"]
+    for number, (one, other) in enumerate(zip_longest(a.episodes, b.episodes, fillvalue=ABSENT), 1):
+        lines += [f"episode {number}: {line}" for line in _of_episodes(one, other)]
+    return lines
+
+
+def _of_episodes(a: Episode, b: Episode) -> Iterator[str]:
+    if ABSENT in (a, b):
+        yield f"in {'A' if a else 'B'} alone, {_opened(a or b)}"
+        return
+    if _opened(a) != _opened(b):
+        yield f"{_opened(a)}  ->  {_opened(b)}"
+    parting = _parting(a["steps"], b["steps"])
+    if parting:
+        yield parting
+    for fault in sorted(set(a["ambiguity_group"]) ^ set(b["ambiguity_group"])):
+        yield f"{fault}: A {_held(a, fault)}; B {_held(b, fault)}"
+
+
+def _opened(episode: Episode) -> str:
+    by = episode["detected_by"] or "what is not known"
+    return f"detected at {episode['detected_at_s']} s by {by}"
+
+
+def _parting(a: Any, b: Any) -> str:
+    """Where the two groups first go different ways."""
+    for one, other in zip(a, b, strict=False):
+        if (one["outcome"], one["members"]) != (other["outcome"], other["members"]):
+            return (
+                f"they part at {one['at_s']} s ({_step(one)}) and {other['at_s']} s "
+                f"({_step(other)})"
+            )
+    longer, which = (a, "A") if len(a) > len(b) else (b, "B")
+    rest = longer[min(len(a), len(b)) :]
+    return f"{which} goes on at {rest[0]['at_s']} s ({_step(rest[0])})" if rest else ""
+
+
+def _step(step: Mapping[str, Any]) -> str:
+    members = step["members"]
+    named = ", ".join(members[:4]) + (f" and {len(members) - 4} more" if len(members) > 4 else "")
+    return f"{step['outcome']} {{{named}}}"
+
+
+def _held(episode: Episode, fault: str) -> str:
+    if fault in episode["ambiguity_group"]:
+        return f"kept it ({episode['kept'].get(fault, 'no reason written')})"
+    return f"dropped it ({episode['dropped'].get(fault, 'never considered')})"

@@ -1,0 +1,100 @@
+"""``flea diff``: which decisions changed between two evaluations or replays, when and why."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flea_diag.tools.score.decision import Decision
+
+NAME = "diff"
+SUMMARY = "say which decisions changed between two evaluations or two replays, and by what"
+EXAMPLES = """\
+examples:
+  flea diff results/before results/after        folders of flea evaluate
+  flea diff before.json after.json              files of flea replay --json
+  flea diff before after --json changes.json
+
+Exit status: 0 all decided alike, 1 something changed, 2 it could not be compared.
+"""
+CHANGED = 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    what = "folder of flea evaluate, or JSON of flea replay"
+    parser.add_argument("a", type=Path, metavar="A", help=what)
+    parser.add_argument("b", type=Path, metavar="B", help="the same, later")
+    parser.add_argument("--json", metavar="OUT", help="write the changes there, - for the terminal")
+    parser.add_argument("-q", "--quiet", action="store_true", help="the exit status alone")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare; 0 alike, 1 changed."""
+    from flea_diag.tools.score.decision import read_decisions
+    from flea_diag.tools.terminal import write_json
+
+    report = compare(read_decisions(arguments.a), read_decisions(arguments.b))
+    if arguments.json:
+        write_json(arguments.json, report)
+    if not arguments.quiet and arguments.json != "-":
+        print(words(report))
+    return CHANGED if report["changed"] or report["only_a"] or report["only_b"] else 0
+
+
+def compare(a: dict[str, Decision], b: dict[str, Decision]) -> dict[str, Any]:
+    """Every run that is decided otherwise, or is in one of the two alone."""
+    from flea_diag.tools.score.decision import differences
+
+    both = [name for name in a if name in b]
+    # Digests of two backends differ in last bits.
+    alike = [
+        name
+        for name in both
+        if a[name].verdict == b[name].verdict and a[name].backend == b[name].backend
+    ]
+    changed = [
+        {
+            "run": name,
+            "right": [a[name].right, b[name].right],
+            "differences": differences(a[name], b[name]),
+        }
+        for name in both
+        if a[name].verdict != b[name].verdict
+    ]
+    return {
+        "schema_version": 1,
+        "compared": len(both),
+        "changed": changed,
+        "only_a": sorted(set(a) - set(b)),
+        "only_b": sorted(set(b) - set(a)),
+        "other_digest": [name for name in alike if not a[name].same_numbers(b[name])],
+        "other_words": [
+            name
+            for name in alike
+            if a[name].same_numbers(b[name]) and a[name].digest != b[name].digest
+        ],
+    }
+
+
+_BETTER = {(False, True): " (now right)", (True, False): " (NO LONGER RIGHT)"}
+
+
+def words(report: dict[str, Any]) -> str:
+    """The comparison in lines, the changes first."""
+    lines = []
+    for change in report["changed"]:
+        lines.append(f"{change['run']}{_BETTER.get(tuple(change['right']), '')}")
+        lines += [f"    {line}" for line in change["differences"]]
+    lines += [f"{name}: only in A" for name in report["only_a"]]
+    lines += [f"{name}: only in B" for name in report["only_b"]]
+    lost = sum(1 for change in report["changed"] if change["right"] == [True, False])
+    won = sum(1 for change in report["changed"] if change["right"] == [False, True])
+    lines.append(
+        f"{report['compared']} runs compared, {len(report['changed'])} decided otherwise "
+        f"({won} now right, {lost} no longer), {len(report['other_digest'])} decided alike by "
+        f"other numbers, {len(report['other_words'])} said in other words"
+    )
+    return "\n".join(lines)

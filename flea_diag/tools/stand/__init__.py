@@ -1,0 +1,1 @@
+"""``flea simulate``, ``scenarios`` and ``realism``: the simulated stand without ROS."""

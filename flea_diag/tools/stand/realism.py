@@ -1,0 +1,99 @@
+"""``flea realism``: the simulated stand held against recordings of the real one."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.terminal import write_json
+
+if TYPE_CHECKING:
+    from flea_sim_driver.realism.realism import Comparison, Summary
+
+NAME = "realism"
+SUMMARY = "compare simulated runs with real recordings of the same motion and load"
+EXAMPLES = """\
+examples:
+  flea realism recordings/*.data                          a table on standard output
+  flea realism recordings/*.data --json out.json --plots pictures
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``flea realism``."""
+    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN.data", help="FLEA recordings")
+    parser.add_argument("--seed", type=int, default=1, help="of the simulated units (1)")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write every number there")
+    parser.add_argument(
+        "--plots",
+        type=Path,
+        metavar="DIR",
+        help="pictures of each run and of the held-out half, needs matplotlib",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare; 0 when done."""
+    from flea_sim_driver.acquisition.recording import NAME as RUN_NAME
+    from flea_sim_driver.realism.realism import compare, summaries
+
+    paths = [path for path in arguments.runs if RUN_NAME.match(path.name)]
+    if not paths:
+        raise ConfigurationError(
+            f"realism: none of {len(arguments.runs)} files is a nominal, jam or spall run "
+            "(BatchProfile_<motion><n><n>_..._Nominal_Low.data)"
+        )
+    from flea_diag.tools.stand.realism_pictures import Album
+
+    album = Album(arguments.plots) if arguments.plots else None
+    rows = compare(paths, arguments.seed, album.add if album else None)
+    table = summaries(rows)
+    print(as_text(table))
+    if album:
+        album.finish()
+    if arguments.json:
+        _write(arguments.json, rows, table)
+    skipped = len(arguments.runs) - len(paths)
+    if skipped:
+        print(f"{skipped} files of other kinds left out", file=sys.stderr)
+    return 0
+
+
+def as_text(table: list[Summary]) -> str:
+    """The summaries as words: distance 0.10 is ten per cent off."""
+    lines = []
+    previous = ("", "")
+    for row in table:
+        if (row.half, row.label) != previous:
+            previous = (row.half, row.label)
+            lines += ["", f"{row.half}, {row.label} ({row.runs} runs)"]
+            lines.append(f"  {'statistic':26}{'real':>11}{'simulated':>11}  distance   bias")
+        lines.append(
+            f"  {row.statistic:26}{row.real:11.4g}{row.simulated:11.4g}  {row.distance:8.2f}"
+            f"  {row.bias:+5.2f}  {row.unit}"
+        )
+    lines += ["", "distance: median over runs of |ln(simulated / real)|; bias: with its sign."]
+    lines.append("The simulator was tuned on the tuning half; the held-out half is the report.")
+    return "\n".join(lines).lstrip("\n")
+
+
+def _write(path: Path, rows: list[Comparison], table: list[Summary]) -> None:
+    content = {
+        "schema_version": 1,
+        "summaries": [_finite(asdict(row)) for row in table],
+        "runs": [_finite({**asdict(row), "distance": row.distance}) for row in rows],
+    }
+    write_json(str(path), content)
+
+
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    """JSON knows no NaN: what is not usable is null."""
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in row.items()
+    }

@@ -1,0 +1,77 @@
+"""``flea scenarios``: the paper's 320 scenarios as YAML files, and as bags where asked."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.terminal import make_folder, write_text
+
+if TYPE_CHECKING:
+    from flea_sim_driver.scenario.scenario import Scenario
+
+NAME = "scenarios"
+SUMMARY = "draw the scenarios of the paper's Table 4, and write them as files or bags"
+EXAMPLES = """\
+examples:
+  flea scenarios table4 --seed 7 -o scenarios         320 YAML files
+  flea scenarios table4 --seed 7 -o runs --bags       and a bag of each
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``flea scenarios``."""
+    parser.add_argument("set", choices=("table4",), help="which set")
+    parser.add_argument("--seed", type=int, default=1, help="of all draws (1)")
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, required=True, help="folder to write to"
+    )
+    parser.add_argument("--bags", action="store_true", help="also simulate each into DIR/bags")
+    parser.add_argument("--no-vibration", action="store_true", help="bags of slow channels alone")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the files; 0 when all are written."""
+    from flea_sim_driver.scenario.table4 import table4
+
+    if arguments.seed < 0:
+        raise ConfigurationError(f"scenarios: --seed = {arguments.seed} is below its limit 0")
+    scenarios = table4(arguments.seed)
+    write_files(scenarios, arguments.output)
+    print(f"{arguments.output}: {len(scenarios)} scenarios", file=sys.stderr)
+    if arguments.bags:
+        _write_bags(scenarios, arguments.output / "bags", vibration=not arguments.no_vibration)
+    return 0
+
+
+def write_files(scenarios: tuple[Scenario, ...], folder: Path) -> None:
+    """One YAML file a scenario.
+
+    Raises
+    ------
+    ConfigurationError
+        The folder cannot be written.
+    """
+    import yaml
+
+    from flea_sim_driver.scenario.scenario_file import scenario_to_mapping
+
+    make_folder(folder)
+    for scenario in scenarios:
+        text = yaml.safe_dump(scenario_to_mapping(scenario), sort_keys=False)
+        write_text(folder / f"{scenario.run.name}.yaml", text)
+
+
+def _write_bags(scenarios: tuple[Scenario, ...], folder: Path, *, vibration: bool) -> None:
+    from dataclasses import replace
+
+    from flea_diag.tools.stand.simulate import write_bag
+
+    for number, scenario in enumerate(scenarios, start=1):
+        sensors = replace(scenario.sensors, vibration=vibration)
+        write_bag(replace(scenario, sensors=sensors), folder / scenario.run.name)
+        print(f"\r{number} of {len(scenarios)} bags", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)

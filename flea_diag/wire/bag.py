@@ -1,6 +1,0 @@
-"""Bags: recordings of the topics in rosbag2's MCAP layout, written and read without ROS."""
-
-from flea_diag.wire.bag_reader import BagReader, read_bag
-from flea_diag.wire.bag_writer import BagWriter, Split
-
-__all__ = ["BagReader", "BagWriter", "Split", "read_bag"]

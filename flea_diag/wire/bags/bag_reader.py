@@ -1,0 +1,276 @@
+"""Records out of a bag, ours or another's, as far as it is whole."""
+
+from __future__ import annotations
+
+import heapq
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from itertools import groupby, islice
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+from flea_diag.errors import RecordingError, WireError
+from flea_diag.wire.bags.bag_layout import (
+    METADATA_FILE,
+    checked_namespace,
+    refuse_closed,
+    split_name,
+)
+from flea_diag.wire.bags.mcap_scan import Channel, McapScan, Message
+from flea_diag.wire.bags.scan_columns import scan_block
+from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.messages.codec import decode
+from flea_diag.wire.records import Record, Scan
+from flea_diag.wire.topics import TOPIC_OF, Topic
+from flea_diag.wire.yaml_text import parse_yaml
+
+BLOCK_SCANS = 1024
+_METADATA_LIMIT_BYTES = 1 << 20
+
+
+class BagReader:
+    """One bag: a folder of rosbag2, or a single .mcap file.
+
+    Attributes
+    ----------
+    namespaces
+        Namespaces that hold topics of ours.
+    topics
+        Every topic of the bag with its message type.
+    attachments
+        Texts kept beside the messages, by name.
+    losses
+        What could not be read, in words; complete once ``records`` has been read to its end.
+
+    Raises
+    ------
+    RecordingError
+        When there is no bag, or no topic of ours in it.
+    """
+
+    def __init__(self, directory: Path | str) -> None:
+        self.path = Path(directory)
+        self.losses: list[str] = []
+        self._unreadable: dict[str, int] = {}
+        self._sources = _sources(self.path, self.losses)
+        self.topics: dict[str, str] = {}
+        for source in self._sources:
+            channels = source.channels.values()
+            self.topics.update((c.topic, c.message) for c in channels if c.encoding == "cdr")
+        self._rows = {
+            name: found
+            for name, message in self.topics.items()
+            if (found := split_name(name)) is not None and found[1].message == message
+        }
+        if not self._rows:
+            raise RecordingError(self._foreign())
+        self.namespaces = self._find_namespaces()
+
+    def _find_namespaces(self) -> tuple[str, ...]:
+        """Only /diagnostics belongs to no stand in particular."""
+        own = {space for space, topic in self._rows.values() if not topic.name.startswith("/")}
+        return tuple(sorted(own)) or ("",)
+
+    @property
+    def attachments(self) -> dict[str, str]:
+        """Texts kept beside the messages, by name."""
+        return {
+            name: data.decode(errors="replace")
+            for source in self._sources
+            for name, data in source.attachments.items()
+        }
+
+    def _foreign(self) -> str:
+        has = ", ".join(f"{name} ({kind})" for name, kind in sorted(self.topics.items())[:5])
+        scan = TOPIC_OF[Scan]
+        return (
+            f"{self.path} holds no topic of flea_diag, such as {scan.name} ({scan.message}); "
+            f"it has {has or 'no topics at all'}"
+        )
+
+    def records(
+        self, types: Iterable[type] | None = None, namespace: str | None = None
+    ) -> Iterator[tuple[int, Record]]:
+        """Log times in ns and records, in log order; all types of one namespace by default.
+
+        Raises
+        ------
+        RecordingError
+            When the bag holds several namespaces and none is chosen.
+        """
+        for kind, message in self._messages(types, namespace):
+            yield from self._decoded(kind, message)
+        self._collect_losses()
+
+    def blocks(
+        self, types: Iterable[type] | None = None, namespace: str | None = None
+    ) -> Iterator[Record | ScanBlock]:
+        """Records in log order, as those of ``records``, with scans in a row as blocks."""
+        for kind, run in groupby(self._messages(types, namespace), key=itemgetter(0)):
+            messages = (message for _, message in run)
+            while part := list(islice(messages, BLOCK_SCANS if kind is Scan else 1)):
+                block = _block(part) if kind is Scan else None
+                if block is not None:
+                    yield block
+                else:
+                    yield from (r for m in part for _, r in self._decoded(kind, m))
+        self._collect_losses()
+
+    def _messages(
+        self, types: Iterable[type] | None, namespace: str | None
+    ) -> Iterator[tuple[type, Message]]:
+        """Messages of ours in log order, with the record that each should be."""
+        wanted = self._wanted(None if types is None else set(types), self._chosen(namespace))
+        ordered = self._sources[0].messages()
+        if len(self._sources) > 1:
+            ordered = heapq.merge(*(s.messages() for s in self._sources), key=itemgetter(0))
+        for message in ordered:
+            topic = wanted.get(message.channel.topic)
+            if topic is not None and message.channel.message == topic.message:
+                yield topic.record, message
+
+    def _decoded(self, kind: type, message: Message) -> Iterator[tuple[int, Record]]:
+        """Log time and record of one message; nothing where it is unreadable."""
+        try:
+            record: Record = decode(kind, message.data)
+        except WireError as error:
+            self._count_unreadable(message, error)
+        else:
+            yield message.log_ns, record
+
+    def _chosen(self, namespace: str | None) -> str:
+        has = ", ".join(name or "/" for name in self.namespaces)
+        if namespace is None:
+            if len(self.namespaces) > 1:
+                raise RecordingError(f"{self.path} holds several stands, choose one of {has}")
+            return self.namespaces[0]
+        chosen = checked_namespace(namespace)
+        if chosen not in self.namespaces:
+            raise RecordingError(f"{self.path} has no namespace {namespace!r}, it has {has}")
+        return chosen
+
+    def _wanted(self, types: set[type] | None, namespace: str) -> dict[str, Topic]:
+        return {
+            name: topic
+            for name, (space, topic) in self._rows.items()
+            if (space == namespace or topic.name.startswith("/"))
+            and (types is None or topic.record in types)
+        }
+
+    def _count_unreadable(self, message: Message, error: WireError) -> None:
+        topic = message.channel.topic
+        self._unreadable[topic] = self._unreadable.get(topic, 0) + 1
+        if self._unreadable[topic] == 1:
+            self.losses.append(f"{topic}: first unreadable message at {message.log_ns} ns: {error}")
+
+    def _collect_losses(self) -> None:
+        for source in self._sources:
+            self.losses += [loss for loss in source.losses if loss not in self.losses]
+        self.losses += [
+            f"{topic}: {count} unreadable messages" for topic, count in self._unreadable.items()
+        ]
+
+
+def _block(messages: list[Message]) -> ScanBlock | None:
+    """Scans as columns, if their messages are sound and alike."""
+    try:
+        return scan_block([message.data for message in messages])
+    except WireError:
+        return None
+
+
+def read_bag(
+    directory: Path | str,
+    types: Iterable[type] | None = None,
+    namespace: str | None = None,
+    losses: list[str] | None = None,
+) -> Iterator[tuple[int, Record]]:
+    """Log times in ns and records of a bag, in log order.
+
+    Parameters
+    ----------
+    directory
+        Folder of a bag (MCAP or SQLite storage), or one .mcap file.
+    types
+        Record types wanted; all by default.
+    namespace
+        Which stand, where the bag holds several.
+    losses
+        A list to which is added, in words, what could not be read.
+
+    Raises
+    ------
+    RecordingError
+        When there is no bag, or no topic of ours in it.
+    """
+    reader = BagReader(directory)
+    yield from reader.records(types, namespace)
+    if losses is not None:
+        losses += reader.losses
+
+
+class _SqliteSource:
+    """A bag in SQLite storage, read through rosbags."""
+
+    def __init__(self, directory: Path) -> None:
+        self.attachments: dict[str, bytes] = {}
+        self.losses: list[str] = []
+        self._directory = directory
+        with self._opened() as bag:
+            self.channels = {c.id: Channel(c.topic, c.msgtype, "cdr") for c in bag.connections}
+
+    @contextmanager
+    def _opened(self) -> Iterator[Any]:
+        try:
+            from rosbags.rosbag2 import Reader, ReaderError
+        except ImportError as error:
+            raise RecordingError(f"SQLite bags need rosbags: pip install rosbags ({error})") from (
+                error
+            )
+        try:
+            with Reader(self._directory) as bag:
+                yield bag
+        except (ReaderError, sqlite3.Error, OSError) as error:
+            raise RecordingError(f"cannot read bag {self._directory}: {error}") from error
+
+    def messages(self) -> Iterator[Message]:
+        """All messages in order of log time."""
+        with self._opened() as bag:
+            for connection, log_ns, data in bag.messages():
+                channel = Channel(connection.topic, connection.msgtype, "cdr")
+                yield Message(log_ns, log_ns, channel, bytes(data))
+
+
+def _sources(path: Path, losses: list[str]) -> list[Any]:
+    if path.is_file():
+        return [McapScan(path)]
+    if not path.is_dir():
+        raise RecordingError(f"{path} does not exist")
+    refuse_closed(path)
+    known = described(path, losses)
+    if known.get("storage_identifier") == "sqlite3":
+        return [_SqliteSource(path)]
+    names = known.get("relative_file_paths") or []
+    files = [path / Path(str(name)).name for name in names if str(name).endswith(".mcap")]
+    files = files or sorted(path.glob("*.mcap"))
+    if not files:
+        raise RecordingError(f"{path} is no bag: neither {METADATA_FILE} nor an .mcap file in it")
+    losses += [f"{file.name} is missing" for file in files if not file.exists()]
+    return [McapScan(file) for file in files if file.exists()]
+
+
+def described(path: Path, losses: list[str]) -> dict[str, Any]:
+    """Read metadata.yaml; empty where it is missing or broken, for a bag may do without."""
+    file = path / METADATA_FILE
+    try:
+        if file.stat().st_size > _METADATA_LIMIT_BYTES:
+            raise ValueError(f"above its limit of {_METADATA_LIMIT_BYTES} bytes")
+        content = parse_yaml(file.read_text(encoding="utf-8"))
+        return dict(content["rosbag2_bagfile_information"])
+    except FileNotFoundError:
+        losses.append(f"{METADATA_FILE} is missing")
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        losses.append(f"{METADATA_FILE} is unreadable ({type(error).__name__})")
+    return {}

@@ -1,0 +1,204 @@
+"""Records into a bag that survives the death of its writer.
+
+The mcap library's Writer does the format; what is added here is rosbag2's layout and that
+the bag is made whole once a second: chunk finished, file ended for now, bytes on the disk,
+metadata.yaml replaced in one step. After ``kill -9`` the bag opens as it stands and lacks at
+most the last second.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from flea_diag.errors import RecordingError
+from flea_diag.wire.bags import bag_layout as layout
+from flea_diag.wire.bags.bag_segment import BagSegment
+from flea_diag.wire.messages.codec import encode
+from flea_diag.wire.records import Record
+from flea_diag.wire.topics import TOPIC_OF, Topic
+
+
+@dataclass(frozen=True)
+class Split:
+    """When a bag goes on in another file; 0 is never."""
+
+    size_bytes: int = 0
+    duration_s: float = 0.0
+
+    def due(self, segment: BagSegment, log_ns: int) -> bool:
+        """Whether the next message, of this log time, opens another file."""
+        long_ns = log_ns - segment.span.start_ns
+        started = any(segment.span.counts.values())
+        return started and (
+            0 < self.size_bytes <= segment.size_bytes or 0 < self.duration_s * 1e9 <= long_ns
+        )
+
+
+class BagWriter:
+    """Write one bag; a context manager.
+
+    Parameters
+    ----------
+    directory
+        Folder to make; it must not exist, or be empty.
+    namespace
+        Namespace of the topics of ``write`` (``stand_b``); empty for the first stand.
+    stand
+        Name of the rig for the hardware id of judgements.
+    whole_every_s
+        Wall time between two ``make_whole``; None leaves it to the owner and to ``close``,
+        so that equal records give equal bytes.
+    split
+        When the bag goes on in another file; a file that is full is finished with its index.
+
+    Raises
+    ------
+    RecordingError
+        When the folder is in use, the disk is full, or a record cannot be written.
+    """
+
+    def __init__(
+        self,
+        directory: Path | str,
+        *,
+        namespace: str = "",
+        stand: str = "stand",
+        whole_every_s: float | None = 1.0,
+        split: Split = Split(),
+    ) -> None:
+        self.directory = Path(directory)
+        self.stand = stand
+        self._namespace = layout.checked_namespace(namespace)
+        self._whole_every_s = whole_every_s
+        self._split = split
+        self._topics: dict[str, layout.TopicEntry] = {}
+        self._full: list[tuple[str, layout.Span]] = []
+        self._attachments: dict[str, str] = {}
+        self._open()
+        self._whole_at = time.monotonic()
+
+    @property
+    def path(self) -> Path:
+        """The MCAP file that is written to."""
+        return self.directory / f"{self.directory.resolve().name}_{len(self._full)}.mcap"
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages written so far, by full topic name."""
+        spans = [span for _, span in self._files()]
+        return {name: sum(span.counts.get(name, 0) for span in spans) for name in self._topics}
+
+    def _files(self) -> list[tuple[str, layout.Span]]:
+        return [*self._full, (self._segment.path.name, self._segment.span)]
+
+    def _open(self) -> None:
+        try:
+            self.directory.mkdir(parents=True, exist_ok=True)
+            if any(self.directory.iterdir()):
+                raise RecordingError(
+                    f"{self.directory} is not empty, a bag needs a folder to itself"
+                )
+            self._segment = BagSegment(self.path)
+        except OSError as error:
+            raise self._refusal(error) from error
+
+    def _refusal(self, error: OSError) -> RecordingError:
+        return RecordingError(f"cannot write bag {self.directory}: {error.strerror or error}")
+
+    def write(self, record: Record, log_ns: int | None = None) -> None:
+        """Write a record; ``log_ns`` is when it was received (its own stamp by default)."""
+        topic = TOPIC_OF[type(record)]
+        name = layout.absolute(topic, self._namespace)
+        self._add(name, topic, encode(record, self.stand), record.stamp_ns, log_ns)
+
+    def write_raw(self, topic: str, data: bytes, stamp_ns: int, log_ns: int | None = None) -> None:
+        """Write the CDR bytes of one of our topics, by its full name.
+
+        Raises
+        ------
+        RecordingError
+            When the topic is none of ours.
+        """
+        found = layout.split_name(topic)
+        if found is None:
+            raise RecordingError(f"topic {topic!r} is none of flea_diag's (flea_diag.wire.topics)")
+        self._add(topic, found[1], data, stamp_ns, log_ns)
+
+    def _add(self, name: str, topic: Topic, data: bytes, stamp_ns: int, log_ns: int | None) -> None:
+        log_ns = stamp_ns if log_ns is None else log_ns
+        if log_ns < 0 or stamp_ns < 0:
+            raise RecordingError(f"{name}: stamp {min(stamp_ns, log_ns)} ns is before 1970")
+        try:
+            if self._split.due(self._segment, log_ns):
+                self._go_on_in_another_file()
+            self._segment.add(name, topic, data, stamp_ns, log_ns)
+            if name not in self._topics:
+                self._topics[name] = layout.entry_of(topic)
+            if self._due():
+                self.make_whole()
+        except OSError as error:
+            raise self._refusal(error) from error
+
+    def _go_on_in_another_file(self) -> None:
+        full = self._segment
+        full.finish(self._metadata_text())
+        full.close()
+        self._full.append((full.path.name, full.span))
+        self._segment = BagSegment(self.path)
+        for name, text in self._attachments.items():
+            self._segment.attach(name, text.encode())
+
+    def attach(self, name: str, text: str) -> None:
+        """Keep a text in each file of the bag (a calibration) as an MCAP attachment."""
+        self._attachments[name] = text
+        self._segment.attach(name, text.encode())
+
+    def _due(self) -> bool:
+        if self._whole_every_s is None:
+            return False
+        return time.monotonic() - self._whole_at >= self._whole_every_s
+
+    def make_whole(self) -> None:
+        """Put everything written so far on the disk, so that the bag opens as it stands."""
+        self._whole_at = time.monotonic()
+        if not self._topics:
+            return  # ros2 bag play hangs on a metadata.yaml without topics
+        try:
+            self._segment.make_whole()
+            layout.replace_metadata(self.directory, self._metadata())
+        except OSError as error:
+            raise self._refusal(error) from error
+
+    def _metadata(self) -> dict[str, Any]:
+        return layout.metadata(self._files(), self._topics)
+
+    def _metadata_text(self) -> str:
+        text: str = yaml.safe_dump(self._metadata(), sort_keys=False)
+        return text
+
+    def close(self) -> None:
+        """Finish the bag with its index; a bag without one message is taken away again."""
+        if self._segment.closed:
+            return
+        try:
+            if self._topics:
+                self._segment.finish(self._metadata_text())
+                layout.replace_metadata(self.directory, self._metadata())
+            else:
+                self._segment.discard()
+                self.directory.rmdir()
+        except OSError as error:
+            raise self._refusal(error) from error
+        finally:
+            self._segment.close()
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,241 @@
+"""An MCAP file read front to back, as far as it is whole.
+
+A recorder that was killed leaves a file without footer, summary and index, cut anywhere.
+So none of those is relied on: one pass over the record headers finds the chunks (their data
+are passed over), a second one reads the messages in log order, holding only chunks that
+overlap in time. Every length is checked against the file before it is believed.
+Source of the layout: the MCAP specification, version 0.
+"""
+
+from __future__ import annotations
+
+import struct
+from bisect import bisect_left
+from collections.abc import Iterator
+from operator import attrgetter
+from pathlib import Path
+from typing import IO, NamedTuple
+
+from flea_diag.errors import RecordingError
+from flea_diag.wire.bags.mcap_chunk import (
+    CHUNK_HEAD,
+    U32,
+    U64,
+    DamageError,
+    chunk_data,
+    pairs,
+    sized,
+    text,
+)
+from flea_diag.wire.bags.mcap_file import MAGIC
+
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 1, 2, 3, 4, 5, 6, 9
+_RECORD = struct.Struct("<BQ")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+_log_ns = attrgetter("log_ns")
+_SMALL_LIMIT_BYTES = 16 << 20
+
+
+class Schema(NamedTuple):
+    """Name, encoding and text of a message definition."""
+
+    name: str
+    encoding: str
+    data: bytes
+
+
+class Channel(NamedTuple):
+    """Topic of a channel, with the message type and encoding."""
+
+    topic: str
+    message: str
+    encoding: str
+    schema: Schema = Schema("", "", b"")
+    metadata: tuple[tuple[str, str], ...] = ()
+
+
+class Message(NamedTuple):
+    """One message as it lies in the file."""
+
+    log_ns: int
+    publish_ns: int
+    channel: Channel
+    data: bytes
+
+
+class _Piece(NamedTuple):
+    """A chunk, or a message outside any chunk."""
+
+    start_ns: int
+    end_ns: int
+    offset: int
+    size: int
+    opcode: int
+    whole: bool = True
+
+
+class McapScan:
+    """One MCAP file.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Attributes
+    ----------
+    channels
+        Channels met so far by their number; complete after ``messages`` has ended.
+    complete, indexed
+        Whether the file ends with its footer, and whether that leads to a summary.
+    profile
+        Profile of the header, ``ros2`` for a bag.
+    attachments
+        Files kept beside the messages, by name.
+    losses
+        What could not be read, in words.
+
+    Raises
+    ------
+    RecordingError
+        When it cannot be opened or is no MCAP file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.channels: dict[int, Channel] = {}
+        self.attachments: dict[str, bytes] = {}
+        self.losses: list[str] = []
+        self.complete = False
+        self.indexed = False
+        self.profile = ""
+        self._schemas: dict[int, Schema] = {}
+        self._pieces: list[_Piece] = []
+        try:
+            self._size = path.stat().st_size
+            with path.open("rb") as stream:
+                self._find_pieces(stream)
+                self._find_channels(stream)
+        except OSError as error:
+            raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
+
+    def _find_pieces(self, stream: IO[bytes]) -> None:
+        if stream.read(len(MAGIC)) != MAGIC:
+            raise RecordingError(f"{self.path} is no MCAP file: it does not start with its magic")
+        while not self.complete:
+            offset = stream.tell()
+            head = stream.read(_RECORD.size)
+            opcode, size = _RECORD.unpack(head) if len(head) == _RECORD.size else (0, 0)
+            if not opcode or size > self._size - stream.tell():
+                self._cut_off(stream, opcode, offset)
+                return
+            try:
+                self._note(stream, opcode, size)
+            except (DamageError, struct.error, UnicodeDecodeError) as error:
+                self.losses.append(f"{self.path.name}: record at byte {offset} lost: {error}")
+            stream.seek(offset + _RECORD.size + size)
+
+    def _cut_off(self, stream: IO[bytes], opcode: int, offset: int) -> None:
+        """Say that the file ends too early; of a chunk that it ends in, some can be saved."""
+        words = f"{self.path.name}: no footer, the file ends at byte {self._size}"
+        if offset == self._size:
+            self.losses.append(words)
+            return
+        self.losses.append(f"{words} within a record that begins at byte {offset}")
+        start, left = stream.tell(), self._size - stream.tell()
+        if opcode == _CHUNK and left > CHUNK_HEAD.size:
+            start_ns, end_ns, _, _ = CHUNK_HEAD.unpack(stream.read(CHUNK_HEAD.size))
+            self._pieces.append(_Piece(start_ns, end_ns, start, left, opcode, whole=False))
+
+    def _note(self, stream: IO[bytes], opcode: int, size: int) -> None:
+        offset = stream.tell()
+        if opcode == _CHUNK:
+            start_ns, end_ns, _, _ = CHUNK_HEAD.unpack(stream.read(CHUNK_HEAD.size))
+            self._pieces.append(_Piece(start_ns, end_ns, offset, size, opcode))
+        elif opcode == _MESSAGE:
+            _, _, log_ns, _ = _MESSAGE_HEAD.unpack(stream.read(_MESSAGE_HEAD.size))
+            self._pieces.append(_Piece(log_ns, log_ns, offset, size, opcode))
+        elif opcode in (_SCHEMA, _CHANNEL, _ATTACHMENT):
+            if size > _SMALL_LIMIT_BYTES:
+                raise DamageError(f"{size} bytes, the limit is {_SMALL_LIMIT_BYTES}")
+            self._define(opcode, memoryview(stream.read(size)))
+        elif opcode == _FOOTER:
+            self.complete = True
+            self.indexed = U64.unpack(stream.read(U64.size)) != (0,)
+        elif opcode == _HEADER:
+            self.profile, _ = text(memoryview(stream.read(min(size, _SMALL_LIMIT_BYTES))), 0)
+
+    def _find_channels(self, stream: IO[bytes]) -> None:
+        """Channels of a file without summary stand inside the chunks: look there."""
+        if self.channels and self.complete:
+            return
+        for piece in self._pieces:
+            if piece.opcode == _CHUNK:
+                for _ in self._unpacked(stream, piece, quiet=True):
+                    pass
+
+    def _define(self, opcode: int, body: memoryview) -> None:
+        if opcode == _SCHEMA:
+            (number,) = struct.unpack_from("<H", body)
+            name, place = text(body, 2)
+            encoding, place = text(body, place)
+            self._schemas[number] = Schema(name, encoding, sized(body, place, U32))
+        elif opcode == _CHANNEL:
+            number, schema_number = struct.unpack_from("<HH", body)
+            topic, place = text(body, 4)
+            encoding, place = text(body, place)
+            metadata = tuple(pairs(memoryview(sized(body, place, U32))))
+            schema = self._schemas.get(schema_number, Schema("", "", b""))
+            self.channels[number] = Channel(topic, schema.name, encoding, schema, metadata)
+        elif opcode == _ATTACHMENT:
+            name, place = text(body, 16)
+            _, place = text(body, place)
+            self.attachments[name] = sized(body, place, U64)
+
+    def messages(self) -> Iterator[Message]:
+        """All messages in order of log time; equal times keep their order in the file."""
+        waiting: list[Message] = []
+        pieces = sorted(self._pieces, key=lambda piece: (piece.start_ns, piece.offset))
+        with self.path.open("rb") as stream:
+            for piece in pieces:
+                # What is older than all pieces to come has its turn; the rest waits with them.
+                due = bisect_left(waiting, piece.start_ns, key=_log_ns)
+                yield from waiting[:due]
+                waiting = waiting[due:]
+                waiting += self._unpacked(stream, piece)
+                waiting.sort(key=_log_ns)
+        yield from waiting
+
+    def _unpacked(self, stream: IO[bytes], piece: _Piece, quiet: bool = False) -> Iterator[Message]:
+        stream.seek(piece.offset)
+        data = memoryview(stream.read(piece.size))
+        try:
+            if piece.opcode == _MESSAGE:
+                yield self._message(data)
+            else:
+                yield from self._records(chunk_data(data, piece.whole))
+        except (DamageError, struct.error, UnicodeDecodeError, IndexError) as error:
+            if piece.whole and not quiet:
+                self.losses.append(f"{self.path.name}: rest of chunk at {piece.offset}: {error}")
+
+    def _records(self, data: memoryview) -> Iterator[Message]:
+        place = 0
+        end, head, opened = len(data), _RECORD.size, _RECORD.unpack_from
+        while place < end:
+            opcode, size = opened(data, place)
+            place += head
+            if size > end - place:
+                raise DamageError(f"a record of {size} bytes where {end - place} are left")
+            body = data[place : place + size]
+            place += size
+            if opcode == _MESSAGE:
+                yield self._message(body)
+            else:
+                self._define(opcode, body)
+
+    def _message(self, body: memoryview) -> Message:
+        number, _, log_ns, publish_ns = _MESSAGE_HEAD.unpack_from(body)
+        channel = self.channels.get(number)
+        if channel is None:
+            raise DamageError(f"a message on channel {number}, which is not defined")
+        return Message(log_ns, publish_ns, channel, bytes(body[_MESSAGE_HEAD.size :]))

@@ -1,0 +1,49 @@
+"""Many scans off their messages at once: bytes that differ in stamps and values alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.messages.cdr import ENCAPSULATION, TRAILING, CdrReader
+
+STAMP = slice(len(ENCAPSULATION), len(ENCAPSULATION) + 8)
+EMPTY = 8
+"""Bytes of the counts of velocity and effort, of which there are none."""
+SECOND_NS = 1_000_000_000
+
+
+def scan_block(messages: Sequence[bytes]) -> ScanBlock | None:
+    """Scans of JointState messages as columns, in their order.
+
+    None where they are not laid out alike: then they are to be read one by one.
+
+    Raises
+    ------
+    WireError
+        When the first one cannot be read.
+    """
+    reader = CdrReader(messages[0])
+    reader.stamp_ns()
+    channels = reader.texts()
+    count = reader.count(8)
+    if count:
+        reader.align(8)
+    start, size = reader.place, len(messages[0])
+    end = start + 8 * count
+    if count != len(channels) or not 0 <= size - end - EMPTY <= TRAILING:
+        return None
+    if any(len(message) != size for message in messages):
+        return None
+    table = np.frombuffer(b"".join(messages), dtype=np.uint8).reshape(-1, size)
+    alike = (table[:, STAMP.stop : start] == table[0, STAMP.stop : start]).all()
+    stamps = np.ascontiguousarray(table[:, STAMP]).view(np.dtype([("s", "<i4"), ("ns", "<u4")]))
+    sound = (table[:, : STAMP.start] == table[0, : STAMP.start]).all()
+    sound &= not table[:, end : end + EMPTY].any() and bool((stamps["ns"] < SECOND_NS).all())
+    if not alike or not sound:
+        return None
+    stamps_ns = stamps["s"].astype(np.int64) * SECOND_NS + stamps["ns"]
+    values = np.ascontiguousarray(table[:, start:end]).view("<f8")
+    return ScanBlock(stamps_ns[:, 0], channels, values.astype(np.float64, copy=False))

@@ -1,0 +1,94 @@
+"""Records to message bytes and back: the only place that knows ROS message types.
+
+``encode`` gives little-endian CDR, which ``Publisher.publish`` of rclpy and an MCAP channel
+of rosbag2 both take as it is, so one codec serves the live graph, the bags and the tests;
+neither ROS nor a bag library has to be installed or loaded for it. One carrier a file:
+``joint_state``, ``point_cloud``, ``diagnostic_array``.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar, cast
+
+from flea_diag.errors import WireError
+from flea_diag.wire.messages import diagnostic_array, joint_state, point_cloud
+from flea_diag.wire.messages.cdr import CdrReader
+from flea_diag.wire.records import Record
+from flea_diag.wire.topics import DIAGNOSTIC_ARRAY, JOINT_STATE, POINT_CLOUD, TOPIC_OF
+
+R = TypeVar("R")
+
+
+class Carrier(NamedTuple):
+    """How one standard message is written and read; above ``limit_bytes`` it is refused."""
+
+    encode: Callable[[Any, str], bytes]
+    decode: Callable[[type, CdrReader], Any]
+    limit_bytes: int
+
+
+CARRIERS: dict[str, Carrier] = {
+    JOINT_STATE: Carrier(joint_state.encode, joint_state.decode, 1 << 20),
+    DIAGNOSTIC_ARRAY: Carrier(diagnostic_array.encode, diagnostic_array.decode, 4 << 20),
+    POINT_CLOUD: Carrier(point_cloud.encode, point_cloud.decode, 64 << 20),
+}
+
+
+def encode(record: Record, stand: str = "stand") -> bytes:
+    """Write a record as CDR; ``stand`` names the rig in the hardware id of judgements.
+
+    Raises
+    ------
+    WireError
+        When the record contradicts itself or holds what no message can carry.
+    """
+    message = TOPIC_OF[type(record)].message
+    data = CARRIERS[message].encode(record, stand)
+    _check_size(type(record), message, len(data))
+    return data
+
+
+def decode(record_type: type[R], data: bytes | memoryview) -> R:
+    """Read a record of this type from CDR.
+
+    Raises
+    ------
+    WireError
+        When the bytes are truncated or oversized, or hold something else.
+    """
+    message = TOPIC_OF[record_type].message
+    view = memoryview(data).cast("B")
+    _check_size(record_type, message, len(view))
+    try:
+        return cast(R, CARRIERS[message].decode(record_type, CdrReader(view)))
+    except WireError as error:
+        raise WireError(f"{record_type.__name__}: {error}") from None
+
+
+def message_class(record_type: type) -> Any:
+    """Import the rclpy message class that carries a record type.
+
+    Raises
+    ------
+    WireError
+        Where the ROS message packages are not installed, naming what to install.
+    """
+    package, _, name = TOPIC_OF[record_type].message.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except ImportError as error:
+        raise WireError(
+            f"the ROS messages {package} cannot be imported ({error}): source a ROS 2 "
+            f"installation, or pip install ros-jazzy-common-interfaces"
+        ) from error
+
+
+def _check_size(record_type: type, message: str, size: int) -> None:
+    limit = CARRIERS[message].limit_bytes
+    if size > limit:
+        raise WireError(
+            f"{record_type.__name__} of {size} bytes is above the limit of {limit} bytes "
+            f"for a {message}"
+        )

@@ -1,0 +1,1 @@
+"""From physical quantities to what a DAQ sends, and to a bag."""

@@ -1,0 +1,1 @@
+"""The physics: drive, screw, heat, structure, vibration, and how units differ."""

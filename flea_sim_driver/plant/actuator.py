@@ -1,0 +1,155 @@
+"""The mechanics and electrics of one block: a unit on the bench, with the faults at work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_sim_driver.plant.plant import SIGNALS, STATES, STEP_S, Coefficients, integrator
+from flea_sim_driver.plant.unit import Bench, Unit
+from flea_sim_driver.plant.vibration import ball_pass_order
+from flea_sim_driver.schedule import Episode
+
+Array = npt.NDArray[np.float64]
+Sizes = tuple[float | None, ...]
+
+
+def coefficients(unit: Unit, bench: Bench) -> Coefficients:
+    """The integrator's coefficients of a healthy unit on the bench."""
+    lag = unit.winding_resistance_ohm / unit.winding_inductance_h
+    order = ball_pass_order(unit)
+    return Coefficients(
+        resistance=unit.winding_resistance_ohm,
+        current_decay=float(np.exp(-STEP_S * lag)),
+        force_constant=unit.force_constant_n_per_a,
+        mass=unit.reflected_mass_kg,
+        coulomb=unit.coulomb_friction_n,
+        stribeck=unit.stribeck_friction_n,
+        stribeck_speed=unit.stribeck_speed_m_s,
+        viscous=unit.viscous_friction_n_s_m,
+        load_friction=unit.load_friction_ratio,
+        backlash=unit.backlash_m,
+        lead_error=unit.lead_error_m,
+        ripple=unit.ball_pass_ripple_n,
+        ripple_order=order,
+        eccentric=0.0,
+        spall=0.0,
+        spall_order=order,
+        screw_ratio=unit.screw_ratio_m_rad,
+        nominal_supply=bench.supply_v,
+        supply=bench.supply_v,
+        supply_resistance=bench.supply_resistance_ohm,
+        current_limit=bench.current_limit_a,
+        dead_time_drop=bench.dead_time_drop_v,
+        bridge=1.0,
+        position_gain=bench.position_gain_v_m,
+        position_knee=bench.position_knee_m,
+        position_reset=bench.position_reset_v_m_s,
+        reset_limit=bench.reset_limit_v,
+        droop=bench.droop_ohm,
+        droop_lag=bench.droop_lag_s,
+        feedback_scale=1.0,
+        feedback_offset=0.0,
+        feedback_noise=0.0,
+        current_feedback_scale=1.0,
+        current_feedback_offset=0.0,
+        current_feedback_noise=0.0,
+        force_feedback_scale=1.0,
+        force_feedback_offset=0.0,
+        force_feedback_noise=0.0,
+        coupling_stiffness=bench.coupling_stiffness_n_m,
+        coupling_damping=bench.coupling_damping_n_s_m,
+        load_mass=bench.load_mass_kg,
+        load_coulomb=bench.load_coulomb_n,
+        load_viscous=bench.load_viscous_n_s_m,
+        load_drag=bench.load_drag_n,
+        load_drag_speed=bench.load_drag_speed_m_s,
+        rough_rest=bench.load_roughness_n,
+        rough_speed=bench.load_roughness_n_s_m,
+        rough_load=bench.load_roughness_per_a,
+        load_constant=bench.load_force_constant_n_per_a,
+        load_lag=bench.load_current_lag_s,
+        brake=bench.brake_a_s_m,
+        brake_knee=bench.brake_knee_n,
+        brake_limit=bench.brake_limit_a,
+        brake_wind=bench.brake_wind_n_s,
+        brake_slack=bench.brake_slack_s,
+        brake_catch=bench.brake_catch_m_s,
+        trim_rate=bench.load_trim_per_s,
+        trim_limit=bench.load_trim_limit_n,
+        stroke=bench.stroke_m,
+        stop_stiffness=bench.end_stop_stiffness_n_m,
+        stop_damping=bench.end_stop_damping_n_s_m,
+    )
+
+
+FEEDBACK = {
+    "actuator_position": "feedback",
+    "motor_current": "current_feedback",
+    "load_force": "force_feedback",
+}
+
+
+def with_faults(
+    healthy: Coefficients, episodes: tuple[Episode, ...], sizes: Sizes, time_s: float
+) -> Coefficients:
+    """The coefficients with every fault that acts now in the plant or inside the loop."""
+    changed = healthy
+    for episode, size in zip(episodes, sizes, strict=True):
+        if size is None:
+            continue
+        if episode.row.change is not None:
+            changed = episode.row.change(changed, size)
+        elif episode.setting.where == "loop":
+            changed = _with_feedback(changed, episode, size, time_s)
+    return changed
+
+
+def _with_feedback(c: Coefficients, episode: Episode, size: float, time_s: float) -> Coefficients:
+    """A faulty sensor as the control loop sees it: scale and offset of its reading."""
+    name = FEEDBACK[episode.row.channel]
+    values = c._asdict()
+    scale, offset = values[f"{name}_scale"], values[f"{name}_offset"]
+    mode = episode.row.mode
+    if mode == "bias":
+        offset += size
+    elif mode == "drift":
+        offset += size * (time_s - episode.onset_s)
+    elif mode == "scaling":
+        scale, offset = scale * size, offset * size
+    elif mode == "dead":
+        scale, offset = 0.0, size
+    elif mode == "dropout" and episode.in_gap(size, time_s):
+        scale, offset = 0.0, 0.0
+    elif mode == "noise":
+        values[f"{name}_noise"] = size
+    return Coefficients(**{**values, f"{name}_scale": scale, f"{name}_offset": offset})
+
+
+@dataclass
+class Actuator:
+    """State of the machine, advanced block by block."""
+
+    bench: Bench
+    state: Array
+
+    @classmethod
+    def at_rest(cls, bench: Bench, position_m: float) -> Actuator:
+        """Both sides standing at one position."""
+        state = np.zeros(len(STATES))
+        state[STATES.index("position")] = state[STATES.index("load_position")] = position_m
+        return cls(bench, state)
+
+    def advance(
+        self, segments: list[tuple[int, Coefficients]], reference: Array, load: Array, noise: Array
+    ) -> Array:
+        """Signals (steps, SIGNALS) over segments of so many steps with these coefficients."""
+        out = np.empty((len(reference), len(SIGNALS)))
+        run, start = integrator(), 0
+        for steps, values in segments:
+            cut = slice(start, start + steps)
+            run(self.state, reference[cut], load[cut], noise[cut], values, STEP_S, out[cut])
+            start += steps
+        return out

@@ -1,0 +1,180 @@
+"""Acceleration on the motor housing and on the nut, block by block.
+
+Events are indexed in screw angle, never in time: balls pass a pit of the nut's raceway
+``ball_pass_order`` times a revolution, with a slip that adds up (McFadden and Smith 1984;
+Antoni and Randall 2003). Each excitation rings the modes of the structure that it acts on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.fft import next_fast_len
+
+from flea_sim_driver.plant.structure import Structure
+from flea_sim_driver.plant.unit import Unit
+
+Array = npt.NDArray[np.float64]
+AXIS_GAIN = np.array([[1.0, 0.7, 0.5], [1.0, 0.8, 0.6]])
+CROSSTALK = 0.12
+SENSOR_NOISE = 0.25
+SLIP = 0.015
+BALL_SPACING = 1.02
+AMPLITUDE_LIMIT = 500.0
+IMPULSE_RATE_HZ = 20_000.0
+"""Sizes of single impulses are those of one sample at this rate."""
+
+
+def balls_per_turn(unit: Unit) -> float:
+    """Balls in one turn of the nut."""
+    helix = np.arctan(unit.lead_m / (np.pi * unit.screw_pitch_diameter_m))
+    turn = np.pi * unit.screw_pitch_diameter_m / np.cos(helix)
+    return float(turn / (BALL_SPACING * unit.ball_diameter_m))
+
+
+def ball_pass_order(unit: Unit) -> float:
+    """Balls that pass a point of the nut, per revolution of the screw."""
+    gamma = unit.ball_diameter_m * np.cos(unit.contact_angle_rad) / unit.screw_pitch_diameter_m
+    return float(0.5 * balls_per_turn(unit) * (1.0 - gamma))
+
+
+@dataclass(frozen=True)
+class Severity:
+    """How strongly each vibration source acts now, in the sizes of the fault catalogue."""
+
+    spall: float = 0.0
+    jam: float = 0.0
+    friction: float = 0.0
+    eccentricity: float = 0.0
+    backlash_m: float = 0.0
+    accelerometers: tuple[float | None, float | None] = (None, None)
+
+
+class Vibration:
+    """The two accelerometers of one test actuator.
+
+    Parameters
+    ----------
+    generator
+        Of all that is random in it.
+    structure
+        How this actuator rings.
+    rate_hz, count
+        Samples a second and in a block.
+    """
+
+    def __init__(
+        self, generator: np.random.Generator, structure: Structure, rate_hz: float, count: int
+    ) -> None:
+        self._generator = generator
+        self._background = structure.background
+        self.rate_hz = rate_hz
+        self.count = count
+        ring = structure.impulse_responses(rate_hz)
+        self._length = next_fast_len(count + ring.shape[1], real=True)
+        self._transfer = np.repeat(np.fft.rfft(ring, self._length), 3, axis=0)
+        self._tail = np.zeros((6, ring.shape[1]))
+        self._impulse = float(np.sqrt(rate_hz / IMPULSE_RATE_HZ))
+        self._travel = 0.0
+        self._next_event = 0.0
+        self._side = 0.0
+
+    def block(
+        self, unit: Unit, speed: Array, angle: Array, force: Array, severity: Severity
+    ) -> Array:
+        """One block of acceleration in m/s^2, shape (count, 6).
+
+        ``speed`` (m/s), ``angle`` (rad) and ``force`` (N) span the block at any even rate.
+        """
+        grid = np.linspace(0.0, 1.0, self.count, endpoint=False)
+        knots = (np.arange(len(speed)) + 0.5) / len(speed)
+        omega = np.interp(grid, knots, speed) / unit.screw_ratio_m_rad
+        theta = np.interp(grid, knots, angle)
+        load = np.abs(np.interp(grid, knots, force))
+        pace = np.abs(omega) / 100.0
+        at_motor, at_nut = self._background
+        motor = at_motor * (0.9 * pace + 0.04) * self._white(3)
+        hum = (1.2 * pace + 0.02) * (0.6 + 0.4 * (load / 100.0) ** 0.7)
+        nut = at_nut * hum * self._white(3)
+        nut += self._wear(pace, severity)
+        impacts = self._ball_pass(omega, load, pace, unit, severity.spall)
+        knock = self._knocks(force, unit.backlash_m + severity.backlash_m)
+        return self._sensed(
+            self._ringing(motor + 0.5 * knock, nut + impacts + knock)
+            + self._unbalance(omega, theta, severity.eccentricity),
+            severity.accelerometers,
+        )
+
+    def _white(self, rows: int) -> Array:
+        return self._generator.standard_normal((rows, self.count), dtype=np.float32).astype(float)
+
+    def _wear(self, pace: Array, severity: Severity) -> Array:
+        """Jam: rub in bursts, in step with nothing. Lost lubrication: a steady hiss."""
+        source = self._white(3)
+        level = severity.friction * 0.6 * np.minimum(pace, 1.0) ** 0.4 * (pace > 0.005)
+        if severity.jam > 0.0:
+            # A first-order gate, opened at random a few times a second.
+            steps = self._generator.random(10) < 0.3
+            heights = np.where(steps, self._generator.exponential(1.0, 10), 0.15)
+            burst = np.repeat(heights, -(-self.count // 10))[: self.count]
+            level = level + 5.0 * severity.jam * np.minimum(pace, 1.5) ** 0.7 * burst
+        return np.asarray(level * source)
+
+    def _ball_pass(self, omega: Array, load: Array, pace: Array, unit: Unit, spall: float) -> Array:
+        """Impulses where the travelled angle passes the next event; weak on a healthy nut."""
+        travel = self._travel + np.cumsum(np.abs(omega)) / self.rate_hz
+        out = np.zeros(self.count)
+        spacing = 2.0 * np.pi / ball_pass_order(unit)
+        while self._next_event <= travel[-1]:
+            at = min(int(np.searchsorted(travel, self._next_event)), self.count - 1)
+            slip, scatter = self._generator.standard_normal(2)
+            zone = (max(load[at], 5.0) / 100.0) ** 0.7
+            size = (0.8 + 60.0 * spall) * pace[at] ** 1.2 * zone * (1.0 + 0.2 * scatter)
+            out[at] += self._impulse * size
+            self._next_event += spacing * max(1.0 + SLIP * slip, 0.5)
+        self._travel = float(travel[-1])
+        return out
+
+    def _knocks(self, force: Array, gap: float) -> Array:
+        """An impact each time that the coupling force has crossed the gap to the other side."""
+        out = np.zeros(self.count)
+        sides = np.sign(force)
+        for k in np.flatnonzero(sides):
+            if self._side and sides[k] != self._side:
+                at = int((k + 0.5) / len(force) * self.count)
+                size = 2.0 + 160.0 * (gap / 3e-4) ** 0.5 * (gap > 5e-5)
+                out[at] += self._impulse * sides[k] * size
+            self._side = float(sides[k])
+        return out
+
+    def _unbalance(self, omega: Array, theta: Array, eccentricity: float) -> Array:
+        """Once a revolution, growing with the square of speed; stronger at the motor."""
+        level = (0.02 + 1.2 * eccentricity) * (omega / 60.0) ** 2
+        phases = np.array([0.0, 0.5 * np.pi, 0.25 * np.pi])
+        waves = level * np.sin(theta + phases[:, None])
+        return np.vstack([waves, 0.6 * waves])
+
+    def _ringing(self, motor: Array, nut: Array) -> Array:
+        """Excitations (3, count) at motor and nut, through the structure: (6, count)."""
+        sources = np.vstack([motor + CROSSTALK * nut, nut + CROSSTALK * motor])
+        sources *= AXIS_GAIN.reshape(6, 1)
+        spectra = np.fft.rfft(sources, self._length)
+        spectra *= self._transfer
+        rung = np.fft.irfft(spectra, self._length)
+        keep = self._tail.shape[1]
+        rung[:, :keep] += self._tail
+        self._tail = rung[:, self.count : self.count + keep].copy()
+        return np.asarray(rung[:, : self.count])
+
+    def _sensed(self, acceleration: Array, faults: tuple[float | None, float | None]) -> Array:
+        noise = self._white(6)
+        sensed = acceleration + SENSOR_NOISE * noise
+        for number, size in enumerate(faults):
+            rows = slice(3 * number, 3 * number + 3)
+            if size == 0.0:
+                sensed[rows] = 0.0
+            elif size is not None:
+                sensed[rows] += size * self._white(3)
+        return np.asarray(np.clip(sensed, -AMPLITUDE_LIMIT, AMPLITUDE_LIMIT).T)

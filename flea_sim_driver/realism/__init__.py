@@ -1,0 +1,1 @@
+"""Simulated runs held against real ones."""

@@ -1,0 +1,138 @@
+"""What the stand can follow: everything else is refused before anything moves.
+
+Each refusal names the value and its limit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from flea_diag.errors import ConfigurationError
+from flea_sim_driver import faults
+from flea_sim_driver.scenario.profile import Peaks, peaks
+from flea_sim_driver.scenario.scenario import Scenario
+from flea_sim_driver.scenario.settings import LOAD_LIMIT_N, STROKE_M, FaultSetting
+
+REFERENCE_SPEED_LIMIT_M_S = 0.200  # the soft position loop follows at two thirds of it
+REFERENCE_ACCELERATION_LIMIT_M_S2 = 50.0
+REFERENCE_JERK_LIMIT_M_S3 = 5000.0
+
+
+def checked_scenario(scenario: Scenario, where: str) -> Scenario:
+    """The scenario with every fault's size filled in, or a refusal."""
+    _check_motion(scenario, where)
+    _check_load(scenario, where)
+    _check_stand(scenario, where)
+    settings = tuple(checked_fault(row, scenario.run.duration_s, where) for row in scenario.faults)
+    _check_units(scenario, where)
+    return replace(scenario, faults=settings)
+
+
+def _check_motion(scenario: Scenario, where: str) -> None:
+    motion = scenario.motion
+    if motion.kind == "flight":
+        return  # checked row by row when it was read
+    reach = 0.0 if motion.kind == "hold" else motion.amplitude_m
+    low, high = motion.centre_m - reach, motion.centre_m + reach
+    if low < 0.0 or high > STROKE_M:
+        raise ConfigurationError(
+            f"{where}: motion from {low:.4f} to {high:.4f} m passes the end stops at 0 and "
+            f"{STROKE_M} m; lower amplitude_m or move centre_m"
+        )
+    if motion.kind == "trapezoid" and 2.0 * motion.rise_s * motion.frequency_hz > 1.0:
+        raise ConfigurationError(
+            f"{where}: motion.rise_s = {motion.rise_s!r} s does not fit twice into the period "
+            f"of {1.0 / motion.frequency_hz:.3f} s"
+        )
+    _check_peaks(peaks(motion), where)
+
+
+def _check_peaks(reached: Peaks, where: str) -> None:
+    for value, limit, unit in (
+        (reached.speed_m_s, REFERENCE_SPEED_LIMIT_M_S, "m/s"),
+        (reached.acceleration_m_s2, REFERENCE_ACCELERATION_LIMIT_M_S2, "m/s^2"),
+        (reached.jerk_m_s3, REFERENCE_JERK_LIMIT_M_S3, "m/s^3"),
+    ):
+        if value > limit * (1.0 + 1e-9):
+            raise ConfigurationError(
+                f"{where}: motion reaches {value:.3f} {unit}, the limit is {limit:g} {unit}; lower "
+                "amplitude_m or frequency_hz, or raise rise_s"
+            )
+
+
+def _check_load(scenario: Scenario, where: str) -> None:
+    peak = abs(scenario.load.constant_n) + scenario.load.amplitude_n
+    if peak > LOAD_LIMIT_N:
+        raise ConfigurationError(
+            f"{where}: load reaches {peak:.1f} N, the limit is {LOAD_LIMIT_N:.1f} N (70 lb)"
+        )
+
+
+def _check_stand(scenario: Scenario, where: str) -> None:
+    samples = scenario.sensors.vibration_rate_hz * 0.1
+    if samples != round(samples):
+        raise ConfigurationError(
+            f"{where}: sensors.vibration_rate_hz = {scenario.sensors.vibration_rate_hz!r} Hz must "
+            "be a multiple of 10 Hz, so that a block of 0.1 s is whole"
+        )
+    if scenario.switch.at_s > scenario.run.duration_s:
+        raise ConfigurationError(
+            f"{where}: switch.at_s = {scenario.switch.at_s!r} s is after the end at "
+            f"{scenario.run.duration_s!r} s"
+        )
+    if scenario.sensors.defective and scenario.sensors.defective not in faults.SENSOR_CHANNELS:
+        raise ConfigurationError(
+            f"{where}: sensors.defective = {scenario.sensors.defective!r} is no channel, known "
+            f"are {', '.join(faults.SENSOR_CHANNELS)}"
+        )
+
+
+def _check_units(scenario: Scenario, where: str) -> None:
+    used = {scenario.run.active_unit}
+    if scenario.switch.at_s >= 0.0:
+        used.add(scenario.switch.to)
+    for row in scenario.faults:
+        if row.unit and row.unit not in used:
+            raise ConfigurationError(
+                f"{where}: {row.fault}: unit {row.unit} is never in use; set active_unit, or "
+                f"switch.at_s and switch.to"
+            )
+
+
+def checked_fault(setting: FaultSetting, duration_s: float, where: str) -> FaultSetting:
+    """The setting with its size and place filled in from the catalogue.
+
+    Raises
+    ------
+    ConfigurationError
+        Unknown fault, onset after the end, size out of its limits, or a fault that cannot
+        act in the place asked for.
+    """
+    row = faults.fault_named(setting.fault, where)
+    if setting.unit and row.change is None:
+        raise ConfigurationError(
+            f"{where}: {setting.fault}: unit = {setting.unit!r}, a sensor belongs to the stand and "
+            "not to one unit; leave it out"
+        )
+    if setting.onset_s >= duration_s:
+        raise ConfigurationError(
+            f"{where}: {setting.fault}: onset_s = {setting.onset_s!r} s is not before the end "
+            f"at {duration_s!r} s"
+        )
+    size = row.default_size if setting.size != setting.size else setting.size
+    if not row.minimum <= size <= row.maximum:
+        raise ConfigurationError(
+            f"{where}: {setting.fault}: size = {size!r} {row.size_unit} is outside its limits "
+            f"{row.minimum!r} to {row.maximum!r} {row.size_unit}"
+        )
+    if (setting.on_s > 0.0) != (setting.off_s > 0.0):
+        raise ConfigurationError(
+            f"{where}: {setting.fault}: an intermittent fault needs both on_s and off_s above 0"
+        )
+    place = setting.where or row.places[0]
+    if place not in row.places:
+        raise ConfigurationError(
+            f"{where}: {setting.fault}: where = {place!r} is not possible, it acts in "
+            f"{', '.join(row.places)}"
+        )
+    return replace(setting, size=float(size), where=place)

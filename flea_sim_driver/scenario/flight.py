@@ -1,0 +1,195 @@
+"""The flight interface: an aircraft's control surface drives the stand.
+
+A CSV with the columns ``time_s, position_m, load_N``, or a bag, is taken as it stands, or
+scaled into the stroke and the load limits where the scenario asks for it; what the stand
+cannot follow is refused with the row that says so.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import PchipInterpolator
+
+from flea_diag.errors import ConfigurationError
+from flea_sim_driver.scenario.settings import LOAD_LIMIT_N, STROKE_M
+
+if TYPE_CHECKING:
+    from flea_diag.wire.records import Scan
+
+COLUMNS = ("time_s", "position_m", "load_N")
+SPEED_LIMIT_M_S = 0.120
+ACCELERATION_LIMIT_M_S2 = 3.0  # current limit times force constant over the moving mass
+GAP_LIMIT_S = 0.5
+STROKE_MARGIN_M = 0.005
+BAG_SCANS = 10
+BAG_CHANNELS = (
+    ("commanded_position", "actuator_position", "load_position"),
+    ("commanded_load", "load_force"),
+)
+FILE_LIMIT_BYTES = 64 << 20
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """Position and load of a control surface; speed has no jumps between its rows."""
+
+    time_s: Array
+    position_m: Array
+    load_n: Array
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last row after the first."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    def at(self, time_s: Array) -> tuple[Array, Array]:
+        """Position in m and load in N so long after the first row; held after the last."""
+        when = np.clip(time_s + self.time_s[0], self.time_s[0], self.time_s[-1])
+        return np.asarray(self._path(when)), np.interp(when, self.time_s, self.load_n)
+
+    @cached_property
+    def _path(self) -> PchipInterpolator:
+        """A smooth curve that passes no row's position by."""
+        return PchipInterpolator(self.time_s, self.position_m)
+
+    def acceleration_m_s2(self) -> Array:
+        """Of the curve, the greatest in each step between rows, shape (rows - 1,)."""
+        second = self._path.derivative(2)
+        inside = np.diff(self.time_s) * 1e-9
+        ends = second(self.time_s[:-1] + inside), second(self.time_s[1:] - inside)
+        return np.asarray(np.max(np.abs(ends), axis=0))
+
+
+def fitted(flight: Flight) -> Flight:
+    """The flight with its travel and its loads scaled into the stand's, where they are larger."""
+    low, high = float(flight.position_m.min()), float(flight.position_m.max())
+    position = flight.position_m
+    if low < 0.0 or high > STROKE_M:
+        room = STROKE_M - 2.0 * STROKE_MARGIN_M
+        scale = min(1.0, room / max(high - low, 1e-9))
+        position = 0.5 * STROKE_M + scale * (position - 0.5 * (low + high))
+    peak = float(np.abs(flight.load_n).max())
+    load = flight.load_n * (LOAD_LIMIT_N / peak if peak > LOAD_LIMIT_N else 1.0)
+    return Flight(flight.time_s, position, load)
+
+
+def read_flight(path: Path, *, fit: bool = False) -> Flight:
+    """Read and check one flight; ``fit`` scales it into stroke and load first.
+
+    Raises
+    ------
+    ConfigurationError
+        Unreadable, wrong columns, gaps, or outside stroke, speed or load: names file and row.
+    RecordingError
+        A bag that cannot be read.
+    """
+    rows = _rows_of_bag(path) if path.is_dir() or path.suffix == ".mcap" else _rows(path)
+    table = np.array(rows, dtype=np.float64).reshape(-1, 3)
+    if len(table) < 2:
+        raise ConfigurationError(f"{path}: {len(table)} rows, a flight needs at least 2")
+    flight = Flight(table[:, 0].copy(), table[:, 1].copy(), table[:, 2].copy())
+    if fit:
+        flight = fitted(flight)
+    _check(flight, path)
+    return flight
+
+
+def _rows(path: Path) -> list[list[float]]:
+    try:
+        if path.stat().st_size > FILE_LIMIT_BYTES:
+            raise ConfigurationError(f"{path}: larger than the limit of {FILE_LIMIT_BYTES} bytes")
+        with path.open(newline="", encoding="utf-8") as stream:
+            reader = csv.reader(stream)
+            header = tuple(cell.strip() for cell in next(reader, []))
+            if header != COLUMNS:
+                raise ConfigurationError(
+                    f"{path}: columns {', '.join(header) or 'none'}, must be {', '.join(COLUMNS)}"
+                )
+            return [_row(cells, path, reader.line_num) for cells in reader if cells]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error}") from error
+
+
+def _rows_of_bag(path: Path) -> list[list[float]]:
+    """Position and load of a recording, averaged over tenths of a second against its noise."""
+    from flea_diag.wire.bags.bag import read_bag
+    from flea_diag.wire.records import Scan
+
+    scans = [record for _, record in read_bag(path, [Scan]) if isinstance(record, Scan)]
+    rows: list[list[float]] = []
+    for first in range(0, len(scans) - BAG_SCANS + 1, BAG_SCANS):
+        group = scans[first : first + BAG_SCANS]
+        elapsed_ns = float(np.mean([scan.stamp_ns - scans[0].stamp_ns for scan in group]))
+        rows.append([elapsed_ns * 1e-9, *(_first(group, names) for names in BAG_CHANNELS)])
+    if not np.isfinite(rows).all():
+        raise ConfigurationError(
+            f"{path}: a scan lacks position or load, one of "
+            f"{' or '.join(', '.join(names) for names in BAG_CHANNELS)}"
+        )
+    return rows
+
+
+def _first(group: list[Scan], names: tuple[str, ...]) -> float:
+    """Mean of the first of these channels that is measured throughout."""
+    for name in names:
+        value = float(np.mean([scan.value(name) for scan in group]))
+        if math.isfinite(value):
+            return value
+    return math.nan
+
+
+def _row(cells: list[str], path: Path, line: int) -> list[float]:
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError:
+        values = []
+    if len(values) != len(COLUMNS) or not all(math.isfinite(value) for value in values):
+        raise ConfigurationError(
+            f"{path}, line {line}: {','.join(cells)!r} is not three finite numbers"
+        )
+    return values
+
+
+def _check(flight: Flight, path: Path) -> None:
+    step = np.diff(flight.time_s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = np.abs(np.diff(flight.position_m)) / step
+    checks = (
+        (step <= 0.0, step, "time step", "above 0 s: time must rise"),
+        (step > GAP_LIMIT_S, step, "gap", f"at most {GAP_LIMIT_S} s"),
+        (
+            (flight.position_m < 0.0) | (flight.position_m > STROKE_M),
+            flight.position_m,
+            "position_m",
+            f"0 to {STROKE_M} m: fit: true scales it",
+        ),
+        (
+            np.abs(flight.load_n) > LOAD_LIMIT_N,
+            flight.load_n,
+            "load_N",
+            f"within +-{LOAD_LIMIT_N:.1f} N: fit: true scales it",
+        ),
+        (speed > SPEED_LIMIT_M_S, speed, "speed in m/s", f"at most {SPEED_LIMIT_M_S} m/s"),
+    )
+    for bad, values, name, limit in checks:
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise _refusal(path, flight, row, f"{name} = {values[row]:g}, must be {limit}")
+    acceleration = flight.acceleration_m_s2()
+    row = int(np.argmax(acceleration))
+    if acceleration[row] > ACCELERATION_LIMIT_M_S2:
+        asked = f"acceleration in m/s^2 = {acceleration[row]:.3g}"
+        raise _refusal(path, flight, row, f"{asked}, must be at most {ACCELERATION_LIMIT_M_S2}")
+
+
+def _refusal(path: Path, flight: Flight, row: int, reason: str) -> ConfigurationError:
+    return ConfigurationError(f"{path}, row {row + 1} (time_s {flight.time_s[row]:g}): {reason}")

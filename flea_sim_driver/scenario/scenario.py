@@ -1,0 +1,43 @@
+"""A scenario: what the stand is to do."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from hashlib import sha256
+from typing import Any
+
+from flea_sim_driver.plant.structure import StructureSpread
+from flea_sim_driver.plant.unit import Spread
+from flea_sim_driver.scenario.flight import Flight
+from flea_sim_driver.scenario.settings import FaultSetting, Load, Motion, Run, Sensors, Switch
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What the stand is to do."""
+
+    run: Run = field(default_factory=Run)
+    motion: Motion = field(default_factory=Motion)
+    load: Load = field(default_factory=Load)
+    sensors: Sensors = field(default_factory=Sensors)
+    switch: Switch = field(default_factory=Switch)
+    spread: Any = field(default_factory=Spread)
+    structure: StructureSpread = field(default_factory=StructureSpread)
+    faults: tuple[FaultSetting, ...] = ()
+    flight: Flight | None = None
+
+    def unit_at(self, time_s: float) -> str:
+        """The test actuator in use at a time."""
+        switched = 0.0 <= self.switch.at_s <= time_s + 1e-9
+        return self.switch.to if switched else self.run.active_unit
+
+    def serial(self, unit: str) -> str:
+        """Serial number of a test actuator; the same physical unit has the same in every run.
+
+        A unit is what its seed and the spread draw.
+        """
+        run = self.run
+        if run.serial and unit == run.active_unit:
+            return run.serial
+        drawn = (run.seed, unit, run.unit_spread, sorted(asdict(self.spread).items()))
+        return f"SIM-{sha256(repr(drawn).encode()).hexdigest()[:8].upper()}"

@@ -1,0 +1,138 @@
+"""Scenarios read from YAML, checked, and written again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.wire.parameters import build
+from flea_diag.wire.yaml_text import parse_yaml
+from flea_sim_driver.plant.structure import StructureSpread
+from flea_sim_driver.plant.unit import Spread
+from flea_sim_driver.scenario.feasibility import checked_scenario
+from flea_sim_driver.scenario.flight import Flight, read_flight
+from flea_sim_driver.scenario.scenario import Scenario
+from flea_sim_driver.scenario.settings import FaultSetting, Load, Motion, Run, Sensors, Switch
+
+FILE_LIMIT_BYTES = 1 << 20
+
+SECTIONS: dict[str, type] = {
+    "motion": Motion, "load": Load, "sensors": Sensors, "switch": Switch, "spread": Spread,
+    "structure": StructureSpread,
+}  # fmt: skip
+
+
+def scenario_from_mapping(values: Mapping[str, Any], where: str, folder: Path = Path()) -> Scenario:
+    """A checked scenario.
+
+    Raises
+    ------
+    ConfigurationError
+        Unknown key, wrong type, value out of its limits, or a run that the stand cannot follow.
+    """
+    values = _mapping(values, where, "the file")
+    plain = {k: v for k, v in values.items() if k not in SECTIONS and k != "faults"}
+    sections: dict[str, Any] = {
+        name: build(kind, _mapping(values.get(name, {}), where, name), f"{where}: {name}")
+        for name, kind in SECTIONS.items()
+    }
+    rows = values.get("faults", [])
+    if not isinstance(rows, list):
+        raise ConfigurationError(f"{where}: faults must be a list, not a {type(rows).__name__}")
+    settings = tuple(
+        build(FaultSetting, _mapping(row, where, f"faults[{k}]"), f"{where}: faults[{k}]")
+        for k, row in enumerate(rows)
+    )
+    motion: Motion = sections["motion"]
+    flight = _flight(motion, where, folder)
+    scenario = Scenario(build(Run, plain, where), faults=settings, flight=flight, **sections)
+    return checked_scenario(scenario, where)
+
+
+def _flight(motion: Motion, where: str, folder: Path) -> Flight | None:
+    if motion.kind != "flight":
+        return None
+    if not motion.file:
+        raise ConfigurationError(f"{where}: motion.file is empty, a flight needs a CSV or a bag")
+    return read_flight(folder / motion.file, fit=motion.fit)
+
+
+def _mapping(value: Any, where: str, name: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise ConfigurationError(
+            f"{where}: {name} = {value!r} must be a mapping, not a {type(value).__name__}"
+        )
+    return value
+
+
+def overridden(
+    scenario: Scenario,
+    where: str,
+    run: Mapping[str, Any],
+    fault: Mapping[str, Any] | None = None,
+) -> Scenario:
+    """A checked scenario with other plain values, and with one fault more.
+
+    Parameters
+    ----------
+    run
+        Fields of ``Run`` that are to be others.
+    fault
+        Fields of the ``FaultSetting`` to be added.
+
+    Raises
+    ------
+    ConfigurationError
+        As for ``scenario_from_mapping``: what is given here has the same limits.
+    """
+    plain = build(Run, {**asdict(scenario.run), **run}, where)
+    more = () if fault is None else (build(FaultSetting, fault, where),)
+    faults = (*scenario.faults, *more)
+    return checked_scenario(replace(scenario, run=plain, faults=faults), where)
+
+
+def scenario_to_mapping(scenario: Scenario) -> dict[str, Any]:
+    """What ``scenario_from_mapping`` makes the same scenario of; defaults are left out."""
+    values = _changed(scenario.run)
+    for name in SECTIONS:
+        section = _changed(getattr(scenario, name))
+        if section:
+            values[name] = section
+    if scenario.faults:
+        values["faults"] = [_changed(row) for row in scenario.faults]
+    return values
+
+
+def _changed(section: Any) -> dict[str, Any]:
+    """Fields that differ from their defaults; a size that was left out is not a number."""
+    return {
+        entry.name: value
+        for entry in fields(section)
+        for value in (getattr(section, entry.name),)
+        if value != entry.default and value == value
+    }
+
+
+def load_scenario(path: Path) -> Scenario:
+    """Read and check one scenario file.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read, is too large, is not YAML, or says something impossible.
+    """
+    try:
+        if path.stat().st_size > FILE_LIMIT_BYTES:
+            raise ConfigurationError(
+                f"{path}: {path.stat().st_size} bytes, the limit is {FILE_LIMIT_BYTES}"
+            )
+        values = parse_yaml(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error}") from error
+    except ValueError as error:
+        raise ConfigurationError(f"{path}: not valid YAML: {error}") from error
+    where = str(path)
+    return scenario_from_mapping({} if values is None else values, where, path.parent)

@@ -1,0 +1,148 @@
+"""The 320 scenarios of Narasimhan et al. 2010, Table 4, drawn anew from a seed.
+
+The paper names its rows and counts, four kinds of motion and constant loads within +-70 lb;
+amplitudes, sizes and onsets are drawn here. Jam and spall come as on the FLEA: control is
+switched from the healthy unit to the faulty one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from flea_sim_driver.scenario.scenario import Scenario
+from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
+from flea_sim_driver.scenario.settings import LOAD_LIMIT_N
+
+DURATION_S = 40.0
+EARLIEST_ONSET_S, LATEST_ONSET_S = 12.0, 18.0
+MOTIONS = ("sine", "trapezoid", "triangle", "sweep")
+SPEED_LIMIT_M_S = 0.140
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the table: ``low`` to ``high`` is the range of the fault's size.
+
+    A ladder has ``sizes`` instead, which its scenarios take in turn, each with every motion.
+    """
+
+    title: str
+    fault: str
+    scenarios: int
+    low: float = 0.0
+    high: float = 0.0
+    either_sign: bool = False
+    switched: bool = False
+    sizes: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What all scenarios of a set have in common; ``values`` are more keys of a scenario."""
+
+    duration_s: float = DURATION_S
+    earliest_onset_s: float = EARLIEST_ONSET_S
+    latest_onset_s: float = LATEST_ONSET_S
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+ROWS: tuple[Row, ...] = (
+    Row("Nominal", "", 134),
+    Row("Current Bias", "motor_current_bias", 15, 0.4, 1.5, either_sign=True),
+    Row("Current Dead", "motor_current_dead", 15),
+    Row("Current Drift", "motor_current_drift", 15, 0.05, 0.25, either_sign=True),
+    Row("Position Sensor Failure", "actuator_position_dead", 21),
+    Row("Current Scaling", "motor_current_scaling", 15, 1.3, 1.8),
+    Row("Jam", "jam", 15, 0.7, 1.6, switched=True),
+    Row("Motor Failure", "motor_failure", 15, 1.0, 1.0),
+    Row("Spall", "spall", 15, 0.7, 2.0, switched=True),
+    Row("Temp Bias", "motor_temperature_bias", 15, 5.0, 15.0, either_sign=True),
+    Row("Temp Dead", "motor_temperature_dead", 15),
+    Row("Temp Drift", "motor_temperature_drift", 15, 0.4, 1.2, either_sign=True),
+    Row("Temp Scaling", "motor_temperature_scaling", 15, 1.25, 1.7),
+)
+
+
+def table4(seed: int) -> tuple[Scenario, ...]:
+    """All scenarios, row after row; each has plant parameters of its own draw."""
+    return tuple(scenario for _, scenario in draw(ROWS, seed))
+
+
+def draw(
+    rows: Sequence[Row], seed: int, shared: Shared | None = None
+) -> tuple[tuple[Row, Scenario], ...]:
+    """Scenarios of any such table, each with its row.
+
+    Raises
+    ------
+    ConfigurationError
+        A row that the stand cannot run, by name, value and limit.
+    """
+    common = shared or Shared()
+    names = [(row, number) for row in rows for number in range(row.scenarios)]
+    streams = np.random.SeedSequence(seed).spawn(len(names))
+    return tuple(
+        (row, _scenario(row, number, np.random.default_rng(stream), common))
+        for (row, number), stream in zip(names, streams, strict=True)
+    )
+
+
+def _scenario(row: Row, number: int, draw: np.random.Generator, shared: Shared) -> Scenario:
+    name = f"{row.fault or 'nominal'}_{number + 1:03d}"
+    values: dict[str, Any] = {
+        "name": name,
+        "duration_s": shared.duration_s,
+        "seed": int(draw.integers(2**31)),
+        "ambient_degc": round(float(draw.uniform(20.0, 27.0)), 1),
+        "warm_degc": round(float(draw.uniform(0.0, 10.0)), 1),
+        "motion": _motion(MOTIONS[number % len(MOTIONS)], draw),
+        "load": {"constant_n": _load_n(float(draw.uniform(-LOAD_LIMIT_N, LOAD_LIMIT_N)))},
+        **shared.values,
+    }
+    if row.fault:
+        values |= _fault(row, number, draw, shared)
+    return scenario_from_mapping(values, f"{row.title}, {name}")
+
+
+def _load_n(drawn: float) -> float:
+    """To tenths; the largest loads are not to be rounded to more than the stand can push."""
+    return max(-LOAD_LIMIT_N, min(round(drawn, 1), LOAD_LIMIT_N))
+
+
+def _motion(kind: str, draw: np.random.Generator) -> dict[str, Any]:
+    amplitude = float(draw.uniform(0.012, 0.035))
+    motion: dict[str, Any] = {"kind": kind, "centre_m": round(float(draw.uniform(0.042, 0.055)), 4)}
+    if kind == "trapezoid":
+        motion |= {"frequency_hz": round(float(draw.uniform(0.08, 0.16)), 3), "rise_s": 1.2}
+    else:
+        fastest = SPEED_LIMIT_M_S / (2.0 * math.pi * amplitude)
+        motion["frequency_hz"] = round(min(float(draw.uniform(0.25, 1.0)), fastest), 3)
+    if kind == "sweep":
+        motion["end_frequency_hz"] = motion["frequency_hz"]
+        motion["frequency_hz"] = 0.15
+    return motion | {"amplitude_m": round(amplitude, 4)}
+
+
+def _digits(largest: float) -> int:
+    """Decimal places of a drawn size: thousandths, or three digits of one as small as a play."""
+    return max(3, 2 - math.floor(math.log10(largest))) if largest > 0.0 else 3
+
+
+def _fault(row: Row, number: int, draw: np.random.Generator, shared: Shared) -> dict[str, Any]:
+    onset = round(float(draw.uniform(shared.earliest_onset_s, shared.latest_onset_s)), 2)
+    size = round(float(draw.uniform(row.low, row.high)), _digits(row.high))
+    if row.sizes:
+        size = row.sizes[number // len(MOTIONS) % len(row.sizes)]
+    if row.either_sign and draw.random() < 0.5:
+        size = -size
+    fault: dict[str, Any] = {"fault": row.fault}
+    if row.high != 0.0 or row.sizes:
+        fault["size"] = size
+    if row.switched:
+        return {"switch": {"at_s": onset, "to": "X"}, "faults": [fault | {"unit": "X"}]}
+    return {"faults": [fault | {"onset_s": onset}]}

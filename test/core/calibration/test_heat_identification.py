@@ -1,0 +1,94 @@
+"""Heating and cooling from rows whose truth is known, and their covariance against repetition."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flea_diag.core.calibration.calibration import Run
+from flea_diag.core.calibration.heat_identification import identify
+from flea_diag.core.calibration.identification import Identified
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
+
+HEATING, COOLING_S, AIR = 0.010, 600.0, 24.0
+
+
+def run(number: int, draw: np.random.Generator, scans: int = 2000) -> Run:
+    """A motor at another temperature and under another current in each run, exactly by its law."""
+    current, start = 1.0 + 0.4 * number, AIR + 3.0 * ((5 * number) % 7)
+    end = AIR + HEATING * current**2 * COOLING_S
+    time_s = 0.01 * np.arange(scans)
+    rows = np.full((scans, len(CHANNELS)), np.nan)
+    rows[:, INDEX["motor_current"]] = current
+    rows[:, INDEX["motor_temperature"]] = (
+        end + (start - end) * np.exp(-time_s / COOLING_S) + 0.4 * draw.standard_normal(scans)
+    )
+    rows[:, INDEX["ambient_temperature"]] = AIR
+    rows[:, INDEX["actuator_position"]] = 0.05
+    return Run(f"run{number}", rows)
+
+
+def fitted(seed: int, count: int = 12, scans: int = 2000) -> Identified:
+    draw = np.random.default_rng(seed)
+    result = Identified(ActuatorParameters())
+    identify([run(n, draw, scans) for n in range(count)], 0.01, result)
+    return result
+
+
+@pytest.fixture(scope="module")
+def repeated() -> list[Identified]:
+    return [fitted(seed) for seed in range(40)]
+
+
+def test_heating_and_cooling_are_found(repeated):
+    heat = [r.parameters.motor_heating_k_per_a2s for r in repeated]
+    tau = [r.parameters.motor_cooling_s for r in repeated]
+    assert np.mean(heat) == pytest.approx(HEATING, rel=0.03)
+    assert np.median(tau) == pytest.approx(COOLING_S, rel=0.1)
+
+
+def test_their_covariance_is_the_scatter_of_repeated_experiments(repeated):
+    pairs = np.array(
+        [
+            (r.parameters.motor_heating_k_per_a2s, 1.0 / r.parameters.motor_cooling_s)
+            for r in repeated
+        ]
+    )
+    block = repeated[0].covariance[0]
+    assert block.parameters == ("motor_heating_k_per_a2s", "motor_cooling_s")
+    for r in repeated:
+        assert r.sigmas["motor_cooling_s"] == math.sqrt(r.covariance[0].matrix[1][1])
+    told = np.median([r.sigmas["motor_heating_k_per_a2s"] for r in repeated])
+    assert told == pytest.approx(pairs[:, 0].std(), rel=0.5)
+    told = np.median(
+        [r.sigmas["motor_cooling_s"] / r.parameters.motor_cooling_s**2 for r in repeated]
+    )
+    assert told == pytest.approx(pairs[:, 1].std(), rel=0.5)
+    # More heating and faster cooling make up for each other: 1/tau and h rise together.
+    assert np.corrcoef(pairs.T)[0, 1] > 0.5
+    assert all(r.covariance[0].matrix[0][1] < 0.0 for r in repeated)
+
+
+def test_too_few_recordings_are_named():
+    result = fitted(1, count=3)
+    assert "3 recordings with motor_temperature" in result.not_identified["motor_cooling_s"]
+    assert result.covariance == []
+
+
+def test_what_cannot_cool_keeps_its_default_and_heating_still_has_an_error():
+    draw = np.random.default_rng(1)
+    result = Identified(ActuatorParameters())
+    runs = []
+    for number in range(6):
+        made = run(number, draw)
+        warmer = 0.01 * number * 0.01 * np.arange(len(made.rows))
+        made.rows[:, INDEX["motor_temperature"]] = (
+            AIR + 2.0 * number + warmer + 0.4 * draw.standard_normal(len(made.rows))
+        )
+        runs.append(made)
+    identify(runs, 0.01, result)
+    assert result.not_identified["motor_cooling_s"] == "no cooling within the recordings"
+    assert result.sigmas["motor_heating_k_per_a2s"] > 0.0

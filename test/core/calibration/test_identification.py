@@ -1,0 +1,136 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import optimize
+from support import linear_ema as ema
+from support import stands
+
+from flea_diag.core.calibration.calibration import Run
+from flea_diag.core.calibration.identification import identify, robust_fit
+from flea_diag.errors import CalibrationError
+
+TRUE = {
+    "force_constant_n_per_a": 170.0,
+    "back_emf_v_s_per_m": 170.0,
+    "winding_resistance_ohm": 3.1,
+    "current_offset_a": 0.25,
+    "voltage_offset_v": -0.8,
+    "coulomb_friction_n": 60.0,
+    "viscous_friction_n_s_per_m": 500.0,
+    "reflected_mass_kg": 120.0,
+    "encoder_m_per_rad": 5e-4,
+    "drive_gain": 1.0,
+    "drive_offset_v": -0.8,
+    "motor_heating_k_per_a2s": 0.0098,
+}
+# Reversals inside the smoothing window tilt friction and mass by a few per cent.
+SMOOTHED = {
+    "coulomb_friction_n": 0.06,
+    "viscous_friction_n_s_per_m": 0.15,
+    "reflected_mass_kg": 0.06,
+    "winding_resistance_ohm": 0.01,
+    "motor_heating_k_per_a2s": 0.35,
+}
+
+
+def runs(channels: tuple[str, ...] = ema.CHANNELS, columns=None) -> list[Run]:
+    columns = columns or ema.nominal_runs()
+    return [Run(f"run{n}", ema.rows(each, channels)) for n, each in enumerate(columns)]
+
+
+def found(columns=None, channels: tuple[str, ...] = ema.CHANNELS):
+    return identify(runs(channels, columns), 31, 0.01)
+
+
+@pytest.mark.parametrize("channels", [ema.CHANNELS, ema.STAND])
+def test_the_true_parameters_are_found_within_their_standard_errors(channels):
+    result = found(channels=channels)
+    lacking = set(result.not_identified) - {"winding_inductance_h"}
+    expected = {"encoder_m_per_rad", "drive_gain", "drive_offset_v", "position_offset_m"}
+    assert expected <= lacking if channels == ema.STAND else not expected & lacking
+    for name, true in TRUE.items():
+        if name in result.not_identified:
+            continue
+        value, sigma = getattr(result.parameters, name), result.sigmas.get(name, 0.0)
+        slack = 4 * sigma + SMOOTHED.get(name, 0.002) * abs(true)
+        assert value == pytest.approx(true, abs=slack), name
+
+
+def test_bad_voltage_does_not_draw_the_fit():
+    random = np.random.default_rng(8)
+    columns = []
+    for each in ema.nominal_runs():
+        voltage = each["motor_voltage"].copy()
+        # Four tenths of each run read the supply, in stretches of 1 to 3 s.
+        while np.mean(voltage == -24.0) < 0.4:
+            start = random.integers(0, len(voltage) - 300)
+            voltage[start : start + random.integers(100, 300)] = -24.0
+        columns.append({**each, "motor_voltage": voltage})
+    clean, spoilt = found(), found(columns)
+    for name in ("winding_resistance_ohm", "back_emf_v_s_per_m", "voltage_offset_v"):
+        expected = getattr(clean.parameters, name)
+        assert getattr(spoilt.parameters, name) == pytest.approx(expected, rel=0.03), name
+    assert 4.0 < spoilt.voltage_limit_v < 15.0
+
+
+def test_runs_without_motion_are_refused():
+    still = ema.run(reference=lambda t: 0.0)
+    with pytest.raises(CalibrationError, match=r"s of motion above.*record the actuator while"):
+        found([ema.noisy(still, n) for n in range(3)])
+
+
+def test_a_load_of_the_wrong_sign_is_refused():
+    flipped = [{**each, "load_force": -each["load_force"]} for each in ema.nominal_runs()]
+    with pytest.raises(CalibrationError, match="motor_current or load_force has the wrong sign"):
+        found(flipped)
+
+
+def test_runs_shorter_than_the_window_are_refused():
+    with pytest.raises(CalibrationError, match="no recording is as long as"):
+        identify([Run("short", np.zeros((30, 10)))], 31, 0.01)
+
+
+def test_without_voltage_only_what_needs_it_is_missing():
+    channels = tuple(c for c in ema.STAND if c != "motor_voltage")
+    result = found(channels=channels)
+    assert result.not_identified["winding_resistance_ohm"] == "no motor_voltage channel"
+    assert result.parameters.force_constant_n_per_a == pytest.approx(170.0, rel=0.01)
+
+
+def test_huber_agrees_with_a_general_minimiser():
+    random = np.random.default_rng(3)
+    A = np.stack((random.standard_normal(400), np.ones(400)), axis=1)
+    y = A @ (2.0, -1.0) + 0.1 * random.standard_normal(400)
+    y[:40] += 0.5 * random.random(40)
+    x, covariance, weight = robust_fit(A, y, np.arange(400) // 50)
+    reference = optimize.least_squares(lambda b: (A @ b - y) / (2 * 0.1), (0, 0), loss="huber").x
+    np.testing.assert_allclose(x, reference, atol=0.01)
+    assert weight[:40].mean() < weight[40:].mean()
+    assert covariance.shape == (2, 2)
+
+
+def test_standard_errors_cover_the_scatter_of_repeated_experiments():
+    solutions, errors = [], []
+    for seed in range(200):
+        random = np.random.default_rng(seed)
+        run = np.arange(600) // 60
+        A = np.stack((random.standard_normal(600), np.ones(600)), axis=1)
+        # Each recording has an error of its own, common to its samples.
+        y = (
+            A @ (2.0, -1.0)
+            + 0.1 * random.standard_normal(600)
+            + 0.1 * random.standard_normal(10)[run]
+        )
+        x, covariance, _ = robust_fit(A, y, run)
+        solutions.append(x[1])
+        errors.append(covariance[1, 1] ** 0.5)
+    assert np.mean(errors) == pytest.approx(np.std(solutions), rel=0.2)
+
+
+def test_the_calibration_names_its_sources_and_what_it_could_not_find():
+    calibration = stands.calibration()
+    assert calibration.sources == tuple(f"run{n}" for n in range(6))
+    assert calibration.nominal_s == pytest.approx(144.0)
+    assert "winding_inductance_h" in calibration.not_identified
+    assert not calibration.bad_stretches

@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+from support import linear_ema as ema
+from support import stands
+
+from flea_diag.core.calibration.thresholds import Trace, limits
+from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS
+
+SHARE = 0.8 / sum(row.gate != "sensor" for row in RESIDUALS)
+"""Of the rate of false alarms, for one residual: single sensors and shifts have the rest."""
+
+RATE_PER_HOUR = 3600.0
+
+
+def traces(values: list[np.ndarray], name: str = "motor_temperature", speed: float = 0.04):
+    found = []
+    for n, column in enumerate(values):
+        table = np.full((len(column), len(RESIDUALS)), np.nan)
+        table[:, RESIDUAL_INDEX[name]] = column
+        moving = np.ones(len(column), dtype=bool)
+        found.append(Trace(f"t{n}", table, np.full(len(column), speed), moving, moving))
+    return found
+
+
+def white(count: int, length: int, seed: int = 0) -> list[np.ndarray]:
+    return list(np.random.default_rng(seed).standard_normal((count, length)))
+
+
+def test_scatter_of_means_of_white_noise_falls_with_the_root_of_the_window():
+    (limit,) = limits(traces(white(20, 6000)), 0.1, 0.01)
+    assert limit.sigma[0] == pytest.approx(1.0, rel=0.02)
+    for window in limit.windows:
+        assert window.sigma[0] == pytest.approx(1 / np.sqrt(window.window), rel=0.12)
+        assert abs(window.centre[0]) < 0.02
+    assert limit.correlation_samples == pytest.approx(1.0, abs=0.25)
+
+
+def test_coloured_noise_is_seen_in_the_means():
+    a = 0.95
+    runs = []
+    for noise in white(20, 6000, seed=1):
+        column = np.zeros(6000)
+        for k in range(1, 6000):
+            column[k] = a * column[k - 1] + noise[k]
+        runs.append(column)
+    (limit,) = limits(traces(runs), 0.1, 0.01)
+    # AR(1): var(mean of w) -> var / w * (1 + a) / (1 - a) = 39 samples to an independent one.
+    assert limit.correlation_samples == pytest.approx(39.0, rel=0.25)
+
+
+def test_the_limit_is_the_student_quantile_or_guards_the_largest_seen():
+    columns = white(20, 6000)
+    (loose,) = limits(traces(columns), 1e-12, 0.01)
+    pieces = 20 * 6000 * 0.01 / 10.0
+    for window in loose.windows:
+        alpha = SHARE * 1e-12 * window.window * 0.01 / 3600.0
+        assert window.k == pytest.approx(stats.t.isf(alpha / 2, pieces - 1), rel=1e-6)
+    (strict,) = limits(traces(columns), 1e9, 0.01)
+    for window in strict.windows:
+        means = np.concatenate(
+            [np.convolve(c, np.full(window.window, 1 / window.window), "valid") for c in columns]
+        )
+        largest = np.abs(means - window.centre[1]).max() / window.sigma[1]
+        assert window.k == pytest.approx(1.25 * largest, rel=1e-2)
+
+
+def test_false_alarms_on_fresh_noise_stay_below_the_stated_rate():
+    (limit,) = limits(traces(white(20, 6000)), RATE_PER_HOUR, 0.01)
+    fresh = np.random.default_rng(99).standard_normal(200_000)
+    episodes = 0
+    for window in limit.windows:
+        means = np.convolve(fresh, np.full(window.window, 1 / window.window), "valid")
+        beyond = np.abs(means) > window.k * window.sigma[0]
+        episodes += int(beyond[0]) + int((np.diff(beyond.astype(int)) > 0).sum())
+    hours = len(fresh) * 0.01 / 3600.0
+    assert episodes / hours <= RATE_PER_HOUR * SHARE
+
+
+def test_regions_with_few_recordings_borrow_from_all():
+    slow, fast = (
+        traces(white(6, 3000), speed=0.02),
+        traces([3.0 * w for w in white(3, 3000, seed=2)], speed=0.08),
+    )
+    (limit,) = limits(slow + fast, 0.1, 0.01)
+    first = limit.windows[0]
+    assert first.sigma[0] < first.sigma[2] / 1.2
+    assert first.sigma[1] == first.sigma[2]
+
+
+@pytest.mark.parametrize("columns", [[], white(1, 3000), [np.zeros(3000)] * 4, white(4, 30)])
+def test_no_limit_where_nothing_can_be_learned(columns):
+    assert limits(traces(columns), 0.1, 0.01) == ()
+
+
+def test_a_stand_gets_limits_for_what_it_can_form_and_for_nothing_else():
+    have = {limit.name for limit in stands.calibration().limits}
+    assert {"parity_mechanical", "parity_electrical_dn", "motor_temperature"} <= have
+    assert not have & {"parity_kinematic", "parity_drive", "parity_speed"}
+    whole = {limit.name for limit in stands.calibration(ema.CHANNELS).limits}
+    assert {"parity_kinematic", "parity_drive", "parity_speed"} <= whole
+
+
+def test_bad_stretches_are_found_left_out_and_named():
+    from flea_diag.core.calibration.calibration import Run
+    from flea_diag.core.calibration.identification import identify
+    from flea_diag.core.calibration.thresholds import stretches, trace
+
+    columns = [dict(each) for each in ema.nominal_runs()]
+    voltage = columns[2]["motor_voltage"].copy()
+    voltage[800:1000] = -24.0
+    columns[2]["motor_voltage"] = voltage
+    runs = [Run(f"r{n}", ema.rows(each, ema.STAND)) for n, each in enumerate(columns)]
+    found = identify(runs, 31, 0.01)
+    traced = [trace(run, found, 31, 0.01) for run in runs[1:3]]
+    assert stretches(traced[0], 0.01) == []
+    (stretch,) = stretches(traced[1], 0.01)
+    assert (stretch.run, stretch.channel) == ("r2", "motor_voltage")
+    assert stretch.start_s == pytest.approx(8.0, abs=0.2)
+    assert stretch.end_s == pytest.approx(20.0, abs=0.4)  # trusted again after 10 s
+    bad = traced[1].values[900, RESIDUAL_INDEX["parity_electrical"]]
+    assert np.isnan(bad)

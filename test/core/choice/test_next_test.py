@@ -1,0 +1,200 @@
+"""Advice on tests: what is expected of each, held against trials of the same tests."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from support.fault_terms import BIAS, DRAG, LOAD, RESIDUALS, SIGMA, SPACING, TOLERANCE
+from support.places import ROOT
+
+from flea_diag.core.choice.feature_table import FaultFeatureTable
+from flea_diag.core.choice.next_test import (
+    MOTIONS,
+    Motion,
+    StandTest,
+    Suspect,
+    Weighing,
+    feature_tests,
+    motion_tests,
+    next_tests,
+    planned,
+)
+from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
+from flea_diag.core.likelihood.likelihood import Evidence
+from flea_diag.core.residuals.parameters import ActuatorParameters
+
+P = ActuatorParameters()
+DROP_NATS = 3.5
+MODELS = (DRAG, BIAS, LOAD)
+SHORT = Motion("to and fro", 0.03, 4.0, 100.0, 4.0)
+TRUE_SIZES = {"drag": (40.0, 100.0), "bias": (0.3,), "load": (40.0, 0.0)}
+WEIGHING = Weighing(MODELS, SIGMA, SPACING, TOLERANCE, DROP_NATS)
+
+
+def window(model: FaultModel, phi: np.ndarray, random: np.random.Generator) -> Evidence:
+    """Noisy residuals of a fault over a window; as coloured as the likelihood takes it."""
+    at = {name: place for place, name in enumerate(REGRESSORS)}
+    evidence = Evidence(RESIDUALS)
+    rows = {}
+    for name in RESIDUALS:
+        effect = sum(
+            TRUE_SIZES[model.fault][t.index] * t.gain * phi[:, at[t.regressor]]
+            for t in model.terms
+            if t.residual == name
+        )
+        hold = int(SPACING[name])
+        noise = np.repeat(random.normal(0.0, SIGMA[name], len(phi) // hold + 1), hold)
+        rows[name] = effect + noise[: len(phi)]
+    evidence.add(np.column_stack([rows[name] for name in RESIDUALS]), phi)
+    return evidence
+
+
+def suspects(evidence: Evidence, *models: FaultModel) -> list[Suspect]:
+    fits = evidence.fit(models, SIGMA, SPACING, TOLERANCE)
+    best = max(fit.log_likelihood for fit in fits)
+    weights = [math.exp(fit.log_likelihood - best) for fit in fits]
+    return [
+        Suspect(fit.fault, weight / sum(weights), fit)
+        for fit, weight in zip(fits, weights, strict=True)
+    ]
+
+
+def test_the_expected_size_is_what_trials_of_the_test_give() -> None:
+    """Drag against a load bias, after motion one way only; then the planned motion, 60 times."""
+    random = np.random.default_rng(5)
+    one_way = planned(P, Motion("out", 0.03, 4.0, 100.0, 0.6))
+    before = window(DRAG, one_way, random)
+    group = suspects(before, DRAG, LOAD)
+    (foreseen,) = motion_tests(group, before, WEIGHING, P, motions=(SHORT,))
+    left = []
+    for _ in range(60):
+        after = window(DRAG, np.vstack([one_way, planned(P, SHORT)]), random)
+        fits = after.fit((DRAG, LOAD), SIGMA, SPACING, TOLERANCE)
+        best = max(fit.log_likelihood for fit in fits)
+        left.append(sum(best - fit.log_likelihood <= DROP_NATS for fit in fits))
+    assert foreseen.expected_size < 1.5
+    assert np.mean(left) == pytest.approx(foreseen.expected_size, abs=0.25)
+    assert foreseen.splits == (("drag", "load"),)
+
+
+def test_faults_of_one_and_the_same_model_are_split_by_no_motion() -> None:
+    twin = FaultModel("twin", DRAG.sizes, DRAG.terms)
+    evidence = window(DRAG, planned(P, SHORT), np.random.default_rng(1))
+    fit, same = evidence.fit((DRAG, twin), SIGMA, SPACING, TOLERANCE)
+    group = [Suspect("drag", 0.5, fit), Suspect("twin", 0.5, same)]
+    weighing = Weighing((DRAG, twin), SIGMA, SPACING, TOLERANCE, DROP_NATS)
+    assert motion_tests(group, evidence, weighing, P) == ()
+
+
+def test_a_fault_without_a_model_is_neither_dropped_nor_predicted() -> None:
+    evidence = window(DRAG, planned(P, SHORT), np.random.default_rng(1))
+    (fit,) = evidence.fit((DRAG,), SIGMA, SPACING, TOLERANCE)
+    group = [Suspect("drag", 0.5, fit), Suspect("spall", 0.5)]
+    assert motion_tests(group, evidence, WEIGHING, P) == ()
+
+
+def test_foreseen_evidence_is_that_of_the_samples_without_noise() -> None:
+    phi = planned(P, SHORT)
+    evidence = window(BIAS, planned(P, MOTIONS[0]), np.random.default_rng(2))
+    foreseen = evidence.foreseen(phi, BIAS, (0.3,))
+    at = {name: place for place, name in enumerate(REGRESSORS)}
+    for row in phi:
+        values = [
+            sum(0.3 * t.gain * row[at[t.regressor]] for t in BIAS.terms if t.residual == name)
+            for name in RESIDUALS
+        ]
+        evidence.add(np.array([values]), row[np.newaxis])
+    both = [e.fit(MODELS, SIGMA, SPACING, TOLERANCE) for e in (evidence, foreseen)]
+    for one, two in zip(*both, strict=True):
+        assert one.log_likelihood == pytest.approx(two.log_likelihood, rel=1e-6)
+
+
+def test_planned_signals_obey_newton_and_kirchhoff() -> None:
+    phi = dict(zip(REGRESSORS, planned(P, SHORT).T, strict=True))
+    force = phi["motor_force_n"] - phi["resisting_force_n"]
+    assert np.abs(force).max() < 1e-6
+    drop = phi["motor_voltage_v"] - P.voltage_offset_v - phi["emf_and_drop_v"]
+    assert np.abs(drop).max() < 1e-9
+    assert phi["speed_m_s"].max() == pytest.approx(0.03)
+
+
+TABLE = FaultFeatureTable.from_mapping(
+    {
+        "title": "two faults",
+        "provenance": "worked by hand",
+        "alphabet": ["0", "1"],
+        "features": {
+            "accelerometer_1_rms": {"cost": 1.0},
+            "accelerometer_2_rms": {"cost": 1.0},
+            "accelerometer_2_crest": {"cost": 1.0},
+        },
+        "faults": {
+            "a": {
+                "accelerometer_1_rms": {"0": 0.5, "1": 0.5},
+                "accelerometer_2_rms": {"0": 1.0, "1": 0.0},
+                "accelerometer_2_crest": {"0": 0.5, "1": 0.5},
+            },
+            "b": {
+                "accelerometer_1_rms": {"0": 0.5, "1": 0.5},
+                "accelerometer_2_rms": {"0": 0.0, "1": 1.0},
+                "accelerometer_2_crest": {"0": 0.0, "1": 1.0},
+            },
+        },
+    },
+    "test",
+)
+PAIR = [Suspect("a", 0.6), Suspect("b", 0.4)]
+AXES = ("accelerometer_1_x", "accelerometer_2_x")
+
+
+def test_features_by_hand() -> None:
+    """Rms of 2 tells a from b; crest of 2: 0 (0.3) leaves a, 1 (0.7) leaves both: 1.7."""
+    here, missing = feature_tests(PAIR, TABLE, AXES)
+    assert {t.what: t.expected_size for t in here} == pytest.approx(
+        {"accelerometer_2_rms": 1.0, "accelerometer_2_crest": 1.7}
+    )
+    assert {t.splits for t in here} == {(("a", "b"),)}
+    assert missing == ()
+    assert [t.what for t in feature_tests(PAIR, TABLE, AXES, ("accelerometer_2_rms",))[0]] == [
+        "accelerometer_2_crest"
+    ]
+
+
+def test_a_sensor_that_is_missing_is_named_with_what_it_would_leave() -> None:
+    here, (sensor,) = feature_tests(PAIR, TABLE, ())
+    assert here == ()
+    assert (sensor.kind, sensor.what, sensor.expected_size) == ("sensor", "accelerometer_2", 1.0)
+    assert math.isnan(sensor.seconds)
+
+
+def test_the_most_gained_for_each_second_comes_first_and_sensors_last() -> None:
+    split = (("a", "b"),)
+    slow = StandTest("motion", "slow", 8.0, 1.0, split)
+    quick = StandTest("feature", "quick", 1.0, 1.5, split)
+    sensor = StandTest("sensor", "accelerometer_2", math.nan, 1.0, split)
+    assert next_tests(PAIR, (slow,), (quick,), (sensor,)) == (quick, slow)
+    assert next_tests(PAIR, (), (), (sensor,)) == (sensor,)
+
+
+def test_an_unsplit_group_of_a_recorded_bag_gets_advice() -> None:
+    """Without accelerometers a jam and a dry nut are alike in every signal, by design."""
+    from flea_diag.configuration import make_pipeline
+    from flea_diag.wire.bags.bag import BagReader
+    from flea_diag.wire.blocks import ScanBlock
+    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Outcome, Scan
+
+    pipeline, groups = make_pipeline(None), []
+    folder = ROOT / "bags" / "unit_switch_jam"
+    for part in BagReader(folder).blocks((ChannelTable, Scan)):
+        many = isinstance(part, ScanBlock)
+        caused = pipeline.handle_block(part) if many else pipeline.handle(part)
+        groups += [r for r in caused if isinstance(r, AmbiguityGroup)]
+    last = groups[-1]
+    assert ": z = " in last.opened_by
+    assert ", limit " in last.opened_by
+    assert last.outcome is Outcome.INDISTINGUISHABLE
+    assert last.next_tests[0].kind == "sensor"
+    assert last.next_tests[0].what == "accelerometer_2"
+    assert last.next_tests[0].expected_size < len(last.members)

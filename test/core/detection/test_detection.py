@@ -1,0 +1,174 @@
+from __future__ import annotations
+
+import importlib.util
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from flea_diag.core.detection.detection import Detector, TestResults
+from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit, speed_region
+from flea_diag.core.residuals.residual import UNIT_PARAMETERS, Signals
+from flea_diag.core.residuals.residual_rows import (
+    RESIDUAL_INDEX,
+    RESIDUALS,
+    SPREAD_ROWS,
+    ResidualRows,
+)
+
+TestResults.__test__ = False  # a class of the package, not a test
+NONE = (1e-9,) * len(UNIT_PARAMETERS)
+MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
+THERMAL = RESIDUAL_INDEX["motor_temperature"]
+
+
+def signals(speed: float) -> Signals:
+    values = dict.fromkeys(Signals._fields, 0.0)
+    return Signals(**{**values, "speed_m_s": speed})
+
+
+def sample(values: dict[str, float], speed: float = 0.03, spread=None) -> ResidualRows:
+    row = np.full(len(RESIDUALS), math.nan)
+    for name, value in values.items():
+        row[RESIDUAL_INDEX[name]] = value
+    spreads = np.zeros((1, len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
+    if spread is not None:
+        spreads[:, SPREAD_ROWS.index(MECHANICAL)] = spread
+    return ResidualRows(row[None], spreads, signals(speed), np.array([abs(speed) > 0.01]))
+
+
+def limit(name: str, windows: dict[int, float], k: float = 3.0, centre=(0.0, 0.0, 0.0)):
+    entries = tuple(WindowLimit(w, centre, (s, 2 * s, 4 * s), k) for w, s in windows.items())
+    return ResidualLimit(name, entries, (1.0, 1.0, 1.0))
+
+
+def detector(*limits: ResidualLimit, tolerance=NONE, thermal=1e-9) -> Detector:
+    return Detector(limits, tolerance, thermal)
+
+
+ALWAYS = [row.name for row in RESIDUALS if row.gate == "always"]
+
+
+def test_false_alarms_on_white_noise_come_at_the_rate_of_the_limit():
+    # Means of 50 white samples are normal with sigma / sqrt(50); disjoint windows and the
+    # residuals of one scan are independent.
+    random = np.random.default_rng(11)
+    test = detector(*(limit(name, {50: 0.5 / math.sqrt(50)}, k=2.0) for name in ALWAYS))
+    alarms, trials = 0, 150
+    for _ in range(trials):
+        for values in 0.5 * random.standard_normal((50, len(ALWAYS))):
+            results = test.step(sample(dict(zip(ALWAYS, values, strict=True)), speed=0.0))
+        alarms += int(results.deviating().sum())
+    n, share = trials * len(ALWAYS), 2 * stats.norm.sf(2.0)
+    assert n > 700
+    assert alarms == pytest.approx(n * share, abs=4 * math.sqrt(n * share * (1 - share)))
+
+
+def settle(test: Detector, value: float, count: int = 50, **kind) -> TestResults:
+    for _ in range(count):
+        results = test.step(sample({"parity_mechanical": value}, **kind))
+    return results
+
+
+def test_the_scale_is_that_of_the_speed_region():
+    for speed, sigma in ((0.02, 5.0), (0.04, 10.0), (-0.08, 20.0)):
+        results = settle(detector(limit("parity_mechanical", {50: 5.0})), 30.0, speed=speed)
+        assert results.z[0, MECHANICAL] == pytest.approx(30.0 / sigma), speed
+    assert [speed_region(v) for v in (0.0, 0.025, 0.0251, 0.06, 0.061)] == [0, 0, 1, 1, 2]
+
+
+def test_what_another_unit_may_differ_by_widens_the_scale():
+    tolerance = (10.0, 100.0, *(1e-9,) * 5)
+    spread = (-1.0, -0.04, 0, 0, 0, 0, 0)
+    test = detector(limit("parity_mechanical", {50: 3.0}), tolerance=tolerance)
+    results = settle(test, 50.0, speed=0.02, spread=spread)
+    # sqrt(3^2 + (10 * 1)^2 + (100 * 0.04)^2)
+    assert results.z[0, MECHANICAL] == pytest.approx(50.0 / math.sqrt(9.0 + 100.0 + 16.0))
+
+
+def test_the_spread_of_reversals_averages_out_before_it_is_squared():
+    test = detector(limit("parity_mechanical", {50: 3.0}), tolerance=(10.0, *(1e-9,) * 6))
+    for k in range(50):
+        spread = (1.0 if k % 2 else -1.0, *(0.0,) * 6)
+        results = test.step(sample({"parity_mechanical": 6.0}, speed=0.02, spread=spread))
+    assert results.z[0, MECHANICAL] == pytest.approx(2.0)
+
+
+def test_parity_residuals_are_tested_in_motion_only_and_keep_their_verdict_at_rest():
+    test = detector(limit("parity_mechanical", {50: 5.0}))
+    moved = settle(test, 30.0, speed=0.02).z[0, MECHANICAL]
+    assert settle(test, -3000.0, speed=0.005).z[0, MECHANICAL] == moved
+    assert settle(test, 0.0, speed=0.02).z[0, MECHANICAL] == pytest.approx(0.0)
+
+
+def test_the_window_nearest_to_its_limit_speaks():
+    test = detector(limit("parity_mechanical", {50: 5.0, 100: 1.0}))
+    settle(test, 0.0, 100, speed=0.02)
+    for _ in range(50):
+        results = test.step(sample({"parity_mechanical": 8.0}, speed=0.02))
+    # 50: 8 / 5 = 1.6 sigma; 100: the mean of 4 over 1 = 4 sigma.
+    assert (results.window[0, MECHANICAL], results.z[0, MECHANICAL]) == (100, pytest.approx(4.0))
+    assert results.symbol(MECHANICAL) == "+"
+    assert results.symbol(THERMAL) == "0"
+
+
+def test_adopting_a_parameter_is_as_if_it_had_been_known():
+    spread = (0.0,) * 6 + (-170.0,)
+    tolerance = (1e-9,) * 6 + (0.15,)
+    test = detector(limit("parity_mechanical", {50: 5.0}), tolerance=tolerance)
+    before = settle(test, 34.0, speed=0.02, spread=spread).z[0, MECHANICAL]
+    assert before == pytest.approx(34.0 / math.hypot(5.0, 25.5))
+    test.adopt((0.0,) * 6 + (0.2,), (1e-9,) * 6 + (0.01,))
+    # One more sample, already formed with the offset of 0.2 A that was learned.
+    results = test.step(sample({"parity_mechanical": 0.0}, speed=0.02, spread=spread))
+    assert results.z[0, MECHANICAL] == pytest.approx(0.0, abs=1e-9)
+    assert settle(test, 10.0, speed=0.02, spread=spread).z[0, MECHANICAL] == pytest.approx(
+        10.0 / math.hypot(5.0, 1.7)
+    )
+
+
+def test_what_was_never_tested_or_is_forgotten_deviates_not():
+    assert not TestResults.untested().deviating().any()
+    test = detector(limit("parity_mechanical", {50: 5.0}), limit("motor_temperature", {50: 1.0}))
+    for _ in range(50):
+        results = test.step(sample({"parity_mechanical": 99.0, "motor_temperature": 99.0}, 0.02))
+    assert results.deviating().sum() == 2
+    test.forget([MECHANICAL])
+    results = test.step(sample({"motor_temperature": 99.0}, speed=0.0))
+    assert results.deviating()[0].nonzero()[0].tolist() == [THERMAL]
+    test.clear()
+    assert not test.step(sample({"motor_temperature": 99.0})).deviating().any()
+
+
+@pytest.mark.skipif(importlib.util.find_spec("numba") is None, reason="numba is an extra")
+def test_compiled_loops_give_the_bits_of_numpy_whatever_blocks_come():
+    random, scans = np.random.default_rng(5), 2500
+    tested = [row.name for row in RESIDUALS if row.gate in ("moving", "always")]
+    windows, centre = {50: 0.2, 100: 0.1, 400: 0.05}, (0.1, 0.2, 0.3)
+    limits = [limit(name, windows, centre=centre) for name in tested]
+    tolerance = random.uniform(0.1, 1.0, len(UNIT_PARAMETERS))
+    values = random.standard_normal((scans, len(RESIDUALS)))
+    values[random.random(values.shape) < 0.001] = math.nan
+    spread = random.standard_normal((scans, len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
+    speed = 0.09 * np.sin(np.arange(scans) / 150.0)
+    spread[700:710], speed[900:905] = math.nan, math.nan
+
+    def run(backend: str, lengths: list[int]) -> np.ndarray:
+        test, found, start = Detector(limits, tolerance, 1e-3, backend), [], 0
+        for length in lengths:
+            part = slice(start, start + length)
+            moving = np.abs(speed[part]) > 0.01
+            rows = ResidualRows(values[part], spread[part], signals(speed[part]), moving)
+            found.append(test.step(rows).table)
+            start += length
+            if start == 1000:
+                test.adopt([0.1] * len(tolerance), tolerance / 2.0)
+            if start == 1500:
+                test.forget([MECHANICAL, THERMAL])
+        return np.concatenate(found, axis=1)
+
+    numpy = run("numpy", [1000, 500, 1000])
+    assert np.isfinite(numpy).mean() > 0.2
+    np.testing.assert_array_equal(run("numba", [1000, 500, 1000]), numpy)
+    np.testing.assert_array_equal(run("numba", [1] * scans), numpy)

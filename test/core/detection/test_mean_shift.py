@@ -1,0 +1,104 @@
+"""Shifts of a level within a run: what they are, what they know nothing of, and blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flea_diag.core.detection.mean_shift import (
+    LEAST,
+    LEAST_ALWAYS,
+    REFERENCE,
+    SHIFT_WINDOWS,
+    LevelShift,
+    ShiftLimit,
+    limit_of,
+)
+
+WINDOW = SHIFT_WINDOWS[0]
+
+
+def shifts(values: np.ndarray, use: np.ndarray | None = None, block: int = 100_000) -> np.ndarray:
+    level = LevelShift()
+    use = np.ones(len(values), dtype=bool) if use is None else use
+    values, use = values[:, None, None], use[:, None]
+    parts = range(0, len(values), block)
+    rows = [level.step(values[k : k + block], use[k : k + block]) for k in parts]
+    return np.concatenate(rows)[:, 0, 0, 0]
+
+
+def test_a_shift_is_the_mean_of_the_window_less_that_of_what_came_before():
+    values = np.random.default_rng(3).standard_normal(4000)
+    found = shifts(values)
+    assert np.isnan(found[: LEAST + WINDOW - 1]).all()
+    for now in (LEAST + WINDOW, 1500, 4000):
+        earlier = values[max(now - WINDOW - REFERENCE, 0) : now - WINDOW]
+        expected = values[now - WINDOW : now].mean() - earlier.mean()
+        assert found[now - 1] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("gated", "least"), [(True, LEAST), (False, LEAST_ALWAYS)])
+def test_a_level_that_counts_at_rest_needs_more_samples(gated, least):
+    level = LevelShift([gated])
+    found = level.step(np.zeros((1000, 1, 1)), np.ones((1000, 1), dtype=bool))[:, 0, 0, 0]
+    assert np.flatnonzero(np.isfinite(found))[0] == least + WINDOW - 1
+
+
+def test_a_constant_offset_of_the_unit_is_no_shift_and_a_step_is_one():
+    values = np.full(1500, 7.5)
+    assert np.nanmax(np.abs(shifts(values))) < 1e-12
+    values[1000:] += 2.0
+    assert shifts(values)[1199] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("block", [1, 7, 256])
+def test_blocks_give_the_same_bits_with_rests_and_holes(block):
+    draw = np.random.default_rng(4)
+    values, use = draw.standard_normal(3500), draw.random(3500) > 0.2
+    values[[40, 41, 900]] = np.nan
+    assert np.array_equal(shifts(values, use), shifts(values, use, block), equal_nan=True)
+
+
+def test_at_rest_the_last_shift_stands():
+    values, use = np.random.default_rng(5).standard_normal(900), np.ones(900, dtype=bool)
+    use[700:] = False
+    found = shifts(values, use)
+    assert np.isfinite(found[699])
+    assert (found[700:] == found[699]).all()
+
+
+def test_after_a_missing_value_a_new_level_begins():
+    values = np.concatenate((np.zeros(700), [np.nan], np.full(700, 9.0)))
+    found = shifts(values)
+    assert np.isnan(found[700 : 701 + LEAST + WINDOW - 1]).all()
+    assert np.nanmax(np.abs(found)) < 1e-12
+
+
+def test_a_frozen_level_does_not_follow_the_fault():
+    level, use = LevelShift(), np.ones((1000, 1), dtype=bool)
+    level.step(np.zeros((1000, 1, 1)), use)
+    level.freeze()
+    for _ in range(5):
+        last = level.step(np.ones((1000, 1, 1)), use)[-1, 0, 0, 0]
+    assert last == pytest.approx(1.0)
+    level.clear()
+    assert np.isnan(level.step(np.ones((10, 1, 1)), use[:10])).all()
+
+
+def test_limit_is_the_quantile_or_what_was_seen_whichever_is_more():
+    calm = [np.array([np.nan, 1.0, -1.0]), np.array([1.0, 1.0])]
+    assert limit_of("r", WINDOW, calm, 5.0, 1.25) == ShiftLimit("r", WINDOW, 1.0, 5.0)
+    loud = limit_of("r", WINDOW, [np.array([0.0, 0.0, 0.0, 20.0]), np.zeros(4)], 1.0, 1.25)
+    assert loud is not None
+    assert loud.k * loud.sigma == pytest.approx(25.0)
+    assert limit_of("r", WINDOW, calm[:1], 5.0, 1.25) is None
+
+
+@pytest.mark.parametrize(
+    "change", [{"window": 17}, {"sigma": 0.0}, {"k": float("nan")}, {"k": True}, {"more": 1}]
+)
+def test_a_limit_that_makes_no_sense_is_refused(change):
+    plain = ShiftLimit("parity_electrical", WINDOW, 0.3, 5.0).to_mapping()
+    assert ShiftLimit.from_mapping(plain).to_mapping() == plain
+    with pytest.raises(ValueError, match=r"limit of shifts|window|sigma|k ="):
+        ShiftLimit.from_mapping({**plain, **change})

@@ -1,0 +1,182 @@
+"""Shift tests on a stream of residuals: units, offsets learned, and a voltage that stands alone."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from flea_diag.core.detection import detection
+from flea_diag.core.detection.mean_shift import ShiftLimit
+from flea_diag.core.detection.mean_shift_test import ShiftTest
+from flea_diag.core.residuals.residual import UNIT_PARAMETERS
+from flea_diag.core.residuals.residual_rows import (
+    RESIDUAL_INDEX,
+    RESIDUALS,
+    SPREAD_ROWS,
+    ResidualRows,
+)
+
+UNITS = len(UNIT_PARAMETERS)
+ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
+MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
+PLACE = SPREAD_ROWS.index(ELECTRICAL)
+LIMIT = ShiftLimit("parity_electrical", 200, 0.2, 5.0)
+VOLTAGE = UNIT_PARAMETERS.index("voltage_offset_v")
+
+
+def rows(volts: np.ndarray, spread: np.ndarray | None = None) -> ResidualRows:
+    values = np.zeros((len(volts), len(RESIDUALS)))
+    values[:, ELECTRICAL] = volts
+    table = np.zeros((len(volts), len(SPREAD_ROWS), UNITS))
+    if spread is not None:
+        table[:, PLACE] = spread
+    signals = SimpleNamespace()
+    return ResidualRows(values, table, signals, np.zeros(len(volts), dtype=bool))
+
+
+def step(
+    test: ShiftTest, made: ResidualRows, alone: bool = False, force: float = math.nan
+) -> detection.TestResults:
+    """``force``: what the mechanical relation's own test says, in sigmas; its limit is 6."""
+    results = detection.TestResults.untested(len(made))
+    results.z[:, MECHANICAL], results.k[:, MECHANICAL] = force, 6.0
+    test.step(made, results, np.full(len(made), alone))
+    return results
+
+
+def test_a_step_at_rest_deviates_with_the_shift_as_its_statistic():
+    results = step(ShiftTest([LIMIT], [0.0] * UNITS), rows(np.repeat([3.0, 4.5], [800, 300])))
+    deviating = results.deviating()
+    assert not deviating[:800].any()
+    assert set(np.flatnonzero(deviating.any(axis=0))) == {ELECTRICAL}
+    assert results.z[-101, ELECTRICAL] == pytest.approx(1.5 / 0.2)
+    assert results.shift[-101, ELECTRICAL] == pytest.approx(1.5)
+    assert np.isnan(results.shift[~deviating]).all()
+
+
+def test_what_a_healthy_unit_may_differ_by_widens_the_limit():
+    moved = np.zeros((1100, UNITS))
+    moved[800:, 0] = 1.0
+    volts = np.repeat([3.0, 4.5], [800, 300])
+    results = step(ShiftTest([LIMIT], [1.0] + [0.0] * (UNITS - 1)), rows(volts, moved))
+    assert not results.deviating().any()
+
+
+def test_an_offset_that_is_learned_is_no_shift():
+    spread = np.zeros((600, UNITS))
+    spread[:, VOLTAGE] = -1.0
+    change = [0.0] * UNITS
+    change[VOLTAGE] = 2.0
+    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    step(test, rows(np.full(600, 3.0), spread))
+    test.adopt(change)
+    assert not step(test, rows(np.full(600, 1.0), spread)).deviating().any()
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_the_zero_of_a_voltage_alone_says_nothing(alone):
+    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    step(test, rows(np.zeros(800)), alone)
+    found = step(test, rows(np.full(300, 2.0)), alone).deviating()
+    assert bool(found.any()) is not alone
+
+
+def test_in_an_open_episode_the_level_before_it_counts_and_not_what_follows():
+    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    step(test, rows(np.repeat([0.0, 2.0], [800, 200])))
+    test.turn(opened=True)
+    later = step(test, rows(np.full(3000, 2.0)))
+    assert later.deviating()[-1, ELECTRICAL]
+    test.turn(opened=False)
+    assert not step(test, rows(np.full(1000, 2.0)), alone=False).deviating().any()
+
+
+@pytest.mark.parametrize(
+    ("volts", "force", "called"),
+    # 0.8 V are 4 sigmas of a limit of 5: with 3.1 sigmas of the force 5.06 together.
+    [
+        (0.8, -3.1, True),
+        (-0.8, 3.1, True),
+        (0.8, 3.1, False),
+        (0.8, -2.9, False),
+        (9.0, -1.9, False),
+    ],
+)
+def test_a_voltage_alone_is_heard_where_the_force_says_the_same_of_the_current(
+    volts, force, called
+):
+    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    step(test, rows(np.zeros(800)), alone=True, force=force)
+    found = step(test, rows(np.full(200, volts)), alone=True, force=force)
+    expected = {ELECTRICAL, MECHANICAL} if called else set()
+    assert set(np.flatnonzero(found.deviating()[-1])) == expected
+    if called:
+        assert abs(found.z[-1, ELECTRICAL]) == pytest.approx(math.hypot(volts / 0.2, force))
+        assert found.symbol(ELECTRICAL) != found.symbol(MECHANICAL)
+        # The episode that it opens goes on while the level is another one.
+        test.turn(opened=True)
+        later = step(test, rows(np.full(3000, 2.0)), alone=True, force=0.0)
+        assert later.deviating()[-1, ELECTRICAL]
+        assert not later.deviating()[-1, MECHANICAL]
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_in_an_episode_that_something_else_opened_a_shift_says_nothing(alone):
+    """A jam may come with another unit, whose winding has another resistance."""
+    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    step(test, rows(np.zeros(800)), alone)
+    test.turn(opened=True)
+    found = step(test, rows(np.full(300, 2.0)), alone, force=-9.0)
+    assert set(np.flatnonzero(found.deviating()[-1])) == {MECHANICAL}
+
+
+@pytest.mark.parametrize("block", [1, 113, 6000])
+def test_compiled_gives_the_bits_of_numpy(block):
+    """Every shift, over rests, missing values, offsets learned, and an episode."""
+    pytest.importorskip("numba")
+    draw = np.random.default_rng(5)
+    made = ResidualRows(
+        draw.standard_normal((6000, len(RESIDUALS))),
+        draw.standard_normal((6000, len(SPREAD_ROWS), UNITS)),
+        SimpleNamespace(),
+        draw.random(6000) > 0.2,
+    )
+    made.values[[40, 41, 2500], ELECTRICAL] = np.nan
+    limits = [ShiftLimit(RESIDUALS[j].name, w, 0.2, 0.5) for j in SPREAD_ROWS for w in (200, 400)]
+    tests = [ShiftTest(limits[1:], [0.1] * UNITS, backend) for backend in ("numpy", "numba")]
+    counted = False
+    for start in range(0, 6000, block):
+        part = slice(start, start + block)
+        piece = ResidualRows(made.values[part], made.spread[part], made.signals, made.moving[part])
+        results = [detection.TestResults.untested(len(piece)) for _ in tests]
+        for test, result in zip(tests, results, strict=True):
+            if start >= 4000 > start - block:
+                test.adopt([0.3] * UNITS)
+                test.turn(opened=True)
+            if start >= 5000 > start - block:
+                test.turn(opened=False)
+            test.step(piece, result, np.zeros(len(piece), dtype=bool))
+        one, other = results
+        assert one.table.tobytes() == other.table.tobytes()
+        assert one.shift.tobytes() == other.shift.tobytes()
+        counted |= bool(np.isfinite(one.shift).any())
+    assert counted
+
+
+@pytest.mark.parametrize("opener", [MECHANICAL, ELECTRICAL])
+def test_where_forces_alone_opened_an_episode_the_circuit_of_another_unit_says_nothing(opener):
+    """The drag may be that of a unit just switched in, whose winding is another, too."""
+    test = ShiftTest([LIMIT, ShiftLimit("parity_mechanical", 200, 2.0, 5.0)], [0.0] * UNITS)
+    made = rows(np.zeros(1000))
+    made.moving[:] = True
+    made.values[800:, opener] = 40.0
+    step(test, made)
+    test.turn(opened=True)
+    later = rows(np.full(3000, 40.0))
+    later.moving[:] = True
+    later.values[:, MECHANICAL] = 40.0
+    heard = {ELECTRICAL, MECHANICAL} if opener == ELECTRICAL else {MECHANICAL}
+    assert set(np.flatnonzero(step(test, later).deviating()[-1])) == heard

@@ -1,0 +1,76 @@
+"""What a stand's sensors cannot show, however large: by which they are, and how fine its limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from flea_diag import configuration
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.detection.mean_shift import ShiftLimit
+from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
+from flea_diag.core.isolation.detectability import least_constants, unseen
+from flea_diag.stages.isolator.quantitative_isolation import Weighing
+
+SECOND = ("motor_speed", "load_position", "commanded_voltage")
+LARGEST_M_S = 0.005
+"""The fastest drift of a position that counts as its fault."""
+
+
+def whole() -> Calibration:
+    return configuration.load_calibration("")
+
+
+def single(electrical_v: float) -> Calibration:
+    """The same stand with one position sensor; an offset of so many volts is found."""
+    stand = whole()
+    needed = ("parity_drive", "parity_kinematic", "parity_speed", "innovation_motor_speed")
+    kept = [limit for limit in stand.limits if not limit.name.startswith(needed)]
+    window = WindowLimit(400, (0.0,) * 3, (electrical_v / 5.0,) * 3, 5.0)
+    limits = [
+        replace(limit, windows=(window,)) if limit.name == "parity_electrical" else limit
+        for limit in kept
+    ]
+    return replace(
+        stand,
+        channels=tuple(name for name in stand.channels if name not in SECOND),
+        parameters=replace(stand.parameters, encoder_m_per_rad=0.0),
+        limits=tuple(limits),
+        shifts=(),
+    )
+
+
+def silent(stand: Calibration) -> tuple[str, ...]:
+    known = configuration.knowledge(stand)
+    return unseen(known.faults, Weighing(stand).models, stand)
+
+
+def test_with_an_encoder_and_a_second_position_nothing_of_a_sensor_stays_unseen():
+    assert silent(whole()) == ()
+
+
+@pytest.mark.parametrize(("share", "expected"), [(1.1, ("actuator_position_drift",)), (0.9, ())])
+def test_a_drift_of_the_only_position_shows_where_its_back_emf_passes_the_limit(share, expected):
+    back_emf = whole().parameters.back_emf_v_s_per_m
+    assert silent(single(share * back_emf * LARGEST_M_S)) == expected
+
+
+def test_without_its_thermal_limits_a_temperature_shows_only_what_its_readings_tell():
+    stand = single(10.0)
+    limits = [limit for limit in stand.limits if limit.name != "motor_temperature"]
+    found = silent(replace(stand, limits=tuple(limits)))
+    modes = {name.removeprefix("motor_temperature_") for name in found if "motor_t" in name}
+    assert modes == {"bias", "drift", "scaling"}
+
+
+def test_the_least_offset_is_that_of_the_finest_test():
+    windows = (
+        WindowLimit(50, (0.0,) * 3, (2.0, 3.0, 4.0), 6.0),
+        WindowLimit(400, (0.0,) * 3, (1.5, 2.0, 2.0), 6.0),
+    )
+    limits = (ResidualLimit("parity_mechanical", windows, (1.0,) * 3),)
+    stand = replace(whole(), limits=limits, shifts=())
+    assert least_constants(stand) == {"parity_mechanical": 9.0}
+    shifts = (ShiftLimit("parity_mechanical", 400, 1.0, 5.0),)
+    assert least_constants(replace(stand, shifts=shifts)) == {"parity_mechanical": 5.0}

@@ -1,0 +1,67 @@
+"""Which faults nothing tells apart: pairs worked out on paper from the relations."""
+
+from __future__ import annotations
+
+import pytest
+
+from flea_diag.core.likelihood.fault_models import (
+    DRIVE,
+    ELECTRICAL,
+    MECHANICAL,
+    FaultModel,
+    Size,
+    Term,
+    plant_models,
+)
+from flea_diag.core.likelihood.isolability import all_alike, formable
+from flea_diag.core.likelihood.sensor_models import sensor_models
+from flea_diag.core.residuals.parameters import ActuatorParameters
+
+P = ActuatorParameters()
+MODELS = plant_models(P) + sensor_models(P, commanded=False)
+FORCES = (MECHANICAL, "motor_temperature", "nut_temperature", "ambient_temperature")
+ALL = (*FORCES, ELECTRICAL)
+
+
+@pytest.mark.parametrize(
+    ("faults", "residuals", "alike"),
+    [
+        # r = K b and r = -b: without the voltage each is the other.
+        (("motor_current_bias", "load_force_bias"), FORCES, True),
+        (("motor_current_bias", "load_force_bias"), ALL, False),
+        (("motor_current_drift", "load_force_drift"), FORCES, True),
+        (("motor_current_bias", "load_force_bias", "motor_current_drift"), FORCES, False),
+        # What turns round with the motion is no constant.
+        (("motor_current_bias", "jam"), FORCES, False),
+        (("motor_current_scaling", "load_force_scaling"), FORCES, False),
+        (("jam", "ball_nut_friction"), ALL, True),
+        # A failed motor may be an open winding.
+        (("winding_open", "motor_failure"), ALL, True),
+        # Without the voltage an open winding shows in nothing.
+        (("winding_open", "motor_failure"), FORCES, False),
+        (("motor_temperature_bias", "nut_temperature_bias"), ALL, False),
+    ],
+)
+def test_pairs(faults: tuple[str, ...], residuals: tuple[str, ...], alike: bool) -> None:
+    assert all_alike(MODELS, faults, residuals) is alike
+    assert all_alike(MODELS, faults[::-1], residuals) is alike
+
+
+def test_a_space_is_the_same_whatever_it_is_spanned_by() -> None:
+    def made(fault: str, *gains: tuple[float, float]) -> FaultModel:
+        sizes = tuple(Size(str(k), "1", -1.0, 1.0) for k in range(len(gains)))
+        pairs = [(name, g, k) for k, both in enumerate(gains)
+                 for name, g in zip(("one", "load_n"), both, strict=True)]  # fmt: skip
+        return FaultModel(fault, sizes, tuple(Term(MECHANICAL, *pair) for pair in pairs))
+
+    models = (made("x", (1.0, 0.0), (0.0, 1.0)), made("y", (3.0, 1.0), (1.0, -2.0)),
+              made("z", (1.0, 1.0), (2.0, 2.0)))  # fmt: skip
+    assert all_alike(models, ("x", "y"), (MECHANICAL,))
+    assert not all_alike(models, ("x", "z"), (MECHANICAL,))
+
+
+def test_what_a_bad_channel_takes_away() -> None:
+    assert formable(ALL, ("motor_voltage",)) == FORCES
+    assert formable((*ALL, DRIVE), ("commanded_voltage",)) == ALL
+    assert formable(ALL, ("motor_current",)) == FORCES[1:]
+    assert formable(ALL, ("load_position",)) == ALL

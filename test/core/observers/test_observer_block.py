@@ -1,0 +1,139 @@
+"""The observer gives the same bits in whatever blocks its scans come, with every filter."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.observed import BACKENDS, HAVE_NUMBA, NOISE, P, recording
+
+from flea_diag.core import backend as backends
+from flea_diag.core.observers.observer_block import HEATED, ORDER, RAW, Innovations, Scans
+from flea_diag.core.observers.observer_loops import join_loops
+from flea_diag.core.observers.state_observer import StateObserver
+from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
+
+FILTERS = [*(("optimal", backend) for backend in BACKENDS), ("kalman", "numpy")]
+SCANS = 600
+
+
+def observer(kind: str, backend: str, sampling: str = "mean") -> StateObserver:
+    generator = np.random.default_rng(3)
+    return StateObserver(
+        P, 0.01, generator, 50, backend, noise=NOISE, kind=kind, voltage_sampling=sampling
+    )
+
+
+def eventful() -> np.ndarray:
+    """What stops a compiled loop: missing channels, a winding that warms, a track that is lost."""
+    rows = recording(SCANS).copy()
+    for name, first, last in (
+        ("motor_voltage", 100, 140),
+        ("load_force", 120, 180),
+        ("motor_current", 175, 176),
+        ("ambient_temperature", 200, 230),
+        ("motor_temperature", 0, 5),
+    ):
+        rows[first:last, INDEX[name]] = math.nan
+    rows[300:, INDEX["motor_temperature"]] += 0.05 * np.arange(SCANS - 300)
+    rows[400:, INDEX["actuator_position"]] = 9e5
+    rows[450] = math.nan
+    return rows
+
+
+def told(made: StateObserver, rows: np.ndarray, lengths: list[int], frozen: tuple[int, int]):
+    """All that is told, the rows cut into blocks of these lengths over and over."""
+    tables, measured, diverged, start, turn = [], [], [], 0, 0
+    edges = [*frozen, len(rows)]
+    while start < len(rows):
+        end = min(start + lengths[turn % len(lengths)], next(e for e in edges if e > start))
+        found = made.follow(rows[start:end], frozen[0] <= start < frozen[1])
+        tables.append(found.table)
+        measured += found.measured.tolist()
+        diverged += found.diverged.tolist()
+        start, turn = end, turn + 1
+    return np.concatenate(tables).tobytes(), measured, diverged
+
+
+@pytest.mark.parametrize("sampling", ["mean", "instant_pwm"])
+@pytest.mark.parametrize(("kind", "backend"), FILTERS)
+@settings(max_examples=4, deadline=None)
+@given(
+    st.lists(st.integers(1, 200), min_size=1, max_size=5),
+    st.tuples(st.integers(1, 250), st.integers(251, 500)),
+)
+def test_any_partition_gives_the_same_bits(kind, backend, sampling, lengths, frozen):
+    rows = eventful()
+    many = told(observer(kind, backend, sampling), rows, lengths, frozen)
+    assert many == told(observer(kind, backend, sampling), rows, [1], frozen)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_rows_show_what_is_to_be_held_equal(backend):
+    """The property above is not empty: a track is lost, a resistance renewed."""
+    made = observer("optimal", backend)
+    cold = made._model.resistance_ohm
+    found = made.follow(eventful())
+    assert made._model.resistance_ohm > cold
+    assert found.diverged.any() or not np.isfinite(found.nis).all()
+    assert len(set(found.measured.tolist())) > 3
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="compares numba with numpy")
+def test_both_backends_tell_the_same_of_a_block():
+    rows = recording(300).copy()
+    rows[80:90, INDEX["load_force"]] = math.nan
+    one, two = (observer("optimal", backend).follow(rows) for backend in ("numpy", "numba"))
+    np.testing.assert_allclose(one.table, two.table, rtol=1e-6, atol=1e-9)
+    assert one.table.shape == (300, 29)
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="compares numba with numpy")
+@pytest.mark.parametrize("sampling", ["mean", "instant_pwm"])
+def test_what_goes_in_and_out_has_the_same_bits_compiled(sampling):
+    rows, made = eventful(), observer("optimal", "numba", sampling)
+    rows[500, INDEX["commanded_voltage"]] = math.inf
+    scans, measured = made._read(rows)
+    command = P.drive_offset_v, P.drive_gain
+    plain = Scans.read(rows, made._absent, command, made._model.driving)
+    assert [part.tobytes() for part in scans] == [part.tobytes() for part in plain]
+    assert measured.tolist() == np.isfinite(plain.y).sum(axis=1).tolist()
+    raw = np.random.default_rng(4).standard_normal((300, RAW))
+    raw[::7, HEATED + 1] = math.nan
+    lost, table = np.zeros(300, dtype=bool), np.empty((300, len(ORDER)))
+    joined = Innovations.joined(raw, measured[:300], lost)
+    backends.exact(join_loops)(raw, measured[:300], table)
+    assert table.tobytes() == joined.table.tobytes()
+    assert measured[:300].tolist() == joined.measured.tolist()
+
+
+@pytest.mark.parametrize(("kind", "backend"), FILTERS)
+def test_a_block_of_nothing_tells_nothing(kind, backend):
+    found = observer(kind, backend).follow(np.empty((0, len(CHANNELS))))
+    assert found.table.shape == (0, 29)
+    assert len(found.measured) == len(found.diverged) == 0
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="needs numba")
+def test_what_is_compiled_follows_a_change_of_its_parts(tmp_path: Path):
+    """The cache on disk knows the caller's file alone; a part in another must count too."""
+    (tmp_path / "whole.py").write_text("import part\n\ndef whole(x):\n    return part.part(x)\n")
+    program = (
+        "import part, whole; from flea_diag.core.backend import compiled;"
+        "print(compiled(whole.whole, part.part)(2.0))"
+    )
+    answers = []
+    for factor in (3.0, 10.0):
+        (tmp_path / "part.py").write_text(f"def part(x):\n    return {factor} * x\n")
+        ran = subprocess.run(
+            [sys.executable, "-B", "-c", program],
+            cwd=tmp_path, check=True, capture_output=True, text=True,
+        )  # fmt: skip
+        answers.append(float(ran.stdout))
+    assert answers == [6.0, 20.0]

@@ -1,0 +1,207 @@
+"""Models of the observer against fine integration, steady states and the exact filter."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.linear_actuator import PERIOD
+
+from flea_diag.configuration import load_yaml
+from flea_diag.core.bond_graph.actuator import actuator
+from flea_diag.core.bond_graph.state_space import StateSpace
+from flea_diag.core.causal_graph.operating_point import QUADRANTS, operating_values
+from flea_diag.core.observers.driven_model import DrivenModel
+from flea_diag.core.observers.kalman import KalmanFilter
+from flea_diag.core.observers.observer_model import NoiseLevels, graph_model, linear_model
+from flea_diag.core.observers.observer_noise import ObserverNoise
+from flea_diag.core.observers.particle_filter import ParticleFilter
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.symbolic.expression import Symbol, apply
+from flea_diag.errors import ConfigurationError
+
+P = ActuatorParameters(
+    voltage_offset_v=1.5, current_offset_a=-0.3, load_friction_ratio=0.05, encoder_m_per_rad=5e-4
+)
+HAVE_NUMBA = importlib.util.find_spec("numba") is not None
+BACKENDS = ["numpy", *(["numba"] if HAVE_NUMBA else [])]
+
+
+def driven(backend: str = "numpy", pwm: bool = False) -> DrivenModel:
+    return DrivenModel(P, PERIOD, ObserverNoise(), pwm, backend)
+
+
+def integrated(speed: float, position: float, volts: float, load: float) -> tuple[float, float]:
+    """Speed and position a scan later: Newton and Ohm by small Euler steps, nothing shared."""
+    steps = 20000
+    dt = PERIOD / steps
+    for _ in range(steps):
+        current = (volts - 1.5 - 177.0 * speed) / 2.95
+        friction = (50.0 + 0.05 * abs(load)) * math.tanh(speed / 0.004) + 400.0 * speed
+        position += dt * speed
+        speed += dt * (177.0 * current - friction - load) / 130.0
+    return speed, position
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    ("speed", "volts", "load", "tolerance"),
+    [
+        (0.06, 12.0, 150.0, 2e-5),
+        (-0.06, -15.0, -200.0, 2e-5),
+        # Friction that sets in, or turns round, within the scan: the hardest ones, and still a
+        # fraction of the 8 mm/s that the process noise allows for.
+        (0.0, 6.0, 50.0, 1e-3),
+        (0.02, -4.0, 0.0, 1.5e-3),
+    ],
+)
+def test_one_scan_against_fine_integration(
+    backend: str, speed: float, volts: float, load: float, tolerance: float
+) -> None:
+    x = np.array([[0.0], [0.0], [speed], [0.04]])
+    after = driven(backend).transition(x, np.array([volts, load]))[:, 0]
+    wanted, position = integrated(speed, 0.04, volts, load)
+    assert after[0] == volts
+    assert after[2] == pytest.approx(wanted, abs=tolerance)
+    assert after[3] == pytest.approx(position, abs=tolerance * PERIOD)
+    assert after[1] == pytest.approx((position - 0.04) / PERIOD, abs=tolerance)
+
+
+def test_steady_speed_and_what_its_sensors_read() -> None:
+    model, volts, load = driven(), 14.0, 120.0
+    x = np.zeros((4, 1))
+    for _ in range(200):
+        x = model.transition(x, np.array([volts, load]))
+    # K (V - V0 - Ke v) / R = fc + c F + B v + F, solved for v.
+    speed = (177.0 * (volts - 1.5) / 2.95 - 50.0 - 6.0 - 120.0) / (177.0**2 / 2.95 + 400.0)
+    assert x[2, 0] == pytest.approx(speed, rel=1e-9)
+    read = dict(zip(model.channels, model.H @ x[:, 0] + model.h, strict=True))
+    current = -0.3 + (volts - 1.5 - 177.0 * speed) / 2.95
+    assert read["motor_current"] == pytest.approx(current, rel=1e-9)
+    assert read["motor_speed"] == pytest.approx(speed / 5e-4, rel=1e-9)
+    assert read["motor_voltage"] == volts
+    assert read["actuator_position"] == read["load_position"] == x[3, 0]
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
+@pytest.mark.parametrize("pwm", [False, True])
+@pytest.mark.parametrize("u", [(9.0, 80.0), (np.nan, 80.0), (9.0, np.nan), (np.nan, np.nan)])
+def test_backends_move_particles_alike(pwm: bool, u: tuple[float, float]) -> None:
+    spread = np.array([[8.0], [0.1], [0.1], [0.05]])
+    x = spread * np.random.default_rng(1).normal(size=(4, 300))
+    one, two = (driven(name, pwm).transition(x, np.array(u)) for name in ("numpy", "numba"))
+    np.testing.assert_allclose(two, one, rtol=1e-12, atol=1e-15)
+
+
+def test_without_load_cell_forces_are_taken_to_balance() -> None:
+    model = driven()
+    x = np.zeros((4, 1))
+    for _ in range(200):
+        x = model.transition(x, np.array([14.0, 120.0]))
+    after = model.transition(x, np.array([14.0, np.nan]))
+    # Friction that grows with the load is the one thing that the balance cannot know.
+    assert after[2, 0] == pytest.approx(x[2, 0], abs=1e-3)
+
+
+def test_raw_pwm_is_no_input_and_missing_ones_are_less_certain() -> None:
+    u = np.array([24.0, 0.0])
+    x = np.array([[5.0], [0.0], [0.0], [0.0]])
+    assert driven(pwm=True).transition(x, u)[0, 0] == 5.0
+    assert driven(pwm=False).transition(x, u)[0, 0] == 24.0
+    assert driven(pwm=True).driving.tolist() == [False, True, False, False, False]
+    model = driven()
+    known, no_volts, no_load = (
+        model.process_noise(np.array(given)) for given in ((1.0, 1.0), (np.nan, 1.0), (1.0, np.nan))
+    )
+    assert no_volts[2, 2] > known[2, 2]
+    assert no_load[2, 2] > known[2, 2]
+    assert model.process_noise(np.array([2.0, 3.0])) is known
+
+
+def test_warm_winding_carries_less_current() -> None:
+    warm = replace(driven(), winding_rise_k=50.0)
+    # Copper: 0.393 % per kelvin.
+    assert warm.resistance_ohm == pytest.approx(2.95 * 1.1965)
+    assert warm.H[0, 0] == pytest.approx(1 / (2.95 * 1.1965))
+
+
+@pytest.fixture(scope="module")
+def ema() -> tuple[StateSpace, np.ndarray, np.ndarray]:
+    flea = actuator(load_yaml("actuator.yaml"))
+    space = flea.state_space("driven", ["motor_current", "motor_speed", "actuator_position"])
+    values = operating_values(flea, QUADRANTS[0])
+    x = np.array([values[name] for name in space.states])
+    u = np.array([values[name] for name in space.inputs])
+    return space, x, u
+
+
+NOISE = NoiseLevels(
+    channels={"motor_current": 0.05, "motor_speed": 0.5, "actuator_position": 6e-5},
+    inputs={"motor_voltage": 0.5, "load_force": 10.0},
+    rates={"x_nut": 1e-4, "i": 0.1},
+)
+
+
+def test_linear_model_holds_its_operating_point(
+    ema: tuple[StateSpace, np.ndarray, np.ndarray],
+) -> None:
+    space, x, u = ema
+    model = linear_model(space, x, u, PERIOD, NOISE)
+    still = model.transition(x[:, None], np.append(u, 1.0))[:, 0]
+    speed = dict(zip(space.states, x, strict=True))["omega"]
+    moved = dict(zip(space.states, still - x, strict=True))
+    assert moved["i"] == pytest.approx(0.0, abs=1e-9)
+    assert moved["x_nut"] == pytest.approx(5.0532e-4 * speed * PERIOD, rel=1e-9)
+    np.testing.assert_allclose(model.H @ x + model.h, space.measure(x, u), atol=1e-12)
+
+
+def test_graph_model_in_both_filters_tracks_its_own_equations(
+    ema: tuple[StateSpace, np.ndarray, np.ndarray],
+) -> None:
+    """Through two reversals; the truth is drawn from the model, the speed's sensor is off."""
+    space, x0, u0 = ema
+    model = graph_model(space, x0, u0, PERIOD, NOISE)
+    draw = np.random.default_rng(2)
+    x, start = np.zeros(3), np.diag([0.1, 1.0, 1e-4]) ** 2
+    particles = ParticleFilter(model, x, start, np.random.default_rng(0), backend="numpy")
+    kalman = KalmanFilter(model, x, start)
+    speed = space.states.index("omega")
+    errors = []
+    for k in range(300):
+        u = np.array([{"motor_voltage": 10 * math.sin(k / 40)}.get(n, 60.0) for n in space.inputs])
+        x = model.transition(x[:, None], u)[:, 0] + draw.multivariate_normal(np.zeros(3), model.Q)
+        y = model.H @ x + model.h + draw.normal(size=3) * np.sqrt(np.diag(model.R))
+        y[space.outputs.index("motor_speed")] = math.nan
+        for filtered in (particles, kalman):
+            filtered.predict(u)
+            filtered.update(y)
+        errors.append([particles.mean[speed] - x[speed], kalman.mean[speed] - x[speed]])
+    ours, linearised = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert ours < 1.03 * linearised
+    assert ours < 4.0
+    assert not particles.diverged
+
+
+@pytest.mark.parametrize(
+    ("noise", "said"),
+    [
+        (replace(NOISE, channels={"motor_current": 0.05}), "'motor_speed' must be above 0"),
+        (replace(NOISE, inputs={"torque": 1.0}), "noise of input 'torque'"),
+        (replace(NOISE, rates={"y": 1.0}), "noise of state 'y'"),
+    ],
+)
+def test_noise_of_what_is_not_there_is_refused(
+    ema: tuple[StateSpace, np.ndarray, np.ndarray], noise: NoiseLevels, said: str
+) -> None:
+    with pytest.raises(ConfigurationError, match=said):
+        linear_model(*ema, PERIOD, noise)
+
+
+def test_measurement_that_is_not_linear_is_refused() -> None:
+    x = Symbol("x")
+    space = StateSpace(("x",), (), ("y",), (), (x,), (apply("tanh", x),), {})
+    with pytest.raises(ConfigurationError, match="not linear"):
+        graph_model(space, np.zeros(1), np.zeros(0), PERIOD, NoiseLevels({"y": 1.0}))

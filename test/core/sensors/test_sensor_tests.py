@@ -1,0 +1,356 @@
+"""Sensors by themselves: noise, held readings, drop-outs, steps; rows one by one and in blocks."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+
+import numpy as np
+import pytest
+
+from flea_diag.core.sensors.position_step import SPAN, position_steps
+from flea_diag.core.sensors.sensor_limits import SensorLimit, noise_logs, sensor_limits
+from flea_diag.core.sensors.sensor_tests import NAMES, SensorTests, channel_of
+
+CHANNELS = ("motor_current", "actuator_position", "motor_temperature")
+SIGMA = np.array([0.2, 6e-5, 0.4])
+RESOLUTION = np.array([1e-3, 4e-6, 0.01])
+SCANS = 3000
+TIME = np.arange(SCANS) / 100.0
+MOVES = 0.03 * np.sin(2 * np.pi * 0.5 * np.arange(SCANS) / 100.0)
+
+
+def healthy(seed: int, scans: int = SCANS) -> np.ndarray:
+    noise = SIGMA * np.random.default_rng(seed).standard_normal((scans, 3))
+    motion = np.resize(MOVES, scans)
+    true = np.stack((1.0 + 30.0 * motion, 0.05 + motion, np.full(scans, 25.0)), axis=1)
+    return np.round((true + noise) / RESOLUTION) * RESOLUTION
+
+
+@pytest.fixture(scope="module")
+def limits() -> tuple[SensorLimit, ...]:
+    runs = [dict(zip(CHANNELS, healthy(seed).T, strict=True)) for seed in range(8)]
+    return sensor_limits(runs, 0.1, 0.01)
+
+
+def run(limits, rows: np.ndarray, block: int = 1):
+    tests = SensorTests(limits, CHANNELS)
+    done = [tests.step(rows[k : k + block]) for k in range(0, len(rows), block)]
+    z = np.concatenate([part.z for part in done])
+    return np.concatenate([part.usable for part in done]), z, done[0].k
+
+
+def called(limits, rows: np.ndarray) -> dict[str, int]:
+    """Name of each test beyond its limit, and the first scan at which it was."""
+    _, z, k = run(limits, rows, 50)
+    with np.errstate(invalid="ignore"):
+        beyond = np.abs(z) > k
+    return {NAMES[j]: int(np.argmax(beyond[:, j])) for j in np.flatnonzero(beyond.any(axis=0))}
+
+
+def test_log_noise_of_white_noise_is_that_of_a_normal_variable():
+    white = 0.3 * np.random.default_rng(1).standard_normal(200_000)
+    # E ln|x| of a standard normal x is -(ln 2 + Euler's constant) / 2.
+    expected = math.log(0.3) - 0.5 * (math.log(2.0) + 0.5772156649)
+    assert noise_logs(white, 1e-9).mean() == pytest.approx(expected, abs=0.01)
+    parabola = 3.0 + 2.0 * np.arange(50.0) + 0.5 * np.arange(50.0) ** 2
+    assert np.allclose(noise_logs(parabola, 1e-3), math.log(1e-3))
+
+
+def test_a_reading_at_the_end_of_its_range_is_not_quiet_either(limits):
+    rows = healthy(12)
+    rows[1000:2200, 1] = 0.1
+    tests = SensorTests(limits, CHANNELS)
+    tests.bound("actuator_position", 0.0, 0.1)
+    z = np.concatenate([tests.step(rows[k : k + 50]).z for k in range(0, SCANS, 50)])
+    quiet = NAMES.index("actuator_position_noise")
+    assert not (np.abs(z[:, quiet]) > tests.k[quiet]).any()
+
+
+@pytest.mark.parametrize("block", [1, 50])
+def test_an_encoder_that_holds_zero_at_rest_is_not_stuck_and_in_motion_it_is(block):
+    """The same held readings, with a position that rests meanwhile or moves on."""
+    names = ("motor_speed", "load_position")
+
+    def recording(seed: int) -> np.ndarray:
+        draw = np.random.default_rng(seed)
+        position = 0.05 + MOVES + 6e-5 * draw.standard_normal(SCANS)
+        speed = np.gradient(MOVES, 0.01) / 5e-4 + 0.5 * draw.standard_normal(SCANS)
+        return np.round(np.stack((speed, position), axis=1) / [0.01, 4e-6]) * [0.01, 4e-6]
+
+    learned = sensor_limits(
+        [dict(zip(names, recording(seed).T, strict=True)) for seed in range(8)], 0.1, 0.01
+    )
+    stuck = NAMES.index("motor_speed_stuck")
+    for rests in (True, False):
+        rows = recording(20)
+        rows[1000:1600, 0] = 0.0
+        if rests:
+            rows[1000:1600, 1] = 0.05 + 6e-5 * np.random.default_rng(3).standard_normal(600)
+        tests = SensorTests(learned, names)
+        z = np.concatenate([tests.step(rows[k : k + block]).z for k in range(0, SCANS, block)])
+        assert (z[:, stuck] > tests.k[stuck]).any() == (not rests)
+
+
+def encoded(seed: int) -> np.ndarray:
+    """An encoder and a position that move, rest, and move on."""
+    draw = np.random.default_rng(seed)
+    motion = np.where(np.arange(SCANS) // 250 % 2, 0.03, 0.03 * np.cos(1.6 * np.pi * TIME))
+    position = 0.05 + motion + 6e-5 * draw.standard_normal(SCANS)
+    turning = np.gradient(motion, 0.01) / 5e-4
+    speed = turning + 0.5 * draw.standard_normal(SCANS) * (np.abs(turning) > 1e-9)
+    return np.round(np.stack((speed, position), axis=1) / [0.01, 4e-6]) * [0.01, 4e-6]
+
+
+@pytest.mark.parametrize(
+    ("kind", "spoil"),
+    [
+        ("noise", lambda v, k: v + 10.0 * np.random.default_rng(k).standard_normal()),
+        ("dropout", lambda v, k: v * (k % 60 >= 5)),
+    ],
+)
+def test_an_encoder_that_rests_half_of_the_time_is_tested_while_it_turns(kind, spoil):
+    names = ("motor_speed", "actuator_position")
+    runs = [dict(zip(names, encoded(seed).T, strict=True)) for seed in range(8)]
+    learned = sensor_limits(runs, 0.1, 0.01)
+    (limit,) = (limit for limit in learned if limit.channel == "motor_speed")
+    assert limit.scatter < 2.0
+    assert 0 < limit.repeats <= 4
+    at = NAMES.index(f"motor_speed_{kind}")
+    for wrong in (False, True):
+        rows = encoded(30)
+        if wrong:
+            rows[1500:, 0] = [spoil(v, k) for k, v in enumerate(rows[1500:, 0])]
+        tests = SensorTests(learned, names)
+        z = np.concatenate([tests.step(rows[k : k + 50]).z for k in range(0, SCANS, 50)])
+        first = int(np.argmax(z[:, at] > tests.k[at]))
+        assert (1500 < first < 1900) if wrong else first == 0
+
+
+@pytest.mark.parametrize("block", [1, 50])
+def test_a_step_of_both_positions_is_motion_and_one_of_either_is_the_sensors(block):
+    names = ("actuator_position", "load_position")
+
+    def readings(seed: int) -> np.ndarray:
+        noise = 6e-5 * np.random.default_rng(seed).standard_normal((SCANS, 2))
+        return 0.05 + MOVES[:, None] + noise
+
+    runs = [dict(zip(names, readings(seed).T, strict=True)) for seed in range(8)]
+    learned = sensor_limits(runs, 0.1, 0.01)
+    for stepped in ((0, 1), (0,), (1,)):
+        rows = readings(20)
+        rows[1500:, stepped] += 0.0012
+        tests = SensorTests(learned, names)
+        z = np.concatenate([tests.step(rows[k : k + block]).z for k in range(0, SCANS, block)])
+        seen = {
+            column for column in (0, 1) if np.nanmax(np.abs(z[:, NAMES.index(names[column])])) > 1.0
+        }
+        assert seen == (set(stepped) if len(stepped) == 1 else set())
+
+
+@pytest.mark.parametrize("size", [0.002, -0.002])
+def test_a_step_is_measured_through_motion(size):
+    position = 0.05 + MOVES[:200].copy()
+    position[100:] += size
+    steps = position_steps(position)
+    assert steps[100 - SPAN] == pytest.approx(size, rel=0.1)
+    assert np.argmax(np.abs(steps)) == 100 - SPAN
+
+
+def test_motion_outliers_and_a_hard_stop_are_no_step():
+    assert np.abs(position_steps(MOVES)).max() < 1e-4
+    pierced = MOVES.copy()
+    pierced[100] += 0.002
+    # Medians of a ramp move on by one scan at most, here 0.94 mm.
+    assert np.abs(position_steps(pierced)).max() < 9.5e-4
+    stopped = np.minimum(0.001 * np.arange(100.0), 0.05)  # 0.1 m/s, then an end stop
+    assert np.abs(position_steps(stopped)).max() < 3e-4
+    # Thrown off a soft end stop: half a period of 60 ms of its spring, and back as it came.
+    time = np.arange(-10, 20) / 100.0
+    spring = 2.0 * np.pi / 0.12
+    speed, back = 0.13, np.clip(time, 0.0, 0.06)
+    thrown = speed * (np.abs(time - back) - np.sin(spring * back) / spring)
+    assert np.abs(position_steps(thrown)).max() < 3e-4
+    missing = MOVES[:50].copy()
+    missing[20] = np.nan
+    assert np.isnan(position_steps(missing)[20 - 2 * SPAN + 1 : 21]).all()
+
+
+def test_healthy_sensors_are_quiet_and_all_usable(limits):
+    for seed in range(100, 104):
+        rows = healthy(seed, 6000)
+        assert called(limits, rows) == {}
+        assert np.array_equal(run(limits, rows, 50)[0], rows)
+
+
+@pytest.mark.parametrize("block", [7, 250, 3000])
+def test_blocks_give_the_same_bits_as_single_rows(limits, block):
+    rows = healthy(9)
+    rows[1000:1005, 0] = 0.0
+    rows[1200:, 1] += 0.004
+    rows[1500:1600, 2] = 25.0
+    rows[2000:2003] = np.nan
+    rows[2400:, 0] += np.random.default_rng(2).standard_normal(600)
+    usable, z, _ = run(limits, rows)
+    in_blocks = run(limits, rows, block)
+    assert np.array_equal(usable, in_blocks[0], equal_nan=True)
+    assert np.array_equal(z, in_blocks[1], equal_nan=True)
+
+
+@pytest.mark.parametrize(("column", "level"), [(0, 0.0), (1, 0.0), (2, 25.1)])
+def test_a_held_reading_is_stuck_and_withheld(limits, column, level):
+    rows = healthy(10)
+    rows[1500:, column] = level
+    name = f"{CHANNELS[column]}_stuck"
+    found = called(limits, rows)
+    assert found[name] == pytest.approx(1550, abs=3)
+    assert not any(each.endswith("dropout") for each in found)
+    assert np.isnan(run(limits, rows, 50)[0][1510:, column]).all()
+
+
+@pytest.mark.parametrize("column", [0, 1, 2])
+def test_the_second_drop_out_is_called_and_neither_reaches_a_mean(limits, column):
+    rows = healthy(11)
+    for start in (1500, 2100):
+        rows[start : start + 5, column] = 0.0
+    found = called(limits, rows)
+    assert found == {f"{CHANNELS[column]}_dropout": pytest.approx(2105, abs=1)}
+    once = rows.copy()
+    once[2100:2105] = healthy(11)[2100:2105]
+    assert called(limits, once) == {}
+    if column == 1:
+        assert np.isnan(run(limits, rows, 50)[0][1500:1505, 1]).all()
+
+
+def test_drop_outs_farther_apart_than_the_memory_are_forgotten(limits):
+    rows = healthy(12, 5000)
+    for start in (1500, 3600):
+        rows[start : start + 5, 0] = 0.0
+    assert called(limits, rows) == {}
+
+
+def test_a_reading_at_the_end_of_its_range_is_clipped_not_held(limits):
+    rows = healthy(13)
+    rows[1500:, 1] = np.minimum(rows[1500:, 1], 0.1)
+    rows[2000:, 1] = 0.1
+    assert "actuator_position_stuck" in called(limits, rows)
+    tests = SensorTests(limits, CHANNELS)
+    tests.bound("actuator_position", 0.0, 0.1)
+    z = tests.step(rows).z
+    assert z[:, NAMES.index("actuator_position_stuck")].max() < 10
+
+
+@pytest.mark.parametrize(("column", "added"), [(0, 0.6), (1, 5e-4), (2, 2.0)])
+def test_added_noise_is_called_within_four_seconds(limits, column, added):
+    rows = healthy(14)
+    rows[1500:, column] += added * np.random.default_rng(3).standard_normal(1500)
+    found = called(limits, rows)
+    assert 1500 < found[f"{CHANNELS[column]}_noise"] < 1900
+
+
+def test_an_outlier_of_a_position_is_withheld_and_no_step(limits):
+    for width in (1, 2):
+        rows = healthy(18)
+        rows[1500 : 1500 + width, 1] += 0.02
+        assert called(limits, rows) == {}
+        assert np.isnan(run(limits, rows, 50)[0][1500 : 1500 + width, 1]).all()
+
+
+def test_spikes_are_no_noise_and_a_unit_that_was_always_louder_is_none(limits):
+    rows = healthy(15)
+    rows[::50, 2] += 10.0
+    assert called(limits, rows) == {}
+    louder = healthy(16)
+    louder[:, 2] = 25.0 + 2.0 * (louder[:, 2] - 25.0)
+    assert called(limits, louder[600:]) == {}
+    louder[1500:, 2] = 25.0 + 4.0 * (louder[1500:, 2] - 25.0)
+    assert 1500 < called(limits, louder)["motor_temperature_noise"] < 2000
+
+
+@pytest.mark.skipif(importlib.util.find_spec("numba") is None, reason="numba is an extra")
+def test_compiled_loops_give_the_bits_of_numpy(limits):
+    rows = healthy(21)
+    rows[1500:, 0] += 0.6 * np.random.default_rng(3).standard_normal(1500)
+    rows[2000:, 2] = 25.0
+    rows[np.random.default_rng(4).random(rows.shape) < 0.01] = np.nan
+    noise = [NAMES.index(f"{channel}_noise") for channel in CHANNELS]
+    results = []
+    for backend, block in (("numpy", 700), ("numba", 700), ("numba", 1)):
+        tests = SensorTests(limits, CHANNELS, backend)
+        parts = [tests.step(rows[k : k + block]).z[:, noise] for k in range(0, SCANS, block)]
+        results.append(np.concatenate(parts))
+    assert (np.abs(results[0]) > 1.0).any(axis=0)[[0, 2]].all()
+    np.testing.assert_array_equal(results[1], results[0])
+    np.testing.assert_array_equal(results[2], results[0])
+
+
+@pytest.mark.parametrize("size", [0.001, -0.001, 0.006, -0.02])
+def test_a_biased_position_steps(limits, size):
+    rows = healthy(17)
+    rows[1500:, 1] += size
+    found = called(limits, rows)
+    assert list(found) == ["actuator_position"]
+    assert found["actuator_position"] == pytest.approx(1507, abs=5)
+    _, z, _ = run(limits, rows, 50)
+    limit = next(entry for entry in limits if entry.channel == "actuator_position")
+    largest = z[1500:1520, 0][np.nanargmax(np.abs(z[1500:1520, 0]))] * limit.step
+    assert largest == pytest.approx(size, rel=0.25)
+
+
+def test_limits_say_what_the_recordings_show(limits):
+    by_name = {limit.channel: limit for limit in limits}
+    assert set(by_name) == set(CHANNELS)
+    position = by_name["actuator_position"]
+    # 0.5 Hz, 30 mm: 0.94 mm a scan at most, the difference of two readings' noise, twice the sum.
+    assert 2 * 0.94e-3 < position.reach < 2 * (0.94e-3 + 4 * 2**0.5 * 6e-5)
+    assert 2 <= position.repeats <= 6
+    assert by_name["motor_current"].step == 0.0
+    assert position.loudest == pytest.approx(math.log(6e-5) - 0.635, abs=0.35)
+    assert SensorLimit.from_mapping(position.to_mapping()) == position
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("reach", math.nan), ("channel", "motor_speedo"), ("k", -1.0), ("k", "5")]
+)
+def test_a_spoilt_limit_is_refused_by_name(limits, key, value):
+    with pytest.raises(ValueError, match=key if key != "channel" else "motor_speedo"):
+        SensorLimit.from_mapping({**limits[0].to_mapping(), key: value})
+    with pytest.raises(ValueError, match="a sensor limit has"):
+        SensorLimit.from_mapping({key: value})
+
+
+def test_every_test_names_its_channel():
+    assert channel_of("actuator_position") == "actuator_position"
+    assert channel_of("motor_temperature_dropout") == "motor_temperature"
+
+
+@pytest.mark.parametrize("block", [1, 700, SCANS])
+def test_compiled_gives_the_bits_of_numpy(block):
+    """Two positions that move together, step, are held, clipped or missing."""
+    pytest.importorskip("numba")
+    names = ("motor_speed", "actuator_position", "load_position")
+
+    def recording(seed: int) -> np.ndarray:
+        found = encoded(seed)
+        return np.column_stack(
+            (found, found[:, 1] + 4e-6 * np.random.default_rng(seed).integers(-9, 9, SCANS))
+        )
+
+    runs = [dict(zip(names, recording(seed).T, strict=True)) for seed in range(8)]
+    learned = sensor_limits(runs, 0.1, 0.01)
+    rows = recording(20)
+    rows[800:, 1] += 0.01
+    rows[1200:, 1:] += 0.004
+    rows[1500:1560, 2] = rows[1500, 2]
+    rows[2000:2010, 1] = math.nan
+    tests = [SensorTests(learned, names, backend) for backend in ("numpy", "numba")]
+    stepped = 0
+    for test in tests:
+        test.bound("load_position", 0.0, 0.07)
+    for start in range(0, SCANS, block):
+        one, other = (test.step(rows[start : start + block]) for test in tests)
+        assert one.usable.tobytes() == other.usable.tobytes()
+        assert np.array_equal(one.z, other.z, equal_nan=True)
+        stepped += int((np.abs(one.z[:, 0]) > one.k[0]).sum())
+    assert stepped > 0
+    assert tests[0].stuck == tests[1].stuck != dict.fromkeys(names, 0)

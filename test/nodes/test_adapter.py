@@ -1,0 +1,175 @@
+"""A stage on the bus, in a process of its own, over DDS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from support.live import Peer, Process, toy
+
+from flea_diag.wire.records import AmbiguityGroup, Health, Level, Outcome, Residual, Scan
+
+PERIOD_NS = 10_000_000
+
+
+class Stand:
+    """Publishes scans with stamps of its own, as a DAQ node would."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        self.stamp_ns = 1_700_000_000 * 10**9
+
+    def scan(self, current: float = 1.0, after_ns: int = PERIOD_NS) -> None:
+        self.stamp_ns += after_ns
+        self.peer.bus.publish(Scan(self.stamp_ns, ("motor_current",), (current,)))
+
+
+@pytest.fixture
+def stand(domain: int) -> Iterator[Stand]:
+    with Process(toy(), domain) as process, Peer(domain) as peer:
+        peer.process = process  # type: ignore[attr-defined]
+        peer.listen(AmbiguityGroup, Residual, Health)
+        assert peer.bus.wait_for_subscribers(Scan)
+        yield Stand(peer)
+
+
+def groups(peer: Peer) -> list[AmbiguityGroup]:
+    return [record for record in peer.records if isinstance(record, AmbiguityGroup)]
+
+
+def test_verdict_on_change_repeated_and_stale(stand: Stand) -> None:
+    peer = stand.peer
+    stand.scan(1.0)
+    first = peer.find(lambda r: isinstance(r, AmbiguityGroup))
+    assert (first.outcome, first.members, first.stale) == (Outcome.NOMINAL, (), False)
+    stand.scan(9.0)
+    changed = peer.find(lambda r: getattr(r, "outcome", None) == Outcome.ISOLATED)
+    assert [member.fault for member in changed.members] == ["jam"]
+    assert changed.stamp_ns == stand.stamp_ns
+
+    stale = peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.stale, limit_s=3.0)
+    assert stale.outcome == Outcome.ISOLATED
+    assert [member.fault for member in stale.members] == ["jam"]
+    held = peer.find(lambda r: isinstance(r, Residual) and r.names == ("held",))
+    assert held.values == (2.0,), "what a stage held back goes out when the source stops"
+    peer.until(lambda: len(groups(peer)) >= 5)
+
+    stand.scan(9.0)
+    peer.until(lambda: not groups(peer)[-1].stale)
+    seqs = [group.seq for group in groups(peer)]
+    assert seqs == sorted(set(seqs))
+
+
+def test_a_late_joiner_is_right_at_once(stand: Stand, domain: int) -> None:
+    stand.scan(9.0)
+    stand.peer.find(lambda r: getattr(r, "outcome", None) == Outcome.ISOLATED)
+    with Peer(domain, name="late") as late:
+        late.listen(AmbiguityGroup)
+        # The latched one, and within about a second the repeated one with a higher number.
+        assert late.find(lambda r: True).outcome == Outcome.ISOLATED
+        late.until(lambda: len({record.seq for record in late.records}) >= 2)
+
+
+def test_stamps_that_jump_back_start_afresh(stand: Stand) -> None:
+    for _ in range(3):
+        stand.scan()
+    stand.peer.find(lambda r: isinstance(r, Residual) and r.values == (3.0,))
+    stand.scan(after_ns=-PERIOD_NS * 3 // 2)  # late by 15 ms: counted, the run goes on
+    stand.peer.find(lambda r: isinstance(r, Residual) and r.values == (4.0,))
+    stand.peer.records.clear()
+    stand.scan(after_ns=-60 * 10**9)
+    for _ in range(9):  # one wrong stamp would not do
+        stand.scan()
+    again = stand.peer.find(lambda r: isinstance(r, Residual))
+    assert again.values == (1.0,)
+    health = stand.peer.find(lambda r: isinstance(r, Health) and r.node == "toy")
+    # One was late, and ten came before the new run was believed; none of them is lost.
+    assert dict(health.values)["sensors/slow/late"] == "11"
+    stand.peer.find(lambda r: isinstance(r, Residual) and r.values == (10.0,))
+
+
+def test_a_wrong_stamp_starts_nothing_afresh(stand: Stand) -> None:
+    stand.scan()
+    stand.scan(after_ns=-60 * 10**9)
+    stand.scan(after_ns=60 * 10**9 + PERIOD_NS)
+    stand.peer.find(lambda r: isinstance(r, Residual) and r.values == (3.0,))
+
+
+def test_what_cannot_be_used_is_counted_and_passed_over(stand: Stand) -> None:
+    stand.peer.bus.publish_raw(Scan, b"\x00\x01\x00\x00\xff\xff\xff\xff")
+    stand.scan(-1.0)
+    stand.scan(1.0)
+    seen = stand.peer.find(lambda r: isinstance(r, Residual))
+    assert seen.values == (2.0,)
+    stand.peer.records.clear()
+    health = stand.peer.find(lambda r: isinstance(r, Health) and r.node == "toy")
+    values = dict(health.values)
+    assert values["sensors/slow/received"] == "3"
+    assert values["sensors/slow/malformed"] == "1"
+    assert values["sensors/slow/refused"] == "1"
+    assert float(values["memory_mb"]) > 5
+    assert float(values["cpu_percent"]) >= 0
+
+
+def test_health_says_what_it_waits_for(stand: Stand) -> None:
+    waiting = stand.peer.find(lambda r: isinstance(r, Health) and r.node == "toy")
+    assert waiting.level == Level.STALE
+    assert "waiting" in waiting.message
+
+
+def test_reset_closes_the_episode(stand: Stand) -> None:
+    from std_srvs.srv import Trigger
+
+    stand.scan(9.0)
+    stand.peer.find(lambda r: getattr(r, "outcome", None) == Outcome.ISOLATED)
+    answer = stand.peer.call(Trigger, "/toy/reset", Trigger.Request())
+    assert answer.success
+    stand.peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.stamp_ns == 1)
+
+
+def test_parameters_are_validated_then_applied(stand: Stand) -> None:
+    from rcl_interfaces.srv import DescribeParameters, SetParameters
+    from rclpy.parameter import Parameter
+
+    def set_to(name: str, value: object) -> str:
+        request = SetParameters.Request()
+        request.parameters = [Parameter(name, value=value).to_parameter_msg()]
+        result = stand.peer.call(SetParameters, "/toy/set_parameters", request).results[0]
+        return "" if result.successful else result.reason
+
+    described = stand.peer.call(
+        DescribeParameters,
+        "/toy/describe_parameters",
+        DescribeParameters.Request(names=["limit_a", "fault", "serial"]),
+    ).descriptors
+    assert described[0].description == "Current above which [A]"
+    assert described[0].floating_point_range[0].to_value == 40.0
+    assert described[1].additional_constraints == "jam | spall"
+    assert [entry.read_only for entry in described] == [False, False, True]
+
+    assert "limit" in set_to("limit_a", 41.0) or "range" in set_to("limit_a", 41.0)
+    assert "choose one of jam, spall" in set_to("fault", "gremlin")
+    assert set_to("limit_a", float("nan"))
+    assert set_to("serial", "y")
+    assert set_to("fault", "spall") == ""
+    stand.scan(9.0)
+    group = stand.peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.members)
+    assert group.members[0].fault == "spall"
+
+
+def test_a_namespace_keeps_two_stands_apart(domain: int) -> None:
+    with (
+        Process(toy("-r", "__ns:=/stand_1"), domain),
+        Process(toy("-r", "__ns:=/stand_2"), domain),
+        Peer(domain, "/stand_1") as one,
+        Peer(domain, "/stand_2") as two,
+    ):
+        one.listen(AmbiguityGroup)
+        two.listen(AmbiguityGroup)
+        assert one.bus.wait_for_subscribers(Scan)
+        assert two.bus.wait_for_subscribers(Scan)
+        Stand(one).scan(9.0)
+        Stand(two).scan(1.0)
+        assert one.find(lambda r: True).outcome == Outcome.ISOLATED
+        assert two.find(lambda r: True).outcome == Outcome.NOMINAL
+        assert {group.outcome for group in groups(one)} == {Outcome.ISOLATED}

@@ -1,0 +1,82 @@
+"""What a diagnosis in one process leaves to the one that comes after it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+from support import linear_ema as ema
+from support import stands
+
+from flea_diag.nodes.state_folder import state_folder
+from flea_diag.nodes.verdict_memory import LARGEST_BYTES, NONE, VerdictMemory
+from flea_diag.wire.records import AmbiguityGroup, Outcome
+
+
+class Bus:
+    """What the memory wants of a bus: a name, and somebody to tell."""
+
+    name = "stand_2/diagnoser"
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+        self.warn = self.told.append
+
+
+@cache
+def verdict() -> AmbiguityGroup:
+    """A healthy one, with what was learned of the unit."""
+    scans = stands.scans(ema.noisy(ema.run(seconds=9.0), 71))
+    return stands.verdict(stands.feed(stands.pipeline(), [stands.table(), *scans]))
+
+
+def test_what_is_kept_is_recalled(tmp_path: Path) -> None:
+    kept, bus = verdict(), Bus()
+    memory = VerdictMemory(bus, str(tmp_path / "new" / "verdict"))
+    assert memory.recall() is None
+    memory.keep(replace(kept, outcome=Outcome.DETECTED))
+    memory.keep(kept)
+    assert VerdictMemory(bus, str(tmp_path / "new" / "verdict")).recall() == kept
+    assert [each.name for each in (tmp_path / "new").iterdir()] == ["verdict"]
+    assert bus.told == []
+
+
+def test_each_domain_and_each_stand_has_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    for domain in ("", "7"):
+        monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+        VerdictMemory(Bus(), "").keep(verdict())
+    kept = sorted(each.name for each in (state_folder() / "verdicts").iterdir())
+    assert kept == ["0_stand_2_diagnoser.cdr", "7_stand_2_diagnoser.cdr"]
+
+
+def test_none_touches_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    memory = VerdictMemory(Bus(), NONE)
+    memory.keep(verdict())
+    assert memory.recall() is None
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("content", [b"", b"not a verdict", bytes(LARGEST_BYTES + 10)])
+def test_a_damaged_file_is_said_and_tells_nothing(tmp_path: Path, content: bytes) -> None:
+    path, bus = tmp_path / "verdict", Bus()
+    path.write_bytes(content)
+    assert VerdictMemory(bus, str(path)).recall() is None
+    (words,) = bus.told
+    assert str(path) in words
+    assert "tells nothing of the past" in words
+
+
+def test_a_place_that_cannot_be_written_is_said_once(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    bus = Bus()
+    memory = VerdictMemory(bus, str(tmp_path / "file" / "verdict"))
+    memory.keep(verdict())
+    memory.keep(verdict())
+    (words,) = bus.told
+    assert "cannot be written" in words

@@ -1,0 +1,158 @@
+"""The package as pip and as colcon install it: `ros2 run` finds every executable, and it runs.
+
+`ros2` itself is not on PyPI. What it does is done here with the same means: the package's
+prefix by the ament index over AMENT_PREFIX_PATH, then the executables in lib/flea_diag.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support.live import ROOT, Process, environment
+
+from flea_diag.nodes.executables import EXECUTABLES
+
+SOURCES = (
+    "flea_diag", "flea_sim_driver", "config", "launch", "launcher", "resource", "package.xml",
+    "setup.py", "pyproject.toml", "MANIFEST.in", "LICENSE", "README.md",
+)  # fmt: skip
+
+
+def run(command: list[str], cwd: Path) -> None:
+    """Run a build to its end; its output is the message when it fails."""
+    done = subprocess.run(
+        command, cwd=cwd, env=environment(0, PYTHONPATH=""), capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.fixture(scope="session")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy, for a build leaves its traces in the source tree."""
+    copy = tmp_path_factory.mktemp("sources") / "flea_diag"
+    copy.mkdir()
+    for name in SOURCES:
+        if (ROOT / name).is_dir():
+            shutil.copytree(
+                ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__", "*.pyc")
+            )
+        elif (ROOT / name).exists():
+            shutil.copy2(ROOT / name, copy / name)
+    return copy
+
+
+def pip_prefix(sources: Path, place: Path) -> Path:
+    pytest.importorskip("setuptools", "70.1", reason="pip needs setuptools 70.1 for a wheel here")
+    prefix = place / "pip"
+    # Without --ignore-installed pip takes the copy that this very test runs from away.
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--ignore-installed"]
+    command += ["--no-build-isolation", "--no-index", "--prefix", str(prefix), str(sources)]
+    run(command, place)
+    # Debian's Python puts a local/ in between; a virtual environment does not.
+    return next(path for path in (prefix, prefix / "local") if (path / "share").is_dir())
+
+
+def colcon_prefix(sources: Path, place: Path, *arguments: str) -> Path:
+    colcon = Path(sys.executable).parent / "colcon"
+    if not colcon.exists():
+        pytest.skip("colcon is not installed beside this Python")
+    workspace = place / ("colcon" + "".join(arguments))
+    workspace.mkdir()
+    command = [str(colcon), "build", "--base-paths", str(sources), *arguments]
+    run(command, workspace)
+    return workspace / "install" / "flea_diag"
+
+
+@pytest.fixture(scope="session", params=["pip", "colcon", "colcon --symlink-install"])
+def prefix(
+    request: pytest.FixtureRequest, sources: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """The package installed into a prefix of its own, once a session for each way."""
+    place = tmp_path_factory.mktemp("installed")
+    tool, *arguments = request.param.split()
+    if tool == "pip":
+        return pip_prefix(sources, place)
+    return colcon_prefix(sources, place, *arguments)
+
+
+def ros2_pkg_executables(ament_prefix_path: str, package: str) -> dict[str, Path]:
+    """What `ros2 pkg executables` lists: the index marker names the prefix."""
+    for entry in ament_prefix_path.split(os.pathsep):
+        marker = Path(entry) / "share/ament_index/resource_index/packages" / package
+        if marker.is_file():
+            folder = Path(entry) / "lib" / package
+            return {
+                path.name: path
+                for path in sorted(folder.iterdir())
+                if path.is_file() and os.access(path, os.X_OK)
+            }
+    raise LookupError(package)
+
+
+def test_ros2_run_would_find_every_executable(prefix: Path) -> None:
+    found = ros2_pkg_executables(f"/nowhere{os.pathsep}{prefix}", "flea_diag")
+    assert sorted(found) == sorted(EXECUTABLES)
+
+
+def test_every_executable_starts_from_anywhere(prefix: Path, tmp_path: Path) -> None:
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    more = {"PYTHONPATH": "", "AMENT_PREFIX_PATH": str(prefix), "PATH": path}
+    found = ros2_pkg_executables(str(prefix), "flea_diag")
+    running = {
+        name: subprocess.Popen(
+            [program, "--help"],
+            cwd=tmp_path,
+            env=environment(0, **more),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        for name, program in found.items()
+    }
+    for name, child in running.items():
+        output, _ = child.communicate(timeout=60)
+        assert child.returncode == 0, output
+        assert f"ros2 run flea_diag {name}" in output
+
+
+def test_an_executable_runs_and_stops(prefix: Path, domain: int, tmp_path: Path) -> None:
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    recorder = ros2_pkg_executables(str(prefix), "flea_diag")["recorder"]
+    with Process([str(recorder)], domain, cwd=tmp_path, PYTHONPATH="", PATH=path) as process:
+        process.wait_for("recording 14 topics")
+        status = process.signal(signal.SIGINT)
+    assert status == 0
+
+
+def test_what_ros_tools_look_for_is_there(prefix: Path) -> None:
+    share = prefix / "share" / "flea_diag"
+    assert (share / "package.xml").is_file()
+    assert {path.name for path in (share / "launch").glob("*.py")} == {
+        "stand.launch.py",
+        "replay.launch.py",
+    }
+    installed = {path.relative_to(share) for path in (share / "config").rglob("*.yaml")}
+    assert installed == {path.relative_to(ROOT) for path in (ROOT / "config").rglob("*.yaml")}
+    assert installed
+
+
+def test_the_flea_command_is_the_only_one_in_bin(prefix: Path) -> None:
+    assert [path.name for path in sorted((prefix / "bin").iterdir())] == ["flea"]
+
+
+def test_versions_agree() -> None:
+    """package.xml needs the number in so many words; setup.py reads it from the module."""
+    import xml.etree.ElementTree as ElementTree
+
+    import flea_diag
+
+    root = ElementTree.parse(ROOT / "package.xml").getroot()
+    assert root.findtext("version") == flea_diag.__version__
+    assert root.get("format") == "3"
+    assert root.findtext("export/build_type") == "ament_python"

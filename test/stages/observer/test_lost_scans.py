@@ -1,0 +1,94 @@
+"""Scans that were lost on the way are no fault of the actuator, and a fault is still found."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from support.decisions import BAGS
+
+from flea_diag.configuration import make_pipeline
+from flea_diag.stages.observer.lost_scans import parabola
+from flea_diag.tools.replay.summary import summarise
+from flea_diag.wire.bags.bag import BagReader
+from flea_diag.wire.records import (
+    STARVING,
+    AmbiguityGroup,
+    ChannelTable,
+    Outcome,
+    Record,
+    Residual,
+    Scan,
+)
+
+
+@cache
+def records(bag: str) -> tuple[Record, ...]:
+    return tuple(record for _, record in BagReader(BAGS / bag).records((ChannelTable, Scan)))
+
+
+def diagnosed(bag: str, lost: Callable[[int], bool]) -> dict[str, Any]:
+    """Summary of a bag of which the scans for which ``lost`` holds never came."""
+    pipeline, kept, number = make_pipeline(None), [], 0
+    for record in records(bag):
+        if isinstance(record, Scan):
+            number += 1
+            if lost(number):
+                continue
+        kept += [record, *(r for r in pipeline.handle(record) if not isinstance(r, Residual))]
+    return summarise([*kept, *pipeline.finish()])
+
+
+@pytest.mark.parametrize("run", [1, 3, 8, 12])
+def test_a_run_of_lost_scans_is_no_fault(run: int) -> None:
+    told = diagnosed("nominal", lambda k: 1000 <= k < 1000 + run)
+    assert (told["outcome"], told["episodes"]) == ("NOMINAL", [])
+
+
+def some(seed: int, share: float) -> Callable[[int], bool]:
+    draw = random.Random(seed)
+    return lambda _: draw.random() < share
+
+
+def test_one_in_five_lost_is_no_fault() -> None:
+    told = diagnosed("nominal", some(3, 0.2))
+    assert (told["outcome"], told["episodes"]) == ("NOMINAL", [])
+
+
+@pytest.mark.parametrize("bag", ["winding_short", "live_motor_current_bias"])
+def test_a_fault_is_found_with_one_in_five_lost(bag: str) -> None:
+    whole, sparse = diagnosed(bag, lambda _: False), diagnosed(bag, some(3, 0.2))
+    assert sparse["ambiguity_group"] == whole["ambiguity_group"]
+    assert sparse["detected_at_s"] == pytest.approx(whole["detected_at_s"], abs=0.3)
+
+
+def test_a_parabola_is_met_exactly() -> None:
+    def at(t: float) -> np.ndarray:
+        return np.array([2.0 - 3.0 * t + 0.5 * t * t])
+
+    steps = np.array([[1.0], [2.0], [3.0]])
+    found = parabola(steps, 4, (at(-1.0), at(0.0), at(4.0)))
+    assert found.ravel() == pytest.approx([at(t)[0] for t in (1.0, 2.0, 3.0)])
+
+
+def test_a_starved_stream_is_said_and_no_fault() -> None:
+    """Three of four scans are lost for some seconds: nobody can tell, and then one can again."""
+    draw = some(5, 0.75)
+    run = [record for record in records("nominal") if not isinstance(record, Scan)]
+    pipeline, said = make_pipeline(None), []
+    scans = [record for record in records("nominal") if isinstance(record, Scan)]
+    kept = [scan for k, scan in enumerate(scans) if not (800 <= k < 1400 and draw(k))]
+    for record in (*run, *kept):
+        said += [r for r in pipeline.handle(record) if isinstance(r, AmbiguityGroup)]
+    told = [(group.outcome, group.stamp_ns - scans[0].stamp_ns) for group in said]
+    turns = [told[0], *(b for a, b in itertools.pairwise(told) if a[0] is not b[0])]
+    assert [outcome for outcome, _ in turns] == [
+        Outcome.NOT_OBSERVABLE, Outcome.NOMINAL, Outcome.DATA_UNUSABLE, Outcome.NOMINAL
+    ]  # fmt: skip
+    assert [ns / 1e9 for _, ns in turns[2:]] == pytest.approx([9.5, 14.5], abs=1.0)
+    assert {g.words for g in said if g.outcome is Outcome.DATA_UNUSABLE} == {STARVING}

@@ -1,0 +1,12 @@
+"""Where the project and the real recordings lie."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIG = ROOT / "config"
+DATA = Path(os.environ.get("FLEA_DATA_DIR") or ROOT.parent / "shared" / "data")
+"""Real recordings, which are not part of the project: tests on them are skipped without."""
+FLEA = DATA / "flea"

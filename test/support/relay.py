@@ -1,0 +1,70 @@
+"""A relay node between a stand and the diagnoser's process, over DDS: it passes on what is left."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    ChannelTable,
+    DataQuality,
+    Detection,
+    Residual,
+    Scan,
+    VibrationBlock,
+)
+from support import lossy
+from support.live import Peer, Process, node
+
+BATCH = 20
+"""Messages under way at once; far fewer than a reader's queue holds, so that DDS loses none."""
+RESTARTS = ("set_back",)
+"""After these a live diagnosis begins a new run, and counts from there."""
+STILL_HELD = {"two_clocks": {"elsewhere": 1}}
+"""What jumps back waits for what comes next, and after the last there is nothing."""
+END_S = 10.0
+"""For the last counters; what restarts the diagnosis never counts all."""
+ECHO_S = 0.3
+"""For the residual of a batch's newest scan, which may be passed over."""
+
+
+def relayed(name: str, seed: int, domain: int) -> lossy.Passed:
+    """One healthy run that is spoilt on its way to a diagnoser of its own."""
+    spoilt = lossy.spoilt_run(name, seed)
+    diagnoser = node("flea_diag.nodes.diagnoser", "-p", "memory:=none")
+    with Process(diagnoser, domain), Peer(domain, name="relay") as relay:
+        relay.bus.advertise(ChannelTable, VibrationBlock, Scan)
+        relay.listen(AmbiguityGroup, DataQuality, Detection, Residual)
+        for kind in (ChannelTable, VibrationBlock, Scan):
+            assert relay.bus.wait_for_subscribers(kind)
+        _pass_on(relay, spoilt.records)
+        # The counters of the end are said once nothing has come for a while.
+        sent = len(lossy.scans(spoilt.records))
+        relay.bus.wait_until(lambda: _counted(relay) == sent, END_S)
+    if name in RESTARTS:
+        spoilt.expected = {}
+    for counter, scans in STILL_HELD.get(name, {}).items():
+        spoilt.expected[counter] -= scans
+    return lossy.judged(name, seed, spoilt, relay.records)
+
+
+def _counted(relay: Peer) -> int:
+    """Scans that the diagnoser says it was sent."""
+    said = [record for record in relay.records if isinstance(record, DataQuality)]
+    return dict(lossy.stream(said).counters)["samples"] if said else 0
+
+
+def _pass_on(relay: Peer, records: list[Any]) -> None:
+    """As fast as they are taken."""
+    for first in range(0, len(records), BATCH):
+        batch = records[first : first + BATCH]
+        for record in batch:
+            relay.bus.publish(record)
+        newest_ns = max(record.stamp_ns for record in batch)
+        relay.bus.wait_until(lambda ns=newest_ns: _echoed(relay, ns), ECHO_S)
+
+
+def _echoed(relay: Peer, stamp_ns: int) -> bool:
+    """Whether the residual of a scan is among what came last; stamps may jump."""
+    last = relay.records[-10 * BATCH :]
+    return any(isinstance(r, Residual) and r.stamp_ns == stamp_ns for r in last)

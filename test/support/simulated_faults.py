@@ -1,0 +1,73 @@
+"""Runs the simulated stand with one fault of ``simulated_faults.yaml`` and judges the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from flea_diag.configuration import load_yaml, make_pipeline
+from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan
+from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
+from flea_sim_driver.stand import Stand
+
+TABLE = Path(__file__).with_suffix(".yaml")
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What became of one run: right, early (before the onset), missed or wrong."""
+
+    row: str
+    seed: int
+    outcome: str
+    group: tuple[str, ...]
+    early: bool
+    right: bool
+    delay_s: float
+
+
+@cache
+def table() -> dict[str, Any]:
+    """The committed table."""
+    content: dict[str, Any] = load_yaml(TABLE)
+    return content
+
+
+def scenario(row: str, seed: int) -> dict[str, Any]:
+    """Scenario of one row: motion, load and plant go with the seed."""
+    whole, entry = table(), table()["faults"][row]
+    event = {key: entry[key] for key in ("fault", "where", "size") if key in entry}
+    return {
+        "motion": whole["motions"][seed % len(whole["motions"])],
+        "load": whole["loads"][seed % len(whole["loads"])],
+        "duration_s": whole["duration_s"],
+        "seed": seed,
+        "unit_spread": whole["unit_spread"],
+        "sensors": {"vibration": False},
+        "faults": [{**event, "onset_s": whole["onset_s"]}],
+    }
+
+
+def judged(row: str, seed: int) -> Judged:
+    """Diagnose one run without its truth, and hold the last verdict against the table."""
+    pipeline, groups = make_pipeline(None), []
+    first_ns = None
+    for record in Stand(scenario_from_mapping(scenario(row, seed), row)):
+        if isinstance(record, Scan) and first_ns is None:
+            first_ns = record.stamp_ns
+        if isinstance(record, (ChannelTable, Scan)):
+            groups += [r for r in pipeline.handle(record) if isinstance(r, AmbiguityGroup)]
+    groups += [r for r in pipeline.finish() if isinstance(r, AmbiguityGroup)]
+    assert first_ns is not None
+    entry, last = table()["faults"][row], groups[-1]
+    names = tuple(member.fault for member in last.members)
+    detected_s = (last.detected_stamp_ns - first_ns) / 1e9
+    early = any(
+        0 <= g.detected_stamp_ns < first_ns + table()["onset_s"] * 1e9 for g in groups if g.episode
+    )
+    right = entry["fault"] in names and set(names) <= set(entry["right"]) and not early
+    return Judged(
+        row, seed, last.outcome.name, names, early, right, detected_s - table()["onset_s"]
+    )

@@ -1,0 +1,46 @@
+"""What the tests of the simulated stand share: short runs and their signals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.wire.records import Record, Scan, VibrationBlock
+from flea_sim_driver.scenario.scenario import Scenario
+from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
+from flea_sim_driver.stand import Stand
+
+Array = npt.NDArray[np.float64]
+SINE = {"kind": "sine", "amplitude_m": 0.018, "frequency_hz": 0.5, "centre_m": 0.045}
+SLOW = {"vibration": False}
+
+
+def scenario(**values: Any) -> Scenario:
+    """A scenario of these values, 10 s of a sine without vibration where nothing else is said."""
+    return scenario_from_mapping(
+        {"motion": SINE, "sensors": SLOW, "duration_s": 10.0, **values}, "test"
+    )
+
+
+def records(**values: Any) -> list[Record]:
+    """Everything that a stand delivers."""
+    return list(Stand(scenario(**values)))
+
+
+def scans(run: list[Record]) -> dict[str, Array]:
+    """Channels over time, shape (scans,) each."""
+    rows = [record for record in run if isinstance(record, Scan)]
+    table = np.array([row.values for row in rows])
+    return {name: table[:, column] for column, name in enumerate(rows[0].channels)}
+
+
+def vibration(run: list[Record]) -> Array:
+    """Acceleration of all six axes, shape (samples, 6)."""
+    return np.vstack([r.points()[1] for r in run if isinstance(r, VibrationBlock)])
+
+
+def fault(name: str, onset_s: float = 5.0, **options: Any) -> dict[str, Any]:
+    """Scenario entry with one fault."""
+    return {"faults": [{"fault": name, "onset_s": onset_s, **options}]}

@@ -1,0 +1,90 @@
+"""Calibrations, stages and records of the linear actuator, shared by the tests of the stages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+
+import numpy as np
+
+from flea_diag import configuration
+from flea_diag.core.calibration.calibration import Calibration, Run
+from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
+from flea_diag.stages.observer.observer import ObserverParameters, ObserverStage
+from flea_diag.stages.pipeline import Pipeline
+from flea_diag.tools.calibrate.calibrate import calibrate
+from flea_diag.tools.calibrate.nominal_recording import NominalRecording
+from flea_diag.wire.records import AmbiguityGroup, ChannelInfo, ChannelTable, Record, Scan
+from support import linear_ema as ema
+
+PERIOD_NS = 10_000_000
+START_NS = 1_000_000_000_000
+FEATURES = "feature_table_paper.yaml"
+
+
+@lru_cache(maxsize=2)
+def calibration(channels: tuple[str, ...] = ema.STAND) -> Calibration:
+    """Learned from the healthy runs, for a stand with these channels."""
+    recordings = [
+        NominalRecording(Run(f"run{n}", ema.rows(columns, channels)), "s", channels, "mean", 0.01)
+        for n, columns in enumerate(ema.nominal_runs())
+    ]
+    return calibrate(recordings, "actuator.yaml", 0.1)
+
+
+@lru_cache(maxsize=2)
+def knowledge(channels: tuple[str, ...] = ema.STAND) -> Knowledge:
+    """What the isolator knows of that stand."""
+    return configuration.knowledge(calibration(channels), features=FEATURES)
+
+
+def observer(channels: tuple[str, ...] = ema.STAND, **parameters: float) -> ObserverStage:
+    """A fresh observer."""
+    return ObserverStage(calibration(channels), ObserverParameters(**parameters))
+
+
+def isolator(channels: tuple[str, ...] = ema.STAND, **parameters: float) -> IsolatorStage:
+    """A fresh isolator."""
+    return IsolatorStage(knowledge(channels), IsolatorParameters(**parameters))
+
+
+def pipeline(channels: tuple[str, ...] = ema.STAND) -> Pipeline:
+    """Both, without vibration."""
+    return Pipeline((observer(channels), isolator(channels)))
+
+
+def table(channels: tuple[str, ...] = ema.STAND, extra: tuple[str, ...] = ()) -> ChannelTable:
+    """Wide ranges for all."""
+    units = {"motor_current": "A", "motor_voltage": "V", "load_force": "N"}
+    rows = (ChannelInfo(c, units.get(c, "1"), -1e4, 1e4, 100.0) for c in channels + extra)
+    return ChannelTable(START_NS, "stand", tuple(rows))
+
+
+def scans(
+    columns: ema.Columns, channels: tuple[str, ...] = ema.STAND, start_ns: int = START_NS
+) -> list[Scan]:
+    """A run as scans."""
+    values = np.stack([columns[c] for c in channels], axis=1).tolist()
+    return [Scan(start_ns + k * PERIOD_NS, channels, tuple(row)) for k, row in enumerate(values)]
+
+
+def feed(stage: ObserverStage | Pipeline, records: Iterable[Record]) -> list[Record]:
+    """Everything that a stage says to these records, and at the end of the stream."""
+    out = [said for record in records for said in stage.handle(record)]
+    out += getattr(stage, "finish", tuple)()
+    return out
+
+
+def of(kind: type, records: Iterable[Record]) -> list:
+    """Records of one kind."""
+    return [record for record in records if type(record) is kind]
+
+
+def verdict(records: Iterable[Record]) -> AmbiguityGroup:
+    """The last group."""
+    return of(AmbiguityGroup, records)[-1]
+
+
+def members(group: AmbiguityGroup) -> set[str]:
+    """Faults still possible."""
+    return {candidate.fault for candidate in group.members}

@@ -1,0 +1,152 @@
+"""The whole stand as processes: started, ended and summed up by `flea_diag.nodes.run.live_run`."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+from support.live import Process, children, process_of
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.nodes.executables import EXECUTABLES
+from flea_diag.nodes.run.children import Children
+from flea_diag.nodes.run.domain import reserved_domain
+from flea_diag.nodes.run.live_run import main, parsed
+from flea_diag.wire.bags.bag import read_bag
+from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan, Truth
+
+
+def command(bag: Path, *arguments: str) -> list[str]:
+    module = "flea_diag.nodes.run.live_run"
+    return [sys.executable, "-m", module, "--headless", "--bag", str(bag), *arguments]
+
+
+def test_an_interrupted_run_ends_its_children_and_sums_up(domain: int, tmp_path: Path) -> None:
+    bag = tmp_path / "run"
+    with Process(command(bag, "--for", "60", "--at", "50"), domain) as process:
+        process.wait_for("the stand starts", limit_s=180.0)
+        process.wait_for("NOMINAL", limit_s=180.0)
+        started = children(process.child.pid)
+        status = process.signal(signal.SIGINT)
+    assert len(started) == 6
+    assert not [pid for pid in started if Path(f"/proc/{pid}").exists()]
+    assert status == 1
+    for word in ("truth", "diagnosis", "features", str(bag), "interrupted"):
+        assert word in process.output
+    kinds = {type(record) for _, record in read_bag(bag)}
+    assert {Scan, ChannelTable, Truth, AmbiguityGroup} <= kinds
+
+
+def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_path: Path) -> None:
+    with Process(command(tmp_path / "run", "--for", "120", "--at", "7"), domain) as process:
+        process.wait_for("ISOLATED", limit_s=180.0)
+        for name in ("isolator", "recorder"):
+            os.kill(process_of(process.child.pid, EXECUTABLES[name]), signal.SIGKILL)
+        for name in ("isolator", "recorder"):
+            process.wait_for(f"{name} was ended by SIGKILL: restarted (1 of at most 3)", 10.0)
+        process.output = ""
+        process.wait_for("jam", limit_s=180.0)  # the new isolator knows of the open episode
+        until_recorded(tmp_path / "run_2")
+        assert process.signal(signal.SIGINT) == 1
+    assert "interrupted" in process.output
+    folders = sorted(each.name for each in tmp_path.iterdir() if each.is_dir())
+    bags = [name for name in folders if not name.endswith("-clips")]
+    assert bags == ["run", "run_2"]
+    stamps = [[record.stamp_ns for _, record in read_bag(tmp_path / bag, (Scan,))] for bag in bags]
+    # Whole up to a second before the fall, and again from the recorder's return to the end.
+    assert stamps[0][-1] < stamps[1][0]
+    assert all(b - a == 10_000_000 for part in stamps for a, b in itertools.pairwise(part))
+
+
+def test_a_diagnoser_that_was_killed_takes_its_verdict_over(domain: int, tmp_path: Path) -> None:
+    """Nobody else is left to tell it of what was before."""
+    fault = ("--fault", "motor_temperature_bias", "--at", "8", "--for", "120")
+    run = command(tmp_path / "run", "--composed", *fault)
+    with Process(run, domain, XDG_STATE_HOME=str(tmp_path)) as process:
+        process.wait_for("DETECTED", limit_s=180.0)
+        os.kill(process_of(process.child.pid, "flea_diag.nodes.diagnoser"), signal.SIGKILL)
+        process.wait_for("diagnoser was ended by SIGKILL: restarted (1 of at most 3)", 10.0)
+        process.output = ""
+        process.wait_for("before observer and isolator came back", limit_s=180.0)
+        assert "NOMINAL" not in process.output
+        assert process.signal(signal.SIGINT) == 1
+
+
+def until_recorded(bag: Path, limit_s: float = 30.0) -> None:
+    """Wait until a bag that is still written to holds a scan."""
+    deadline_s = time.monotonic() + limit_s
+    while not ((bag / "metadata.yaml").exists() and any(read_bag(bag, (Scan,)))):
+        assert time.monotonic() < deadline_s, f"no scan in {bag} within {limit_s} s"
+
+
+def test_a_node_that_keeps_falling_is_given_up(tmp_path: Path) -> None:
+    told: list[str] = []
+    module = tmp_path / "falling.py"
+    module.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n")
+    with (tmp_path / "log").open("wb") as log:
+        falling = Children(log, told.append)
+        with patch.dict(os.environ, {"PYTHONPATH": str(tmp_path)}):
+            falling.start("falling", "falling", {})
+            with pytest.raises(ConfigurationError, match=r"falling.*SIGKILL.*3 times.*given up"):
+                give_up(falling)
+        falling.end()
+    assert [line.partition("(")[2] for line in told] == [f"{k} of at most 3)" for k in (1, 2, 3)]
+
+
+def give_up(falling: Children) -> None:
+    deadline_s = time.monotonic() + 30.0
+    while time.monotonic() < deadline_s:
+        falling.supervise((), lambda _: {})
+
+
+def test_a_node_that_cannot_start_ends_the_run(domain: int, tmp_path: Path) -> None:
+    with Process(command(tmp_path / "run", "--fault", "gremlin"), domain) as process:
+        assert process.child.wait(60.0) == 2
+        process.end()
+    assert "daq ended with status 2" in process.output
+    assert "gremlin" in (tmp_path / "run.log").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--at", "40"], "--at 40 is not within the run"),
+        (["--for", "-1"], "not within 0 to 86400 s"),
+        (["--for", "soon"], "invalid number of seconds: 'soon'"),
+        (["--speed", "2"], "unrecognized"),
+    ],
+)
+def test_bad_options_are_refused(
+    arguments: list[str], word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parsed(arguments)
+    assert ended.value.code == 2
+    assert word in capsys.readouterr().err
+
+
+def test_a_log_that_cannot_be_written_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    assert main(["--headless", "--bag", str(tmp_path / "file" / "run")]) == 2
+    assert "run.log: cannot be written" in capsys.readouterr().err
+
+
+def test_defaults_are_a_jam_at_eight_seconds() -> None:
+    options = parsed([])
+    assert (options.fault, options.at, options.headless) == ("jam", 8.0, False)
+    assert options.bag.parent == Path("bags/runs")
+
+
+def test_two_reserved_domains_differ_and_come_back() -> None:
+    with reserved_domain() as one, reserved_domain() as two:
+        assert one != two
+    with reserved_domain() as again:
+        assert again == one

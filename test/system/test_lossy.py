@@ -1,0 +1,48 @@
+"""Whatever the plumbing does to a healthy run, no fault is called and the loss is counted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support import lossy, relay
+
+from flea_diag.configuration import make_pipeline
+from flea_diag.wire.records import DataQuality, Detection
+
+
+@pytest.mark.parametrize("name", lossy.DISTURBANCES)
+def test_no_fault_is_called_and_what_was_lost_is_said(name: str) -> None:
+    run = lossy.passed(name, 7)
+    assert (run.called, run.miscounted) == ((), ())
+
+
+def test_a_relay_node_between_stand_and_diagnoser(domain: int) -> None:
+    """Losses, delays and duplicates over DDS, to a process of its own."""
+    run = relay.relayed("everything", 7, domain)
+    assert (run.called, run.miscounted) == ((), ())
+
+
+def test_losses_are_said_while_they_happen() -> None:
+    records = list(lossy.nominal(7))
+    run = lossy.dropped(records, np.random.default_rng(1)).records
+    pipeline = make_pipeline(None)
+    said = [r for record in run for r in pipeline.handle(record) if isinstance(r, DataQuality)]
+    assert len(said) >= lossy.DURATION_S - 2
+    rows = [lossy.stream([record]) for record in said]
+    lost = [dict(row.counters)["lost"] for row in rows]
+    assert lost == sorted(lost)
+    assert rows[-1].reason == f"{lost[-1]} lost"
+
+
+def test_a_wrong_stamp_ends_no_episode() -> None:
+    """The relay spoils a faulty run; the one detection stands to the end."""
+    records = list(lossy.faulty(7))
+    spoilt = lossy.wrong_stamps(records, np.random.default_rng(2)).records
+    for run in (records, spoilt):
+        found = [r.detected for r in lossy.diagnosed(run) if isinstance(r, Detection)]
+        assert found == [True]
+
+
+def test_a_leap_of_the_clock_stretches_no_lost_track() -> None:
+    """The filter of this unit was off its track for a moment just before."""
+    assert lossy.passed("set_forward", 1001).called == ()

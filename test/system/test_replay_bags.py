@@ -1,0 +1,258 @@
+"""The bags of the project, through `flea replay` and through real nodes: the same decisions.
+
+``bags/make.py`` makes the bags and renews what is expected of them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.decisions import BAGS, DECIDED, EXPECTED, decisions, expected
+from support.live import Peer, Process, node
+
+from flea_diag.stages.digest import DECISIONS, digest
+from flea_diag.tools.main import main
+from flea_diag.tools.replay.summary import summarise
+from flea_diag.wire.bags.bag import BagReader
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    ChannelTable,
+    DataQuality,
+    Detection,
+    FeatureRequest,
+    FeatureValue,
+    Record,
+    Residual,
+    Scan,
+    Symbols,
+    Truth,
+    VibrationBlock,
+)
+
+NAMES = sorted(path.parent.name for path in BAGS.glob("*/metadata.yaml"))
+LIVE = [name for name in NAMES if name.startswith("live_")]
+FEATURE = "jam"
+"""The bag with vibration, in which a feature splits the group: all three stages have work."""
+
+LARGEST_BYTES = 1_000_000
+IN_FLIGHT = 50
+"""Scans sent and not yet answered by a residual: half of what a reader may leave waiting."""
+RATE = 2.0
+"""Times real time for nodes of which not every one tells how far it is."""
+PATIENT = ("-p", "watermark_s:=2.0", "-p", "answer_limit_s:=60.0")
+"""An isolator that nobody waits for, on a machine that may be busy, twice as fast as a stand."""
+FLIGHTS = 4
+"""A node that gets no turn for longer than a source may be silent lets go, as it should live, what
+it holds back. Bits are promised to a flight without such a pause."""
+SILENT_S = 90.0
+TICK_NS = 10_000_000
+HOUR_NS = 3_600_000_000_000
+
+SOURCES = (ChannelTable, VibrationBlock, Scan)
+BETWEEN_NODES = (*SOURCES, Scan, Residual, Detection, Symbols, FeatureRequest, FeatureValue)
+"""What three separate nodes hear: two of them scans, and one of them what another says."""
+Summaries = dict[str, dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def replayed(tmp_path_factory: pytest.TempPathFactory) -> Summaries:
+    """JSON of `flea replay` of all bags in one go."""
+    return replay_all(NAMES, tmp_path_factory.mktemp("replayed"))
+
+
+def replay_all(names: list[str], folder: Path) -> Summaries:
+    """Run the command over these bags; its JSON by the name of the bag."""
+    bags = [str(BAGS / name) for name in names]
+    assert main(["replay", *bags, "-q", "--json", f"{folder}/"]) == 0
+    return {name: json.loads((folder / f"{name}.json").read_text("utf-8")) for name in names}
+
+
+def sources(name: str) -> list[Record]:
+    """What the stand said in a bag, in the order of the recording."""
+    return [record for _, record in BagReader(BAGS / name).records(SOURCES)]
+
+
+def test_every_bag_is_small_and_has_its_decisions() -> None:
+    assert sorted(path.stem for path in EXPECTED.glob("*.json")) == NAMES
+    assert len(NAMES) >= 5
+    assert LIVE
+    for name in NAMES:
+        assert sum(file.stat().st_size for file in (BAGS / name).iterdir()) <= LARGEST_BYTES, name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_expected_is_true(name: str) -> None:
+    """The decisions stored are no record of a mistake: they hold against the bag's own truth."""
+    bag = BagReader(BAGS / name)
+    truths = [record for _, record in bag.records((Truth,)) if isinstance(record, Truth)]
+    start_ns = next(record.stamp_ns for _, record in bag.records((Scan,)))
+    told = expected(name)
+    faults = [truth for truth in truths if truth.fault != "nominal"]
+    if not faults:
+        assert (told["outcome"], told["episodes"]) == ("NOMINAL", [])
+    for fault in faults:
+        assert told["detected_at_s"] >= (fault.onset_ns - start_ns) / 1e9
+        assert fault.fault in told["ambiguity_group"]
+        assert len(told["ambiguity_group"]) <= 3
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_replay_gives_the_expected_decisions(name: str, replayed: Summaries) -> None:
+    told = expected(name)
+    assert decisions(replayed[name]) == {key: told[key] for key in (*DECIDED, "episodes")}
+    if replayed[name]["backend"] == told["backend"]:
+        assert replayed[name]["decision_digest"] == told["decision_digest"]
+
+
+def test_two_replays_give_the_same_digest(replayed: Summaries, tmp_path: Path) -> None:
+    for name, again in replay_all([*LIVE, FEATURE], tmp_path).items():
+        assert again["digest"] == replayed[name]["digest"]
+
+
+@pytest.mark.parametrize("name", LIVE)
+def test_a_replay_decides_what_was_published_live(name: str, replayed: Summaries) -> None:
+    kinds = (*SOURCES, DataQuality, *DECISIONS)
+    published = [record for _, record in BagReader(BAGS / name).records(kinds)]
+    assert decisions(summarise(published)) == decisions(replayed[name])
+
+
+# --- through nodes ------------------------------------------------------------------------
+
+
+class Flight:
+    """Sends a bag's source records, with their stamps, to nodes and keeps what they decide."""
+
+    def __init__(self, peer: Peer, hearing: tuple[type, ...] = SOURCES) -> None:
+        self._peer = peer
+        self._bus = peer.bus
+        peer.listen(Residual, DataQuality, *DECISIONS)
+        # We hear what nodes tell each other, too: the other one is the node.
+        wanted = {kind: 1 if kind in SOURCES else 2 for kind in hearing} | {
+            Scan: hearing.count(Scan)
+        }
+        peer.until(lambda: all(self._bus.subscribers(k) >= n for k, n in wanted.items()))
+        assert self._bus.wait_for_subscribers(*SOURCES)
+        self._answered_ns = self._end_ns = 0
+        self._bus.subscribe(Residual, self._note)
+
+    def _note(self, residual: Residual) -> None:
+        self._answered_ns = residual.stamp_ns
+
+    def introduce(self, scan: Scan) -> None:
+        """Send this scan, of a later hour, until the last stage in the row says what it sees.
+
+        Nodes that we hear need not hear each other yet. What follows is to them a new run.
+        """
+        for number in itertools.count(1):
+            sent = replace(scan, stamp_ns=scan.stamp_ns + HOUR_NS + number * TICK_NS)
+            self._bus.publish(sent)
+            self._answered(sent)
+            if any(isinstance(record, AmbiguityGroup) for record in self._peer.records):
+                return
+
+    def fly(self, records: list[Record], rate: float | None = None) -> list[Record]:
+        """Send the records; the scans with all that was decided on them."""
+        self._peer.records.clear()
+        self._answered_ns = 0
+        scans = [record for record in records if isinstance(record, Scan)]
+        sent = itertools.count()
+        self._end_ns = scans[-1].stamp_ns
+        start_s, start_ns = time.monotonic(), scans[0].stamp_ns
+        for record in records:
+            if rate is not None:
+                self._wait_until(start_s + (record.stamp_ns - start_ns) / 1e9 / rate)
+            if isinstance(record, Scan) and (number := next(sent)) >= IN_FLIGHT:
+                self._answered(scans[number - IN_FLIGHT])
+            self._bus.publish(record)
+        self._answered(scans[-1])
+        self._peer.until(self._is_over, SILENT_S)
+        return [*scans, *self._decided()]
+
+    def _wait_until(self, due_s: float) -> None:
+        # The pace of a stand, as the stamps have it; the bus is served meanwhile.
+        self._peer.until(lambda: time.monotonic() >= due_s)
+
+    def _answered(self, scan: Scan) -> None:
+        self._peer.until(lambda: self._answered_ns >= scan.stamp_ns, SILENT_S)
+
+    def _decided(self) -> list[Record]:
+        """Without what is still said of a flight before this one."""
+        return [
+            record
+            for record in itertools.dropwhile(self._is_of_before, self._peer.records)
+            if not isinstance(record, Residual)
+        ]
+
+    def _is_over(self) -> bool:
+        """The source is known to be silent, and the last verdict has been repeated since."""
+        last = [r for r in self._decided() if isinstance(r, AmbiguityGroup)][-2:]
+        asked = {(r.episode, r.step) for r in self._decided() if isinstance(r, FeatureRequest)}
+        told = {(r.episode, r.step) for r in self._decided() if isinstance(r, FeatureValue)}
+        return (
+            asked == told
+            and len(last) == 2
+            and all(group.stale for group in last)
+            and digest(last[:1]) == digest(last)
+        )
+
+    def _is_of_before(self, record: Record) -> bool:
+        stale = isinstance(record, AmbiguityGroup) and record.stale
+        return stale or record.stamp_ns > self._end_ns
+
+
+@pytest.fixture(scope="module")
+def module_domain() -> Iterator[int]:
+    """One domain for all flights through the composed node."""
+    pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
+    from flea_diag.nodes.run.domain import reserved_domain
+
+    with reserved_domain() as number:
+        yield number
+
+
+@pytest.fixture(scope="module")
+def composed(module_domain: int) -> Iterator[Flight]:
+    """The diagnoser, all three stages in one process, which sees one bag after the other."""
+    with (
+        Process(node("flea_diag.nodes.diagnoser"), module_domain),
+        Peer(module_domain) as peer,
+    ):
+        yield Flight(peer)
+
+
+def agree(flown: list[Record], summary: dict[str, Any], name: str) -> None:
+    """Nodes and replay decided the same, to the last bit, and what was expected."""
+    told = expected(name)
+    assert decisions(summarise(flown)) == {key: told[key] for key in (*DECIDED, "episodes")}
+    assert digest(flown) == summary["digest"]
+
+
+# The youngest stamps first: each flight after the first is to the node a run from the start.
+@pytest.mark.parametrize("name", [*LIVE, *(name for name in NAMES if name not in LIVE)])
+def test_the_composed_node_decides_the_same(
+    name: str, composed: Flight, replayed: Summaries
+) -> None:
+    agree(composed.fly(sources(name)), replayed[name], name)
+
+
+def test_separate_nodes_decide_the_same(domain: int, replayed: Summaries) -> None:
+    with ExitStack() as running:
+        for part, told in (("observer", ()), ("isolator", PATIENT), ("extractor", ())):
+            running.enter_context(Process(node(f"flea_diag.nodes.{part}", *told), domain))
+        flight = Flight(running.enter_context(Peer(domain)), BETWEEN_NODES)
+        records = sources(FEATURE)
+        scan = next(record for record in records if isinstance(record, Scan))
+        for _ in range(FLIGHTS):
+            flight.introduce(scan)
+            flown = flight.fly(records, RATE)
+            if digest(flown) == replayed[FEATURE]["digest"]:
+                break
+        agree(flown, replayed[FEATURE], FEATURE)

@@ -1,0 +1,240 @@
+"""``flea calibrate`` from bags on disk: what it writes, draws and says, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import linear_ema as ema
+from support import stands
+
+from flea_diag.configuration import load_calibration
+from flea_diag.core.calibration.thresholds import Trace
+from flea_diag.core.residuals.residual_rows import CHANNELS, RESIDUAL_INDEX, RESIDUALS
+from flea_diag.tools import extra
+from flea_diag.tools.calibrate import plots as calibration_plots
+from flea_diag.tools.calibrate.nominal_recording import UNITS
+from flea_diag.tools.main import main
+from flea_diag.wire.bags.bag import BagWriter
+from flea_diag.wire.records import NEVER_NS, ChannelInfo, ChannelTable, Scan, Truth
+
+PERIOD_NS = 10_000_000
+FLEA_CHANNELS = (*ema.STAND,)
+
+
+def bag(
+    path: Path,
+    columns,
+    *,
+    stand: str = "bench 1",
+    units: dict[str, str] | None = None,
+    channels: tuple[str, ...] = FLEA_CHANNELS,
+    period_ns: int = PERIOD_NS,
+    sampling: str = "mean",
+    fault: str = "",
+    with_table: bool = True,
+) -> Path:
+    """A recording of these columns; a channel that they lack reads 1."""
+    values = {c: columns.get(c, np.ones(len(columns["motor_current"]))) for c in channels}
+    unit = {**UNITS, **(units or {})}
+    infos = tuple(
+        ChannelInfo(
+            c,
+            unit.get(c, "1"),
+            -1e4,
+            1e4,
+            100.0,
+            sampling=sampling if c == "motor_voltage" else "instant",
+        )
+        for c in channels
+    )
+    with BagWriter(path) as writer:
+        if with_table:
+            writer.write(ChannelTable(0, stand, infos), 0)
+        if fault:
+            writer.write(Truth(0, fault, NEVER_NS), 0)
+        for k, row in enumerate(zip(*values.values(), strict=True)):
+            stamp = (k + 1) * period_ns
+            writer.write(Scan(stamp, channels, tuple(map(float, row))), stamp)
+    return path
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("bags")
+    return [bag(folder / f"run_{n}", columns) for n, columns in enumerate(ema.nominal_runs())]
+
+
+@pytest.fixture(scope="module")
+def made(bags: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("made") / "calibration.yaml"
+    arguments = ["--plots", str(target.parent / "pictures"), "--plot-format", "svg"]
+    assert main(["calibrate", *map(str, bags), "-o", str(target), *arguments]) == 0
+    return target
+
+
+def test_the_file_names_its_bags_and_holds_what_the_same_runs_teach_directly(made, bags):
+    calibration = load_calibration(made)
+    assert calibration.sources == tuple(path.name for path in bags)
+    direct = stands.calibration()
+    for name in ("winding_resistance_ohm", "coulomb_friction_n", "motor_heating_k_per_a2s"):
+        assert getattr(calibration.parameters, name) == getattr(direct.parameters, name)
+    assert calibration.limits == direct.limits
+
+
+def test_every_parameter_has_a_covariance_or_the_reason_why_not(made):
+    calibration = load_calibration(made)
+    fitted = [name for block in calibration.covariance for name in block.parameters]
+    assert sorted([*fitted, *calibration.not_identified]) == sorted(
+        type(calibration.parameters).__dataclass_fields__
+    )
+    for block in calibration.covariance:
+        matrix = np.array(block.matrix)
+        np.testing.assert_allclose(matrix, matrix.T, rtol=1e-9)
+        scale = np.sqrt(np.diag(matrix))
+        assert (np.linalg.eigvalsh(matrix / np.outer(scale, scale)) > -1e-9).all()
+        for name, sigma in zip(block.parameters, scale, strict=True):
+            assert calibration.sigmas[name] == pytest.approx(sigma)
+
+
+def test_a_picture_of_each_recording_shows_each_residual_within_its_limits(made, bags):
+    pictures = sorted((made.parent / "pictures").glob("*.svg"))
+    assert [picture.stem for picture in pictures] == sorted(path.name for path in bags)
+    text = pictures[0].read_text(encoding="utf-8")
+    assert text.count("<svg") == 1
+    assert text.count('id="axes_') >= len(
+        [limit for limit in load_calibration(made).limits if limit.windows[0].window > 1]
+    )
+
+
+def test_what_is_drawn_is_the_mean_that_is_tested(made):
+    """Against plain loops over one residual of one recording."""
+    calibration = load_calibration(made)
+    limit = calibration.limit("parity_electrical_dn")
+    window = limit.windows[1]
+    draw = np.random.default_rng(3)
+    values = np.full((400, len(RESIDUALS)), np.nan)
+    column = RESIDUAL_INDEX["parity_electrical_dn"]
+    values[:, column] = draw.standard_normal(400)
+    values[50:60, column] = np.nan
+    moving = np.arange(400) % 7 > 0
+    trace = Trace("x", values, np.full(400, 0.04), moving, np.ones(400, dtype=bool))
+    mean, low, high = calibration_plots.windowed(limit, window, trace)
+    held: list[float] = []
+    for k in range(400):
+        tested = moving[k] and math.isfinite(values[k, column])
+        held += [values[k, column]] if tested else []
+        if tested and len(held) >= window.window:
+            assert mean[k] == pytest.approx(np.mean(held[-window.window :]))
+            reach = window.k * window.sigma[1]
+            assert (low[k], high[k]) == pytest.approx(
+                (window.centre[1] - reach, window.centre[1] + reach)
+            )
+        else:
+            assert math.isnan(mean[k])
+
+
+def test_the_report_is_there_in_words_and_as_json(bags, tmp_path, capsys):
+    target = tmp_path / "calibration.yaml"
+    arguments = ["calibrate", *map(str, bags[:2]), "-o", str(target)]
+    assert main(arguments) == 0
+    words = capsys.readouterr().out
+    assert words.startswith("2 nominal recordings, ")
+    for said in ("winding_resistance_ohm", "L/R is far below", "strongly correlated", "limits for"):
+        assert said in words
+    assert main(arguments) == 2
+    assert "exists already, use --force" in capsys.readouterr().err
+    assert main([*arguments, "--force", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["sources"] == [path.name for path in bags[:2]]
+
+
+def still() -> dict:
+    columns = ema.noisy(ema.run(seconds=8.0), 5)
+    return {name: np.full_like(column, column[0]) for name, column in columns.items()}
+
+
+def moved(seconds: float = 8.0) -> dict:
+    return ema.noisy(ema.run(seconds=seconds), 6)
+
+
+REFUSED = {
+    "one recording": ([{}], "1 usable recordings, at least 2 are needed"),
+    "no motion": (
+        [{"columns": still()}, {"columns": still()}],
+        "0.0 s of motion .* record the actuator while it moves",
+    ),
+    "another stand": ([{}, {"stand": "bench 2"}], "on stand 'bench 2', .* on 'bench 1'"),
+    "another sampling": ([{}, {"sampling": "instant_pwm"}], "sampled as 'instant_pwm'"),
+    "another period": ([{}, {"period_ns": 20_000_000}], "scans every 0.02 s"),
+    "another set of channels": (
+        [{}, {"channels": FLEA_CHANNELS[:-1]}],
+        "ambient_temperature is not in both",
+    ),
+    "a fault in it": ([{}, {"fault": "jam"}], "truth says 'jam', calibration needs nominal"),
+    "a wrong unit": ([{}, {"units": {"motor_current": "mA"}}], "motor_current is in 'mA'"),
+    "no channel table": ([{}, {"with_table": False}], "no channel table"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bags_that_cannot_serve_are_refused_with_reason_and_remedy(case, tmp_path, capsys):
+    made, words = REFUSED[case]
+    paths = []
+    for number, given in enumerate(made):
+        options = dict(given)
+        columns = options.pop("columns", None) or moved()
+        paths.append(bag(tmp_path / f"run_{number}", columns, **options))
+    target = tmp_path / "calibration.yaml"
+    status = main(["calibrate", *map(str, paths), "-o", str(target)])
+    told = capsys.readouterr().err
+    assert status != 0
+    assert "Traceback" not in told
+    assert re.search(words, told), told
+    assert not target.exists()
+
+
+def test_a_bag_that_cannot_serve_is_left_out_and_the_status_says_so(bags, tmp_path, capsys):
+    jammed = bag(tmp_path / "jammed", moved(), fault="jam")
+    target = tmp_path / "calibration.yaml"
+    assert main(["calibrate", str(jammed), *map(str, bags[:2]), "-o", str(target)]) == 1
+    assert "1 of 3 bags left out" in capsys.readouterr().err
+    assert load_calibration(target).sources == tuple(path.name for path in bags[:2])
+
+
+def test_bags_of_another_actuator_than_described_are_refused(bags, tmp_path, capsys):
+    target = tmp_path / "calibration.yaml"
+    arguments = [*map(str, bags[:2]), "-o", str(target), "--actuator", "actuator_wing.yaml"]
+    assert main(["calibrate", *arguments]) == 2
+    told = capsys.readouterr().err
+    assert "is no sensor of actuator" in told
+    assert "--actuator" in told
+    assert not target.exists()
+
+
+def test_a_bag_counts_once_however_often_it_is_given(bags, tmp_path, capsys):
+    again = bags[0].parent / "." / ".." / bags[0].parent.name / bags[0].name
+    assert main(["calibrate", str(bags[0]), str(again), "-o", str(tmp_path / "c.yaml")]) == 2
+    said = capsys.readouterr().err
+    assert "is given twice" in said
+    assert "1 usable recordings, at least 2 are needed" in said
+
+
+def test_a_rate_of_no_false_alarms_is_refused(bags, tmp_path, capsys):
+    target = str(tmp_path / "c.yaml")
+    assert main(["calibrate", str(bags[0]), "-o", target, "--false-alarms", "0"]) == 2
+    assert "must be above 0 per hour" in capsys.readouterr().err
+
+
+def test_pictures_without_matplotlib_are_refused_before_any_work(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(extra, "find_spec", lambda name: None)
+    arguments = ["nothing", "-o", str(tmp_path / "c.yaml"), "--plots", str(tmp_path)]
+    assert main(["calibrate", *arguments]) == 2
+    assert "pip install 'flea_diag[plot]'" in capsys.readouterr().err
+
+
+def test_units_are_checked_for_every_channel_that_is_read():
+    assert set(UNITS) == set(CHANNELS)

@@ -1,0 +1,233 @@
+"""``flea model``: every view, as text and JSON, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from flea_diag.configuration import load_yaml
+from flea_diag.tools.main import main
+from flea_diag.tools.model import views as tool
+
+ONE = ["--fault", "jam", "--fault", "winding_short"]
+
+
+def shown(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert main(["model", *arguments]) == 0
+    return capsys.readouterr().out
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert main(["model", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("flea: ")
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+@pytest.mark.parametrize("actuator", ["actuator.yaml", "actuator_wing.yaml"])
+@pytest.mark.parametrize("view", tool.VIEWS)
+def test_every_view_of_every_actuator(
+    capsys: pytest.CaptureFixture[str], view: str, actuator: str
+) -> None:
+    text = shown(capsys, view, "--actuator", actuator, *ONE)
+    assert len(text.splitlines()) > 3
+    content = json.loads(shown(capsys, view, "--actuator", actuator, *ONE, "--json"))
+    assert content
+
+
+def test_show_says_the_causality(capsys: pytest.CaptureFixture[str]) -> None:
+    text = shown(capsys, "show")
+    assert "supply -> terminals" in text
+    assert "I rotor (integral) sets the flow on rotor" in text
+    assert "winding_inductance = 0.002 H  (assumption" in text
+
+
+def test_equations_of_the_motor(capsys: pytest.CaptureFixture[str]) -> None:
+    text = shown(capsys, "equations", "--model", "driven")
+    assert "  d i/dt = (motor_voltage - R*i - Km*omega)/L" in text
+    assert "Model stand" not in text
+
+
+def test_signatures_at_a_rate_and_in_a_quadrant(capsys: pytest.CaptureFixture[str]) -> None:
+    content = json.loads(
+        shown(capsys, "signatures", *ONE, "--rate", "100", "--quadrant", "i-,w-", "--json")
+    )
+    (rows,) = content.values()
+    assert rows["jam"]["motor_speed"]["symbols"] == "++"
+    assert rows["jam"]["parity_mechanical_dn"]["symbols"][0] == "+"
+    assert "screw_coulomb_friction+" in rows["jam"]["motor_speed"]["path"]
+
+
+def test_hypotheses_for_a_deviation(capsys: pytest.CaptureFixture[str]) -> None:
+    text = shown(capsys, "tcg", "--from", "motor_speed-")
+    assert "screw_coulomb_friction+  (order 1:" in text
+    assert "back_emf_constant-" not in text
+    assert "back_emf_constant-" in shown(capsys, "tcg", "--from", "motor_speed-", "--complete")
+
+
+def test_diagnosability_says_what_no_feature_table_can_split(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    content = json.loads(shown(capsys, "diagnosability", "--json"))["never_split_by_features"]
+    (paper,) = (groups for title, groups in content.items() if "Table 3" in title)
+    assert sorted(paper) == [
+        ["accelerometer_2_fault", "ball_nut_friction", "jam", "spall"],
+        ["backlash", "rotor_eccentricity"],
+    ]
+    (learned,) = (groups for title, groups in content.items() if "Table 3" not in title)
+    # Faults that act on no accelerometer are alike; every other one has a row of its own.
+    assert all("spall" not in group and "jam" not in group for group in learned)
+    assert any({"motor_current_bias", "motor_voltage_bias"} <= set(group) for group in learned)
+    text = shown(capsys, "diagnosability", "--fault", "jam", "--fault", "ball_nut_friction")
+    assert "every pair of its faults is split" in text
+    assert "{ball_nut_friction, jam}" in text.split("Table 3:")[1]
+
+
+def test_diagnosability_names_what_would_help(capsys: pytest.CaptureFixture[str]) -> None:
+    friction = ["--fault", "jam", "--fault", "spall"]
+    content = json.loads(shown(capsys, "diagnosability", *friction, "--json"))
+    assert content["ambiguity"]["jam"] == ["jam", "spall"]
+    assert content["helpful"] == ["jam from spall: accelerometers (fault-feature table)"]
+    fewer = ["--sensors", "motor_current,motor_voltage"]
+    text = shown(capsys, "diagnosability", *friction, *fewer)
+    assert "Sensors: motor_voltage, motor_current\n" in text
+
+
+def test_pictures(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert shown(capsys, "show", "--dot").startswith('digraph "flea" {')
+    assert shown(capsys, "tcg", "--dot").startswith("digraph tcg {")
+    if shutil.which("dot") is None:
+        pytest.skip("Graphviz is not installed: no SVG can be drawn")
+    target = tmp_path / "graph.svg"
+    shown(capsys, "show", "--svg", str(target))
+    assert "<svg" in target.read_text()
+
+
+def _dangling(plain: dict[str, Any]) -> None:
+    plain["bonds"].append("nut -> nowhere")
+
+
+def _unconnected(plain: dict[str, Any]) -> None:
+    plain["bonds"].remove("shaft -> rotor")
+
+
+def _wrong_unit(plain: dict[str, Any]) -> None:
+    plain["parameters"]["winding_resistance"]["unit"] = "N"
+
+
+def _negative(plain: dict[str, Any]) -> None:
+    plain["parameters"]["rotor_inertia"]["value"] = -1e-5
+
+
+def _second_supply(plain: dict[str, Any]) -> None:
+    plain["elements"]["supply2"] = {"type": "Se", "signal": "commanded_voltage"}
+    plain["bonds"].append("supply2 -> terminals")
+
+
+def _rigid_mass(plain: dict[str, Any]) -> None:
+    plain["elements"]["carriage"] = {
+        "type": "I",
+        "state": "v_c",
+        "parameters": {"inertia": "load_mass"},
+    }
+    plain["bonds"].append("nut -> carriage")
+
+
+def _cable_and_leak(plain: dict[str, Any]) -> None:
+    resistor = {"type": "R", "parameters": {"resistance": "winding_resistance"}}
+    plain["elements"] |= {"cable_loss": dict(resistor), "leak": dict(resistor)}
+    plain["junctions"]["cable"] = {"type": "1", "domain": "electrical"}
+    plain["bonds"].remove("supply -> terminals")
+    plain["bonds"] += ["supply -> cable", "cable -> cable_loss", "cable -> terminals"]
+    plain["bonds"].append("terminals -> leak")
+
+
+REFUSED = {
+    "dangling bond": (_dangling, "bond nut -> nowhere is dangling", "define it or remove"),
+    "unconnected": (_unconnected, "I 'rotor' has 0 bonds", "connect it"),
+    "wrong unit": (_wrong_unit, "'winding_resistance' has unit 'N'", "convert the value"),
+    "negative inertia": (_negative, "'rotor_inertia' = -1e-05 kg*m^2", "correct its value"),
+    "two supplies": (_second_supply, "causal conflict at 'supply2'", "remove one or join"),
+    "dependent mass": (_rigid_mass, "I 'carriage' has derivative causality", "merge it with"),
+    "algebraic loop": (_cable_and_leak, "algebraic loop", "put a store"),
+}
+DRAWN = {"two supplies": "supply2", "dependent mass": "carriage", "algebraic loop": "cable_loss"}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_wrong_description_is_refused_by_every_view_with_element_and_remedy(
+    case: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    edit, element, remedy = REFUSED[case]
+    described = wrong(edit, tmp_path)
+    # What has a graph is shown, see below.
+    for view in tuple(tool.VIEWS)[case in DRAWN :]:
+        said = refused(capsys, view, "--actuator", described)
+        assert element in said, view
+        assert remedy in said, view
+
+
+@pytest.mark.parametrize("case", DRAWN)
+def test_what_is_wrong_with_the_causality_is_shown_and_drawn_all_the_same(
+    case: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    described = wrong(REFUSED[case][0], tmp_path)
+    assert main(["model", "show", "--dot", "--actuator", described]) == 2
+    red = [line for line in capsys.readouterr().out.splitlines() if "color=red" in line]
+    assert any(f'"{DRAWN[case]}"' in line for line in red)
+    assert main(["model", "show", "--json", "--actuator", described]) == 2
+    assert json.loads(capsys.readouterr().out)["sound"] is False
+
+
+def wrong(edit: Callable[[dict[str, Any]], None], folder: Path) -> str:
+    """Path of the shipped description with one mistake in it."""
+    plain = load_yaml("actuator.yaml")
+    edit(plain)
+    path = folder / "wrong.yaml"
+    path.write_text(yaml.safe_dump(plain, sort_keys=False))
+    return str(path)
+
+
+def test_svg_without_graphviz_says_what_to_do(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    said = refused(capsys, "show", "--svg", str(tmp_path / "graph.svg"))
+    assert "Graphviz is not installed" in said
+    assert "--dot" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["signatures", "--rate", "nan"], "--rate nan"),
+        (["signatures", "--rate", "-5"], "--rate -5"),
+        (["signatures", "--quadrant", "north"], "--quadrant north"),
+        (["signatures", "--fault", "gremlin"], "--fault gremlin"),
+        (["equations", "--model", "ideal"], "'ideal'"),
+        (["show", "--sensors", "motor_current,nose"], "'nose'"),
+        (["show", "--actuator", "nowhere.yaml"], "nowhere.yaml"),
+        (["show", "--actuator", "faults.yaml"], "faults.yaml"),
+        (["tcg", "--from", "motor_speed"], "--from motor_speed"),
+        (["tcg", "--from", "+"], "--from +"),
+        (["equations", "--dot"], "not equations"),
+    ],
+)
+def test_bad_arguments(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    assert words in refused(capsys, *arguments)
+
+
+def test_unwritable_picture_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    if shutil.which("dot") is None:
+        pytest.skip("Graphviz is not installed: no SVG can be drawn")
+    assert "cannot be written" in refused(capsys, "show", "--svg", str(tmp_path / "no" / "g.svg"))

@@ -1,0 +1,281 @@
+"""Replay: the summary on diagnoses made by hand, the command on bags, good and bad."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.decisions import BAGS
+
+from flea_diag.configuration import config_path
+from flea_diag.errors import ConfigurationError, RecordingError
+from flea_diag.stages.digest import decision_digest, digest
+from flea_diag.stages.pipeline import Pipeline
+from flea_diag.tools.main import main
+from flea_diag.tools.replay.replay import replay
+from flea_diag.tools.replay.summary import in_words, summarise, without_values
+from flea_diag.wire import records as r
+from flea_diag.wire.bags.bag import BagReader, BagWriter
+from flea_diag.wire.records import Outcome, Quality
+
+START_NS = 1_283_500_000 * 10**9
+SECOND = 10**9
+
+
+def at(seconds: float) -> int:
+    return START_NS + round(seconds * SECOND)
+
+
+def scan(seconds: float, value: float = 0.0) -> r.Scan:
+    return r.Scan(at(seconds), ("motor_current",), (value,))
+
+
+def group(seconds: float, outcome: Outcome, *members: str, **changes: Any) -> r.AmbiguityGroup:
+    episode = changes.pop("episode", 1)
+    return r.AmbiguityGroup(
+        stamp_ns=at(seconds),
+        outcome=outcome,
+        episode=episode,
+        step=0,
+        seq=0,
+        members=tuple(r.Candidate(fault, "", 1 / len(members), "fits") for fault in members),
+        dropped=(),
+        detected_stamp_ns=at(changes.pop("detected", seconds)) if episode else r.NEVER_NS,
+        words="words",
+        calibration_sha256="",
+        source="replay",
+        **changes,
+    )
+
+
+def quality(seconds: float, state: Quality, since: float, reason: str = "") -> r.DataQuality:
+    row = r.ChannelQuality("motor_voltage", state, at(since), reason, (("samples", 7),))
+    return r.DataQuality(at(seconds), (row,))
+
+
+def test_scans_are_summarised_by_their_stamps_alone() -> None:
+    """A day of scans: eight bytes of each are kept, not all channels."""
+    bag = BAGS / "nominal"
+    blocks = list(BagReader(bag).blocks((r.Scan,)))
+    light = [without_values(block) for block in blocks]
+    assert sum(block.values.nbytes for block in light) == 0
+    assert summarise(light) == summarise(blocks)
+    assert summarise(light)["scans"] == 1600
+
+
+def test_a_quiet_run() -> None:
+    records = [
+        scan(0.0),
+        group(0.0, Outcome.NOT_OBSERVABLE, episode=0),
+        group(3.0, Outcome.NOMINAL, episode=0, not_observable=(("spall", "no accelerometer"),)),
+        scan(29.99),
+    ]
+    summary = summarise(records)
+    assert summary == {
+        "schema_version": 1,
+        "outcome": "NOMINAL",
+        "detected_at_s": None,
+        "isolated_at_s": None,
+        "ambiguity_group": [],
+        "episodes": [],
+        "not_observable": [{"fault": "spall", "reason": "no accelerometer"}],
+        "features_computed": [],
+        "data_quality": {},
+        "digest": digest(records),
+        "decision_digest": decision_digest(records),
+        "scans": 2,
+        "duration_s": 29.99,
+    }
+    assert (
+        in_words({**summary, "bag": "b"})
+        == "b: NOMINAL\n  not observable: spall (no accelerometer)"
+    )
+
+
+def test_a_group_that_shrinks_to_one() -> None:
+    summary = summarise(
+        [
+            scan(0.0),
+            group(8.5, Outcome.DETECTED, "jam", "backlash"),
+            group(9.0, Outcome.ISOLATED, "backlash", detected=8.5),
+            group(9.5, Outcome.ISOLATED, "jam", detected=8.5),
+            group(10.5, Outcome.ISOLATED, "jam", detected=8.5),
+        ]
+    )
+    assert summary["outcome"] == "ISOLATED"
+    assert summary["detected_at_s"] == 8.5
+    assert summary["isolated_at_s"] == 9.5
+    assert summary["ambiguity_group"] == ["jam"]
+
+
+def test_a_group_that_cannot_be_split_was_never_isolated() -> None:
+    summary = summarise(
+        [
+            scan(0.0),
+            group(8.5, Outcome.DETECTED, "jam", "ball_nut_friction", "backlash"),
+            group(9.5, Outcome.INDISTINGUISHABLE, "jam", "ball_nut_friction", detected=8.5),
+            group(10.0, Outcome.INDISTINGUISHABLE, "ball_nut_friction", "jam", detected=8.5),
+        ]
+    )
+    assert summary["isolated_at_s"] is None
+    assert summary["episodes"][0]["settled_at_s"] == 9.5
+    assert summary["ambiguity_group"] == ["ball_nut_friction", "jam"]
+
+
+def test_the_first_episode_stands_at_the_top_and_each_for_itself() -> None:
+    summary = summarise(
+        [
+            scan(0.0),
+            group(5.0, Outcome.ISOLATED, "jam"),
+            group(40.0, Outcome.NOMINAL, episode=0),
+            group(50.0, Outcome.ISOLATED, "motor_current_bias", episode=2),
+        ]
+    )
+    assert summary["ambiguity_group"] == ["jam"]
+    assert [
+        (e["episode"], e["detected_at_s"], e["ambiguity_group"]) for e in summary["episodes"]
+    ] == [
+        (1, 5.0, ["jam"]),
+        (2, 50.0, ["motor_current_bias"]),
+    ]
+
+
+def test_every_bad_stretch_of_a_channel_is_told() -> None:
+    summary = summarise(
+        [
+            scan(0.0),
+            quality(0.0, Quality.GOOD, 0.0),
+            quality(5.0, Quality.BAD, 4.5, "disagrees"),
+            quality(6.0, Quality.BAD, 4.5, "disagrees"),
+            quality(9.0, Quality.GOOD, 8.5),
+            quality(12.0, Quality.SATURATED, 12.0, "at its limit"),
+        ]
+    )
+    assert summary["data_quality"]["motor_voltage"] == {
+        "quality": "saturated",
+        "reason": "at its limit",
+        "counters": {"samples": 7},
+        "stretches": [
+            {"quality": "bad", "reason": "disagrees", "from_s": 4.5, "to_s": 8.5},
+            {"quality": "saturated", "reason": "at its limit", "from_s": 12.0, "to_s": None},
+        ],
+    }
+    words = in_words({**summary, "bag": "b"}).splitlines()
+    assert words[1] == "  motor_voltage bad from 4.50 s to 8.50 s: disagrees"
+    assert words[2] == "  motor_voltage saturated from 12.00 s to the end: at its limit"
+
+
+def test_features_are_told_once_and_only_when_they_were_computed() -> None:
+    value = r.FeatureValue(at(1), 1, 1, "std", at(0), at(1), 1.0, "", "+", 0, 1, "", 0.1)
+    failed = replace(value, feature="rms", value=math.nan, reason="window missing")
+    summary = summarise([scan(0.0), value, failed, value])
+    assert summary["features_computed"] == ["std"]
+
+
+class Threshold:
+    """A stage: a current above 1 A is a jam, told when the input has ended."""
+
+    consumes: tuple[type, ...] = (r.Scan,)
+
+    def __init__(self) -> None:
+        self._seen: list[r.Scan] = []
+
+    def handle(self, record: r.Record) -> tuple[r.Record, ...]:
+        if isinstance(record, r.Scan) and record.values[0] > 1.0 and not self._seen:
+            self._seen.append(record)
+            return (r.Detection(record.stamp_ns, 1, True, "motor_current", 2.0, 1.0, "z"),)
+        return ()
+
+    def finish(self) -> tuple[r.Record, ...]:
+        return tuple(
+            group((s.stamp_ns - START_NS) / SECOND, Outcome.ISOLATED, "jam") for s in self._seen
+        )
+
+
+def bag_of(directory: Path, *others: r.Record) -> Path:
+    with BagWriter(directory, whole_every_s=None) as bag:
+        for other in others:
+            bag.write(other)
+        for number in range(300):
+            bag.write(scan(number / 100, 2.0 if number > 200 else 0.0))
+    return directory
+
+
+def test_a_bag_through_a_pipeline(tmp_path: Path) -> None:
+    summary = replay(bag_of(tmp_path / "run"), Pipeline([Threshold()]))
+    assert (summary["outcome"], summary["detected_at_s"]) == ("ISOLATED", 2.01)
+    assert (summary["scans"], summary["duration_s"]) == (300, 2.99)
+    assert summary["bag"] == str(tmp_path / "run")
+    assert summary["backend"].startswith("numpy ")
+    assert summary["recorded_digest"] is None
+    assert summary["recorded_decision_digest"] is None
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+
+
+def test_truth_and_recorded_verdicts_reach_no_stage(tmp_path: Path) -> None:
+    class Nosy(Threshold):
+        consumes = (r.Scan, r.Truth, r.AmbiguityGroup, r.Detection)
+
+        def handle(self, record: r.Record) -> tuple[r.Record, ...]:
+            assert not isinstance(record, r.Truth)
+            assert "spall" not in repr(record)
+            return super().handle(record)
+
+    live = group(1.0, Outcome.ISOLATED, "spall")
+    bag = bag_of(tmp_path / "run", r.Truth(at(0), "jam", at(0)), live)
+    summary = replay(bag, Pipeline([Nosy()]))
+    assert summary["ambiguity_group"] == ["jam"]
+    assert summary["recorded_digest"] == digest([live])
+    assert summary["recorded_decision_digest"] == decision_digest([live])
+
+
+def test_two_replays_are_equal(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path / "run")
+    assert replay(bag, Pipeline([Threshold()])) == replay(bag, Pipeline([Threshold()]))
+
+
+def test_a_bag_without_a_scan_is_refused(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "run") as bag:
+        bag.write(r.Truth(at(0), "jam", at(0)))
+    with pytest.raises(RecordingError, match=r"no scan in it \(topic sensors/slow\)"):
+        replay(tmp_path / "run", Pipeline([Threshold()]))
+
+
+@pytest.fixture
+def shipped() -> None:
+    try:
+        for name in ("actuator.yaml", "feature_table.yaml", "calibration_simulated_stand.yaml"):
+            config_path(name)
+    except ConfigurationError as error:
+        pytest.skip(f"the shipped configuration is not installed: {error}")
+
+
+@pytest.mark.usefixtures("shipped")
+def test_the_command_goes_on_past_bad_bags(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good, short = bag_of(tmp_path / "good"), bag_of(tmp_path / "short")
+    file = short / "short_0.mcap"
+    file.write_bytes(file.read_bytes()[:-20])
+    (tmp_path / "empty").mkdir()
+    bags = [str(good), str(tmp_path / "empty"), str(short)]
+    assert main(["replay", *bags, "--json", "-", "-q"]) == 1
+    told = capsys.readouterr()
+    assert [each["bag"] for each in json.loads(told.out)] == [str(good), str(short)]
+    assert told.err.splitlines()[-1] == "flea: 2 of 3 bags replayed, 1 refused, 1 incomplete"
+    assert main(["replay", str(good), str(short), "--json", f"{tmp_path}/out/", "-q"]) == 1
+    results = [json.loads((tmp_path / "out" / f"{n}.json").read_text()) for n in ("good", "short")]
+    assert results[0]["digest"] == results[1]["digest"]
+    assert results[0]["outcome"] is not None
+
+
+def test_a_wrong_calibration_is_refused_before_any_bag(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing = tmp_path / "none.yaml"
+    assert main(["replay", str(tmp_path), "--calibration", str(missing)]) == 2
+    assert "none.yaml" in capsys.readouterr().err

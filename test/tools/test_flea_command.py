@@ -1,0 +1,169 @@
+"""The ``flea`` command itself: help, version, and how errors and interruptions end."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flea_diag import __version__, tools
+from flea_diag.errors import CalibrationError
+from flea_diag.tools.main import MODULES, commands, main
+from flea_diag.tools.recordings import importer
+from flea_diag.wire.bags.bag import BagWriter
+from flea_diag.wire.records import Scan
+
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "COLUMNS": "100"}
+
+
+def test_every_subcommand_has_its_four_names() -> None:
+    known = commands()
+    assert {"import", "replay", "bag", "recover"} <= known.keys()
+    for name, module in known.items():
+        assert name == module.NAME
+        assert module.SUMMARY
+        parser = argparse.ArgumentParser()
+        module.add_arguments(parser)
+        assert callable(module.run)
+
+
+def test_every_tool_is_listed() -> None:
+    folder = Path(tools.__file__).parent
+    found = {
+        ".".join(path.relative_to(folder).with_suffix("").parts)
+        for path in folder.rglob("*.py")
+        if "\nNAME = " in path.read_text(encoding="utf-8")
+    }
+    assert found == set(MODULES)
+
+
+def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as version:
+        main(["--version"])
+    assert version.value.code == 0
+    assert capsys.readouterr().out == f"flea_diag {__version__}\n"
+    with pytest.raises(SystemExit) as explained:
+        main(["replay", "--help"])
+    assert explained.value.code == 0
+    assert "examples:" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [[], ["dance"], ["import"], ["replay", "--colour"]])
+def test_wrong_usage_ends_with_2(arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as refused:
+        main(arguments)
+    assert refused.value.code == 2
+
+
+@pytest.mark.parametrize(
+    ("raised", "status", "words"),
+    [
+        (CalibrationError("run.bag: no motion"), 2, "flea: run.bag: no motion\n"),
+        (KeyboardInterrupt(), 130, "flea: interrupted\n"),
+    ],
+)
+def test_how_errors_end(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    raised: BaseException,
+    status: int,
+    words: str,
+) -> None:
+    def fail(_: argparse.Namespace) -> int:
+        raise raised
+
+    monkeypatch.setattr(importer, "run", fail)
+    assert main(["import", "x", "-o", "y"]) == status
+    assert capsys.readouterr().err == words
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
+    """``flea bag check ... | head -1`` ends quietly."""
+    with BagWriter(tmp_path / "run") as bag:
+        bag.write(Scan(10**18, ("a",), (1.0,)))
+    command = [sys.executable, "-m", "flea_diag.tools.main", "bag", "check"]
+    process = subprocess.Popen(
+        [*command, *[str(tmp_path / "run")] * 3000],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=ENVIRONMENT,
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.readline()
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.stderr.close()
+    assert process.wait() == 0
+
+
+def test_ctrl_c_in_mid_work_ends_with_130(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "run") as bag:
+        bag.write(Scan(10**18, ("a",), (1.0,)))
+    command = [sys.executable, "-m", "flea_diag.tools.main", "bag", "check"]
+    process = subprocess.Popen(
+        [*command, *[str(tmp_path / "run")] * 3000],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**ENVIRONMENT, "PYTHONUNBUFFERED": "1"},
+    )
+    assert process.stdout is not None
+    process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate()
+    assert process.returncode == 130
+    assert errors == b"flea: interrupted\n"
+
+
+def without_privileges() -> list[str]:
+    """Before a command: root without its capabilities is refused like anybody else."""
+    if os.geteuid() != 0:
+        return []
+    if shutil.which("setpriv") is None:
+        pytest.skip("root may read everything, and there is no setpriv (util-linux)")
+    return ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]
+
+
+def test_a_folder_that_is_closed_is_said_to_be_so(tmp_path: Path) -> None:
+    """To most of what Python asks of a folder it looks like an empty one."""
+    closed = tmp_path / "closed"
+    with BagWriter(closed) as bag:
+        bag.write(Scan(10**18, ("a",), (1.0,)))
+    closed.chmod(0)
+    asked = [
+        ["replay", str(closed)],
+        ["trend", str(closed)],
+        ["recover", str(closed)],
+        ["bag", "check", str(closed)],
+        ["diff", str(closed), str(closed)],
+        ["evaluate", str(closed), "-o", str(tmp_path / "out")],
+    ]
+    code = f"from flea_diag.tools.main import main; print([main(a) for a in {asked!r}][-1])"
+    done = subprocess.run(
+        [*without_privileges(), sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env=ENVIRONMENT,
+    )
+    closed.chmod(0o700)
+    assert done.returncode == 0, done.stderr
+    said = (done.stdout + done.stderr).splitlines()
+    refusals = [line for line in said if line.endswith(f"cannot read {closed}: Permission denied")]
+    assert len(refusals) == len(asked), said
+
+
+def test_help_loads_nothing_slow() -> None:
+    code = (
+        "import sys; from flea_diag.tools.main import commands; commands(); "
+        "print(*sorted({'scipy', 'matplotlib', 'rclpy'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=ENVIRONMENT
+    )
+    assert done.stdout.strip() == ""

@@ -1,0 +1,105 @@
+"""How every node starts and ends: help, parameters, signals, exit status."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support.live import ROOT, Process, environment, node, toy
+
+from flea_diag.nodes.executables import EXECUTABLES
+
+INT, TERM = signal.SIGINT, signal.SIGTERM
+
+
+@pytest.mark.parametrize("executor", ["events", "single"])
+@pytest.mark.parametrize("signals", [(INT,), (INT, INT), (TERM,), (TERM, INT)])
+def test_signals_end_a_node_in_order(
+    domain: int, executor: str, signals: tuple[signal.Signals, ...], tmp_path: Path
+) -> None:
+    command = node("flea_diag.nodes.recording.recorder", "-p", f"executor:={executor}")
+    with Process(command, domain, cwd=tmp_path) as process:
+        process.wait_for("recording 14 topics")
+        status = process.signal(*signals)
+    assert status == 0
+    assert "Traceback" not in process.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("-p", "limit_a:=41.0"), ["limit_a = 41.0 A", "above its limit 40.0 A"]),
+        (("-p", "limit_a:=lots"), ["limit_a = 'lots'", "must be a float"]),
+        (("-p", "limit_a:=.nan"), ["limit_a = nan"]),
+        (("-p", "fault:=gremlin"), ["fault = 'gremlin'", "choose one of jam, spall"]),
+        (("-p", "fualt:=jam"), ["unknown parameter 'fualt'", "known are fault"]),
+        (("-p", "executor:=multi"), ["executor = 'multi'", "events, single"]),
+        (("-p", "fault"), ["ROS refuses the arguments"]),
+    ],
+)
+def test_a_bad_parameter_is_refused_with_one_line(
+    domain: int, arguments: tuple[str, ...], words: list[str]
+) -> None:
+    with Process(toy(*arguments), domain) as process:
+        assert process.end() == 2
+    lines = [line for line in process.output.splitlines() if "[rcl]" not in line]
+    assert len(lines) == 1, process.output
+    for word in words:
+        assert word in lines[0]
+
+
+def test_an_integer_will_do_where_a_float_is_meant(domain: int) -> None:
+    with Process(toy("-p", "limit_a:=7", "-p", "use_sim_time:=false"), domain) as process:
+        with pytest.raises(AssertionError):
+            process.wait_for("flea_diag:", limit_s=1.0)
+        assert process.signal(INT) == 0
+
+
+def test_another_argument_is_refused(domain: int) -> None:
+    with Process([*toy(), "--fault=jam"], domain) as process:
+        assert process.end() == 2
+    assert "unknown argument '--fault=jam'" in process.output
+
+
+NODES = ("observer", "isolator", "extractor", "diagnoser", "recorder", "console")
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_help_says_topics_parameters_and_examples(name: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", EXECUTABLES[name], "--help"],
+        env=environment(0),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert f"ros2 run flea_diag {name}" in done.stdout
+    for word in ("subscribes:", "parameters", "executor", "examples:", "/msg/"):
+        assert word in done.stdout
+
+
+@pytest.fixture
+def without_ros(tmp_path: Path) -> str:
+    (tmp_path / "rclpy.py").write_text("raise ImportError('no rclpy here')\n", encoding="utf-8")
+    return f"{tmp_path}:{ROOT}"
+
+
+def test_without_ros_help_works_and_a_start_says_what_to_install(without_ros: str) -> None:
+    def done(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [*toy(), *arguments],
+            env={**environment(0), "PYTHONPATH": without_ros},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    assert done("--help").returncode == 0
+    refused = done()
+    assert refused.returncode == 2
+    assert "pip install" in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1
