@@ -6,7 +6,7 @@ import math
 
 from flea_diag.operator.panel import Line, Panel, clock
 from flea_diag.operator.state import OperatorState
-from flea_diag.operator.stream import Stream
+from flea_diag.operator.stream import StreamState
 from flea_diag.wire.records import Health, Level, Quality
 from flea_diag.wire.wording import QUALITY_LEVEL
 
@@ -21,7 +21,7 @@ def streams(state: OperatorState, now_ns: int) -> Panel:
     return Panel("streams", "STREAMS", rows)
 
 
-def _stream(stream: Stream, now_ns: int) -> Line:
+def _stream(stream: StreamState, now_ns: int) -> Line:
     standing = stream.standing(now_ns)
     level = STREAM_LEVEL[standing]
     if standing == "waiting":

@@ -14,7 +14,7 @@ from typing import Any
 from flea_diag.operator import alarm as alarms_of
 from flea_diag.operator.alarm import Alarm, Comment
 from flea_diag.operator.stream import (
-    Stream,
+    StreamState,
     counted,
     jumped_back,
     scan_period_ns,
@@ -74,7 +74,7 @@ class SymbolChange:
 
 
 @dataclass(frozen=True, slots=True)
-class Feature:
+class AskedFeature:
     """A feature that was asked for; ``value`` is None while its answer has not come."""
 
     episode: int
@@ -103,14 +103,14 @@ class OperatorState:
     level: VibrationLevel | None = None
     steps: tuple[GroupStep, ...] = ()
     symbols: tuple[SymbolChange, ...] = ()
-    features: tuple[Feature, ...] = ()
+    features: tuple[AskedFeature, ...] = ()
     alarms: tuple[Alarm, ...] = ()
     marks: tuple[Comment, ...] = ()
-    streams: Mapping[str, Stream] = field(default_factory=streams)
+    streams: Mapping[str, StreamState] = field(default_factory=streams)
     health: Mapping[str, Health] = field(default_factory=dict)
     detection_arrived_ns: int = NEVER_NS
 
-    def stream(self, record_type: type) -> Stream:
+    def stream(self, record_type: type) -> StreamState:
         """Counters of a record's topic."""
         return self.streams[TOPIC_OF[record_type].name.lstrip("/")]
 
@@ -292,13 +292,13 @@ def _open_alarm(state: OperatorState, stamp_ns: int) -> Alarm | None:
 
 
 def _with_request(state: OperatorState, record: FeatureRequest, _: int) -> OperatorState:
-    asked = Feature(record.episode, record.step, record.feature, record.stamp_ns)
+    asked = AskedFeature(record.episode, record.step, record.feature, record.stamp_ns)
     return replace(state, features=(*state.features, asked)[-MOST_FEATURES:])
 
 
 def _with_value(state: OperatorState, record: FeatureValue, _: int) -> OperatorState:
     asked = (record.episode, record.step, record.feature)
-    answer = Feature(*asked, record.stamp_ns, record)
+    answer = AskedFeature(*asked, record.stamp_ns, record)
     for index, entry in enumerate(state.features):
         if (entry.episode, entry.step, entry.name) == asked:
             answer = replace(entry, value=record)

@@ -38,7 +38,7 @@ JUMP_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Stream:
+class StreamState:
     """What was counted on one topic; ``missing`` are records that the stamps leave room for.
 
     ``rate_hz`` is NaN until a second of stamps has passed. ``lost`` is what the middleware
@@ -68,18 +68,20 @@ class Stream:
         return "stale" if now_ns - self.arrived_ns > self.stale_after_ns else "running"
 
 
-def streams() -> dict[str, Stream]:
+def streams() -> dict[str, StreamState]:
     """Streams that are watched, before anything came."""
     names = {kind: TOPIC_OF[kind].name.lstrip("/") for kind in STALE_AFTER_NS}
-    return {names[kind]: Stream(names[kind], limit) for kind, limit in STALE_AFTER_NS.items()}
+    return {names[kind]: StreamState(names[kind], limit) for kind, limit in STALE_AFTER_NS.items()}
 
 
-def jumped_back(stream: Stream, stamp_ns: int) -> bool:
+def jumped_back(stream: StreamState, stamp_ns: int) -> bool:
     """Whether a stamp belongs to a new run (a replay that loops, a stand started again)."""
     return stamp_ns < stream.stamp_ns - JUMP_NS
 
 
-def counted(stream: Stream, record: Record, arrived_ns: int, period_ns: int = 0) -> Stream:
+def counted(
+    stream: StreamState, record: Record, arrived_ns: int, period_ns: int = 0
+) -> StreamState:
     """Stream with one more record; ``period_ns`` is its nominal period where one is known."""
     stamp_ns = record.stamp_ns
     if stamp_ns <= stream.stamp_ns and not isinstance(record, AmbiguityGroup | Health):
@@ -93,7 +95,7 @@ def counted(stream: Stream, record: Record, arrived_ns: int, period_ns: int = 0)
         since_ns, count = stamp_ns, 0
     elif stamp_ns - since_ns >= RATE_OVER_NS:
         rate_hz, since_ns, count = count * 1e9 / (stamp_ns - since_ns), stamp_ns, 0
-    return Stream(
+    return StreamState(
         stream.name,
         stream.stale_after_ns,
         stream.received + 1,

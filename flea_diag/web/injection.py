@@ -15,16 +15,16 @@ WORDS = "Inject a fault into the simulated stand"
 EXAMPLE = "jam, or with a size jam:0.5"
 
 
-class Stand(Protocol):
+class FaultEntryHolder(Protocol):
     """What has the entry."""
 
     faults: FaultEntry
 
 
-class Injection:
+class InjectionDialog:
     """Button and dialog in one browser; the stand itself judges what is asked of it."""
 
-    def __init__(self, stand: Stand) -> None:
+    def __init__(self, stand: FaultEntryHolder) -> None:
         self._stand = stand
         self._answers: SimpleQueue[tuple[str, str]] = SimpleQueue()
         self._button = button("Inject", "i", self._open)

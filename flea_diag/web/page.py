@@ -15,9 +15,9 @@ from flea_diag.operator.alarm_view import key_text
 from flea_diag.operator.fault_entry import FaultEntry
 from flea_diag.operator.state import OperatorState
 from flea_diag.web.button import button
-from flea_diag.web.injection import Injection
+from flea_diag.web.injection import InjectionDialog
 from flea_diag.web.strips import STRETCH_NS, StripCharts
-from flea_diag.web.view import PANELS, Panel, View
+from flea_diag.web.view import PANELS, PagePanel, View
 
 STATIC = Path(__file__).parent / "static"
 SPANS_S = (10, 30, 60)
@@ -54,7 +54,7 @@ Marks = tuple[tuple[int, str], ...]
 """Stamps of moments and what they are: ``detected`` or ``mark``."""
 
 
-class Desk(Protocol):
+class OperatorNode(Protocol):
     """What the page needs of the node that takes the records."""
 
     state: OperatorState
@@ -128,7 +128,9 @@ def columns(about: list[dict[str, Any]]) -> int:
 class Page:
     """One browser's page."""
 
-    def __init__(self, desk: Desk, title: str, changed: Callable[[], None], client: Client) -> None:
+    def __init__(
+        self, desk: OperatorNode, title: str, changed: Callable[[], None], client: Client
+    ) -> None:
         self.client = client
         self._desk, self._changed = desk, changed
         self._dark = ui.dark_mode(None)
@@ -157,11 +159,11 @@ class Page:
                 button("Acknowledge", "a", self._acknowledge_latest).classes("primary")
                 button("Comment", "c", self._comment_latest)
                 button("Mark", "m", self._mark)
-                self._injection = Injection(self._desk)
+                self._injection = InjectionDialog(self._desk)
                 button("Light / dark", "d", self._turn)
                 button("Keys", "?", self._keys)
 
-    def _panel(self, panel: Panel, key: str) -> None:
+    def _panel(self, panel: PagePanel, key: str) -> None:
         with _section(panel.name, panel.css, key, panel.title):
             self._bodies[panel.name] = PanelBody()
             self._bodies[panel.name].on("act", self._act)

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 
 from flea_diag.operator.alarm import Alarm
 from flea_diag.operator.alarm_view import cause, key_text
-from flea_diag.operator.state import Feature, OperatorState
-from flea_diag.operator.stream import Stream
+from flea_diag.operator.state import AskedFeature, OperatorState
+from flea_diag.operator.stream import StreamState
 from flea_diag.web.markup import Markup, clock, joined, number, tag
 from flea_diag.wire.records import (
     NEVER_NS,
@@ -79,7 +79,7 @@ def streams(state: OperatorState, now_ns: int) -> Markup:
     return joined(table, Markup("<br>"), ledger(heads, nodes))
 
 
-def _stream(stream: Stream, now_ns: int) -> tuple[object, ...]:
+def _stream(stream: StreamState, now_ns: int) -> tuple[object, ...]:
     standing = stream.standing(now_ns)
     level = Level.OK if standing == "running" else Level.STALE
     words = f"stale for {stream.silent_s(now_ns):.0f} s" if standing == "stale" else standing
@@ -143,7 +143,7 @@ def features(state: OperatorState) -> Markup:
     return joined(ledger(("feature", "value", "nominal", "cost"), rows) if rows else None, line)
 
 
-def _feature(entry: Feature) -> tuple[object, ...]:
+def _feature(entry: AskedFeature) -> tuple[object, ...]:
     name, value = entry.name, entry.value
     if value is None:
         return (name, "asked for, not answered yet", "", "")

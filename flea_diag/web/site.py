@@ -11,7 +11,7 @@ import contextlib
 
 from nicegui import Client, app, ui
 
-from flea_diag.web.page import Desk, Page
+from flea_diag.web.page import OperatorNode, Page
 from flea_diag.web.strips import StripCharts
 from flea_diag.web.view import View
 
@@ -23,7 +23,7 @@ MOST_MARKS = 8
 class Site:
     """All pages of one stand, and the task that keeps them up to date."""
 
-    def __init__(self, desk: Desk, view: View, strips: StripCharts, title: str) -> None:
+    def __init__(self, desk: OperatorNode, view: View, strips: StripCharts, title: str) -> None:
         self.desk, self.title = desk, title
         self._view, self._strips = view, strips
         self._pages: dict[str, Page] = {}

@@ -46,7 +46,7 @@ Draw = Callable[[Shown, Tools], Markup]
 
 
 @dataclass(frozen=True)
-class Panel:
+class PagePanel:
     """One panel: ``rests_on`` is what must change before it is drawn again."""
 
     name: str
@@ -141,14 +141,14 @@ def _said_by_people(shown: Shown) -> object:
 
 
 PANELS = (
-    Panel("answer", "", "", _answer, _answered),
-    Panel("group", "Ambiguity group, step by step", "two-thirds scroll", _flow, _episode),
-    Panel("symbols", "Symbols over time", "third scroll", _symbols, _episode_and_names),
-    Panel("causes", "Temporal causal graph", "scroll", _paths, _episode),
-    Panel("tree", "Diagnosis tree and features", "half", _tree, _episode_and_features),
-    Panel("episodes", "Episodes", "half scroll", _episodes, _said_by_people),
-    Panel("quality", "Data quality", "half scroll", _quality, lambda s: s.state.quality),
-    Panel("streams", "Streams and nodes", "half scroll", _streams, _second),
+    PagePanel("answer", "", "", _answer, _answered),
+    PagePanel("group", "Ambiguity group, step by step", "two-thirds scroll", _flow, _episode),
+    PagePanel("symbols", "Symbols over time", "third scroll", _symbols, _episode_and_names),
+    PagePanel("causes", "Temporal causal graph", "scroll", _paths, _episode),
+    PagePanel("tree", "Diagnosis tree and features", "half", _tree, _episode_and_features),
+    PagePanel("episodes", "Episodes", "half scroll", _episodes, _said_by_people),
+    PagePanel("quality", "Data quality", "half scroll", _quality, lambda s: s.state.quality),
+    PagePanel("streams", "Streams and nodes", "half scroll", _streams, _second),
 )
 
 
