@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from flea_diag.nodes.health import HealthReport
 from flea_diag.nodes.stand_diagnostics import MIRRORED, mirrored
-from flea_diag.nodes.verdict import Verdict
+from flea_diag.nodes.verdict import NumberedVerdict
 from flea_diag.nodes.verdict_memory import NONE, VerdictMemory
 from flea_diag.stages import Stage
 from flea_diag.wire.bus import Bus, Program
@@ -62,7 +62,7 @@ REPEAT_S = 1.0
 WATCH_S = 0.1
 
 
-class Component(Protocol):
+class StageFactory(Protocol):
     """A stage that can be built: ``flea_diag.configuration`` names one for each node."""
 
     parameters: type
@@ -77,7 +77,7 @@ class Component(Protocol):
 
 
 @dataclass(frozen=True)
-class Ports:
+class StagePorts:
     """What a node takes and gives, declared before it runs.
 
     ``sources_only`` is for stages composed in one process: what they hand to each other is
@@ -90,7 +90,11 @@ class Ports:
 
 
 def stage_program(
-    name: str, summary: str, component: Component, ports: Ports, examples: tuple[str, ...] = ()
+    name: str,
+    summary: str,
+    component: StageFactory,
+    ports: StagePorts,
+    examples: tuple[str, ...] = (),
 ) -> Program:
     """Program of a node that is one stage on the bus."""
 
@@ -133,14 +137,14 @@ class Adapter:
         bus: Bus[Any],
         build: Callable[[Any], Stage],
         parameters: Any,
-        ports: Ports,
+        ports: StagePorts,
         memory: VerdictMemory,
     ) -> None:
         self._bus = bus
         self._build = build
         self._parameters = parameters
         self._stage = build(parameters)
-        self._verdict = Verdict()
+        self._verdict = NumberedVerdict()
         self._health = HealthReport(bus)
         self._latest_ns: dict[type, int] = {}
         self._held: list[Record] = []

@@ -11,14 +11,14 @@ from flea_diag.wire.bus import Program, run
 def program() -> Program:
     """What this node is; the imports are slow and wait until signals are in hand."""
     from flea_diag.configuration import DIAGNOSER
-    from flea_diag.nodes.adapter import JUDGEMENTS, SOURCES, Ports, stage_program
+    from flea_diag.nodes.adapter import JUDGEMENTS, SOURCES, StagePorts, stage_program
     from flea_diag.wire import records as r
 
     return stage_program(
         "diagnoser",
         "The whole diagnosis in one process: scans and vibration in, the ambiguity group out.",
         DIAGNOSER,
-        Ports(
+        StagePorts(
             subscribes=SOURCES,
             publishes=(r.VibrationLevel, *JUDGEMENTS),
             sources_only=True,

@@ -11,14 +11,14 @@ from flea_diag.wire.bus import Program, run
 def program() -> Program:
     """What this node is; the imports are slow and wait until signals are in hand."""
     from flea_diag.configuration import EXTRACTOR
-    from flea_diag.nodes.adapter import Ports, stage_program
+    from flea_diag.nodes.adapter import StagePorts, stage_program
     from flea_diag.wire import records as r
 
     return stage_program(
         "extractor",
         "Keeps the last seconds of vibration as they came in and computes a feature on request.",
         EXTRACTOR,
-        Ports(
+        StagePorts(
             subscribes=(r.ChannelTable, r.VibrationBlock, r.Scan, r.FeatureRequest),
             publishes=(r.VibrationLevel, r.FeatureValue),
         ),

@@ -11,14 +11,14 @@ from flea_diag.wire.bus import Program, run
 def program() -> Program:
     """What this node is; the imports are slow and wait until signals are in hand."""
     from flea_diag.configuration import ISOLATOR
-    from flea_diag.nodes.adapter import Ports, stage_program
+    from flea_diag.nodes.adapter import StagePorts, stage_program
     from flea_diag.wire import records as r
 
     return stage_program(
         "isolator",
         "Names the faults that are still possible and asks for the feature that splits them best.",
         ISOLATOR,
-        Ports(
+        StagePorts(
             subscribes=(
                 r.ChannelTable,
                 r.DataQuality,

@@ -11,14 +11,14 @@ from flea_diag.wire.bus import Program, run
 def program() -> Program:
     """What this node is; the imports are slow and wait until signals are in hand."""
     from flea_diag.configuration import OBSERVER
-    from flea_diag.nodes.adapter import Ports, stage_program
+    from flea_diag.nodes.adapter import StagePorts, stage_program
     from flea_diag.wire import records as r
 
     return stage_program(
         "observer",
         "Forms calibrated residuals of every scan, tests them and reports what deviates, as signs.",
         OBSERVER,
-        Ports(
+        StagePorts(
             subscribes=(r.ChannelTable, r.Scan, r.AmbiguityGroup),
             publishes=(r.DataQuality, r.Residual, r.Detection, r.Symbols),
         ),

@@ -10,7 +10,7 @@ from dataclasses import replace
 from flea_diag.wire.records import AmbiguityGroup
 
 
-class Verdict:
+class NumberedVerdict:
     """The last ambiguity group, numbered: ``seq`` grows with every publication."""
 
     def __init__(self) -> None:

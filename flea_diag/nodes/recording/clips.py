@@ -31,7 +31,7 @@ LATEST_WORD_NS = 5_000_000_000
 INDEX = "index.jsonl"
 
 
-class Message(NamedTuple):
+class ClipMessage(NamedTuple):
     """One message as it came."""
 
     topic: Topic
@@ -67,9 +67,9 @@ class Clips:
     def __init__(self, directory: Path, before_s: float, after_s: float) -> None:
         self._directory = directory
         self._before_ns, self._after_ns = round(before_s * 1e9), round(after_s * 1e9)
-        self._ring: deque[Message] = deque()
+        self._ring: deque[ClipMessage] = deque()
         self._ring_bytes = 0
-        self._latched: dict[str, Message] = {}
+        self._latched: dict[str, ClipMessage] = {}
         self._first_ns = self._now_ns = NEVER_NS
         self._open: dict[int, Clip] = {}
         self._begun: deque[int] = deque(maxlen=1000)
@@ -78,7 +78,7 @@ class Clips:
 
     def take(self, topic: Topic, name: str, data: bytes, stamp_ns: int, received_ns: int) -> None:
         """One more message."""
-        message = Message(topic, name, data, stamp_ns, received_ns)
+        message = ClipMessage(topic, name, data, stamp_ns, received_ns)
         if topic.record is Scan:
             self._follow(stamp_ns)
         self._keep(message)
@@ -106,7 +106,7 @@ class Clips:
             self._first_ns = stamp_ns
         self._now_ns = max(self._now_ns, stamp_ns)
 
-    def _keep(self, message: Message) -> None:
+    def _keep(self, message: ClipMessage) -> None:
         if message.topic.latched:
             self._latched[message.name] = message
         self._ring.append(message)
@@ -171,7 +171,7 @@ class Clips:
         if late_ns > 0:
             clip.notes.append(f"begins {late_ns / 1e9:.1f} s later: nothing was heard before")
 
-    def _since(self, start_ns: int) -> Iterator[Message]:
+    def _since(self, start_ns: int) -> Iterator[ClipMessage]:
         """What has passed from ``start_ns`` on, with the latched topics as they then stood."""
         window = [message for message in self._ring if message.stamp_ns >= start_ns]
         begin_ns = window[0].received_ns if window else time.time_ns()
@@ -181,7 +181,7 @@ class Clips:
                 yield message._replace(received_ns=begin_ns)
         yield from window
 
-    def _write(self, clip: Clip, message: Message) -> None:
+    def _write(self, clip: Clip, message: ClipMessage) -> None:
         if clip.detected_ns not in self._open:
             return
         try:

@@ -17,7 +17,7 @@ from flea_diag.configuration import Files, file_texts
 from flea_diag.errors import ConfigurationError, RecordingError
 from flea_diag.nodes.health import HealthReport
 from flea_diag.nodes.recording.clips import Clips
-from flea_diag.wire.bags.bag import BagWriter, Split
+from flea_diag.wire.bags.bag import BagSplit, BagWriter
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.messages.cdr import CdrReader
 from flea_diag.wire.parameters import parameter
@@ -93,7 +93,7 @@ class Recorder:
         if free_mb < parameters.stop_free_mb:
             raise ConfigurationError(self._full(free_mb))
         kept = {**file_texts(parameters), "versions.txt": versions()}
-        split = Split(parameters.split_mb * MEGABYTE, parameters.split_s)
+        split = BagSplit(parameters.split_mb * MEGABYTE, parameters.split_s)
         self._writer = BagWriter(self._directory, whole_every_s=None, split=split)
         for name, text in kept.items():
             self._writer.attach(name, text)

@@ -45,7 +45,7 @@ LAST_VERDICT_S = 5.0
 LATEST_S = 60.0
 
 
-class Run:
+class LiveRun:
     """One run from the first process to the last verdict."""
 
     def __init__(self, options: argparse.Namespace, bus: Bus[Any], children: Children) -> None:
@@ -209,11 +209,11 @@ def _signals_to(interrupt: Callable[[], None]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _executed(options: argparse.Namespace, domain: int, log: IO[bytes]) -> Run:
+def _executed(options: argparse.Namespace, domain: int, log: IO[bytes]) -> LiveRun:
     """Run it from its first process to its last."""
     children = Children(log, say)
     with guest("live_run", domain) as bus:
-        run = Run(options, bus, children)
+        run = LiveRun(options, bus, children)
         with _signals_to(lambda: setattr(run, "interrupted", True)):
             try:
                 run.execute()

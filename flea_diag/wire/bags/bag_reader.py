@@ -18,7 +18,7 @@ from flea_diag.wire.bags.bag_layout import (
     refuse_closed,
     split_name,
 )
-from flea_diag.wire.bags.mcap_scan import Channel, McapScan, Message
+from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, McapScan
 from flea_diag.wire.bags.scan_columns import scan_block
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.messages.codec import decode
@@ -120,7 +120,7 @@ class BagReader:
 
     def _messages(
         self, types: Iterable[type] | None, namespace: str | None
-    ) -> Iterator[tuple[type, Message]]:
+    ) -> Iterator[tuple[type, McapMessage]]:
         """Messages of ours in log order, with the record that each should be."""
         wanted = self._wanted(None if types is None else set(types), self._chosen(namespace))
         ordered = self._sources[0].messages()
@@ -131,7 +131,7 @@ class BagReader:
             if topic is not None and message.channel.message == topic.message:
                 yield topic.record, message
 
-    def _decoded(self, kind: type, message: Message) -> Iterator[tuple[int, Record]]:
+    def _decoded(self, kind: type, message: McapMessage) -> Iterator[tuple[int, Record]]:
         """Log time and record of one message; nothing where it is unreadable."""
         try:
             record: Record = decode(kind, message.data)
@@ -159,7 +159,7 @@ class BagReader:
             and (types is None or topic.record in types)
         }
 
-    def _count_unreadable(self, message: Message, error: WireError) -> None:
+    def _count_unreadable(self, message: McapMessage, error: WireError) -> None:
         topic = message.channel.topic
         self._unreadable[topic] = self._unreadable.get(topic, 0) + 1
         if self._unreadable[topic] == 1:
@@ -173,7 +173,7 @@ class BagReader:
         ]
 
 
-def _block(messages: list[Message]) -> ScanBlock | None:
+def _block(messages: list[McapMessage]) -> ScanBlock | None:
     """Scans as columns, if their messages are sound and alike."""
     try:
         return scan_block([message.data for message in messages])
@@ -235,12 +235,12 @@ class _SqliteSource:
         except (ReaderError, sqlite3.Error, OSError) as error:
             raise RecordingError(f"cannot read bag {self._directory}: {error}") from error
 
-    def messages(self) -> Iterator[Message]:
+    def messages(self) -> Iterator[McapMessage]:
         """All messages in order of log time."""
         with self._opened() as bag:
             for connection, log_ns, data in bag.messages():
                 channel = Channel(connection.topic, connection.msgtype, "cdr")
-                yield Message(log_ns, log_ns, channel, bytes(data))
+                yield McapMessage(log_ns, log_ns, channel, bytes(data))
 
 
 def _sources(path: Path, losses: list[str]) -> list[Any]:

@@ -12,7 +12,7 @@ from flea_diag.errors import RecordingError
 from flea_diag.wire.bags import bag_layout as layout
 from flea_diag.wire.bags.bag_layout import Span
 from flea_diag.wire.bags.mcap_file import McapFile
-from flea_diag.wire.bags.mcap_scan import Channel, Message, Schema
+from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, Schema
 from flea_diag.wire.topics import Topic
 
 CHUNK_BYTES = 1 << 20
@@ -62,7 +62,7 @@ class BagSegment:
             self._register(_channel(name, topic))
         self._put(name, data, stamp_ns, log_ns)
 
-    def copy(self, message: Message) -> None:
+    def copy(self, message: McapMessage) -> None:
         """Write one message as it lies in another file, of whatever topic."""
         name = message.channel.topic
         if name not in self._channels:

@@ -24,7 +24,7 @@ from flea_diag.wire.topics import TOPIC_OF, Topic
 
 
 @dataclass(frozen=True)
-class Split:
+class BagSplit:
     """When a bag goes on in another file; 0 is never."""
 
     size_bytes: int = 0
@@ -69,7 +69,7 @@ class BagWriter:
         namespace: str = "",
         stand: str = "stand",
         whole_every_s: float | None = 1.0,
-        split: Split = Split(),
+        split: BagSplit = BagSplit(),
     ) -> None:
         self.directory = Path(directory)
         self.stand = stand

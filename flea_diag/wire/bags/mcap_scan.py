@@ -54,7 +54,7 @@ class Channel(NamedTuple):
     metadata: tuple[tuple[str, str], ...] = ()
 
 
-class Message(NamedTuple):
+class McapMessage(NamedTuple):
     """One message as it lies in the file."""
 
     log_ns: int
@@ -192,9 +192,9 @@ class McapScan:
             _, place = text(body, place)
             self.attachments[name] = sized(body, place, U64)
 
-    def messages(self) -> Iterator[Message]:
+    def messages(self) -> Iterator[McapMessage]:
         """All messages in order of log time; equal times keep their order in the file."""
-        waiting: list[Message] = []
+        waiting: list[McapMessage] = []
         pieces = sorted(self._pieces, key=lambda piece: (piece.start_ns, piece.offset))
         with self.path.open("rb") as stream:
             for piece in pieces:
@@ -206,7 +206,9 @@ class McapScan:
                 waiting.sort(key=_log_ns)
         yield from waiting
 
-    def _unpacked(self, stream: IO[bytes], piece: _Piece, quiet: bool = False) -> Iterator[Message]:
+    def _unpacked(
+        self, stream: IO[bytes], piece: _Piece, quiet: bool = False
+    ) -> Iterator[McapMessage]:
         stream.seek(piece.offset)
         data = memoryview(stream.read(piece.size))
         try:
@@ -218,7 +220,7 @@ class McapScan:
             if piece.whole and not quiet:
                 self.losses.append(f"{self.path.name}: rest of chunk at {piece.offset}: {error}")
 
-    def _records(self, data: memoryview) -> Iterator[Message]:
+    def _records(self, data: memoryview) -> Iterator[McapMessage]:
         place = 0
         end, head, opened = len(data), _RECORD.size, _RECORD.unpack_from
         while place < end:
@@ -233,9 +235,9 @@ class McapScan:
             else:
                 self._define(opcode, body)
 
-    def _message(self, body: memoryview) -> Message:
+    def _message(self, body: memoryview) -> McapMessage:
         number, _, log_ns, publish_ns = _MESSAGE_HEAD.unpack_from(body)
         channel = self.channels.get(number)
         if channel is None:
             raise DamageError(f"a message on channel {number}, which is not defined")
-        return Message(log_ns, publish_ns, channel, bytes(body[_MESSAGE_HEAD.size :]))
+        return McapMessage(log_ns, publish_ns, channel, bytes(body[_MESSAGE_HEAD.size :]))

@@ -5,8 +5,8 @@
 works without ROS.
 """
 
-from flea_diag.wire.bus.endpoint import Bus, Stream
+from flea_diag.wire.bus.endpoint import Bus, Subscription
 from flea_diag.wire.bus.guest import guest
 from flea_diag.wire.bus.program import Program, run
 
-__all__ = ["Bus", "Program", "Stream", "guest", "run"]
+__all__ = ["Bus", "Program", "Subscription", "guest", "run"]

@@ -32,7 +32,7 @@ join late, but changes may come in a burst: a reader that keeps one too loses al
 
 
 @dataclass
-class Stream:
+class Subscription:
     """Counters of one subscription: messages that came, and why some were passed over."""
 
     topic: Topic
@@ -62,7 +62,7 @@ class Bus(Generic[P]):
         self._finished = finished
         self._publishers: dict[type, Any] = {}
         self._clock: Any = None
-        self.streams: dict[type, Stream] = {}
+        self.streams: dict[type, Subscription] = {}
         self.stand = node.get_namespace().strip("/") or "stand"
 
     @property
@@ -139,7 +139,7 @@ class Bus(Generic[P]):
 
     # -- in
 
-    def subscribe(self, record_type: type, take: Callable[[Any], None]) -> Stream:
+    def subscribe(self, record_type: type, take: Callable[[Any], None]) -> Subscription:
         """Call ``take`` with each record; what cannot be used is counted and passed over."""
 
         def decoded(data: bytes) -> None:
@@ -149,7 +149,7 @@ class Bus(Generic[P]):
 
     def subscribe_raw(
         self, record_type: type, take: Callable[[bytes], None], depth: int | None = None
-    ) -> Stream:
+    ) -> Subscription:
         """Call ``take`` with the bytes of each message as they came in.
 
         ``depth`` messages may wait for it; that of the topic where it is not told.
@@ -159,7 +159,7 @@ class Bus(Generic[P]):
         topic = TOPIC_OF[record_type]
         if depth is None:
             depth = READER_DEPTH if topic.latched else topic.depth
-        stream = self.streams.setdefault(record_type, Stream(topic))
+        stream = self.streams.setdefault(record_type, Subscription(topic))
 
         def received(data: bytes) -> None:
             stream.received += 1

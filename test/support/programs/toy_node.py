@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.nodes.adapter import Ports, stage_program
+from flea_diag.nodes.adapter import StagePorts, stage_program
 from flea_diag.stages import Stage
 from flea_diag.wire.bus import run
 from flea_diag.wire.parameters import parameter
@@ -91,5 +91,5 @@ class Toy:
 
 
 if __name__ == "__main__":
-    ports = Ports(subscribes=(Scan,), publishes=(Residual, AmbiguityGroup))
+    ports = StagePorts(subscribes=(Scan,), publishes=(Residual, AmbiguityGroup))
     sys.exit(run(lambda: stage_program("toy", "A toy.", Toy, ports, ("an example",))))

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from flea_diag.tools.main import main
-from flea_diag.wire.bags.bag import BagReader, BagWriter, Split, read_bag
+from flea_diag.wire.bags.bag import BagReader, BagSplit, BagWriter, read_bag
 from flea_diag.wire.records import Record, Scan
 
 EPOCH_NS = 1_283_500_000 * 10**9
@@ -20,7 +20,7 @@ def scans() -> list[Scan]:
     return [Scan(EPOCH_NS + k * PERIOD_NS, ("motor_current",), (float(k),)) for k in range(COUNT)]
 
 
-def written(folder: Path, split: Split) -> Path:
+def written(folder: Path, split: BagSplit) -> Path:
     with BagWriter(folder / "run", whole_every_s=None, split=split) as bag:
         bag.attach("calibration.yaml", "gain: 1\n")
         for record in scans():
@@ -38,10 +38,10 @@ def records(bag: Path) -> list[Record]:
 
 @pytest.mark.parametrize(
     ("split", "files"),
-    [(Split(), 1), (Split(duration_s=3.0), 4), (Split(size_bytes=20_000), None)],
+    [(BagSplit(), 1), (BagSplit(duration_s=3.0), 4), (BagSplit(size_bytes=20_000), None)],
 )
 def test_all_files_together_are_the_recording(
-    tmp_path: Path, split: Split, files: int | None
+    tmp_path: Path, split: BagSplit, files: int | None
 ) -> None:
     bag = written(tmp_path, split)
     parts = sorted(bag.glob("*.mcap"))
@@ -51,7 +51,7 @@ def test_all_files_together_are_the_recording(
 
 
 def test_the_files_follow_one_another_in_time(tmp_path: Path) -> None:
-    bag = written(tmp_path, Split(duration_s=3.0))
+    bag = written(tmp_path, BagSplit(duration_s=3.0))
     for k, part in enumerate(sorted(bag.glob("*.mcap"))):
         assert part.name == f"run_{k}.mcap"
         stamps = [record.stamp_ns for _, record in read_bag(part)]
@@ -61,7 +61,7 @@ def test_the_files_follow_one_another_in_time(tmp_path: Path) -> None:
 
 def test_rosbags_reads_it_as_one(tmp_path: Path) -> None:
     rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="rosbags is not installed")
-    bag = written(tmp_path, Split(duration_s=3.0))
+    bag = written(tmp_path, BagSplit(duration_s=3.0))
     with rosbag2.Reader(bag) as reader:
         assert reader.message_count == COUNT
         assert reader.duration == (COUNT - 1) * PERIOD_NS + 1
@@ -69,7 +69,7 @@ def test_rosbags_reads_it_as_one(tmp_path: Path) -> None:
 
 
 def test_metadata_tell_each_file_s_share(tmp_path: Path) -> None:
-    bag = written(tmp_path, Split(duration_s=3.0))
+    bag = written(tmp_path, BagSplit(duration_s=3.0))
     told = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     assert told["relative_file_paths"] == [f"run_{k}.mcap" for k in range(4)]
     assert [part["message_count"] for part in told["files"]] == [300, 300, 300, 100]
@@ -79,7 +79,7 @@ def test_metadata_tell_each_file_s_share(tmp_path: Path) -> None:
 
 def test_what_is_whole_stays_whole_across_a_split(tmp_path: Path) -> None:
     """As after kill -9: no close, the last file as make_whole left it."""
-    bag = BagWriter(tmp_path / "run", whole_every_s=None, split=Split(duration_s=3.0))
+    bag = BagWriter(tmp_path / "run", whole_every_s=None, split=BagSplit(duration_s=3.0))
     for record in scans()[:650]:
         bag.write(record)
     bag.make_whole()
