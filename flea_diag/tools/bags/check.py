@@ -13,7 +13,7 @@ from flea_diag.tools.bags.recover import mcap_files, merged
 from flea_diag.tools.terminal import IN_PART, progress, warn
 from flea_diag.wire.bags import bag_layout as layout
 from flea_diag.wire.bags.bag_reader import described
-from flea_diag.wire.bags.mcap_scan import Channel, McapScan, Message
+from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, McapScan
 from flea_diag.wire.messages.codec import decode
 from flea_diag.wire.records import ChannelTable
 from flea_diag.wire.topics import TOPIC_OF
@@ -30,7 +30,7 @@ EPOCH_NS = 946_684_800_000_000_000
 """The year 2000: a stamp before it is no wall clock."""
 
 
-class Finding(NamedTuple):
+class BagFinding(NamedTuple):
     """Something wrong (``error``) or worth knowing."""
 
     error: bool
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         try:
             findings = check(bag)
         except FleaError as error:
-            findings = [Finding(True, str(error))]
+            findings = [BagFinding(True, str(error))]
         bad += any(finding.error for finding in findings)
         for finding in findings:
             print(f"{bag}: {'error' if finding.error else 'note'}: {finding.words}")
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     return IN_PART if bad else 0
 
 
-def check(bag: Path) -> list[Finding]:
+def check(bag: Path) -> list[BagFinding]:
     """Everything that is wrong with a bag, or worth knowing.
 
     Raises
@@ -79,39 +79,41 @@ def check(bag: Path) -> list[Finding]:
     return [*_metadata(bag, scans, counts), *findings]
 
 
-def _file(scan: McapScan) -> Iterator[Finding]:
+def _file(scan: McapScan) -> Iterator[BagFinding]:
     name = scan.path.name
     if scan.profile != "ros2":
-        yield Finding(True, f"{name}: profile {scan.profile!r} in the header, it must be 'ros2'")
+        yield BagFinding(True, f"{name}: profile {scan.profile!r} in the header, it must be 'ros2'")
     for loss in scan.losses:
-        yield Finding(True, loss)
+        yield BagFinding(True, loss)
     if not scan.indexed:
-        yield Finding(False, f"{name}: no summary (its recorder died); flea recover writes one")
+        yield BagFinding(False, f"{name}: no summary (its recorder died); flea recover writes one")
     for channel in scan.channels.values():
         yield from _channel(channel)
 
 
-def _channel(channel: Channel) -> Iterator[Finding]:
+def _channel(channel: Channel) -> Iterator[BagFinding]:
     known = dict(channel.metadata)
     if channel.encoding != "cdr":
-        yield Finding(True, f"{channel.topic}: encoding {channel.encoding!r}, it must be 'cdr'")
+        yield BagFinding(True, f"{channel.topic}: encoding {channel.encoding!r}, it must be 'cdr'")
     if channel.schema.encoding not in ("ros2msg", "ros2idl"):
         encoding = channel.schema.encoding
-        yield Finding(True, f"{channel.topic}: schema encoding {encoding!r}, it must be 'ros2msg'")
+        yield BagFinding(
+            True, f"{channel.topic}: schema encoding {encoding!r}, it must be 'ros2msg'"
+        )
     if "offered_qos_profiles" not in known:
-        yield Finding(True, f"{channel.topic}: no offered_qos_profiles on its channel")
+        yield BagFinding(True, f"{channel.topic}: no offered_qos_profiles on its channel")
     ours = layout.split_name(channel.topic)
     if ours is None:
-        yield Finding(False, f"{channel.topic}: not one of our topics")
+        yield BagFinding(False, f"{channel.topic}: not one of our topics")
     elif channel.message != ours[1].message:
-        yield Finding(True, f"{channel.topic}: {channel.message}, it must be {ours[1].message}")
+        yield BagFinding(True, f"{channel.topic}: {channel.message}, it must be {ours[1].message}")
     else:
         expected = layout.message_type(channel.message).type_hash
         if known.get("topic_type_hash", expected) != expected:
-            yield Finding(True, f"{channel.topic}: its type hash is not that of ROS 2 Jazzy")
+            yield BagFinding(True, f"{channel.topic}: its type hash is not that of ROS 2 Jazzy")
 
 
-def _messages(scans: list[McapScan], counts: Counter[str]) -> Iterator[Finding]:
+def _messages(scans: list[McapScan], counts: Counter[str]) -> Iterator[BagFinding]:
     """Read every message; what is wrong with a topic is said once, with how often."""
     wrong: Counter[tuple[str, str]] = Counter()
     tables = 0
@@ -121,12 +123,12 @@ def _messages(scans: list[McapScan], counts: Counter[str]) -> Iterator[Finding]:
             wrong[message.channel.topic, words] += 1
         tables += message.channel.topic.endswith(TABLE_TOPIC)
     for (topic, words), count in wrong.items():
-        yield Finding(True, f"{topic}: {words} ({count} messages)")
+        yield BagFinding(True, f"{topic}: {words} ({count} messages)")
     if not tables:
-        yield Finding(False, f"no {TABLE_TOPIC}: units and signs are not told")
+        yield BagFinding(False, f"no {TABLE_TOPIC}: units and signs are not told")
 
 
-def _message(message: Message) -> Iterator[str]:
+def _message(message: McapMessage) -> Iterator[str]:
     ours = layout.split_name(message.channel.topic)
     if min(message.log_ns, message.publish_ns) < EPOCH_NS:
         yield "a stamp before the year 2000, bags need a wall clock"
@@ -141,26 +143,26 @@ def _message(message: Message) -> Iterator[str]:
         yield "publish time is not the stamp of the acquisition"
 
 
-def _metadata(bag: Path, scans: list[McapScan], counts: Counter[str]) -> Iterator[Finding]:
+def _metadata(bag: Path, scans: list[McapScan], counts: Counter[str]) -> Iterator[BagFinding]:
     lost: list[str] = []
     known = described(bag, lost)
     if lost:
-        yield Finding(True, lost[0])
+        yield BagFinding(True, lost[0])
         return
     if known.get("version") != layout.VERSION:
         words = f"version {known.get('version')}, rosbag2 of Jazzy writes {layout.VERSION}"
-        yield Finding(False, f"{layout.METADATA_FILE}: {words}")
+        yield BagFinding(False, f"{layout.METADATA_FILE}: {words}")
     files = [str(name) for name in known.get("relative_file_paths") or []]
     present = [scan.path.name for scan in scans]
     if sorted(files) != sorted(present):
-        yield Finding(True, f"{layout.METADATA_FILE} names {files}, the folder holds {present}")
+        yield BagFinding(True, f"{layout.METADATA_FILE} names {files}, the folder holds {present}")
     told = dict(_told(known))
     if not told:
-        yield Finding(True, f"{layout.METADATA_FILE}: no topics (ros2 bag play hangs on that)")
+        yield BagFinding(True, f"{layout.METADATA_FILE}: no topics (ros2 bag play hangs on that)")
     for topic in sorted(told.keys() | counts.keys()):
         if told.get(topic, 0) != counts[topic]:
             words = f"{told.get(topic, 0)} messages on {topic}, the files hold {counts[topic]}"
-            yield Finding(True, f"{layout.METADATA_FILE}: {words}")
+            yield BagFinding(True, f"{layout.METADATA_FILE}: {words}")
 
 
 def _told(known: dict[str, Any]) -> Iterator[tuple[str, int]]:

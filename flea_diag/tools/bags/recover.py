@@ -15,7 +15,7 @@ from flea_diag.tools.terminal import IN_PART, warn
 from flea_diag.wire.bags import bag_layout as layout
 from flea_diag.wire.bags.bag_layout import TopicEntry
 from flea_diag.wire.bags.bag_segment import BagSegment
-from flea_diag.wire.bags.mcap_scan import Channel, McapScan, Message
+from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, McapScan
 from flea_diag.wire.yaml_text import parse_yaml
 
 NAME = "recover"
@@ -93,7 +93,7 @@ def mcap_files(source: Path) -> list[Path]:
     return files
 
 
-def merged(scans: list[McapScan]) -> Iterator[Message]:
+def merged(scans: list[McapScan]) -> Iterator[McapMessage]:
     """Messages of all files in order of log time."""
     import heapq
 
@@ -122,7 +122,7 @@ class _Copy:
             self._segment = BagSegment(self._directory / name)
         return self._segment
 
-    def write(self, message: Message) -> None:
+    def write(self, message: McapMessage) -> None:
         """Copy one message."""
         if message.channel.topic not in self._topics:
             self._topics[message.channel.topic] = _entry(message.channel)

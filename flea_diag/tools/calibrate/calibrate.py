@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 @dataclass(frozen=True)
-class Learned:
+class CalibrationResult:
     """A calibration, and the residuals of each recording that its limits were fitted to."""
 
     calibration: Calibration
@@ -98,7 +98,7 @@ def calibrate(
 
 def learn(
     recordings: list[NominalRecording], actuator: str, false_alarms_per_hour: float
-) -> Learned:
+) -> CalibrationResult:
     """Calibration from recordings of one stand, with what its limits were fitted to.
 
     Raises
@@ -161,7 +161,7 @@ def learn(
         covariance=tuple(found.covariance),
         shifts=thresholds.shift_limits(traces, false_alarms_per_hour, first.period_s),
     )
-    return Learned(calibration, tuple(traces))
+    return CalibrationResult(calibration, tuple(traces))
 
 
 def _trusted(run: Run, seen: Trace) -> Any:

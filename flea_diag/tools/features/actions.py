@@ -33,7 +33,7 @@ from flea_diag.tools.extra import require
 from flea_diag.tools.features import bearing, bench
 from flea_diag.tools.features.judge import judge, pair_report, report
 from flea_diag.tools.features.runs import labelled_runs, seeds_of
-from flea_diag.tools.features.samples import Run
+from flea_diag.tools.features.samples import FeatureRun
 from flea_diag.tools.features.stand import SEVERITIES
 from flea_diag.tools.features.table_file import Making, table_mapping, write_table
 from flea_diag.tools.features.tree_picture import draw_tree
@@ -155,7 +155,9 @@ def _judge(arguments: argparse.Namespace) -> int:
     return failed
 
 
-def _compare(arguments: argparse.Namespace, runs: Sequence[Run], group: Sequence[str]) -> None:
+def _compare(
+    arguments: argparse.Namespace, runs: Sequence[FeatureRun], group: Sequence[str]
+) -> None:
     """The classifier on the same windows, and the price of its features next to those above."""
     from flea_diag.tools.features.classifier import call, call_report, read_classifier
 
@@ -243,7 +245,7 @@ def _unaffected(learned: Learned) -> list[str]:
     ]
 
 
-def _one_rate(runs: Sequence[Run]) -> float:
+def _one_rate(runs: Sequence[FeatureRun]) -> float:
     rates = sorted(run.rate_hz for run in runs if run.rate_hz)
     if not rates:
         raise CalibrationError("no run holds vibration: a table needs sensors/vibration")
@@ -254,7 +256,7 @@ def _one_rate(runs: Sequence[Run]) -> float:
     return float(round(rates[len(rates) // 2]))
 
 
-def _levels(runs: Sequence[Run], hop_s: float) -> dict[str, dict[str, NominalRange]]:
+def _levels(runs: Sequence[FeatureRun], hop_s: float) -> dict[str, dict[str, NominalRange]]:
     """Nominal ranges of what the sentinel hears of each axis, by section of the table.
 
     Each of these ranges has an equal part of the rate of false alarms.

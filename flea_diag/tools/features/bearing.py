@@ -28,7 +28,7 @@ GRAVITY_M_S2 = 9.80665
 
 
 @dataclass(frozen=True)
-class Recording:
+class BearingRecording:
     """One recording at constant speed."""
 
     name: str
@@ -52,7 +52,7 @@ class Recording:
         ]
 
 
-def read_bearing(path: Path, rate_hz: float, rpm: float) -> Recording:
+def read_bearing(path: Path, rate_hz: float, rpm: float) -> BearingRecording:
     """Read the drive-end channel (``*_DE_time``, in g) of one file.
 
     Raises
@@ -72,7 +72,7 @@ def read_bearing(path: Path, rate_hz: float, rpm: float) -> Recording:
         raise RecordingError(f"{path}: holds no drive-end channel *_DE_time")
     samples = np.asarray(values[names[0]], dtype=np.float32).ravel() * np.float32(GRAVITY_M_S2)
     orders = SKF_6205.orders()
-    return Recording(path.stem, samples, rate_hz, rpm * 2.0 * np.pi / 60.0, orders)
+    return BearingRecording(path.stem, samples, rate_hz, rpm * 2.0 * np.pi / 60.0, orders)
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,10 @@ def features_of_one_axis() -> list[str]:
 
 
 def judge(
-    normal: Recording, faulty: list[Recording], window_s: float, false_alarm_rate: float
+    normal: BearingRecording,
+    faulty: list[BearingRecording],
+    window_s: float,
+    false_alarm_rate: float,
 ) -> list[Judgement]:
     """False alarms on the second half of ``normal`` and detections, for each feature."""
     ids = features_of_one_axis()
@@ -123,7 +126,7 @@ def judge(
     return found
 
 
-def lines(recording: Recording, window_s: float = 1.0) -> list[str]:
+def lines(recording: BearingRecording, window_s: float = 1.0) -> list[str]:
     """Name of the ball-pass line in each window."""
     return [named_line(window) for window in recording.windows(window_s)]
 

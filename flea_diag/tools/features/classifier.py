@@ -16,7 +16,7 @@ from flea_diag.core.choice.classifier import Classifier, Perceptron, scaled, sta
 from flea_diag.core.choice.feature_learning import Sample
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools.extra import require
-from flea_diag.tools.features.samples import Run
+from flea_diag.tools.features.samples import FeatureRun
 from flea_diag.tools.interval import wilson
 from flea_diag.tools.terminal import write_text
 
@@ -105,7 +105,7 @@ class Called:
 
 
 def call(
-    runs: Sequence[Run], classifier: Classifier, group: Sequence[str], windows: int
+    runs: Sequence[FeatureRun], classifier: Classifier, group: Sequence[str], windows: int
 ) -> list[Called]:
     """One answer a run whose fault is of the group, from as many windows as the walk may use.
 

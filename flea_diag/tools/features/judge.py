@@ -12,7 +12,7 @@ from flea_diag.core.choice.diagnosis_tree import follow
 from flea_diag.core.choice.feature_choice import FeatureChooser
 from flea_diag.core.choice.feature_learning import Sample
 from flea_diag.core.choice.feature_table import FaultFeatureTable
-from flea_diag.tools.features.samples import Run
+from flea_diag.tools.features.samples import FeatureRun
 from flea_diag.tools.interval import wilson
 
 
@@ -37,7 +37,7 @@ class Walk:
 
 
 def judge(
-    runs: Sequence[Run],
+    runs: Sequence[FeatureRun],
     table: FaultFeatureTable,
     group: Sequence[str],
     strategy: str = "optimal",
@@ -71,7 +71,7 @@ def _symbol(table: FaultFeatureTable, sample: Sample, feature: str) -> str:
 
 
 def pair_report(
-    runs: Sequence[Run],
+    runs: Sequence[FeatureRun],
     table: FaultFeatureTable,
     group: Sequence[str],
     strategy: str = "optimal",

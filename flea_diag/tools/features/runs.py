@@ -8,14 +8,14 @@ from collections.abc import Sequence
 
 from flea_diag.errors import ConfigurationError, FleaError
 from flea_diag.tools.features import bench
-from flea_diag.tools.features.samples import Grid, Run, run_of_bag
+from flea_diag.tools.features.samples import FeatureRun, Grid, run_of_bag
 from flea_diag.tools.features.stand import LARGEST_LOAD_N, SEVERITIES, stand_runs
 from flea_diag.tools.terminal import warn
 
 
 def labelled_runs(
     arguments: argparse.Namespace, faults: Sequence[str] = tuple(SEVERITIES), nominal: bool = True
-) -> tuple[list[Run], str, int]:
+) -> tuple[list[FeatureRun], str, int]:
     """Runs of bags or of the stand, where they come from, and 1 when some could not be read.
 
     Raises

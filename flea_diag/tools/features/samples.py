@@ -35,7 +35,7 @@ class Grid:
 
 
 @dataclass(frozen=True)
-class Run:
+class FeatureRun:
     """Samples of one recording, and what the sentinel hears block by block while nominal.
 
     ``levels``: standard deviation of each axis, ``kurtosis`` the same of the kurtosis.
@@ -64,7 +64,7 @@ class Run:
         return sorted(fitting, key=lambda sample: not sample.reverses)[:windows]
 
 
-def run_of_bag(directory: Path, grid: Grid) -> Run:
+def run_of_bag(directory: Path, grid: Grid) -> FeatureRun:
     """Samples of one bag.
 
     Raises
@@ -77,7 +77,7 @@ def run_of_bag(directory: Path, grid: Grid) -> Run:
     return run_of(str(directory), stream, truths, grid)
 
 
-def run_of(name: str, stream: Iterable[Record], truths: list[Truth], grid: Grid) -> Run:
+def run_of(name: str, stream: Iterable[Record], truths: list[Truth], grid: Grid) -> FeatureRun:
     """Samples of a stream of scans and blocks, in the order in which they came."""
     windows = Windows(grid.window_s + 3.0, 0.002, 0.05, grid.orders or {})
     samples: list[Sample] = []
@@ -102,7 +102,7 @@ def run_of(name: str, stream: Iterable[Record], truths: list[Truth], grid: Grid)
             end_ns += round(grid.hop_s * SECOND_NS)
     pointed = list(_pointed(heard, scans))
     levels, kurtosis = ([(point, row[k]) for point, row in pointed] for k in range(2))
-    return Run(name, windows.vibration.rate_hz, tuple(samples), levels, kurtosis)
+    return FeatureRun(name, windows.vibration.rate_hz, tuple(samples), levels, kurtosis)
 
 
 def label(truths: Iterable[Truth], start_ns: int, end_ns: int) -> str | None:

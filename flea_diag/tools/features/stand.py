@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from flea_diag.core.choice.feature_learning import NOMINAL
-from flea_diag.tools.features.samples import Grid, Run, run_of
+from flea_diag.tools.features.samples import FeatureRun, Grid, run_of
 from flea_diag.tools.workers import worker_pool
 from flea_diag.wire.records import Truth
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
@@ -96,7 +96,7 @@ def _motion(draw: np.random.Generator) -> dict[str, Any]:
 
 def stand_run(
     job: tuple[int, str, float], grid: Grid, loads_n: tuple[float, float] = (0.0, LARGEST_LOAD_N)
-) -> Run:
+) -> FeatureRun:
     """Simulate one run and cut it into samples."""
     seed, fault, duration_s = job
     mapping = drawn_scenario(seed, fault, duration_s, loads_n=loads_n)
@@ -113,7 +113,7 @@ def stand_runs(
     grid: Grid,
     jobs: int = 1,
     loads_n: tuple[float, float] = (0.0, LARGEST_LOAD_N),
-) -> list[Run]:
+) -> list[FeatureRun]:
     """Runs of each fault with each seed, in order; ``jobs`` processes share the work."""
     todo = [(seed, fault, duration_s) for fault in faults for seed in seeds]
     work = partial(stand_run, grid=grid, loads_n=loads_n)

@@ -25,7 +25,7 @@ from flea_diag.stages.extractor.windows import Windows
 from flea_diag.tools.features.bench import FLEA_SCREW
 from flea_diag.tools.features.classifier import call, read_classifier
 from flea_diag.tools.features.judge import judge
-from flea_diag.tools.features.samples import Grid, Run, run_of
+from flea_diag.tools.features.samples import FeatureRun, Grid, run_of
 from flea_diag.tools.features.stand import drawn_scenario
 from flea_diag.tools.workers import worker_pool
 from flea_diag.wire.records import (
@@ -132,7 +132,7 @@ def study_run(fault: str, seed: int, plan: Plan) -> Study:
     )
 
 
-def after_onset(records: Sequence[Record]) -> Run:
+def after_onset(records: Sequence[Record]) -> FeatureRun:
     """All features of every window in which the fault was there throughout."""
     truths = [record for record in records if isinstance(record, Truth)]
     onset_ns = max((truth.onset_ns for truth in truths), default=0)
@@ -140,7 +140,7 @@ def after_onset(records: Sequence[Record]) -> Run:
     return run_of("", late, truths, Grid(orders=FLEA_SCREW.orders()))
 
 
-def called(run: Run, classifier: Classifier) -> str:
+def called(run: FeatureRun, classifier: Classifier) -> str:
     """The class that the classifier finds most probable; empty where the shaft stands still."""
     found = call([run], classifier, classifier.faults, WINDOWS)
     return found[0].called if found else ""

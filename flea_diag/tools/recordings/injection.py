@@ -29,7 +29,7 @@ GAP_S = 0.05
 
 
 @dataclass(frozen=True)
-class Injection:
+class ChannelFault:
     """One fault of one channel, plain data.
 
     ``size`` is in the unit of the channel, of its rate for a drift, a factor for a scaling,
@@ -49,39 +49,39 @@ class Injection:
         return f"{self.channel}_{'dead' if self.mode == 'stuck' else self.mode}"
 
 
-def _bias(true: Array, age_s: Array, fault: Injection) -> Array:
+def _bias(true: Array, age_s: Array, fault: ChannelFault) -> Array:
     return true + fault.size
 
 
-def _drift(true: Array, age_s: Array, fault: Injection) -> Array:
+def _drift(true: Array, age_s: Array, fault: ChannelFault) -> Array:
     return true + fault.size * age_s
 
 
-def _scaling(true: Array, age_s: Array, fault: Injection) -> Array:
+def _scaling(true: Array, age_s: Array, fault: ChannelFault) -> Array:
     return true * fault.size
 
 
-def _dead(true: Array, age_s: Array, fault: Injection) -> Array:
+def _dead(true: Array, age_s: Array, fault: ChannelFault) -> Array:
     return np.full_like(true, fault.size)
 
 
-def _stuck(true: Array, age_s: Array, fault: Injection) -> Array:
+def _stuck(true: Array, age_s: Array, fault: ChannelFault) -> Array:
     measured = true[np.isfinite(true)]
     return np.full_like(true, measured[0] if len(measured) else math.nan)
 
 
-def _noise(true: Array, age_s: Array, fault: Injection) -> Array:
+def _noise(true: Array, age_s: Array, fault: ChannelFault) -> Array:
     return true + fault.size * np.random.default_rng(fault.seed).standard_normal(len(true))
 
 
-def _dropout(true: Array, age_s: Array, fault: Injection) -> Array:
+def _dropout(true: Array, age_s: Array, fault: ChannelFault) -> Array:
     slots = ((age_s + 1e-9) / GAP_S).astype(np.int64)
     count = int(slots.max(initial=0)) + 1
     gone = np.random.default_rng(fault.seed).random(count) < GAP_S * fault.size
     return np.where(gone[slots], 0.0, true)
 
 
-MODES: dict[str, Callable[[Array, Array, Injection], Array]] = {
+MODES: dict[str, Callable[[Array, Array, ChannelFault], Array]] = {
     "bias": _bias,
     "drift": _drift,
     "scaling": _scaling,
@@ -96,7 +96,7 @@ MODES: dict[str, Callable[[Array, Array, Injection], Array]] = {
 def faulted(
     values: Array,
     times_s: Array,
-    injection: Injection,
+    injection: ChannelFault,
     low: float = -math.inf,
     high: float = math.inf,
 ) -> Array:
@@ -119,7 +119,7 @@ def faulted(
 
 def inject(
     scans: Sequence[Scan],
-    injection: Injection,
+    injection: ChannelFault,
     low: float = -math.inf,
     high: float = math.inf,
 ) -> tuple[Scan, ...]:
@@ -146,7 +146,7 @@ def inject(
 
 
 @dataclass(frozen=True)
-class Row:
+class InjectionSizes:
     """Sizes of one channel and mode: drawn between ``low`` and ``high``, either sign or side.
 
     ``ladder`` are severities from faint to plain, of which some lie below ``low``.
@@ -167,33 +167,37 @@ class Row:
         return severity
 
 
-ROWS: tuple[Row, ...] = (
-    Row("motor_current", "bias", 0.3, 1.0, (0.1, 0.2, 0.3, 0.4, 0.6, 1.0)),
-    Row("motor_current", "drift", 0.05, 0.2, (0.01, 0.02, 0.05, 0.1, 0.2)),
-    Row("motor_current", "scaling", 0.2, 0.4, (0.05, 0.1, 0.2, 0.3, 0.4)),
-    Row("motor_current", "dead", 0.0, 0.0, (0.0,)),
-    Row("motor_current", "stuck", 0.0, 0.0, (0.0,)),
-    Row("motor_current", "noise", 0.6, 2.0, (0.2, 0.4, 0.6, 1.0, 2.0)),
-    Row("motor_current", "dropout", 0.5, 3.0, (0.1, 0.2, 0.5, 1.0, 3.0)),
-    Row("motor_temperature", "bias", 4.0, 8.0, (1.0, 2.0, 4.0, 6.0, 8.0)),
-    Row("motor_temperature", "drift", 0.3, 0.8, (0.05, 0.1, 0.2, 0.3, 0.8)),
-    Row("motor_temperature", "scaling", 0.25, 0.4, (0.05, 0.1, 0.15, 0.25, 0.4)),
-    Row("motor_temperature", "dead", 0.0, 0.0, (0.0,)),
-    Row("motor_temperature", "stuck", 0.0, 0.0, (0.0,)),
-    Row("motor_temperature", "noise", 2.0, 6.0, (0.5, 1.0, 2.0, 4.0, 6.0)),
-    Row("motor_temperature", "dropout", 0.5, 3.0, (0.1, 0.2, 0.5, 1.0, 3.0)),
-    Row("actuator_position", "bias", 0.001, 0.006, (0.0003, 0.0005, 0.001, 0.002, 0.006)),
-    Row("actuator_position", "drift", 0.0003, 0.002, (0.0003, 0.0007, 0.001, 0.002)),
-    Row("actuator_position", "scaling", 0.1, 0.15, (0.02, 0.05, 0.1, 0.15)),
-    Row("actuator_position", "dead", 0.0, 0.0, (0.0,)),
-    Row("actuator_position", "stuck", 0.0, 0.0, (0.0,)),
-    Row("actuator_position", "noise", 0.0005, 0.002, (0.0001, 0.0002, 0.0005, 0.001, 0.002)),
-    Row("actuator_position", "dropout", 0.5, 3.0, (0.1, 0.2, 0.5, 1.0, 3.0)),
+ROWS: tuple[InjectionSizes, ...] = (
+    InjectionSizes("motor_current", "bias", 0.3, 1.0, (0.1, 0.2, 0.3, 0.4, 0.6, 1.0)),
+    InjectionSizes("motor_current", "drift", 0.05, 0.2, (0.01, 0.02, 0.05, 0.1, 0.2)),
+    InjectionSizes("motor_current", "scaling", 0.2, 0.4, (0.05, 0.1, 0.2, 0.3, 0.4)),
+    InjectionSizes("motor_current", "dead", 0.0, 0.0, (0.0,)),
+    InjectionSizes("motor_current", "stuck", 0.0, 0.0, (0.0,)),
+    InjectionSizes("motor_current", "noise", 0.6, 2.0, (0.2, 0.4, 0.6, 1.0, 2.0)),
+    InjectionSizes("motor_current", "dropout", 0.5, 3.0, (0.1, 0.2, 0.5, 1.0, 3.0)),
+    InjectionSizes("motor_temperature", "bias", 4.0, 8.0, (1.0, 2.0, 4.0, 6.0, 8.0)),
+    InjectionSizes("motor_temperature", "drift", 0.3, 0.8, (0.05, 0.1, 0.2, 0.3, 0.8)),
+    InjectionSizes("motor_temperature", "scaling", 0.25, 0.4, (0.05, 0.1, 0.15, 0.25, 0.4)),
+    InjectionSizes("motor_temperature", "dead", 0.0, 0.0, (0.0,)),
+    InjectionSizes("motor_temperature", "stuck", 0.0, 0.0, (0.0,)),
+    InjectionSizes("motor_temperature", "noise", 2.0, 6.0, (0.5, 1.0, 2.0, 4.0, 6.0)),
+    InjectionSizes("motor_temperature", "dropout", 0.5, 3.0, (0.1, 0.2, 0.5, 1.0, 3.0)),
+    InjectionSizes(
+        "actuator_position", "bias", 0.001, 0.006, (0.0003, 0.0005, 0.001, 0.002, 0.006)
+    ),
+    InjectionSizes("actuator_position", "drift", 0.0003, 0.002, (0.0003, 0.0007, 0.001, 0.002)),
+    InjectionSizes("actuator_position", "scaling", 0.1, 0.15, (0.02, 0.05, 0.1, 0.15)),
+    InjectionSizes("actuator_position", "dead", 0.0, 0.0, (0.0,)),
+    InjectionSizes("actuator_position", "stuck", 0.0, 0.0, (0.0,)),
+    InjectionSizes(
+        "actuator_position", "noise", 0.0005, 0.002, (0.0001, 0.0002, 0.0005, 0.001, 0.002)
+    ),
+    InjectionSizes("actuator_position", "dropout", 0.5, 3.0, (0.1, 0.2, 0.5, 1.0, 3.0)),
 )
 """Fixed before any of them was diagnosed; what lies below ``low`` only shows where a row ends."""
 
 
-def row_of(channel: str, mode: str) -> Row:
+def row_of(channel: str, mode: str) -> InjectionSizes:
     """Row of a channel and mode.
 
     Raises
@@ -215,8 +219,8 @@ def onsets(times_s: Array, position_m: Array) -> Array:
 
 
 def draw(
-    row: Row, onsets_s: Array, seed: int, case: int, severity: float | None = None
-) -> Injection:
+    row: InjectionSizes, onsets_s: Array, seed: int, case: int, severity: float | None = None
+) -> ChannelFault:
     """One case of a row: size, side and onset from ``seed``, or the size of a ladder's rung.
 
     Raises
@@ -235,4 +239,4 @@ def draw(
     onset_s = float(onsets_s[generator.integers(len(onsets_s))])
     strength = row.low + share * (row.high - row.low) if severity is None else severity
     noise_seed = int(generator.integers(2**31))
-    return Injection(row.channel, row.mode, row.size(strength, upward), onset_s, noise_seed)
+    return ChannelFault(row.channel, row.mode, row.size(strength, upward), onset_s, noise_seed)

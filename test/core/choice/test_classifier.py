@@ -24,7 +24,7 @@ from flea_diag.tools.features.classifier import (
     train,
     write_classifier,
 )
-from flea_diag.tools.features.samples import Run
+from flea_diag.tools.features.samples import FeatureRun
 
 FEATURES = ["level", "shape"]
 CENTRES = {"nominal": (1.0, 3.0), "jam": (3.0, 3.0), "spall": (3.0, 9.0)}
@@ -62,7 +62,7 @@ def test_what_was_learned_is_called_right_and_survives_its_file(tmp_path: Path) 
     write_classifier(path, train(samples(), FEATURES, "made up"))
     network = read_classifier(path)
     assert network.source == "made up"
-    runs = [Run(s.fault, 2e4, (s, s)) for s in samples(count=20) if s.fault != "nominal"]
+    runs = [FeatureRun(s.fault, 2e4, (s, s)) for s in samples(count=20) if s.fault != "nominal"]
     called = call(runs, network, ("jam", "spall"), windows=2)
     assert len(called) == 40
     assert all(row.right for row in called)

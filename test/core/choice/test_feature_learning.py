@@ -27,7 +27,7 @@ from flea_diag.errors import CalibrationError, ConfigurationError, RecordingErro
 from flea_diag.tools.features import bearing
 from flea_diag.tools.features import features as tool
 from flea_diag.tools.features.judge import Walk, report
-from flea_diag.tools.features.samples import Grid, Run, label, run_of, run_of_bag
+from flea_diag.tools.features.samples import FeatureRun, Grid, label, run_of, run_of_bag
 from flea_diag.tools.features.stand import drawn_scenario, stand_run
 from flea_diag.wire.bags.bag import BagWriter
 from flea_diag.wire.records import NEVER_NS, Scan, Truth, VibrationBlock
@@ -132,7 +132,7 @@ def test_probabilities_are_counts_with_half_a_count_added() -> None:
 )  # fmt: skip
 def test_features_are_asked_on_windows_that_are_fast_or_near_the_fastest(speeds, taken) -> None:
     samples = tuple(Sample("jam", OperatingPoint(speed, 50.0), {}) for speed in speeds)
-    run = Run("made up", 1.0, samples)
+    run = FeatureRun("made up", 1.0, samples)
     assert tuple(sample.point.speed_rad_s for sample in run.typical) == taken
     assert run.asked(["jam"], 9) == list(run.typical)
 
@@ -140,10 +140,10 @@ def test_features_are_asked_on_windows_that_are_fast_or_near_the_fastest(speeds,
 def test_features_are_asked_on_windows_in_motion_those_with_a_reversal_first() -> None:
     turning, straight = Sample("jam", POINT, {}), Sample("jam", POINT, {}, reverses=False)
     rest = Sample("jam", OperatingPoint(1.0, 50.0), {})
-    run = Run("made up", 1.0, (rest, straight, turning, turning))
+    run = FeatureRun("made up", 1.0, (rest, straight, turning, turning))
     assert run.asked(["jam"], 1) == [turning]
     assert run.asked(["jam"], 3) == [turning, turning, straight]
-    assert Run("made up", 1.0, (rest, straight)).asked(["jam"], 3) == [straight]
+    assert FeatureRun("made up", 1.0, (rest, straight)).asked(["jam"], 3) == [straight]
     assert run.asked(["spall"], 3) == []
 
 
@@ -307,7 +307,7 @@ FILES = {
 
 
 @pytest.fixture(scope="module")
-def recordings() -> dict[str, bearing.Recording]:
+def recordings() -> dict[str, bearing.BearingRecording]:
     if not all((DATA / "cwru" / file).is_file() for file in FILES.values()):
         pytest.skip(f"no bearing recordings in {DATA / 'cwru'}: set FLEA_DATA_DIR")
     return {
@@ -317,7 +317,7 @@ def recordings() -> dict[str, bearing.Recording]:
 
 
 def test_real_spalls_are_detected_in_windows_of_a_tenth_of_a_second(
-    recordings: dict[str, bearing.Recording],
+    recordings: dict[str, bearing.BearingRecording],
 ) -> None:
     normal, *faulty = recordings.values()
     found = {row.feature: row for row in bearing.judge(normal, faulty, 0.1, 0.01)}
@@ -332,7 +332,7 @@ def test_real_spalls_are_detected_in_windows_of_a_tenth_of_a_second(
 
 
 def test_envelope_names_the_race_of_real_spalls(
-    recordings: dict[str, bearing.Recording],
+    recordings: dict[str, bearing.BearingRecording],
 ) -> None:
     lines = {name: Counter(bearing.lines(recording)) for name, recording in recordings.items()}
     assert set(lines["inner"]) == {"inner"}

@@ -13,7 +13,7 @@ from flea_diag.tools.recordings.injection import (
     GAP_S,
     MODES,
     ROWS,
-    Injection,
+    ChannelFault,
     draw,
     faulted,
     inject,
@@ -28,7 +28,7 @@ ONSET = 1000
 
 
 def reading(mode: str, size: float, seed: int = 7) -> np.ndarray:
-    return faulted(TRUE, TIMES_S, Injection("motor_current", mode, size, 10.0, seed))
+    return faulted(TRUE, TIMES_S, ChannelFault("motor_current", mode, size, 10.0, seed))
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -70,7 +70,7 @@ def test_a_dropout_reads_zero_in_gaps_of_fifty_milliseconds() -> None:
 def test_what_is_not_measured_stays_so_and_the_range_holds() -> None:
     values = TRUE.copy()
     values[2000:2010] = np.nan
-    found = faulted(values, TIMES_S, Injection("x", "bias", 5.0, 10.0), high=6.5)
+    found = faulted(values, TIMES_S, ChannelFault("x", "bias", 5.0, 10.0), high=6.5)
     assert np.isnan(found[2000:2010]).all()
     assert np.nanmax(found) == 6.5
 
@@ -79,7 +79,7 @@ def test_scans_change_in_the_one_channel_alone() -> None:
     channels = ("motor_current", "load_force")
     scans = [Scan(k * 10_000_000, channels, (1.0, 5.0)) for k in range(100)]
     scans[60] = Scan(600_000_000, ("load_force",), (5.0,))
-    found = inject(scans, Injection("motor_current", "bias", 0.5, 0.5))
+    found = inject(scans, ChannelFault("motor_current", "bias", 0.5, 0.5))
     assert [scan.stamp_ns for scan in found] == [scan.stamp_ns for scan in scans]
     assert found[49] == scans[49]
     assert found[50].values == (1.5, 5.0)
@@ -89,9 +89,9 @@ def test_scans_change_in_the_one_channel_alone() -> None:
 def test_unknown_channel_and_mode_are_named() -> None:
     scans = [Scan(0, ("motor_current",), (1.0,))]
     with pytest.raises(ConfigurationError, match="motor_speed"):
-        inject(scans, Injection("motor_speed", "bias", 1.0, 0.0))
+        inject(scans, ChannelFault("motor_speed", "bias", 1.0, 0.0))
     with pytest.raises(ConfigurationError, match="wobble"):
-        inject(scans, Injection("motor_current", "wobble", 1.0, 0.0))
+        inject(scans, ChannelFault("motor_current", "wobble", 1.0, 0.0))
     with pytest.raises(ConfigurationError, match="motor_current bias"):
         row_of("nut_temperature", "bias")
 
