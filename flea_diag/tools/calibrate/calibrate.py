@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,8 @@ from flea_diag.tools.terminal import IN_PART, make_folder, warn, write_text
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import Calibration, Run
+    from flea_diag.core.calibration.identification import Identified
+    from flea_diag.core.calibration.innovation_learning import Learned as LearnedInnovations
     from flea_diag.core.calibration.thresholds import Trace
 
 NAME = "calibrate"
@@ -108,68 +111,106 @@ def learn(
         description does not fit, no motion.
     """
     from flea_diag.configuration import load_yaml
-    from flea_diag.core.calibration import identification, innovation_learning, thresholds
-    from flea_diag.core.calibration.calibration import Calibration, Run
-    from flea_diag.core.residuals.parameters import UnitTolerance
-    from flea_diag.core.residuals.residual_rows import INDEX
-    from flea_diag.core.sensors.sensor_limits import RESOLUTIONS, sensor_limits
+    from flea_diag.core.calibration import identification, thresholds
     from flea_diag.core.smoothing import KERNEL_LENGTH
 
+    described = load_yaml(actuator)
+    _check_recordings(recordings, described, actuator)
+    runs = [recording.run for recording in recordings]
+    period_s = recordings[0].period_s
+    found = identification.identify(runs, KERNEL_LENGTH, period_s)
+    traces = [thresholds.trace(run, found, KERNEL_LENGTH, period_s) for run in runs]
+    innovations = _innovations(recordings, traces, found)
+    traces = list(map(thresholds.with_innovations, traces, innovations.residuals))
+    calibration = _calibration(
+        str(described["name"]), recordings, found, traces, innovations, false_alarms_per_hour
+    )
+    return CalibrationResult(calibration, tuple(traces))
+
+
+def _check_recordings(
+    recordings: Sequence[NominalRecording], described: Any, actuator: str
+) -> None:
+    """Two recordings or more, all of one stand, and of the described actuator."""
     if len(recordings) < 2:
         raise CalibrationError(
-            f"{len(recordings)} usable recordings, at least 2 are needed to tell scatter from fault"
+            f"{len(recordings)} usable recordings, at least 2 are needed to estimate the scatter"
         )
     first = recordings[0]
-    described = load_yaml(actuator)
     _check_described(first, described, actuator)
     for other in recordings[1:]:
         check_alike(first, other)
-    runs = [recording.run for recording in recordings]
-    found = identification.identify(runs, KERNEL_LENGTH, first.period_s)
-    traces = [thresholds.trace(run, found, KERNEL_LENGTH, first.period_s) for run in runs]
-    watched = innovation_learning.learn(
-        [Run(run.name, _trusted(run, seen)) for run, seen in zip(runs, traces, strict=True)],
-        found.parameters,
-        UnitTolerance(),
-        first.period_s,
-        first.sampling or "mean",
+
+
+def _innovations(
+    recordings: Sequence[NominalRecording], traces: Sequence[Trace], found: Identified
+) -> LearnedInnovations:
+    """Innovation residuals of the state observer, with its noise, from the usable voltage."""
+    from flea_diag.core.calibration import innovation_learning
+    from flea_diag.core.calibration.calibration import Run
+    from flea_diag.core.residuals.parameters import UnitTolerance
+
+    first = recordings[0]
+    runs = [
+        Run(recording.run.name, _without_bad_voltage(recording.run, trace))
+        for recording, trace in zip(recordings, traces, strict=True)
+    ]
+    return innovation_learning.learn(
+        runs, found.parameters, UnitTolerance(), first.period_s, first.sampling or "mean"
     )
-    traces = list(map(thresholds.with_innovations, traces, watched.residuals))
-    calibration = Calibration(
-        actuator=str(described["name"]),
-        period_s=first.period_s,
+
+
+def _calibration(
+    name: str,
+    recordings: Sequence[NominalRecording],
+    found: Identified,
+    traces: Sequence[Trace],
+    innovations: LearnedInnovations,
+    false_alarms_per_hour: float,
+) -> Calibration:
+    """Calibration file content: identified parameters, and limits for the false-alarm rate."""
+    from flea_diag.core.calibration import thresholds
+    from flea_diag.core.calibration.calibration import Calibration
+    from flea_diag.core.residuals.parameters import UnitTolerance
+    from flea_diag.core.residuals.residual_rows import INDEX
+    from flea_diag.core.sensors.sensor_limits import RESOLUTIONS, sensor_limits
+
+    first, runs = recordings[0], [recording.run for recording in recordings]
+    period_s = first.period_s
+    return Calibration(
+        actuator=name,
+        period_s=period_s,
         channels=first.channels,
         voltage_sampling=first.sampling,
         parameters=found.parameters,
         sigmas=found.sigmas,
         not_identified=found.not_identified,
         tolerance=UnitTolerance(),
-        limits=thresholds.limits(traces, false_alarms_per_hour, first.period_s, watched.spread),
+        limits=thresholds.limits(traces, false_alarms_per_hour, period_s, innovations.spread),
         false_alarms_per_hour=false_alarms_per_hour,
         voltage_limit_v=found.voltage_limit_v,
-        nominal_s=sum(len(run.rows) for run in runs) * first.period_s,
+        nominal_s=sum(len(run.rows) for run in runs) * period_s,
         sources=tuple(run.name for run in runs),
         bad_stretches=tuple(
-            stretch for traced in traces for stretch in thresholds.stretches(traced, first.period_s)
+            stretch for trace in traces for stretch in thresholds.stretches(trace, period_s)
         ),
-        observer_noise=watched.noise,
+        observer_noise=innovations.noise,
         sensors=sensor_limits(
             [{name: run.rows[:, INDEX[name]] for name in RESOLUTIONS} for run in runs],
             false_alarms_per_hour,
-            first.period_s,
+            period_s,
         ),
         covariance=tuple(found.covariance),
-        shifts=thresholds.shift_limits(traces, false_alarms_per_hour, first.period_s),
+        shifts=thresholds.shift_limits(traces, false_alarms_per_hour, period_s),
     )
-    return CalibrationResult(calibration, tuple(traces))
 
 
-def _trusted(run: Run, seen: Trace) -> Any:
-    """Rows without the voltage where it is not to be trusted: not measured there."""
+def _without_bad_voltage(run: Run, trace: Trace) -> Any:
+    """Rows with the voltage as NaN (not measured) where it failed its plausibility test."""
     from flea_diag.core.residuals.residual_rows import INDEX
 
     rows = run.rows.copy()
-    rows[~seen.voltage_usable, INDEX["motor_voltage"]] = float("nan")
+    rows[~trace.voltage_usable, INDEX["motor_voltage"]] = float("nan")
     return rows
 
 
