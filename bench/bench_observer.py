@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 
@@ -115,48 +116,15 @@ def kalman(model: LinearModel) -> Rival:
 def progpy(model: LinearModel, particles: int, systematic: bool) -> Rival:
     """The particle filter of progpy on the same model: vectorised, same noise, exact step."""
     from filterpy.monte_carlo import residual_resample, systematic_resample
-    from progpy import PrognosticsModel
     from progpy.state_estimators import ParticleFilter as ProgpyFilter
     from progpy.uncertain_data import MultivariateNormalDist
 
     np.random.seed(1)  # noqa: NPY002 - filterpy draws from the global generator
-    draw, root = np.random.default_rng(1), np.linalg.cholesky(model.Q)
-    names = {
-        "inputs": list(model.inputs),
-        "states": list(model.states),
-        "outputs": list(model.channels),
-    }
-
-    class Ema(PrognosticsModel):
-        """The model in progpy's terms."""
-
-        is_vectorized = True
-        inputs, states, outputs = names["inputs"], names["states"], names["outputs"]
-        events: list[str] = []  # noqa: RUF012
-        default_parameters = {"process_noise": 0, "measurement_noise": 0}  # noqa: RUF012
-
-        def initialize(self, u: object = None, z: object = None) -> object:
-            """All zero."""
-            return self.StateContainer(np.zeros((3, 1)))
-
-        def next_state(self, x: object, u: object, dt: float) -> object:
-            """One exact scan."""
-            return self.StateContainer(model.A @ x.matrix + model.B @ u.matrix)
-
-        def output(self, x: object) -> object:
-            """Current and position."""
-            return self.OutputContainer(model.H @ x.matrix + model.h[:, None])
-
-    def scattered(x: object, dt: float = 1) -> object:
-        noise = root @ draw.standard_normal(x.matrix.shape)
-        return prognostics.StateContainer(x.matrix + noise)
-
-    prognostics = Ema()
-    prognostics.apply_process_noise = scattered  # correlated noise, the same as ours
+    prognostics = progpy_model(model)
     sigma = dict(zip(model.channels, np.sqrt(np.diag(model.R)).tolist(), strict=True))
     estimator = ProgpyFilter(
         prognostics,
-        MultivariateNormalDist(names["states"], np.zeros(3), START),
+        MultivariateNormalDist(list(model.states), np.zeros(3), START),
         num_particles=particles,
         measurement_noise=sigma,
         resample_fcn=systematic_resample if systematic else residual_resample,
@@ -174,6 +142,42 @@ def progpy(model: LinearModel, particles: int, systematic: bool) -> Rival:
         return np.asarray(estimator.particles.matrix, dtype=float).mean(axis=1)
 
     return step, estimate
+
+
+def progpy_model(model: LinearModel) -> Any:
+    """The linear model as a PrognosticsModel with the same, correlated, process noise."""
+    from progpy import PrognosticsModel
+
+    draw, root = np.random.default_rng(1), np.linalg.cholesky(model.Q)
+    names = list(model.inputs), list(model.states), list(model.channels)
+
+    class Ema(PrognosticsModel):
+        """The model in progpy's terms."""
+
+        is_vectorized = True
+        inputs, states, outputs = names
+        events: list[str] = []  # noqa: RUF012
+        default_parameters = {"process_noise": 0, "measurement_noise": 0}  # noqa: RUF012
+
+        def initialize(self, u: object = None, z: object = None) -> object:
+            """Zero state."""
+            return self.StateContainer(np.zeros((3, 1)))
+
+        def next_state(self, x: object, u: object, dt: float) -> object:
+            """State after one scan, exactly discretised."""
+            return self.StateContainer(model.A @ x.matrix + model.B @ u.matrix)
+
+        def output(self, x: object) -> object:
+            """Current and position."""
+            return self.OutputContainer(model.H @ x.matrix + model.h[:, None])
+
+    def scattered(x: object, dt: float = 1) -> object:
+        noise = root @ draw.standard_normal(x.matrix.shape)
+        return prognostics.StateContainer(x.matrix + noise)
+
+    prognostics = Ema()
+    prognostics.apply_process_noise = scattered  # progpy's own noise has no correlation
+    return prognostics
 
 
 def rivals(model: LinearModel) -> dict[str, Rival]:
