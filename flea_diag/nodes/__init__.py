@@ -1,1 +1,1 @@
-"""Thin rclpy adapters that put stages on the bus."""
+"""ROS nodes: adapters that connect stages to the bus, recorder, operator screens, live run."""

@@ -1,8 +1,8 @@
-"""Puts any stage on the bus: subscribes to what it consumes, publishes what it returns.
+"""Connects a stage to the bus: subscribes to its inputs and publishes its outputs.
 
-Has a node, is not a node. The stage decides; the adapter keeps what belongs to the live graph:
-the verdict repeated each second, STALE when the source stops, health, and a fresh stage when
-stamps jump back (a replay that loops).
+The stage decides. The adapter does what a live graph needs besides: it repeats the verdict every
+second, marks it STALE when the source stops, reports health, and builds a fresh stage when stamps
+jump back (a looping replay). It uses a node through the bus and is none itself.
 """
 
 from __future__ import annotations
@@ -44,26 +44,27 @@ JUDGEMENTS = (
 )
 
 SOURCES: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan)
-"""What a stand publishes; all else is caused by it."""
+"""Records that a stand publishes; all other records follow from them."""
 
 STREAMS: tuple[type, ...] = (VibrationBlock, Scan, Residual, VibrationLevel)
-"""Records whose stamps only grow. A latched record is as old as it likes to be."""
+"""Records with increasing stamps. Latched records are excluded: they may be of any age."""
 
 SAID_ONCE: tuple[type, ...] = (ChannelTable, DataQuality, AmbiguityGroup)
-"""Records of how things stand: a fresh stage is told them again."""
+"""State records, given to a fresh stage again."""
 
 JUMP_NS = 1_000_000_000
-"""Stamps that are older than the stream by more than this start a new run."""
+"""Step back of the stamps from which on a new run is assumed."""
 
 FOLLOWERS = 10
-"""So many of them in a row: one wrong stamp, or a second source, does not."""
+"""Consecutive records with such a step that start a new run; a single wrong stamp, or a second
+source, does not."""
 
 REPEAT_S = 1.0
 WATCH_S = 0.1
 
 
 class StageFactory(Protocol):
-    """A stage that can be built: ``flea_diag.configuration`` names one for each node."""
+    """Builds a stage from its parameters; ``flea_diag.configuration`` has one for each node."""
 
     parameters: type
 
@@ -72,16 +73,16 @@ class StageFactory(Protocol):
         ...
 
     def warm_up(self, parameters: Any) -> None:
-        """Do beforehand what else the first records would wait for."""
+        """Compile and load beforehand what would otherwise delay the first records."""
         ...
 
 
 @dataclass(frozen=True)
 class StagePorts:
-    """What a node takes and gives, declared before it runs.
+    """Record types that a node subscribes to and publishes, declared before it runs.
 
-    ``sources_only`` is for stages composed in one process: what they hand to each other is
-    published for people and the recorder, and must not come back to them from the bus.
+    ``sources_only`` is for stages composed in one process: the records that they exchange are
+    published for operators and the recorder, and must not be read back from the bus.
     """
 
     subscribes: tuple[type, ...]
@@ -96,7 +97,7 @@ def stage_program(
     ports: StagePorts,
     examples: tuple[str, ...] = (),
 ) -> Program:
-    """Program of a node that is one stage on the bus."""
+    """Program of a node that runs one stage."""
 
     def start(bus: Bus[Any], parameters: Any) -> None:
         component.warm_up(parameters)
@@ -115,21 +116,21 @@ def stage_program(
 
 
 class Adapter:
-    """One stage and the bus that it lives on.
+    """Connects one stage to the bus of its node.
 
     Parameters
     ----------
     bus
-        Of the node.
+        Bus of the node.
     build
-        Makes a fresh stage of parameters; called again when stamps have jumped back and when a
-        parameter changes.
+        Builds a fresh stage from parameters; called again after a step back of the stamps and
+        after a change of parameters.
     parameters
         Values at start.
     ports
-        Topics to advertise, and whether only the stand's own are taken.
+        Topics to advertise, and whether only the stand's own topics are subscribed to.
     memory
-        Of the verdict, for a stage whose own verdict tells it of the past.
+        Stored verdict, from which a restarted diagnosis resumes.
     """
 
     def __init__(
@@ -148,7 +149,7 @@ class Adapter:
         self._health = HealthReport(bus)
         self._latest_ns: dict[type, int] = {}
         self._held: list[Record] = []
-        """Those of streams whose stamps have jumped back, in the order of arrival."""
+        """Stream records received since their stamps stepped back, in order of arrival."""
         self._said_once: dict[type, Record] = {}
         self._mirrored: dict[type, Record] = {}
         self._memory = memory
@@ -182,13 +183,13 @@ class Adapter:
             self._mirror(record)
 
     def _mirror(self, record: Record) -> None:
-        """Tell people's tools what has changed; it is repeated each second."""
+        """Publish a changed state on /diagnostics; it is repeated every second."""
         if isinstance(record, MIRRORED):
             self._mirrored[type(record)] = record
             self._bus.publish(mirrored(record, self._bus.name, self._bus.now_ns()))
 
     def _due(self, record: Record) -> tuple[Record, ...]:
-        """What is to be taken now; what jumps back waits until it is known for a new run."""
+        """Records to handle now; a record that steps back waits until a new run is confirmed."""
         kind = type(record)
         if kind not in STREAMS:
             return (record,)
@@ -203,11 +204,13 @@ class Adapter:
         if sum(type(held) is kind for held in self._held) < FOLLOWERS:
             return ()
         back_s = (latest_ns - record.stamp_ns) / 1e9
-        self._bus.info(f"{kind.__name__} stamps went back by {back_s:.1f} s: starting afresh")
+        self._bus.info(
+            f"{kind.__name__} stamps stepped back by {back_s:.1f} s: diagnosis restarted"
+        )
         return self._new_run()
 
     def _new_run(self) -> tuple[Record, ...]:
-        """Start afresh with what was held; all of it is due."""
+        """Restart the diagnosis with the records held back; all of them are due."""
         held, self._held = tuple(self._held), []
         self._forget_after(held[0].stamp_ns)
         self._start_afresh()
@@ -216,7 +219,7 @@ class Adapter:
         return held
 
     def _forget_after(self, stamp_ns: int) -> None:
-        """What is younger than a new run's first record belongs to the run before."""
+        """Drop state records newer than the first record of a new run: they are of the old run."""
         self._said_once = {
             kind: record for kind, record in self._said_once.items() if record.stamp_ns <= stamp_ns
         }
@@ -233,16 +236,16 @@ class Adapter:
     def _reconfigure(self, parameters: Any) -> None:
         self._parameters = parameters
         self._start_afresh()
-        self._bus.info("parameters changed: starting afresh")
+        self._bus.info("parameters changed: diagnosis restarted")
 
     def _reset(self) -> str:
         records = self._stage.reset()  # type: ignore[attr-defined]
         self._publish(records)
-        return f"episode closed and re-armed, {len(records)} records published"
+        return f"episode closed, detection re-armed, {len(records)} records published"
 
     def _watch(self) -> None:
         if self._health.silent:
-            # Records that wait for a watermark would wait for ever.
+            # Without new records the watermark never passes those still waiting: release them.
             self._publish(getattr(self._stage, "finish", tuple)())
         changed = self._verdict.source_silent(self._health.silent)
         if changed is not None:

@@ -9,14 +9,15 @@ from flea_diag.wire.bus import Program, run
 
 
 def program() -> Program:
-    """What this node is; the imports are slow and wait until signals are in hand."""
+    """Description of this node; its slow imports come after the signal handlers are installed."""
     from flea_diag.configuration import DIAGNOSER
     from flea_diag.nodes.adapter import JUDGEMENTS, SOURCES, StagePorts, stage_program
     from flea_diag.wire import records as r
 
     return stage_program(
         "diagnoser",
-        "The whole diagnosis in one process: scans and vibration in, the ambiguity group out.",
+        "Runs observer, isolator and extractor in one process: scans and vibration in, ambiguity "
+        "group out.",
         DIAGNOSER,
         StagePorts(
             subscribes=SOURCES,
@@ -31,7 +32,7 @@ def program() -> Program:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; the exit status."""
+    """Run until SIGINT or SIGTERM; return the exit status."""
     return run(program, argv)
 
 

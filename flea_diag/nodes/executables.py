@@ -1,4 +1,4 @@
-"""Which module each executable of the package runs, as its launcher in ``launcher`` does."""
+"""Executable of the package -> module that it runs, the same as its script in ``launcher``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ros2 run flea_diag extractor``: undecoded vibration in, features on request out."""
+"""``ros2 run flea_diag extractor``: vibration blocks in, requested features out."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from flea_diag.wire.bus import Program, run
 
 
 def program() -> Program:
-    """What this node is; the imports are slow and wait until signals are in hand."""
+    """Description of this node; its slow imports come after the signal handlers are installed."""
     from flea_diag.configuration import EXTRACTOR
     from flea_diag.nodes.adapter import StagePorts, stage_program
     from flea_diag.wire import records as r
 
     return stage_program(
         "extractor",
-        "Keeps the last seconds of vibration as they came in and computes a feature on request.",
+        "Buffers the last seconds of vibration undecoded and computes features on request.",
         EXTRACTOR,
         StagePorts(
             subscribes=(r.ChannelTable, r.VibrationBlock, r.Scan, r.FeatureRequest),
@@ -27,7 +27,7 @@ def program() -> Program:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; the exit status."""
+    """Run until SIGINT or SIGTERM; return the exit status."""
     return run(program, argv)
 
 

@@ -1,4 +1,4 @@
-"""Health of one of our nodes at 1 Hz on /diagnostics (REP-107): the program, not the actuator."""
+"""Health of a node itself, not of the actuator: at 1 Hz on /diagnostics (REP-107)."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from flea_diag.wire.bus import Bus
 from flea_diag.wire.records import Health, Level
 
 SILENT_AFTER_S = 0.6
-"""With a watch each 0.1 s a source that stops is called stale well within a second."""
+"""Silence after which the source is stale. With a check every 0.1 s it is reported within 1 s."""
 
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
 class HealthReport:
-    """Counts what came, what was late and what was passed over; measures lag, CPU and memory."""
+    """Counts received, late and skipped messages; measures lag, CPU and memory."""
 
     def __init__(self, bus: Bus[Any]) -> None:
         self._bus = bus
@@ -28,19 +28,19 @@ class HealthReport:
 
     @property
     def silent(self) -> bool:
-        """Whether the stream that was there has stopped."""
+        """Whether a stream that was running has stopped."""
         last = self._last_arrival_s
         return last is not None and time.monotonic() - last > SILENT_AFTER_S
 
     def arrived(self, record_type: type, stamp_ns: int, late: bool) -> None:
-        """Note a record of a stream; ``late`` when a younger one came before it."""
+        """Count a record of a stream; ``late`` when a newer one arrived before it."""
         self._last_arrival_s = time.monotonic()
         self._worst_lag_ns = max(self._worst_lag_ns, self._bus.now_ns() - stamp_ns)
         if late:
             self._late[record_type] = self._late.get(record_type, 0) + 1
 
     def record(self, extra: tuple[tuple[str, str], ...] = ()) -> Health:
-        """The report since the last one, with ``extra`` key/values at its end."""
+        """Report for the time since the previous report, followed by the key/values ``extra``."""
         passed_over = sum(
             stream.malformed + stream.refused + stream.lost for stream in self._bus.streams.values()
         )
@@ -55,9 +55,9 @@ class HealthReport:
             return Level.STALE, "waiting for the first record"
         if self.silent:
             silent_s = time.monotonic() - self._last_arrival_s
-            return Level.STALE, f"no record for {silent_s:.0f} s: is the source running?"
+            return Level.STALE, f"no record for {silent_s:.0f} s: check that the source is running"
         if new > 0:
-            return Level.WARN, f"{new} messages passed over or lost since the last report"
+            return Level.WARN, f"{new} messages skipped or lost since the last report"
         return Level.OK, "running"
 
     def _stream_values(self) -> tuple[tuple[str, str], ...]:

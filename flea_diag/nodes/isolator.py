@@ -9,14 +9,15 @@ from flea_diag.wire.bus import Program, run
 
 
 def program() -> Program:
-    """What this node is; the imports are slow and wait until signals are in hand."""
+    """Description of this node; its slow imports come after the signal handlers are installed."""
     from flea_diag.configuration import ISOLATOR
     from flea_diag.nodes.adapter import StagePorts, stage_program
     from flea_diag.wire import records as r
 
     return stage_program(
         "isolator",
-        "Names the faults that are still possible and asks for the feature that splits them best.",
+        "Reduces the ambiguity group to the faults that fit the evidence, and requests the next "
+        "feature.",
         ISOLATOR,
         StagePorts(
             subscribes=(
@@ -38,7 +39,7 @@ def program() -> Program:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; the exit status."""
+    """Run until SIGINT or SIGTERM; return the exit status."""
     return run(program, argv)
 
 

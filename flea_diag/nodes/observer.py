@@ -9,14 +9,15 @@ from flea_diag.wire.bus import Program, run
 
 
 def program() -> Program:
-    """What this node is; the imports are slow and wait until signals are in hand."""
+    """Description of this node; its slow imports come after the signal handlers are installed."""
     from flea_diag.configuration import OBSERVER
     from flea_diag.nodes.adapter import StagePorts, stage_program
     from flea_diag.wire import records as r
 
     return stage_program(
         "observer",
-        "Forms calibrated residuals of every scan, tests them and reports what deviates, as signs.",
+        "Computes calibrated residuals for every scan, tests them, and publishes the symbols of "
+        "those that deviate.",
         OBSERVER,
         StagePorts(
             subscribes=(r.ChannelTable, r.Scan, r.AmbiguityGroup),
@@ -30,7 +31,7 @@ def program() -> Program:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; the exit status."""
+    """Run until SIGINT or SIGTERM; return the exit status."""
     return run(program, argv)
 
 

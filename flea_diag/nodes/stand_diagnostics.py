@@ -1,8 +1,8 @@
-"""The stand on /diagnostics, for people with rqt_robot_monitor and diagnostic_aggregator.
+"""Status of the stand on /diagnostics, for rqt_robot_monitor and diagnostic_aggregator.
 
-A mirror, once a second and on each change, of what goes out on topics of its own: the verdict
-and the state of the channels. Nothing reads it back. Names are ``NODE: verdict`` and
-``NODE: channels`` (REP-107), beside ``NODE`` for the program itself.
+Repeats the verdict and the state of the channels, which have topics of their own, once a second
+and on every change. No node of ours reads it. Names are ``NODE: verdict`` and ``NODE: channels``
+(REP-107), beside ``NODE`` for the health of the node itself.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ MIRRORED: tuple[type, ...] = (AmbiguityGroup, DataQuality)
 
 
 def mirrored(record: AmbiguityGroup | DataQuality, node: str, now_ns: int) -> Health:
-    """Status of the stand that a judgement of ``MIRRORED`` amounts to."""
+    """Diagnostic status with the content of a record of one of the ``MIRRORED`` types."""
     if isinstance(record, DataQuality):
         return _status(record, f"{node}: channels", now_ns, _of_channels(record))
     return _status(record, f"{node}: verdict", now_ns, _of_group(record))

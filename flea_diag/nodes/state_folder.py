@@ -1,4 +1,4 @@
-"""Where nodes keep what has to survive them."""
+"""Folder for data that must survive a restart of a node."""
 
 from __future__ import annotations
 
@@ -7,6 +7,6 @@ from pathlib import Path
 
 
 def state_folder() -> Path:
-    """Folder of the user's state (XDG base directories); it need not exist yet."""
+    """State folder of the user (XDG base directories); it may not exist yet."""
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     return Path(state) / "flea_diag"

@@ -1,6 +1,6 @@
-"""The verdict as it goes out: on every change, again each second, STALE when the source stops.
+"""The verdict as published: on every change, repeated every second, STALE when the source stops.
 
-A console that joins late, or lost one message, is right within a second.
+A console that joins late, or lost a message, is up to date within a second.
 """
 
 from __future__ import annotations
@@ -11,27 +11,27 @@ from flea_diag.wire.records import AmbiguityGroup
 
 
 class NumberedVerdict:
-    """The last ambiguity group, numbered: ``seq`` grows with every publication."""
+    """The latest ambiguity group; ``seq`` increases with every publication."""
 
     def __init__(self) -> None:
         self._group: AmbiguityGroup | None = None
         self._seq = 0
 
     def changed(self, group: AmbiguityGroup, silent: bool = False) -> AmbiguityGroup:
-        """Number a new group; it is stale when it came of the last records of a silent source."""
+        """Number a new group; it is stale when its source has already stopped."""
         self._group = replace(group, stale=silent)
         return self._numbered(self._group)
 
     def forget(self) -> None:
-        """Repeat nothing of the run before; numbers go on growing."""
+        """Forget the group of the previous run; ``seq`` continues."""
         self._group = None
 
     def again(self) -> AmbiguityGroup | None:
-        """The last group with the next number, or None before there is one."""
+        """The latest group with the next number; None before the first group."""
         return None if self._group is None else self._numbered(self._group)
 
     def source_silent(self, silent: bool) -> AmbiguityGroup | None:
-        """Group to publish at once because its source stopped or came back, or None."""
+        """Group to publish at once because its source has stopped or resumed, else None."""
         if self._group is None or self._group.stale == silent:
             return None
         self._group = replace(self._group, stale=silent)

@@ -1,8 +1,9 @@
-"""The last verdict on disk: what a diagnoser that is started again in mid-run takes over.
+"""The last verdict on disk, from which a diagnoser restarted during a run resumes.
 
-Separate nodes tell one another what was: the latched topics of those that live on. One process
-that dies takes all of it along. What it learned of the unit, and whether a fault was there, stands
-in its verdict; the observer takes that over where the stamps say that it is of the same run.
+With separate nodes, a restarted node recovers its state from the latched topics of the others.
+The diagnoser holds all stages in one process and loses everything when it is killed. Its verdict
+contains the learned unit offsets and the open episode; the observer resumes from it when its
+stamps belong to the same run.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ NONE = "none"
 
 
 class VerdictMemory:
-    """One file with the newest verdict; a file that cannot be used is said once, and no more.
+    """File with the latest verdict; an unusable file is reported once and then ignored.
 
     Parameters
     ----------
     bus
-        Of the node that it belongs to.
+        Bus of the node.
     path
-        Of the file; empty is one for this domain and node name, "none" none at all.
+        Path of the file; empty: one file per domain and node name; "none": no file.
     """
 
     def __init__(self, bus: Bus[Any], path: str) -> None:
@@ -41,7 +42,7 @@ class VerdictMemory:
         self._used = path != NONE
 
     def recall(self) -> AmbiguityGroup | None:
-        """What was kept, None where that is nothing that can be read."""
+        """The stored verdict; None when there is no file or it cannot be read."""
         if not self._used:
             return None
         try:
@@ -50,11 +51,14 @@ class VerdictMemory:
         except FileNotFoundError:
             return None
         except (OSError, FleaError) as error:
-            self._bus.warn(f"memory = {str(self._path)!r} tells nothing of the past: {error}")
+            self._bus.warn(
+                f"memory = {str(self._path)!r} cannot be read ({error}): starting without the "
+                "previous verdict"
+            )
             return None
 
     def keep(self, group: AmbiguityGroup) -> None:
-        """Put this verdict in place of the last one: a reader sees the one or the other."""
+        """Replace the stored verdict in one step: a reader sees either the old or the new one."""
         if not self._used:
             return
         try:
@@ -63,6 +67,6 @@ class VerdictMemory:
         except OSError as error:
             self._used = False
             self._bus.warn(
-                f"memory = {str(self._path)!r} cannot be written ({error}): a diagnoser that is "
-                "started again will know nothing of this run"
+                f"memory = {str(self._path)!r} cannot be written ({error}): a restarted diagnoser "
+                "will begin without the state of this run; name a writable file"
             )

@@ -1,5 +1,5 @@
-"""What the people at the stand are told: a state folded from records, and alarms.
+"""Content of the operator screens: a state folded from records, alarms, text panels.
 
-Pure: records in, frozen values out; no ROS, no file, no clock. Every screen (text, page, web)
-renders the same `OperatorState`, so that none can say more than the records do.
+Pure: records in, frozen values out; no ROS, no files, no clock. All screens (lines, console, web
+page) render the same `OperatorState` and show nothing that is not in the records.
 """

@@ -1,7 +1,7 @@
-"""One episode as its alarm: what was measured, what it means, and what people said to it.
+"""Alarm of an episode: the detection, the verdict, and the operators' remarks.
 
-An alarm is known by when its episode was detected, not by the episode's number: numbers
-start again with the isolator, the detection does not. It stays until it is acknowledged.
+An alarm is identified by the stamp of its detection, not by the number of its episode: numbers
+restart with the isolator. It stays until it is acknowledged.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Key = tuple[str, int]
 
 @dataclass(frozen=True, slots=True)
 class Comment:
-    """What somebody said to an alarm, or to a moment (a mark)."""
+    """Comment of an operator on an alarm, or on a moment (a mark)."""
 
     stamp_ns: int
     author: str
@@ -35,7 +35,7 @@ class Comment:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """One fault of an alarm's last group; ``size`` is NaN where none was estimated."""
+    """One fault of the latest group of an alarm; ``size`` is NaN where none was estimated."""
 
     fault: str
     probability: float
@@ -48,11 +48,10 @@ class Member:
 class Alarm:
     """An episode from its detection to its acknowledgement.
 
-    ``residual``, ``value``, ``limit`` and ``test`` are those of the detection; the residual is
-    empty where no such record came (vibration opens an episode without one, and a screen may
-    have been started later); ``opened_by`` is then what the verdict says of it. ``deviations``
-    are the residuals that deviated in its course: evidence inside the episode, no alarms of
-    their own.
+    ``residual``, ``value``, ``limit`` and ``test`` are those of the detection. Without a detection
+    record the residual is empty and ``opened_by`` comes from the verdict: the vibration monitor
+    opens an episode without one, and a screen may have started later. ``deviations`` are the
+    residuals that deviated during the episode: evidence, not alarms of their own.
     """
 
     source: str
@@ -75,32 +74,32 @@ class Alarm:
 
     @property
     def key(self) -> Key:
-        """What tells it from all others, also after a restart."""
+        """Identity of the alarm, also after a restart."""
         return self.source, self.detected_ns
 
     @property
     def standing(self) -> bool:
-        """Whether it still waits for somebody to acknowledge it."""
+        """Whether it is not acknowledged yet."""
         return self.acknowledged_ns == NEVER_NS
 
     @property
     def rings(self) -> bool:
-        """Whether it may make a noise: not what is acknowledged, and never a replay."""
+        """Whether the bell rings for it: not acknowledged, and not of a replay."""
         return self.standing and self.source != REPLAY
 
 
 def of_detection(detection: Detection, source: str) -> Alarm:
-    """Alarm that a detection opens."""
+    """Alarm opened by a detection."""
     return with_detection(Alarm(source, detection.stamp_ns, detection.episode), detection)
 
 
 def of_group(group: AmbiguityGroup) -> Alarm:
-    """Alarm of a verdict whose detection was not seen."""
+    """Alarm of a verdict whose detection was not received."""
     return with_group(Alarm(group.source, group.detected_stamp_ns, group.episode), group)
 
 
 def with_detection(alarm: Alarm, detection: Detection) -> Alarm:
-    """Value, limit and test of the detection that opened it."""
+    """Add value, limit and test of the detection that opened the episode."""
     if detection.test == TAKEN_OVER:
         return alarm
     return replace(
@@ -113,7 +112,7 @@ def with_detection(alarm: Alarm, detection: Detection) -> Alarm:
 
 
 def with_group(alarm: Alarm, group: AmbiguityGroup) -> Alarm:
-    """The latest verdict on it; one that says the same again keeps the older stamp."""
+    """Update the verdict; a repeated verdict keeps the older stamp."""
     members = tuple(
         Member(c.fault, c.probability, c.size, c.size_sigma, c.size_unit) for c in group.members
     )
@@ -132,7 +131,7 @@ def with_group(alarm: Alarm, group: AmbiguityGroup) -> Alarm:
 
 
 def with_symbols(alarm: Alarm, symbols: Symbols) -> Alarm:
-    """Deviations in the course of the episode, the first of each kind with its time."""
+    """Add deviations during the episode, each kind once with the time of its first occurrence."""
     seen = {(s.residual, s.magnitude, s.slope) for s in alarm.deviations}
     new = tuple(s for s in symbols.symbols if (s.residual, s.magnitude, s.slope) not in seen)
     return replace(alarm, deviations=alarm.deviations + new) if new else alarm

@@ -1,4 +1,4 @@
-"""Alarms in words: value, limit, evidence and time, and what people said to them."""
+"""Alarms as text: value, limit, evidence, times, and the operators' remarks."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ MOST_MARKS = 6
 
 
 def key_text(key: Key) -> str:
-    """Key of an alarm as a word."""
+    """Key of an alarm as one word."""
     return f"{key[0]}:{key[1]}"
 
 
 def alarm_text(alarm: Alarm) -> str:
-    """One alarm in one line: when, what passed which limit, and what it means by now."""
+    """One alarm in one line: time, residual and limit, latest verdict."""
     return f"{clock(alarm.detected_ns)} UTC  {cause(alarm)}  {meaning(alarm)}"
 
 
 def cause(alarm: Alarm) -> str:
     """Value, limit and test that opened the episode."""
     if not alarm.residual:
-        return alarm.opened_by or "no test of a residual is known to have opened it"
+        return alarm.opened_by or "detection not received"
     return f"{alarm.residual}: z = {number(alarm.value)}, limit {number(alarm.limit)}, {alarm.test}"
 
 
 def meaning(alarm: Alarm) -> str:
-    """The last verdict in the words that it was given in."""
+    """The latest verdict as published."""
     if not alarm.words:
         return "no verdict yet"
     return f"{alarm.outcome.value}: {alarm.words}"
@@ -45,7 +45,7 @@ def member_text(member: Member) -> str:
 
 
 def detail(alarm: Alarm) -> Panel:
-    """Everything that is kept of one alarm."""
+    """All stored information on one alarm."""
     lines = [Line(f"verdict  {meaning(alarm)}", _level(alarm))]
     if alarm.verdict_ns != NEVER_NS:
         lines.append(Line(f"given at {clock(alarm.verdict_ns)} UTC"))
@@ -66,7 +66,7 @@ def detail(alarm: Alarm) -> Panel:
 
 
 def alarms(state: OperatorState) -> Panel | None:
-    """Episodes, the latest first; those that stand stay, however old."""
+    """Episodes, the latest first; unacknowledged ones are shown at any age."""
     if not state.alarms:
         return None
     standing = [alarm for alarm in state.alarms if alarm.standing]
@@ -82,7 +82,7 @@ def alarms(state: OperatorState) -> Panel | None:
 
 
 def marks(state: OperatorState) -> Panel | None:
-    """Moments that people marked, the latest first."""
+    """Marks of the operators, the latest first."""
     if not state.marks:
         return None
     lines = [
@@ -102,7 +102,7 @@ def _standing(alarm: Alarm) -> str:
     if not alarm.standing:
         by = f" by {alarm.acknowledged_by}" if alarm.acknowledged_by else ""
         return f"acknowledged at {clock(alarm.acknowledged_ns)} UTC{by}"
-    return "not acknowledged" if alarm.rings else "of a replay: it does not ring"
+    return "not acknowledged" if alarm.rings else "from a replay: does not ring"
 
 
 def _level(alarm: Alarm) -> Level | None:

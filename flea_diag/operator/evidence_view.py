@@ -1,4 +1,4 @@
-"""Then the evidence: residuals against their limits, symbols, features."""
+"""Evidence: residuals against their limits, symbols, features."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flea_diag.wire.records import FeatureValue, Level, Symbol
 
 
 def residuals(state: OperatorState) -> Panel | None:
-    """Each residual as a share of its limit, the largest first."""
+    """Each residual relative to its limit, the largest first."""
     record = state.residual
     if record is None:
         return None
@@ -23,7 +23,7 @@ def residuals(state: OperatorState) -> Panel | None:
 
 
 def _share(z: float, limit: float) -> float:
-    """|z| in units of its limit; below 0 where either is not known."""
+    """|z| divided by its limit; below 0 where either is unknown."""
     return -1.0 if math.isnan(z) or math.isnan(limit) or limit <= 0.0 else abs(z) / limit
 
 
@@ -38,7 +38,7 @@ def _residual(name: str, z: float, limit: float) -> Line:
 
 
 def symbols(state: OperatorState) -> Panel | None:
-    """Symbols of the open episode, the latest of each residual, with what they were before."""
+    """Symbols of the open episode: the latest of each residual with its history."""
     flag = state.detection
     if flag is None or not flag.detected:
         return None
@@ -60,27 +60,27 @@ def _symbol(residual: str, rows: list[Symbol]) -> Line:
 
 
 def features(state: OperatorState) -> Panel | None:
-    """Features of the open episode: computed, not computable, asked for, and not needed."""
+    """Features of the open episode: computed, not computable, requested, not requested."""
     group = state.group
     if group is None or not group.features_available:
         return None
     ours = [feature for feature in state.features if feature.episode == group.episode]
     lines = [
-        Line(f"{entry.name:28} asked for at {clock(entry.asked_ns)} UTC, not answered yet")
+        Line(f"{entry.name:28} requested at {clock(entry.asked_ns)} UTC, no answer yet")
         if entry.value is None
         else _feature(entry.value)
         for entry in ours
     ]
     seen = {entry.name for entry in ours}
     lines += [
-        Line(f"{name:28} computed before this screen was there")
+        Line(f"{name:28} computed before this screen started")
         for name in group.features_computed
         if name not in seen
     ]
     tried = seen | set(group.features_computed)
     title = (
         f"FEATURES  {len(group.features_computed)} of {group.features_available} computed, "
-        f"{max(group.features_available - len(tried), 0)} not asked for"
+        f"{max(group.features_available - len(tried), 0)} not requested"
     )
     return Panel("features", title, tuple(lines))
 

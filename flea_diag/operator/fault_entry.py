@@ -1,4 +1,4 @@
-"""Where people put faults into a stand: a simulated one alone has such a place."""
+"""Interface through which operators inject faults into a simulated stand."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import Protocol
 
 
 class FaultEntry(Protocol):
-    """Takes faults while ``present``."""
+    """Accepts faults while ``present``."""
 
     present: bool
 
     def set(self, value: str, told: Callable[[str], None]) -> None:
-        """Put a fault in ('' clears all); ``told`` hears why it could not be, or ""."""
+        """Inject a fault ('' clears all); ``told`` is called with the reason of a refusal or ''."""
 
 
 class NoFaults:
-    """A stand that takes none."""
+    """A stand that accepts no faults."""
 
     present = False
 
     def set(self, value: str, told: Callable[[str], None]) -> None:
-        """Say so."""
-        told("no simulated stand is here")
+        """Refuse."""
+        told("no simulated stand is running")

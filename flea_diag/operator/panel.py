@@ -1,6 +1,6 @@
-"""What a screen is made of: panels of lines, each line with its level; and how numbers are said.
+"""Text panels with a level per line, and the formatting of numbers, times and bars.
 
-Nothing here knows what a screen is: a terminal, a pipe or a page renders the same panels.
+Independent of the output: terminal, pipe and page render the same panels.
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line of text; its level gives the colour, the words say the same without.
+    """One line of text; its level sets the colour, which repeats what the text says.
 
-    A line with a ``key`` stands for something that can be chosen; lines without one that follow
-    belong to it.
+    A line with a ``key`` begins a selectable entry; the lines without a key after it belong to it.
     """
 
     text: str
@@ -30,7 +29,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A titled block of lines; ``name`` is short and stays the same."""
+    """A titled block of lines; ``name`` is its constant identifier."""
 
     name: str
     title: str
@@ -51,7 +50,7 @@ def clock(stamp_ns: int) -> str:
 
 
 def share(probability: float) -> str:
-    """A probability in percent, 5 characters; no rounding makes it certain or impossible."""
+    """A probability in percent, 5 characters; rounding never gives 0 % or 100 %."""
     if not 0.0 <= probability <= 1.0:
         return "    ?"
     if 0.0 < probability < 0.01:
@@ -62,7 +61,7 @@ def share(probability: float) -> str:
 
 
 def number(value: float, unit: str = "", sigma: float = math.nan) -> str:
-    """A value with its unit and standard error; what is not known is said to be so."""
+    """A value with its unit and standard error; unknown values are marked."""
     if math.isnan(value):
         return "unknown"
     spread = "" if math.isnan(sigma) else f" ± {sigma:.2g}"
@@ -70,7 +69,7 @@ def number(value: float, unit: str = "", sigma: float = math.nan) -> str:
 
 
 def bar(fraction: float, cells: int = BAR_CELLS) -> str:
-    """A bar as long as the fraction of its limit, at most full; empty for what is not known."""
+    """A bar of the fraction of the limit, clipped at full length; empty for an unknown value."""
     eighths = 0 if math.isnan(fraction) else round(8 * cells * min(max(fraction, 0.0), 1.0))
     full, rest = divmod(eighths, 8)
     return (EIGHTHS[-1] * full + (EIGHTHS[rest] if rest else "")).ljust(cells)

@@ -1,4 +1,4 @@
-"""The stand and our own nodes: streams, channels, health."""
+"""Status of the stand and of the nodes: streams, channels, health."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from flea_diag.wire.records import Health, Level, Quality
 from flea_diag.wire.wording import QUALITY_LEVEL
 
 COMPONENT = ": "
-"""In names of statuses that mirror the stand: it has panels of its own."""
+"""Marks the names of statuses that repeat the stand's state, which has panels of its own."""
 STREAM_LEVEL = {"running": None, "waiting": None, "stale": Level.STALE}
 
 
 def streams(state: OperatorState, now_ns: int) -> Panel:
-    """Rate and what went wrong on each topic that never pauses."""
+    """Rate and errors of each continuous topic."""
     rows = tuple(_stream(stream, now_ns) for stream in state.streams.values())
     return Panel("streams", "STREAMS", rows)
 
@@ -35,7 +35,7 @@ def _stream(stream: StreamState, now_ns: int) -> Line:
 
 
 def channels(state: OperatorState) -> Panel | None:
-    """Channels that are not good, with since when and why."""
+    """Channels that are not good, with the time and the reason."""
     if state.quality is None:
         return None
     bad = [row for row in state.quality.channels if row.quality != Quality.GOOD]
@@ -51,7 +51,7 @@ def channels(state: OperatorState) -> Panel | None:
 
 
 def nodes(state: OperatorState) -> Panel | None:
-    """Health of our own nodes."""
+    """Health of the nodes."""
     if not state.health:
         return None
     own = sorted(name for name in state.health if COMPONENT not in name)

@@ -1,8 +1,8 @@
 """Everything a screen shows, folded from records: ``state = fold(state, record, arrived_ns)``.
 
-Frozen and bounded: a day of records is as large as a minute. Screens that join late get the
-latched topics (verdict, detection, data quality, channels, truth) and start from there; what
-is not latched they show from when they joined.
+Frozen and bounded: the size does not grow with time. A screen that joins late starts from the
+latched topics (verdict, detection, data quality, channels, truth); other topics are shown from
+then on.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ MOST_FEATURES = 64
 MOST_ALARMS = 100
 MOST_NODES = 64
 ALONE_NS = 2_000_000_000
-"""A detection that no verdict follows for so long is an alarm by itself."""
+"""Time after which a detection without a verdict becomes an alarm by itself."""
 
 OPEN = (Outcome.DETECTED, Outcome.ISOLATED, Outcome.INDISTINGUISHABLE, Outcome.UNEXPLAINED)
-"""Outcomes whose members are faults that are held possible."""
+"""Outcomes whose members are possible faults."""
 
 
 @dataclass(frozen=True, slots=True)
 class GroupStep:
-    """One change of the group: what is left, and what this step dropped and why."""
+    """One change of the group: the remaining faults, and those dropped with the reason."""
 
     stamp_ns: int
     episode: int
@@ -66,7 +66,7 @@ class GroupStep:
 
 @dataclass(frozen=True, slots=True)
 class SymbolChange:
-    """A symbol of one residual from ``stamp_ns`` on."""
+    """Symbol of one residual from ``stamp_ns`` on."""
 
     stamp_ns: int
     episode: int
@@ -75,7 +75,7 @@ class SymbolChange:
 
 @dataclass(frozen=True, slots=True)
 class AskedFeature:
-    """A feature that was asked for; ``value`` is None while its answer has not come."""
+    """A requested feature; ``value`` is None until it is answered."""
 
     episode: int
     step: int
@@ -86,11 +86,11 @@ class AskedFeature:
 
 @dataclass(frozen=True, slots=True)
 class OperatorState:
-    """The latest record of each kind, and a bounded past of what changes slowly.
+    """The latest record of each type, and a bounded history of slow changes.
 
-    ``steps``, ``symbols`` and ``features`` are in order of time, over episodes; ``alarms`` are
-    in order of detection, ``marks`` of the moments marked. ``streams`` are by topic and
-    ``health`` is by node.
+    ``steps``, ``symbols`` and ``features`` are in order of time, across episodes; ``alarms`` are
+    in order of detection, ``marks`` in order of the marked moments. ``streams`` are keyed by
+    topic, ``health`` by node.
     """
 
     group: AmbiguityGroup | None = None
@@ -111,23 +111,23 @@ class OperatorState:
     detection_arrived_ns: int = NEVER_NS
 
     def stream(self, record_type: type) -> StreamState:
-        """Counters of a record's topic."""
+        """Counters of the topic of a record type."""
         return self.streams[TOPIC_OF[record_type].name.lstrip("/")]
 
     def silent(self, record_type: type, now_ns: int) -> bool:
-        """Whether a stream that was there has stopped."""
+        """Whether a stream that was running has stopped."""
         return self.stream(record_type).standing(now_ns) == "stale"
 
 
 def fold(state: OperatorState, record: Record, arrived_ns: int) -> OperatorState:
-    """State after one more record that came at ``arrived_ns`` (any steady clock)."""
+    """State after one more record, received at ``arrived_ns`` (any monotonic clock)."""
     state = _counted(state, record, arrived_ns)
     take = _FOLDS.get(type(record))
     return state if take is None else take(state, record, arrived_ns)
 
 
 def aged(state: OperatorState, now_ns: int) -> OperatorState:
-    """State after time alone has passed: a detection that no verdict follows is an alarm."""
+    """State after elapsed time alone: a detection without a verdict becomes an alarm."""
     flag = state.detection
     if flag is None or not flag.detected or state.group is not None:
         return state
@@ -139,7 +139,7 @@ def aged(state: OperatorState, now_ns: int) -> OperatorState:
 
 
 def with_losses(state: OperatorState, lost: Mapping[str, int]) -> OperatorState:
-    """Take in what the middleware reported as lost, by topic name without leading slash."""
+    """Add the losses reported by the middleware, by topic name without leading slash."""
     changed = {
         name: replace(state.streams[name], lost=count)
         for name, count in lost.items()
@@ -151,9 +151,9 @@ def with_losses(state: OperatorState, lost: Mapping[str, int]) -> OperatorState:
 def with_journal(
     state: OperatorState, kept: tuple[Alarm, ...], marks: tuple[Comment, ...] = ()
 ) -> OperatorState:
-    """Take in what a journal holds: older alarms, acknowledgements, comments and marks.
+    """Merge the content of a journal: older alarms, acknowledgements, comments and marks.
 
-    What the records say of an alarm stays; the journal alone knows what people said.
+    Detection and verdict of an alarm come from the records; remarks come from the journal.
     """
     known = {entry.key: entry for entry in kept}
     for alarm in state.alarms:
@@ -182,7 +182,7 @@ def _counted(state: OperatorState, record: Record, arrived_ns: int) -> OperatorS
 
 
 def _anew(state: OperatorState) -> OperatorState:
-    """A new run on the same stand: what people said stays, what was measured goes."""
+    """State for a new run on the same stand: remarks and alarms are kept, measurements are not."""
     fresh = {
         name: replace(stream, stamp_ns=NEVER_NS, since_ns=NEVER_NS)
         for name, stream in state.streams.items()
@@ -281,7 +281,7 @@ def _with_symbols(state: OperatorState, record: Symbols, _: int) -> OperatorStat
 
 
 def _open_alarm(state: OperatorState, stamp_ns: int) -> Alarm | None:
-    """Alarm of the episode that a deviation belongs to; numbers of two nodes may differ."""
+    """Alarm of the episode of a deviation; observer and isolator may number it differently."""
     source = state.group.source if state.group is not None else None
     fitting = (
         entry
@@ -336,4 +336,4 @@ _FOLDS: dict[type, Callable[[OperatorState, Any, int], OperatorState]] = {
 }
 
 SHOWN: tuple[type, ...] = tuple(_FOLDS)
-"""Records that are folded; a screen subscribes to these."""
+"""Record types that are folded; a screen subscribes to them."""

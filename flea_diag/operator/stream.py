@@ -1,6 +1,6 @@
-"""Health of one stream as a screen sees it: rate, late, missing and stale.
+"""Status of one stream as received by a screen: rate, late, missing, stale.
 
-Rate, late and missing come from the records' own stamps; stale from when they arrived.
+Rate, late and missing are computed from the stamps of the records, stale from their arrival.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ STALE_AFTER_NS: dict[type, int] = {
     AmbiguityGroup: 2_500_000_000,
     Health: 3_500_000_000,
 }
-"""Streams that never pause -> the silence after which they are stale. The verdict comes once a
-second, so two in a row missing mean that its writer is gone; health comes once a second, too."""
+"""Continuous streams -> time without a record after which they are stale. Verdict and health are
+published every second: with two missing in a row their publisher has stopped."""
 
 RATE_OVER_NS = 1_000_000_000
 AXIS = "accelerometer"
-"""Channels of this name come in vibration blocks, all others in scans."""
+"""Prefix of the channels in vibration blocks; all others are in scans."""
 JUMP_NS = 1_000_000_000
-"""A stamp that is older than the stream by more than this starts a new run."""
+"""Step back of the stamps from which on a new run is assumed."""
 
 
 @dataclass(frozen=True, slots=True)
 class StreamState:
-    """What was counted on one topic; ``missing`` are records that the stamps leave room for.
+    """Counters of one topic; ``missing`` counts records absent from the sequence of stamps.
 
-    ``rate_hz`` is NaN until a second of stamps has passed. ``lost`` is what the middleware
-    reported, in any node.
+    ``rate_hz`` is NaN during the first second of stamps. ``lost`` is reported by the middleware of
+    any node.
     """
 
     name: str
@@ -58,31 +58,31 @@ class StreamState:
     counted: int = 0
 
     def silent_s(self, now_ns: int) -> float:
-        """Seconds since the last record; infinite when there was none."""
+        """Seconds since the last record; infinite before the first."""
         return math.inf if self.arrived_ns == NEVER_NS else (now_ns - self.arrived_ns) / 1e9
 
     def standing(self, now_ns: int) -> str:
-        """One of ``waiting`` (none yet), ``stale`` and ``running``."""
+        """One of ``waiting`` (no record yet), ``stale`` and ``running``."""
         if self.arrived_ns == NEVER_NS:
             return "waiting"
         return "stale" if now_ns - self.arrived_ns > self.stale_after_ns else "running"
 
 
 def streams() -> dict[str, StreamState]:
-    """Streams that are watched, before anything came."""
+    """Initial state of the monitored streams."""
     names = {kind: TOPIC_OF[kind].name.lstrip("/") for kind in STALE_AFTER_NS}
     return {names[kind]: StreamState(names[kind], limit) for kind, limit in STALE_AFTER_NS.items()}
 
 
 def jumped_back(stream: StreamState, stamp_ns: int) -> bool:
-    """Whether a stamp belongs to a new run (a replay that loops, a stand started again)."""
+    """Whether a stamp belongs to a new run (a looping replay, a restarted stand)."""
     return stamp_ns < stream.stamp_ns - JUMP_NS
 
 
 def counted(
     stream: StreamState, record: Record, arrived_ns: int, period_ns: int = 0
 ) -> StreamState:
-    """Stream with one more record; ``period_ns`` is its nominal period where one is known."""
+    """State after one more record; ``period_ns`` is the nominal period, 0 where unknown."""
     stamp_ns = record.stamp_ns
     if stamp_ns <= stream.stamp_ns and not isinstance(record, AmbiguityGroup | Health):
         late = stream.late + 1
@@ -111,7 +111,7 @@ def counted(
 
 
 def scan_period_ns(table: ChannelTable | None) -> int:
-    """Nominal period of the scans by the channel table, 0 where it does not tell."""
+    """Nominal period of the scans by the channel table; 0 where it gives no rate."""
     slow = [row for row in table.channels if not row.name.startswith(AXIS)] if table else []
     rate_hz = max((row.rate_hz for row in slow), default=0.0)
     return round(1e9 / rate_hz) if rate_hz > 0.0 else 0

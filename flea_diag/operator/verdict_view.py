@@ -1,6 +1,6 @@
-"""The answer first: the verdict in one line, the faults that are left and why, what was dropped.
+"""Verdict: one line, the possible faults with their reasons, the faults ruled out.
 
-Words and numbers are those of the records: nothing is said more surely than they say it.
+Texts and numbers are those of the records; nothing is stated with more certainty.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ MOST_NAMES = 3
 
 
 def line(state: OperatorState, now_ns: int) -> str:
-    """The verdict in one line, for a pipe or a log; equal as long as nothing changed."""
+    """The verdict in one line, for a pipe or a log; it changes only with the verdict."""
     group = state.group
     if group is None:
         return "no verdict yet"
     if state.silent(AmbiguityGroup, now_ns):
-        return "NO VERDICT: the isolator is silent"
+        return "NO VERDICT: the isolator has stopped publishing"
     level = level_of(group).name
     return f"{clock(group.stamp_ns)} {level} {group.outcome.value}{_named(group)}: {group.words}"
 
 
 def level_of(group: AmbiguityGroup) -> Level:
-    """Level of a verdict: STALE while the stand sends nothing."""
+    """Level of a verdict: STALE while the stand sends no data."""
     return Level.STALE if group.stale else OUTCOME_LEVEL[group.outcome]
 
 
 def _named(group: AmbiguityGroup) -> str:
-    """How many are possible, and which, unless the words name them all."""
+    """Number of possible faults, and their ids unless the verdict text names them all."""
     faults = [candidate.fault for candidate in group.members]
     if not faults:
         return ""
@@ -50,7 +50,7 @@ def _named(group: AmbiguityGroup) -> str:
 
 
 def verdict(state: OperatorState, now_ns: int) -> Panel:
-    """The verdict, how old it is and where it comes from."""
+    """The verdict with its age and source."""
     group = state.group
     if group is None:
         return Panel(
@@ -61,11 +61,11 @@ def verdict(state: OperatorState, now_ns: int) -> Panel:
     if state.silent(AmbiguityGroup, now_ns):
         silent_s = state.stream(AmbiguityGroup).silent_s(now_ns)
         lines.append(Line(title, level))
-        title = f"NO VERDICT for {silent_s:.0f} s: the last one stands below"
+        title = f"NO VERDICT for {silent_s:.0f} s: the last verdict follows"
     elif group.stale:
-        lines.append(Line("STALE: the stand sends no data, this is the last verdict", Level.STALE))
+        lines.append(Line("STALE: no data from the stand; last verdict", Level.STALE))
     if group.source != "live":
-        lines.append(Line(f"THIS IS A {group.source.upper()}, not the stand", Level.WARN))
+        lines.append(Line(f"{group.source.upper()}: recorded data, not the live stand", Level.WARN))
     told = (
         f"episode {group.episode}, step {group.step}, number {group.seq}, "
         f"evidence up to {clock(group.stamp_ns)} UTC, {group.source}"
@@ -78,16 +78,16 @@ def verdict(state: OperatorState, now_ns: int) -> Panel:
 
 
 def _stand_says(state: OperatorState) -> tuple[Line, ...]:
-    """What a stand that knows says of itself; no stage reads it."""
+    """Truth published by a simulated stand; no stage reads it."""
     truth = state.truth
     if truth is None or not truth.fault:
         return ()
-    at = "" if truth.onset_ns == NEVER_NS else f" from {clock(truth.onset_ns)} UTC on"
-    return (Line(f"the stand says: {truth.fault}{at}"),)
+    at = "" if truth.onset_ns == NEVER_NS else f" since {clock(truth.onset_ns)} UTC"
+    return (Line(f"truth (from the stand): {truth.fault}{at}"),)
 
 
 def possible(state: OperatorState) -> Panel | None:
-    """Faults that are left, the most probable first, each with its why."""
+    """Possible faults with their reasons, the most probable first."""
     group = state.group
     if group is None or not group.members or group.outcome not in OPEN:
         return None
@@ -99,17 +99,18 @@ def possible(state: OperatorState) -> Panel | None:
 
 
 def standing_of(group: AmbiguityGroup) -> str:
-    """What the members of an open episode are, and how many."""
+    """Standing of the members of an open episode, with their number."""
     count = len(group.members)
     if group.outcome is Outcome.UNEXPLAINED:
-        return f"not ruled out ({count}), but none explains it well"
+        return f"not ruled out ({count}), none explains the evidence well"
     return f"possible ({count})"
 
 
 def likely(entry: Candidate, alone: bool) -> str:
-    """How probable a fault is among those that are left; what is left alone has no rival.
+    """Probability of a fault among the remaining ones; "left" for the only one.
 
-    Its probability is 1 among those considered, which is no certainty: no figure is shown.
+    The only remaining fault has probability 1 among those considered. That is not certainty, so
+    no figure is shown.
     """
     return "left" if alone else share(entry.probability).strip()
 
@@ -121,7 +122,7 @@ def _candidate(entry: Candidate, alone: bool) -> str:
 
 
 def why(candidate: Candidate) -> Panel:
-    """Everything that was held for or against one fault, in order of time."""
+    """All evidence for and against one fault, in order of time."""
     lines = []
     for found in candidate.evidence:
         told = found.observed in found.verdict
@@ -134,7 +135,7 @@ def why(candidate: Candidate) -> Panel:
 
 
 def dropped(state: OperatorState) -> Panel | None:
-    """Faults that were ruled out, by the reason that did it."""
+    """Faults ruled out, grouped by reason."""
     group = state.group
     if group is None or not group.dropped:
         return None
@@ -142,20 +143,20 @@ def dropped(state: OperatorState) -> Panel | None:
     for entry in group.dropped:
         reasons.setdefault(entry.reason, []).append(entry.fault)
     lines = tuple(Line(f"{reason}: {', '.join(faults)}") for reason, faults in reasons.items())
-    return Panel("dropped", f"DROPPED ({len(group.dropped)})", lines)
+    return Panel("dropped", f"RULED OUT ({len(group.dropped)})", lines)
 
 
 def unseen(state: OperatorState) -> Panel | None:
-    """Faults that this stand cannot show."""
+    """Faults that are not detectable on this stand."""
     group = state.group
     if group is None or not group.not_observable:
         return None
     lines = tuple(Line(f"{fault:28} {reason}") for fault, reason in group.not_observable)
-    return Panel("unseen", "CANNOT BE SEEN HERE", lines)
+    return Panel("unseen", "NOT DETECTABLE ON THIS STAND", lines)
 
 
 def steps(state: OperatorState) -> Panel | None:
-    """How the group of the open episode shrank."""
+    """Reduction of the group of the open episode, step by step."""
     group = state.group
     if group is None or group.detected_stamp_ns == NEVER_NS:
         return None
@@ -168,6 +169,6 @@ def steps(state: OperatorState) -> Panel | None:
 def _step(step: GroupStep) -> Line:
     names = [fault for fault, _ in step.dropped]
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    told = f", dropped {', '.join(names[:MOST_NAMES])}{more}" if names else ""
+    told = f", ruled out {', '.join(names[:MOST_NAMES])}{more}" if names else ""
     left = len(step.faults)
     return Line(f"{clock(step.stamp_ns)} {step.outcome.value:17} {left:3} left{told}")

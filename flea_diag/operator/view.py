@@ -1,6 +1,6 @@
-"""The whole screen from the state alone: ``view(state, now_ns)``, top to bottom.
+"""The whole screen as a function of the state: ``view(state, now_ns)``, top to bottom.
 
-The answer first, then what to do next, then the evidence, then the stand.
+Order: verdict, recommended action, evidence, status of the stand.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from flea_diag.operator.state import OperatorState
 
 
 def view(state: OperatorState, now_ns: int) -> tuple[Panel, ...]:
-    """Panels that have something to show; ``now_ns`` is the clock of the arrivals."""
+    """Non-empty panels; ``now_ns`` is the arrival clock."""
     panels = (
         verdict_view.verdict(state, now_ns),
         verdict_view.possible(state),

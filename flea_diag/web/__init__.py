@@ -1,5 +1,5 @@
-"""The operator's page: records in, HTML and SVG out, served to a browser. No ROS in here.
+"""The operator page: records in, HTML and SVG out, served to a browser. No ROS.
 
 The panels are pure functions of the state that ``flea_diag.operator`` folds from records;
-``page`` puts them on a NiceGUI page, ``server`` serves it, ``guard`` decides to whom.
+``page`` puts them on a NiceGUI page, ``server`` serves it, ``guard`` controls the access.
 """

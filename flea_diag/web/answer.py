@@ -1,4 +1,4 @@
-"""The answer first: the verdict in its own words, what it rests on, and what to do next."""
+"""Main panel: the verdict, its basis, and the recommended action."""
 
 from __future__ import annotations
 
@@ -23,49 +23,49 @@ from flea_diag.wire.records import (
 from flea_diag.wire.wording import words_of
 
 MOST_MEMBERS = 6
-SILENT = "NO VERDICT any more: the isolator is silent, and this is the last one."
-SILENT_ADVICE = "See why the isolator is silent."
-MUTE = "(the bell is mute until you touch the page)"
+SILENT = "NO VERDICT: the isolator has stopped publishing; this is its last verdict."
+SILENT_ADVICE = "Check the isolator node."
+MUTE = "(bell muted until the first click or key on this page)"
 LONG = 140
-"""Words longer than that are set smaller."""
+"""Verdicts longer than this are set in a smaller size."""
 
 NEXT: dict[Outcome, str] = {
-    Outcome.NOMINAL: "Nothing.",
-    Outcome.DETECTED: "Go on with the motion: faults of motor and screw need motion both ways to "
-    "be told apart.",
-    Outcome.ISOLATED: "Look at that part. What held or spoke against each fault is under "
-    "“Ambiguity group”.",
-    Outcome.INDISTINGUISHABLE: "Look at all of these parts: nothing more is to be had from this "
-    "evidence now.",
-    Outcome.UNEXPLAINED: "Look at residuals and symbols: it may be two faults at once, or one that "
-    "the catalogue lacks.",
+    Outcome.NOMINAL: "No action required.",
+    Outcome.DETECTED: "Continue the motion: motion in both directions is needed to separate faults "
+    "of motor and screw.",
+    Outcome.ISOLATED: "Inspect this part. “Ambiguity group” lists the evidence for and against "
+    "each fault.",
+    Outcome.INDISTINGUISHABLE: "Inspect all of these parts: the present evidence does not separate "
+    "them further.",
+    Outcome.UNEXPLAINED: "Check residuals and symbols: two simultaneous faults, or a fault outside "
+    "the catalogue, are possible.",
     Outcome.NOT_OBSERVABLE: "Move the actuator.",
-    Outcome.MODEL_MISMATCH: "Calibrate on nominal recordings of this stand.",
-    Outcome.DATA_UNUSABLE: "Mend the channel that “Data quality” names.",
+    Outcome.MODEL_MISMATCH: "Calibrate with nominal recordings of this stand.",
+    Outcome.DATA_UNUSABLE: "Repair the channel named under “Data quality”.",
 }
-"""What each outcome asks of the people at the stand."""
+"""Recommended action for each outcome."""
 
 
 def link(state: OperatorState, now_ns: int) -> tuple[str, str]:
-    """What the page is joined to: class of the chip, and its words."""
+    """State of the data source: CSS class and text of the chip."""
     group = state.group
     if group is None:
         return "waiting", "… WAITING for the first verdict"
     if state.silent(AmbiguityGroup, now_ns):
         silent_s = state.stream(AmbiguityGroup).silent_s(now_ns)
-        return "silent", f"✖ NO VERDICT for {silent_s:.0f} s: the isolator is silent"
+        return "silent", f"✖ NO VERDICT for {silent_s:.0f} s: the isolator has stopped"
     if group.stale or state.silent(Scan, now_ns):
-        return "stale", "‖ STALE: the stand sends no data"
+        return "stale", "‖ STALE: no data from the stand"
     if state.silent(Residual, now_ns):
         silent_s = state.stream(Residual).silent_s(now_ns)
-        return "silent", f"✖ NO RESIDUALS for {silent_s:.0f} s: the observer is silent"
+        return "silent", f"✖ NO RESIDUALS for {silent_s:.0f} s: the observer has stopped"
     if group.source == REPLAY:
-        return "replay", "↻ REPLAY, not the stand"
+        return "replay", "↻ REPLAY, not the live stand"
     return "live", "● LIVE"
 
 
 def chips(state: OperatorState, now_ns: int) -> Markup:
-    """The line at the top: where this comes from, how far it goes, what waits for people."""
+    """Status line at the top: source, time of the latest data, alarms not acknowledged."""
     kind, words = link(state, now_ns)
     ringing = sum(alarm.rings for alarm in state.alarms)
     replay = kind not in ("replay", "waiting") and _is_replay(state.group)
@@ -86,7 +86,7 @@ def _is_replay(group: AmbiguityGroup | None) -> bool:
 
 
 def fresh_detection(state: OperatorState) -> Detection | None:
-    """A detection that no verdict has taken up yet: the isolator waits a little for the rest."""
+    """A detection not yet included in a verdict: the isolator waits for records of that time."""
     flag, group = state.detection, state.group
     if flag is None or not flag.detected:
         return None
@@ -97,14 +97,16 @@ def fresh_detection(state: OperatorState) -> Detection | None:
 
 
 def answer(state: OperatorState, now_ns: int) -> Markup:
-    """The large panel on top."""
+    """Main panel at the top of the page."""
     flag, group = fresh_detection(state), state.group
     if flag is not None:
-        head = _headline(Level.WARN, Outcome.DETECTED.value, "a fault; which, is being worked out")
+        head = _headline(
+            Level.WARN, Outcome.DETECTED.value, "fault detected, isolation in progress"
+        )
         proof = tag("p", words_of(flag).message, class_="proof soft")
         return _card(Level.WARN, joined(head, proof, _next(NEXT[Outcome.DETECTED])), Markup())
     if group is None:
-        head = _headline(Level.STALE, "NO VERDICT YET", "Nothing has come on ambiguity_group.")
+        head = _headline(Level.STALE, "NO VERDICT YET", "No message on ambiguity_group.")
         advice = "Start the diagnoser, or observer, isolator and extractor."
         return _card(Level.STALE, joined(head, _next(advice)), Markup())
     silent = state.silent(AmbiguityGroup, now_ns)
@@ -135,9 +137,9 @@ def _headline(level: Level, outcome: str, words: str) -> Markup:
 def _proofs(state: OperatorState, group: AmbiguityGroup) -> list[Markup]:
     lines = []
     if group.source == REPLAY:
-        lines.append("REPLAY: this is a recording, not the stand as it is now.")
+        lines.append("REPLAY: recorded data, not the live stand.")
     if group.stale:
-        lines.append("STALE: the stand sends no data; this is the last verdict.")
+        lines.append("STALE: no data from the stand; last verdict.")
     if group.detected_stamp_ns != NEVER_NS:
         by = f" by {group.opened_by}" if group.opened_by else ""
         lines.append(f"Detected at {clock(group.detected_stamp_ns, 2)} UTC{by}.")
@@ -147,17 +149,17 @@ def _proofs(state: OperatorState, group: AmbiguityGroup) -> list[Markup]:
         )
     truth = state.truth
     if truth is not None and truth.fault:
-        onset = f" from {clock(truth.onset_ns)} UTC on" if truth.onset_ns != NEVER_NS else ""
-        lines.append(f"The stand itself says: {truth.fault}{onset}.")
+        onset = f" since {clock(truth.onset_ns)} UTC" if truth.onset_ns != NEVER_NS else ""
+        lines.append(f"Truth (from the stand): {truth.fault}{onset}.")
     return [tag("p", line, class_="proof soft") for line in lines]
 
 
 def _advice(state: OperatorState, group: AmbiguityGroup) -> str:
     if group.stale:
-        return "See why the stand sends no data."
+        return "Check why the stand sends no data."
     pending = [f for f in state.features if f.episode == group.episode and f.value is None]
     if group.outcome is Outcome.DETECTED and pending:
-        return f"Go on with the motion; {pending[-1].name} has been asked for."
+        return f"Continue the motion; feature {pending[-1].name} is requested."
     return NEXT[group.outcome]
 
 
@@ -166,7 +168,7 @@ def _next(words: str, tests: Markup | None = None) -> Markup:
 
 
 def _tests(state: OperatorState) -> Markup | None:
-    """Tests that would split a group that is left, in the words of every screen."""
+    """Tests that would split the remaining group, worded as on the other screens."""
     panel = next_tests(state)
     if panel is None:
         return None
@@ -179,7 +181,7 @@ def _right(group: AmbiguityGroup) -> Markup:
         return _members(group)
     if group.not_observable:
         rows = [tag("p", f"{fault}: {why}", class_="soft") for fault, why in group.not_observable]
-        return joined(tag("h2", "Cannot be seen here", class_="title"), *rows)
+        return joined(tag("h2", "Not detectable on this stand", class_="title"), *rows)
     return Markup()
 
 

@@ -1,4 +1,4 @@
-"""A button of the page with the key that presses it."""
+"""A button of the page with its keyboard shortcut."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from nicegui import ui
 
 
 def button(words: str, key: str, call: Callable[[], None]) -> ui.element:
-    """A button that carries its key: the page passes keys to the buttons that can be seen."""
+    """A button with its shortcut in ``data-key``: the page forwards keys to visible buttons."""
     with ui.element("button").props(f'type=button data-key="{key}"').on("click", call) as element:
         ui.html(f"{words}<kbd>{key}</kbd>", sanitize=False, tag="span")
     return element

@@ -1,4 +1,4 @@
-"""The temporal causal graph with the paths lit along which the faults still possible spread."""
+"""The temporal causal graph with the propagation paths of the possible faults highlighted."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Pair = tuple[str, str]
 
 
 def lit(causal_map: Any, group: AmbiguityGroup) -> tuple[dict[Pair, int], set[str]]:
-    """Edges on the path of a fault still possible, with how many such faults; and the causes.
+    """Edges on the path of a possible fault with the number of such faults, and the causes.
 
-    The pairs of cause and residual are those in the evidence that kept a fault; between the
-    two goes the shortest way in the model.
+    Pairs of cause and residual are taken from the evidence that kept a fault; the path between
+    the two is the shortest in the model.
     """
     edges: dict[Pair, int] = {}
     causes: set[str] = set()
@@ -47,12 +47,12 @@ def _pairs(paths: Iterable[str]) -> Iterable[Pair]:
 
 
 def causal_paths(causal_map: Any, group: AmbiguityGroup | None) -> Markup:
-    """SVG of the graph; without an episode nothing is lit."""
+    """SVG of the graph; without an episode no path is highlighted."""
     edges, causes = lit(causal_map, group) if group is not None else ({}, set())
     layout = causal_map.layout
     labels = {(e.source, e.target): e for e in causal_map.edges}
     touched = {name for pair in edges for name in pair}
-    # What is lit is drawn last, so that nothing lies over it.
+    # Highlighted parts are drawn last, on top.
     routes = sorted(layout.routes.items(), key=lambda row: row[0] in edges)
     parts = [_edge(pair, route, labels.get(pair), edges.get(pair, 0)) for pair, route in routes]
     nodes = sorted(layout.places, key=lambda name: name in touched)
@@ -73,7 +73,7 @@ def _words(group: AmbiguityGroup | None, edges: dict[Pair, int]) -> str:
     if group is None or not edges:
         return "Temporal causal graph; no path is active"
     faults = ", ".join(candidate.fault for candidate in group.members)
-    return f"Temporal causal graph; lit are the paths of {faults}"
+    return f"Temporal causal graph; highlighted are the paths of {faults}"
 
 
 def _at(place: tuple[int, float]) -> tuple[float, float]:
@@ -102,7 +102,7 @@ def _edge(pair: Pair, route: tuple[tuple[int, float], ...], edge: Any, count: in
     side = 1 if points[-1][0] >= points[0][0] else -1
     start = (points[0][0] + side * _half(pair[0]), points[0][1])
     end = (points[-1][0] - side * (_half(pair[1]) + 2), points[-1][1])
-    if points[0][0] == points[-1][0]:  # in the same layer: round the right side
+    if points[0][0] == points[-1][0]:  # in the same layer: around the right side
         end = (points[-1][0] + _half(pair[1]) + 2, points[-1][1])
     knots = [start, *points[1:-1], end]
     commands = f"M{start[0]:.0f},{start[1]:.0f}"

@@ -1,4 +1,4 @@
-"""The ambiguity group as a stream that shrinks: what each piece of evidence took away."""
+"""The ambiguity group as a flow diagram: the faults ruled out by each piece of evidence."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ WIDTH, TOP, BAR = 1000.0, 22.0, 10.0
 STREAM = 190.0
 """Height of the whole catalogue."""
 THINNEST = 2.5
-"""Height of one fault at least, so that the last one can still be seen."""
+"""Least height of one fault, so that the last one stays visible."""
 MOST_STEPS = 8
 NAMED = 8
-"""So many faults are named at the end of the stream; more are only counted."""
+"""Largest number of faults named at the end of the flow; more are counted."""
 ROOM_FOR_NAMES = 210.0
 BETWEEN = ", "
 FALL = 34.0
-"""How far below the stream a branch that is dropped ends."""
+"""Distance below the flow at which a branch of dropped faults ends."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """The stream between two bars: ``before`` faults go in, ``gone`` of them leave."""
+    """The flow between two bars: ``before`` faults enter, ``gone`` of them leave."""
 
     before: int
     gone: int
@@ -36,7 +36,7 @@ class Step:
 
 
 def steps(group: AmbiguityGroup) -> tuple[Step, ...]:
-    """Steps of an episode; drops of one moment are one, and neighbours where there are too many."""
+    """Steps of an episode; simultaneous drops are merged, and neighbours if there are too many."""
     found: list[Drop] = []
     for drop in drops(group):
         at_once = bool(found) and found[-1].stamp_ns == drop.stamp_ns
@@ -67,7 +67,7 @@ def _step(group: AmbiguityGroup, drop: Drop, left: int) -> Step:
 
 
 def group_flow(group: AmbiguityGroup) -> Markup:
-    """SVG of the episode in this verdict."""
+    """SVG of the episode of this verdict."""
     rows = steps(group)
     total = len(group.members) + len(group.dropped)
     unit = max(STREAM / max(total, 1), THINNEST)

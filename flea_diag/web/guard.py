@@ -1,7 +1,7 @@
-"""Who may open the page: this machine, or who knows the token. Before HTTP and WebSocket alike.
+"""Access control of the page: local requests, or requests with the token; HTTP and WebSocket.
 
-A browser also sends what foreign pages tell it to, and names under which an attacker's domain
-resolves to this machine: so the Host and the Origin of every request are looked at, too.
+Host and Origin of every request are checked as well, against requests that other sites make the
+browser send, and against foreign domain names that resolve to this machine (DNS rebinding).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ CONTENT_POLICY = (
     "connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; "
     "frame-ancestors 'none'"
 )
-"""Nothing from anywhere else. Vue compiles templates in the browser, hence 'unsafe-eval'."""
+"""Only own content. 'unsafe-eval' is needed since Vue compiles templates in the browser."""
 
 HEADERS = (
     (b"content-security-policy", CONTENT_POLICY.encode()),
@@ -42,8 +42,8 @@ HEADERS = (
 ASK = """<!doctype html><meta charset="utf-8"><title>flea_diag: token</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <body style="font: 17px system-ui; max-width: 28em; margin: 12vh auto; padding: 0 1em">
-<h1 style="font-size: 24px">This page needs its token</h1>
-<p>It stands in the file that the node's parameter <code>token_file</code> names.</p>
+<h1 style="font-size: 24px">Access token required</h1>
+<p>The token is in the file named by the parameter <code>token_file</code> of the node.</p>
 <form><label>Token <input name="token" type="password" autocomplete="off" autofocus></label>
 <button>Open</button></form>"""
 
@@ -59,19 +59,19 @@ def is_loopback(address: str) -> bool:
 
 
 def token_of(address: str, token_file: str) -> str:
-    """The token that is asked for; empty where none is needed.
+    """The required token; empty where none is needed.
 
     Raises
     ------
     ConfigurationError
-        When the address is open to the network without a token, or the file holds none.
+        The address is open to the network without a token, or the file holds no token.
     """
     if not token_file:
         if is_loopback(address):
             return ""
         raise ConfigurationError(
-            f"address = {address!r} opens the page to the network: name a file that holds a token "
-            f"of at least {SHORTEST_TOKEN} letters (-p token_file:=FILE), or use 127.0.0.1"
+            f"address = {address!r} opens the page to the network: name a file with a token of at "
+            f"least {SHORTEST_TOKEN} characters (-p token_file:=FILE), or use 127.0.0.1"
         )
     try:
         token = Path(token_file).read_text(encoding="utf-8").strip()
@@ -79,23 +79,23 @@ def token_of(address: str, token_file: str) -> str:
         raise ConfigurationError(f"token_file = {token_file!r} cannot be read: {error}") from None
     if len(token) < SHORTEST_TOKEN:
         raise ConfigurationError(
-            f"token_file = {token_file!r} holds {len(token)} letters, a token has at least "
-            f"{SHORTEST_TOKEN}: openssl rand -hex 16 >FILE"
+            f"token_file = {token_file!r} holds {len(token)} characters, a token has at least "
+            f"{SHORTEST_TOKEN}: create one with openssl rand -hex 16 >FILE"
         )
     return token
 
 
 class Guard:
-    """ASGI application around another one: lets in, asks for the token, or refuses.
+    """ASGI application around another one: admits, asks for the token, or refuses.
 
     Parameters
     ----------
     app
-        What is guarded.
+        Application to protect.
     token
-        What must be known; empty for nothing.
+        Required token; empty for none.
     local_only
-        Whether the server listens on the loopback alone: then only its names are right.
+        Whether the server listens on the loopback alone; then only loopback names are valid hosts.
     """
 
     def __init__(self, app: App, token: str = "", local_only: bool = True) -> None:
@@ -156,7 +156,7 @@ async def _refuse(
 
 
 async def _welcome(scope: Scope, send: Send, token: str) -> None:
-    """Keep the token in a cookie that scripts cannot read, and take it out of the address."""
+    """Store the token in a cookie that scripts cannot read, and remove it from the URL."""
     cookie = f"{COOKIE}={quote(token)}; Path=/; HttpOnly; SameSite=Strict"
     headers = [(b"location", scope["path"].encode()), (b"set-cookie", cookie.encode())]
     await _answer(send, 303, headers, b"")

@@ -1,8 +1,8 @@
-"""What happened in an episode, read back from one verdict.
+"""Course of an episode, reconstructed from one verdict.
 
-Every candidate carries the evidence that kept or dropped it, with stamps. So a single
-``AmbiguityGroup`` holds the whole course of its episode, and a page that was opened late, or
-lost messages, shows the same as one that was there from the start.
+Every candidate contains the evidence that kept or dropped it, with stamps. A single
+``AmbiguityGroup`` therefore holds the whole episode: a page that was opened late, or lost
+messages, shows the same as one that was open from the start.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from flea_diag.wire.records import AmbiguityGroup, Candidate, Evidence
 
 @dataclass(frozen=True)
 class Drop:
-    """Faults that one piece of evidence dropped."""
+    """Faults dropped by one piece of evidence."""
 
     stamp_ns: int
     source: str
@@ -24,7 +24,7 @@ class Drop:
 
 @dataclass(frozen=True)
 class Sign:
-    """A residual's symbol, or a feature's, as it was observed at a time."""
+    """Symbol of a residual or a feature, with the time of its observation."""
 
     stamp_ns: int
     source: str
@@ -32,7 +32,7 @@ class Sign:
 
 
 def drops(group: AmbiguityGroup) -> tuple[Drop, ...]:
-    """The dropped faults by time and evidence, the earliest first."""
+    """Dropped faults by time and evidence, the earliest first."""
     found: dict[tuple[int, str], list[Candidate]] = {}
     for candidate in group.dropped:
         last = candidate.evidence[-1] if candidate.evidence else None
@@ -46,7 +46,7 @@ def drops(group: AmbiguityGroup) -> tuple[Drop, ...]:
 
 
 def signs(group: AmbiguityGroup) -> tuple[Sign, ...]:
-    """Symbols of residuals in the order in which they were seen."""
+    """Symbols of residuals in order of observation."""
     seen = {
         Sign(e.stamp_ns, e.source, e.observed)
         for e in _evidence(group)
@@ -56,15 +56,15 @@ def signs(group: AmbiguityGroup) -> tuple[Sign, ...]:
 
 
 def answers(group: AmbiguityGroup) -> tuple[Sign, ...]:
-    """Features computed, in order, each with the symbol that it had."""
+    """Computed features in order, each with its symbol."""
     seen = {e.source: Sign(e.stamp_ns, e.source, e.observed) for e in _evidence(group)}
     return tuple(seen[name] for name in group.features_computed if name in seen)
 
 
 def before_features(group: AmbiguityGroup) -> dict[str, float]:
-    """The faults that were possible when the first feature was asked for, with equal weights.
+    """Faults that were possible at the first feature request, with equal weights.
 
-    The weights of that time are not in the record.
+    The record does not contain the weights of that time.
     """
     asked = set(group.features_computed)
     if not asked:
@@ -77,7 +77,7 @@ def before_features(group: AmbiguityGroup) -> dict[str, float]:
 
 
 def is_symbol(evidence: Evidence) -> bool:
-    """Whether what was observed is a magnitude and a slope, and no number or feature."""
+    """Whether the observation is a symbol (magnitude and slope), not a number or a feature."""
     return len(evidence.observed) == 2 and not set(evidence.observed) - set("+-0?*")
 
 

@@ -1,4 +1,4 @@
-"""Putting a fault into a simulated stand: a button that is there while such a stand is."""
+"""Fault injection into a simulated stand: a button, visible while such a stand is running."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ EXAMPLE = "jam, or with a size jam:0.5"
 
 
 class FaultEntryHolder(Protocol):
-    """What has the entry."""
+    """Owner of the interface for fault injection."""
 
     faults: FaultEntry
 
 
 class InjectionDialog:
-    """Button and dialog in one browser; the stand itself judges what is asked of it."""
+    """Button and dialog in one browser; the stand validates the request."""
 
     def __init__(self, stand: FaultEntryHolder) -> None:
         self._stand = stand
@@ -39,12 +39,12 @@ class InjectionDialog:
                 button("Leave", "Esc", self._dialog.close)
 
     def offer(self) -> None:
-        """Show the button where a stand takes faults, and what the stand answered."""
+        """Show the button while a stand accepts faults, and the answers of the stand."""
         if self._button.visible != self._stand.faults.present:
             self._button.set_visibility(self._stand.faults.present)
         while not self._answers.empty():
             fault, why_not = self._answers.get()
-            done = f"The stand took: {fault}." if fault else "The stand cleared all faults."
+            done = f"The stand accepted {fault}." if fault else "The stand cleared all faults."
             ui.notify(
                 f"Not injected: {why_not}" if why_not else done,
                 type="negative" if why_not else None,
@@ -62,5 +62,5 @@ class InjectionDialog:
 
     def _ask(self, fault: str) -> None:
         self._dialog.close()
-        # The answer comes in the thread of the node and is told with the next drawing.
+        # The answer arrives in the thread of the node and is shown at the next redraw.
         self._stand.faults.set(fault, lambda why_not: self._answers.put((fault, why_not)))

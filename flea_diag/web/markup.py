@@ -1,4 +1,4 @@
-"""HTML and SVG as text in which everything that comes from a record is escaped."""
+"""HTML and SVG as text; all content from records is escaped."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ def path(commands: str, class_: str, *children: object) -> Markup:
 
 
 def number(value: float, unit: str = "") -> str:
-    """Three significant digits and the unit; a dash where there is no value."""
+    """Three significant digits and the unit; a dash for no value."""
     if math.isnan(value):
         return "–"
     return f"{value:.3g} {unit if unit != '1' else ''}".rstrip()
 
 
 def clock(stamp_ns: int, digits: int = 1) -> str:
-    """Time of day in UTC, as the records count it."""
+    """Time of day in UTC of a record's stamp."""
     if stamp_ns == NEVER_NS:
         return "--:--:--"
     moment = datetime.fromtimestamp(stamp_ns // 1_000_000_000, tz=timezone.utc)

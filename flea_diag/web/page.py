@@ -1,4 +1,4 @@
-"""The page itself, in NiceGUI: panels drawn by the server, strip charts drawn by the browser."""
+"""The page in NiceGUI: panels are drawn by the server, strip charts by the browser."""
 
 from __future__ import annotations
 
@@ -27,54 +27,55 @@ CHARTS = {
     "vibration": "Vibration level",
 }
 NOTES = {
-    "residual": "Blue: the residual in standard deviations; orange: its limits; ▼ a detection, "
-    "◆ a mark. What has passed its limit within a minute comes first; “all” shows the rest.",
-    "channel": "Blue: measured; orange: the state observer's estimate, with a band of two standard "
-    "deviations; ▼ a detection, ◆ a mark. From a detection on the estimate is no longer corrected.",
-    "vibration": "Standard deviation and kurtosis of each block; ▼ a detection, ◆ a mark.",
+    "residual": "Blue: residual in standard deviations; orange: limits; ▼ detection, ◆ mark. "
+    "Residuals above their limit within the last minute come first; “all” shows the others.",
+    "channel": "Blue: measurement; orange: estimate of the state observer with a band of two "
+    "standard deviations; ▼ detection, ◆ mark. After a detection the estimate is not corrected by "
+    "measurements.",
+    "vibration": "Standard deviation and kurtosis of each block; ▼ detection, ◆ mark.",
 }
 ORDER = (
     "answer", "group", "symbols", "residual", "causes", "tree", "episodes", "channel", "vibration",
     "quality", "streams",
 )  # fmt: skip
-"""The answer first, then the evidence, then what has been and how the stand is."""
+"""Order of the page: verdict, evidence, history, status of the stand."""
 DIGITS = "1234567890"
 KEYS = (
     ("a", "acknowledge the latest episode"),
     ("c", "comment on the latest episode"),
     ("m", "mark this moment"),
-    ("i", "inject a fault, where the stand is a simulated one"),
-    ("d", "dark or light"),
-    ("1 … 9, 0", "go to a panel, in the order of the page"),
-    ("?", "this list"),
+    ("i", "inject a fault (simulated stand only)"),
+    ("d", "switch between light and dark"),
+    ("1 … 9, 0", "go to a panel, in page order"),
+    ("?", "show this list"),
 )
 
 
 Marks = tuple[tuple[int, str], ...]
-"""Stamps of moments and what they are: ``detected`` or ``mark``."""
+"""Stamps of events with their kind, ``detected`` or ``mark``."""
 
 
 class OperatorNode(Protocol):
-    """What the page needs of the node that takes the records."""
+    """What the page needs of the node that receives the records."""
 
     state: OperatorState
     trouble: str
     faults: FaultEntry
 
     def now_ns(self) -> int:
-        """Clock of arrivals."""
+        """Arrival clock."""
 
     def acknowledge(self, key: Key) -> None:
         """Acknowledge one alarm."""
 
     def comment(self, key: Key, text: str) -> None:
-        """Say something to one alarm."""
+        """Comment on one alarm."""
 
     def mark(self, text: str, stamp_ns: int) -> None:
         """Mark a moment."""
 
     def moment_ns(self) -> int:
-        """Stamp of now by the stand's own clock."""
+        """Present time by the clock of the stand."""
 
 
 class PanelBody(ui.element, component="static/panel.js"):
@@ -86,12 +87,12 @@ class Strips(ui.element, component="static/strip_charts.js"):
 
 
 class Watch(ui.element, component="static/watch.js"):
-    """Watches the connection and the keys."""
+    """Monitors the connection and the keyboard."""
 
 
 @dataclass
 class Chart:
-    """One block of strip charts in one browser, and what it was sent last."""
+    """One block of strip charts in one browser, and the state last sent to it."""
 
     kind: str
     element: Strips
@@ -100,7 +101,7 @@ class Chart:
     marks: Marks = ()
 
     def show(self, strips: StripCharts, marks: Marks) -> None:
-        """Send rows that are new; all of them, with their description, to a new run."""
+        """Send new rows; after a new run began, the description and all rows."""
         if self.generation != strips.generation:
             self.generation, self.stretch = strips.generation, -1
             about = strips.description(self.kind)
@@ -120,7 +121,7 @@ class Chart:
 
 
 def columns(about: list[dict[str, Any]]) -> int:
-    """Numbers in a row of these charts."""
+    """Number of values in a row of these charts."""
     places = (v for chart in about for k, v in chart.items() if k not in ("name", "unit"))
     return max(places, default=-1) + 1
 
@@ -148,7 +149,7 @@ class Page:
                     self._panel(panels[name], key)
         self._dialogs()
 
-    # -- what is on it
+    # -- layout
 
     def _bar(self, title: str) -> None:
         with ui.element("div").classes("bar-top flea"):
@@ -181,15 +182,15 @@ class Page:
             self._said.on("keydown.enter.prevent", self._say)
             with ui.element("div").classes("actions"):
                 button("Save", "Enter", self._say).classes("primary")
-                button("Leave", "Esc", self._dialog.close)
+                button("Cancel", "Esc", self._dialog.close)
         with ui.dialog() as self._help, ui.card().classes("flea"):
             rows = "".join(f"<kbd>{key}</kbd><span>{words}</span>" for key, words in KEYS)
             ui.html(f"<div class=keys>{rows}</div>", sanitize=False)
 
-    # -- what is sent to it
+    # -- updates
 
     def show(self, view: View, strips: StripCharts, marks: Marks) -> None:
-        """Send what changed."""
+        """Send the changes."""
         self._watch.run_method("beat", sum(alarm.rings for alarm in self._desk.state.alarms))
         self._injection.offer()
         self.fill(view)
@@ -197,7 +198,7 @@ class Page:
             chart.show(strips, marks)
 
     def fill(self, view: View) -> None:
-        """Show the panels as they are drawn."""
+        """Show the drawn panels."""
         self._set(self._chips, view.drawn["chips"])
         for name, body in self._bodies.items():
             self._set(body, view.drawn[name])
@@ -208,7 +209,7 @@ class Page:
             body.props["content"] = content
             body.update()
 
-    # -- what people do on it
+    # -- operator actions
 
     def _act(self, event: Any) -> None:
         act, _, name = event.args.partition(" ")
@@ -221,7 +222,7 @@ class Page:
         if standing:
             self._acknowledge(standing[-1])
         else:
-            ui.notify("No episode waits to be acknowledged.")
+            ui.notify("No episode to acknowledge.")
 
     def _acknowledge(self, alarm: Alarm) -> None:
         self._desk.acknowledge(alarm.key)
@@ -232,7 +233,7 @@ class Page:
         if alarms:
             self._comment(alarms[-1])
         else:
-            ui.notify("There is no episode to comment on: mark this moment instead.")
+            ui.notify("No episode to comment on: mark this moment instead.")
 
     def _comment(self, alarm: Alarm) -> None:
         self._ask("Comment on the episode", "", lambda text: self._desk.comment(alarm.key, text))
@@ -251,7 +252,7 @@ class Page:
         self._dialog.close()
         if str(self._said.value or "").strip():
             self._done(str(self._said.value))
-            self._tell("Kept.")
+            self._tell("Saved.")
 
     def _tell(self, words: str) -> None:
         trouble = self._desk.trouble

@@ -1,4 +1,4 @@
-"""The ledgers beside the pictures: channels and streams, features, faults dropped, episodes."""
+"""The tables of the page: channels and streams, features, faults considered, episodes."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from flea_diag.wire.records import (
 from flea_diag.wire.wording import QUALITY_LEVEL
 
 SHAPE = {Level.OK: "✓", Level.WARN: "▲", Level.ERROR: "✖", Level.STALE: "‖"}
-"""A shape for each level, so that its colour is not needed."""
+"""Symbol of each level, so that the level can be read without its colour."""
 CLASS = {Level.OK: "ok", Level.WARN: "warn", Level.ERROR: "error", Level.STALE: "stale"}
 TOTAL = "samples"
-"""This counter is of the moment when the record was sent: a channel that is good sends none."""
+"""Counter not shown: it is not updated while a channel stays good."""
 MOST_MARKS = 20
 NODE_NUMBERS = ("cpu_percent", "memory_mb", "worst_lag_ms")
 
 
 def state_word(level: Level, word: str) -> Markup:
-    """A word with the shape and the colour of its level."""
+    """A word with the symbol and the colour of its level."""
     return tag("span", f"{SHAPE[level]} {word}", class_=f"state {CLASS[level]}")
 
 
@@ -50,9 +50,9 @@ def ledger(heads: Iterable[str], rows: Iterable[Iterable[object]]) -> Markup:
 
 
 def data_quality(state: OperatorState) -> Markup:
-    """Every channel with its state, since when, why, and what was counted on it."""
+    """Every channel with its state, since when and why, and its counters."""
     if state.quality is None:
-        return tag("p", "data_quality has not come yet", class_="soft")
+        return tag("p", "no message on data_quality yet", class_="soft")
     order = sorted(state.quality.channels, key=lambda row: row.quality is Quality.GOOD)
     rows = [
         (
@@ -65,11 +65,11 @@ def data_quality(state: OperatorState) -> Markup:
         )
         for row in order
     ]
-    return ledger(("channel", "state", "since, UTC", "why", "counted"), rows)
+    return ledger(("channel", "state", "since, UTC", "reason", "counters"), rows)
 
 
 def streams(state: OperatorState, now_ns: int) -> Markup:
-    """Rate of each stream, what was lost, and the health of our own nodes."""
+    """Rate and losses of each stream, and the health of the nodes."""
     rows = [_stream(stream, now_ns) for stream in state.streams.values()]
     nodes = [_node(health) for _, health in sorted(state.health.items())]
     table = ledger(("topic", "state", "rate", "missing", "late", "lost"), rows)
@@ -98,7 +98,7 @@ def _node(health: Health) -> tuple[object, ...]:
 
 
 def dropped(group: AmbiguityGroup) -> Markup:
-    """Every fault that was considered, with what kept or dropped it, step by step."""
+    """Every fault considered, with the evidence that kept or dropped it, step by step."""
     stays = "not ruled out" if group.outcome is Outcome.UNEXPLAINED else "possible"
     rows = [
         _considered(candidate, standing)
@@ -107,7 +107,7 @@ def dropped(group: AmbiguityGroup) -> Markup:
     ]
     return tag(
         "details",
-        tag("summary", f"Why each of the {len(rows)} faults was kept or dropped"),
+        tag("summary", f"Reasons for each of the {len(rows)} faults"),
         ledger(("fault", "", "reason", "evidence"), rows),
         data_name="why",
     )
@@ -124,10 +124,10 @@ def _considered(candidate: Candidate, standing: str) -> tuple[object, ...]:
 
 
 def features(state: OperatorState) -> Markup:
-    """Features of the open episode: value against nominal range, cost, or why not computable."""
+    """Features of the open episode: value, nominal range and cost, or why not computable."""
     group = state.group
     if group is None or not group.features_available:
-        return tag("p", "This stand has no accelerometers: no features.", class_="soft")
+        return tag("p", "No features: this stand has no accelerometers.", class_="soft")
     ours = [entry for entry in state.features if entry.episode == group.episode and group.episode]
     seen = {entry.name for entry in ours}
     rows = [_feature(entry) for entry in ours]
@@ -138,7 +138,7 @@ def features(state: OperatorState) -> Markup:
     ]
     done = len(group.features_computed)
     rest = max(group.features_available - len(seen | set(group.features_computed)), 0)
-    words = f"{done} of {group.features_available} features computed, {rest} not asked for."
+    words = f"{done} of {group.features_available} features computed, {rest} not requested."
     line = tag("p", words, class_="soft")
     return joined(ledger(("feature", "value", "nominal", "cost"), rows) if rows else None, line)
 
@@ -146,7 +146,7 @@ def features(state: OperatorState) -> Markup:
 def _feature(entry: AskedFeature) -> tuple[object, ...]:
     name, value = entry.name, entry.value
     if value is None:
-        return (name, "asked for, not answered yet", "", "")
+        return (name, "requested, no answer yet", "", "")
     if math.isnan(value.value):
         return (name, f"not computable: {value.reason}", "", "")
     nominal = f"{number(value.nominal_low)} to {number(value.nominal_high)}"
@@ -162,21 +162,21 @@ def _feature(entry: AskedFeature) -> tuple[object, ...]:
 
 
 def episodes(state: OperatorState) -> Markup:
-    """All episodes that are kept, the latest first; those not acknowledged stay on top."""
+    """All stored episodes, the latest first; those not acknowledged on top."""
     if not state.alarms:
         return joined(tag("p", "No episode so far.", class_="soft"), _marks(state))
     order = sorted(state.alarms, key=lambda alarm: (not alarm.standing, -alarm.detected_ns))
     rows = [_episode(alarm) for alarm in order]
-    heads = ("detected, UTC", "by", "verdict", "said to it", "")
+    heads = ("detected, UTC", "by", "verdict", "remarks", "")
     return joined(ledger(heads, rows), _marks(state))
 
 
 def _marks(state: OperatorState) -> Markup | None:
-    """Moments that people marked, the latest first."""
+    """Marks of the operators, the latest first."""
     if not state.marks:
         return None
     rows = [(clock(mark.stamp_ns), mark.author, mark.text) for mark in reversed(state.marks)]
-    return joined(Markup("<br>"), ledger(("marked, UTC", "by", "words"), rows[:MOST_MARKS]))
+    return joined(Markup("<br>"), ledger(("marked, UTC", "by", "text"), rows[:MOST_MARKS]))
 
 
 def _episode(alarm: Alarm) -> tuple[object, ...]:
@@ -202,7 +202,7 @@ def _standing(alarm: Alarm) -> str:
     if alarm.acknowledged_ns != NEVER_NS:
         by = f" by {alarm.acknowledged_by}" if alarm.acknowledged_by else ""
         return f"acknowledged {clock(alarm.acknowledged_ns, 0)}{by}"
-    return "not acknowledged" if alarm.rings else "replay, does not ring"
+    return "not acknowledged" if alarm.rings else "from a replay: does not ring"
 
 
 def _buttons(alarm: Alarm) -> Markup:

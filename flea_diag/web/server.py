@@ -1,4 +1,4 @@
-"""Serves the page from a thread of its own: the node's thread belongs to ROS."""
+"""Serves the page from a thread of its own, since the node's thread runs the ROS executor."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flea_diag.web.guard import Guard, is_loopback
 
 END_S = 3.0
 KEPT_MESSAGES = 200
-"""Messages that a browser may miss and still be sent; one that missed more loads the page anew."""
+"""Messages buffered for a browser that is disconnected; beyond that it reloads the page."""
 
 
 class Server:
@@ -24,7 +24,7 @@ class Server:
     Raises
     ------
     ConfigurationError
-        When the address or port cannot be had.
+        The address or port cannot be used.
     """
 
     def __init__(self, title: str, address: str, port: int, token: str) -> None:
@@ -47,7 +47,7 @@ class Server:
                 log_level="error",
                 access_log=False,
                 lifespan="on",
-                ws_per_message_deflate=False,  # costs more than these few kB a second are worth
+                ws_per_message_deflate=False,  # not worth its CPU for a few kB/s
                 timeout_graceful_shutdown=1,
             )
         )
@@ -56,11 +56,11 @@ class Server:
         )
 
     def start(self) -> None:
-        """Serve from now on."""
+        """Start serving."""
         self._thread.start()
 
     def close(self) -> None:
-        """End, also with browsers connected."""
+        """Stop serving, also with browsers connected."""
         self._server.should_exit = True
         self._thread.join(END_S)
         self._socket.close()
@@ -72,11 +72,11 @@ def _bound(address: str, port: int) -> socket.socket:
         server = socket.socket(family, socket.SOCK_STREAM)
         server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         server.bind((address, port))
-        # From now on who asks waits, and is not refused, until the server's thread is at it.
+        # From now on connections wait, instead of being refused, until the thread serves them.
         server.listen()
     except OSError as error:
         raise ConfigurationError(
-            f"address = {address!r}, port = {port}: cannot be served ({error.strerror}): "
-            "choose another port, or end the program that has it"
+            f"address = {address!r}, port = {port}: cannot be used ({error.strerror}): choose "
+            "another port, or end the program that uses it"
         ) from None
     return server

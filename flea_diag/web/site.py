@@ -1,7 +1,7 @@
-"""All pages of one stand, and the task that keeps them up to date.
+"""All open pages of one stand, and the task that updates them.
 
-One task draws for all browsers, ten times a second and at once when something is detected. Each
-browser is sent what changed, and the rows of numbers that it does not have yet.
+One task draws for all browsers, ten times a second and at once after a detection. Each browser is
+sent the changes, and the rows of numbers that it does not have yet.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from flea_diag.web.view import View
 
 PERIOD_S = 0.1
 MOST_MARKS = 8
-"""Moments of a kind that strip charts show."""
+"""Largest number of events of a kind in strip charts."""
 
 
 class Site:
-    """All pages of one stand, and the task that keeps them up to date."""
+    """All open pages of one stand, and the task that updates them."""
 
     def __init__(self, desk: OperatorNode, view: View, strips: StripCharts, title: str) -> None:
         self.desk, self.title = desk, title
@@ -34,7 +34,7 @@ class Site:
         app.on_delete(lambda client: self._pages.pop(client.id, None))
 
     def wake(self) -> None:
-        """Draw now; from any thread."""
+        """Draw now; callable from any thread."""
         if self._loop is not None:
             self._loop.call_soon_threadsafe(self._woken.set)
 

@@ -1,7 +1,7 @@
-"""The recent past of numbers for strip charts: least and largest value of each short stretch.
+"""Recent history for strip charts: minimum and maximum of each short interval.
 
-A chart has fewer pixels than a stream has samples. What falls on one pixel is kept as its range,
-so that no peak is lost, and a browser gets a tenth of the numbers.
+A chart has fewer pixels than a stream has samples. The samples of one pixel are reduced to their
+range, so that no peak is lost and a browser receives a tenth of the numbers.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from flea_diag.wire.records import ChannelTable, Record, Residual, Scan, Vibrati
 
 Array = npt.NDArray[np.float64]
 Row = tuple[int, list[float | None]]
-"""Number of the stretch since the epoch, and its values."""
+"""Number of the interval since the epoch, and its values."""
 
 STRETCH_NS = {"residual": 50_000_000, "channel": 50_000_000, "vibration": 200_000_000}
-"""Kinds of strip charts and the length of their stretches: a few samples fall into each."""
+"""Kinds of strip charts and the length of their intervals, each a few samples."""
 KEPT_NS = 60_000_000_000
 JUMP_NS = 1_000_000_000
-"""A stamp older than this starts a new run, as in the rest of the graph."""
+"""Step back of the stamps from which on a new run is assumed, as in the nodes."""
 
 
 class Strip:
@@ -33,9 +33,9 @@ class Strip:
     Parameters
     ----------
     names
-        Of the values; each gives a column ``lo`` and one ``hi``.
+        Names of the values; each has columns ``lo`` and ``hi``.
     stretch_ns
-        Length of a stretch.
+        Length of an interval.
     """
 
     def __init__(self, names: Sequence[str], stretch_ns: int) -> None:
@@ -48,9 +48,9 @@ class Strip:
         self._latest: Sequence[float] = ()
 
     def add(self, stamp_ns: int, values: Sequence[float], latest: Sequence[float] = ()) -> bool:
-        """Take one sample; False when it is of another run and nothing was taken.
+        """Add one sample; False if it belongs to another run and was not added.
 
-        ``latest`` are further values, kept as they were last: estimates, limits.
+        ``latest`` are further values of which the last is kept: estimates, limits.
         """
         stretch = stamp_ns // self._stretch_ns
         if stretch < self._open:
@@ -74,7 +74,7 @@ class Strip:
         self._open = following
 
     def after(self, stretch: int) -> list[Row]:
-        """Closed stretches after this one, oldest first."""
+        """Complete intervals after this one, oldest first."""
         new: list[Row] = []
         with self._lock:
             for row in reversed(self._rows):
@@ -85,14 +85,14 @@ class Strip:
 
 
 def _sent(value: float) -> float | None:
-    """Value with five digits, None where there is none: what JSON can say."""
+    """Value with five digits; None for NaN, which JSON does not have."""
     return float(f"{value:.5g}") if value - value == 0.0 else None
 
 
 class StripCharts:
-    """All that is drawn as strips: channels with estimates, residuals with limits, vibration.
+    """Data of all strip charts: channels with estimates, residuals with limits, vibration.
 
-    ``generation`` grows when the columns change or a new run begins: charts start anew then.
+    ``generation`` increases when the columns change or a new run begins; charts then restart.
     """
 
     def __init__(self) -> None:
@@ -102,7 +102,7 @@ class StripCharts:
         self._estimated: dict[str, tuple[float, float]] = {}
 
     def take(self, record: Record) -> None:
-        """Note a record of a stream; others are passed over."""
+        """Add a record of a stream; other records are ignored."""
         if isinstance(record, Scan):
             estimates = [
                 value
@@ -137,7 +137,7 @@ class StripCharts:
             self.generation += 1
 
     def description(self, kind: str) -> list[dict[str, Any]]:
-        """One entry a chart: name, unit, and the columns of its numbers in a row."""
+        """One entry per chart: name, unit, and the columns of its values in a row."""
         strip = self._strips.get(kind)
         names = strip.names if strip is not None else ()
         first = 2 * len(names)

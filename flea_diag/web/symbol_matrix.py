@@ -1,4 +1,4 @@
-"""Symbols over time: a row for each residual that deviates, a column for each change."""
+"""Symbols over time: one row per deviating residual, one column per change."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ from flea_diag.web.history import signs
 from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.wire.records import AmbiguityGroup
 
-WORDS = {"+": "above", "-": "below", "0": "normal", "?": "not yet known", "*": "any"}
+WORDS = {"+": "above", "-": "below", "0": "normal", "?": "unknown", "*": "any"}
 GLYPH = {"+": "▲", "-": "▼", "0": "●", "?": "…", "*": "∗"}
 CLASS = {"+": "plus", "-": "minus", "0": "zero", "?": "open", "*": "open"}
 MOST_COLUMNS = 5
-"""The first change and the latest."""
+"""The first and the latest change."""
 
 
 def symbol_matrix(group: AmbiguityGroup, residuals: Sequence[str]) -> Markup:
-    """Table of the episode in this verdict; ``residuals`` are all that there are.
+    """Table of the episode of this verdict; ``residuals`` are the names of all residuals.
 
-    A cell shows magnitude and slope. Residuals of which no symbol was seen are named below the
-    table.
+    A cell shows magnitude and slope. Residuals without a symbol are listed below the table.
     """
     seen = signs(group)
     stamps = sorted({sign.stamp_ns for sign in seen})
@@ -46,7 +45,7 @@ def symbol_matrix(group: AmbiguityGroup, residuals: Sequence[str]) -> Markup:
     quiet = [name for name in residuals if name not in names]
     below = tag(
         "details",
-        tag("summary", f"{len(quiet)} other residuals have no symbol in this episode"),
+        tag("summary", f"{len(quiet)} residuals without a symbol in this episode"),
         tag("p", ", ".join(quiet), class_="quiet"),
         data_name="quiet",
     )

@@ -1,4 +1,4 @@
-"""The diagnosis tree: which feature was asked, which branch its value took, what comes next."""
+"""The diagnosis tree: features requested so far, branches taken, features planned next."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from flea_diag.web.markup import Markup, joined, tag
 from flea_diag.wire.records import AmbiguityGroup
 
 RAREST = 0.05
-"""Branches that are reached less often are not drawn."""
+"""Branches with a lower probability are not drawn."""
 MOST_NAMES = 5
 DEEPEST = 3
-"""Levels that are drawn below the last answer."""
+"""Levels drawn below the last answer."""
 
 
 def diagnosis_tree(planner: Callable[..., Any], group: AmbiguityGroup) -> Markup:
@@ -28,7 +28,7 @@ def diagnosis_tree(planner: Callable[..., Any], group: AmbiguityGroup) -> Markup
 
 
 def _node(node: Any, asked: list[tuple[str, str]], final: tuple[str, ...], depth: int) -> Markup:
-    """``asked`` are the answers that are still to be followed from here."""
+    """Draw a node; ``asked`` are the answers still to be followed from here."""
     if node.feature is None:
         return _leaf(node.faults if asked else final, taken=True)
     done = bool(asked)
@@ -54,7 +54,7 @@ def _branch(
         "span",
         f"{'✓ ' if taken else ''}{_symbol(branch.symbol)}",
         class_="edge",
-        title="the value that was found" if taken else f"expected in {expected}",
+        title="observed value" if taken else f"expected in {expected}",
     )
     if taken:
         inner = _node(branch.node, asked[1:], final, 0)

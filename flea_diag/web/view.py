@@ -1,4 +1,4 @@
-"""All panels of the page as text, drawn anew only where what they show has changed."""
+"""All panels of the page as markup, redrawn only when their content has changed."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from flea_diag.web.tree_view import diagnosis_tree
 from flea_diag.wire.records import NEVER_NS, AmbiguityGroup
 
 MOST_IN_TREE = 8
-"""A tree of more faults than that is neither legible nor drawn up in no time."""
+"""Largest group whose tree is drawn: beyond it the tree is illegible and slow to compute."""
 NO_EPISODE = "No episode is open."
 
 
 @dataclass(frozen=True)
 class Shown:
-    """What is drawn: the state, the clock of arrivals, and the verdict of the open episode.
+    """Input of the panels: state, arrival clock, and the verdict of the open episode.
 
-    ``episode`` is None without one; it stays the same object while the verdict only repeats.
+    ``episode`` is None without one; it stays the same object while the verdict is only repeated.
     """
 
     state: OperatorState
@@ -36,7 +36,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Tools:
-    """What pictures need beside the records: the causal map and the planner of trees."""
+    """Input of the pictures besides the records: causal map and tree planner."""
 
     causal_map: Any
     planner: Callable[..., Any]
@@ -47,7 +47,7 @@ Draw = Callable[[Shown, Tools], Markup]
 
 @dataclass(frozen=True)
 class PagePanel:
-    """One panel: ``rests_on`` is what must change before it is drawn again."""
+    """One panel; it is redrawn when the value of ``rests_on`` changes."""
 
     name: str
     title: str
@@ -83,8 +83,8 @@ def _symbols(shown: Shown, _: Tools) -> Markup:
 
 def _paths(shown: Shown, tools: Tools) -> Markup:
     note = (
-        "Lit: from each cause still possible (◆) the shortest way in the model to the residual "
-        "that it explains. Solid: at once, dashed: over time, dotted: read by a residual."
+        "Highlighted: shortest path in the model from each possible cause (◆) to the residual that "
+        "it explains. Solid: instantaneous, dashed: delayed, dotted: read by a residual."
     )
     return joined(causal_paths(tools.causal_map, shown.episode), tag("p", note, class_="note"))
 
@@ -98,7 +98,7 @@ def _tree(shown: Shown, tools: Tools) -> Markup:
         return listed
     count = len(before_features(group))
     if count > MOST_IN_TREE:
-        words = f"{count} faults are possible: the tree is drawn once there are {MOST_IN_TREE}."
+        words = f"{count} faults are possible; the tree is drawn for at most {MOST_IN_TREE}."
         return joined(_nothing(words), listed)
     return joined(diagnosis_tree(tools.planner, group), listed)
 
@@ -153,7 +153,7 @@ PANELS = (
 
 
 class View:
-    """The panels' text, panel by panel; ``drawn`` holds the latest of each."""
+    """Markup of the panels; ``drawn`` holds the latest of each."""
 
     def __init__(self, tools: Tools) -> None:
         self._tools = tools
@@ -162,7 +162,7 @@ class View:
         self.drawn: dict[str, str] = {}
 
     def update(self, state: OperatorState, now_ns: int) -> None:
-        """Draw what has changed."""
+        """Redraw the panels that have changed."""
         shown = Shown(state, now_ns, self._open_episode(state.group))
         self.drawn["chips"] = str(chips(state, now_ns))
         for panel in PANELS:
@@ -172,7 +172,7 @@ class View:
             self._rested_on[panel.name] = rests_on
 
     def _open_episode(self, group: AmbiguityGroup | None) -> AmbiguityGroup | None:
-        """The verdict of the open episode, the same object as long as it only repeats."""
+        """The verdict of the open episode, the same object while it is only repeated."""
         if group is None or group.detected_stamp_ns == NEVER_NS:
             self._episode = None
         elif self._episode is None or _said(group) != _said(self._episode):
@@ -181,5 +181,5 @@ class View:
 
 
 def _said(group: AmbiguityGroup) -> tuple[object, ...]:
-    """What differs between two verdicts that say different things; NaN forbids comparing all."""
+    """Content that makes two verdicts different; NaN prevents comparing whole records."""
     return group.source, group.detected_stamp_ns, group.stamp_ns, group.step, group.outcome

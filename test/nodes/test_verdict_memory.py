@@ -69,7 +69,7 @@ def test_a_damaged_file_is_said_and_tells_nothing(tmp_path: Path, content: bytes
     assert VerdictMemory(bus, str(path)).recall() is None
     (words,) = bus.told
     assert str(path) in words
-    assert "tells nothing of the past" in words
+    assert "starting without the previous verdict" in words
 
 
 def test_a_place_that_cannot_be_written_is_said_once(tmp_path: Path) -> None:

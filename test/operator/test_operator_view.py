@@ -92,11 +92,11 @@ def test_the_verdict_its_members_and_why() -> None:
     assert "POSSIBLE (2)" in text
     assert "75%  mechanical_friction+  size 1.5 ± 0.1 N" in text
     assert "current high while slow" in text
-    assert "DROPPED (1)" in text
+    assert "RULED OUT (1)" in text
     assert "current is too high: winding_short" in text
     assert "no accelerometer on this stand" in text
-    assert "FEATURES  1 of 14 computed, 13 not asked for" in text
-    assert "rms                          computed before this screen was there" in text
+    assert "FEATURES  1 of 14 computed, 13 not requested" in text
+    assert "rms                          computed before this screen started" in text
 
 
 def test_one_line_a_change() -> None:
@@ -114,7 +114,7 @@ def test_one_line_a_change() -> None:
 def test_stale_is_stale_and_not_an_error() -> None:
     state = shown(replace(GROUP, stale=True))
     assert "VERDICT  STALE" in view(state)
-    assert "the stand sends no data" in view(state)
+    assert "no data from the stand" in view(state)
     assert " STALE " in line(state)
 
 
@@ -126,7 +126,9 @@ def test_a_silent_isolator_is_told() -> None:
 
 
 def test_a_replay_is_called_one() -> None:
-    assert "THIS IS A REPLAY, not the stand" in view(shown(replace(GROUP, source="replay")))
+    assert "REPLAY: recorded data, not the live stand" in view(
+        shown(replace(GROUP, source="replay"))
+    )
     assert "REPLAY" not in view(shown(GROUP))
 
 
@@ -138,7 +140,7 @@ def test_no_rounding_makes_a_probability_certain(probability: float) -> None:
 
 def test_a_fault_that_is_left_alone_gets_no_figure() -> None:
     alone = replace(GROUP, members=(replace(GROUP.members[0], probability=1.0),))
-    assert "%" not in view(shown(alone)).split("POSSIBLE")[1].split("DROPPED")[0]
+    assert "%" not in view(shown(alone)).split("POSSIBLE")[1].split("RULED OUT")[0]
 
 
 def test_why_names_time_source_and_path_of_each_finding() -> None:
@@ -199,16 +201,16 @@ def test_an_alarm_says_value_limit_evidence_and_time() -> None:
 
 def test_an_alarm_without_a_known_test_invents_none() -> None:
     (alarm,) = shown(GROUP).alarms
-    assert "no test of a residual is known to have opened it" in alarm_text(alarm)
+    assert "detection not received" in alarm_text(alarm)
     assert "nan" not in detail(alarm).text()
 
 
 def test_advice_says_how_far_and_what_it_splits() -> None:
     test = NextTest("motion", "slow to and fro, no load", 8.0, 1.25, ("ball_nut_friction / jam",))
     text = view(shown(replace(GROUP, next_tests=(test,))))
-    assert "NEXT TEST  advice; 2 faults are left now" in text
+    assert "NEXT TEST  advice; 2 faults remain" in text
     assert (
-        "motion slow to and fro, no load: 1.2 expected to be left after 8 s "
+        "motion slow to and fro, no load: expected group size 1.2 after 8 s "
         "(ball_nut_friction / jam)" in text
     )
 
@@ -216,9 +218,9 @@ def test_advice_says_how_far_and_what_it_splits() -> None:
 def test_what_cannot_be_split_by_design_names_the_sensor() -> None:
     sensor = NextTest("sensor", "accelerometer_2", float("nan"), 1.0, ("ball_nut_friction / jam",))
     text = view(shown(replace(GROUP, next_tests=(sensor,))))
-    assert "by design none splits these faults with the sensors of this stand" in text
-    assert "fit accelerometer_2: 1.0 expected to be left then" in text
-    assert "none is known" in view(shown(GROUP))
+    assert "by design no test splits these faults with the sensors of this stand" in text
+    assert "fit accelerometer_2: expected group size 1.0 (" in text
+    assert "no known test splits these faults" in view(shown(GROUP))
 
 
 def test_an_alarm_of_vibration_says_level_and_range() -> None:
@@ -275,8 +277,8 @@ def test_bad_channels_and_nodes() -> None:
 
 def test_what_the_stand_says_is_marked_as_such() -> None:
     text = view(shown(GROUP, Truth(NOON_NS, "jam", NOON_NS)))
-    assert "the stand says: jam from 22:13:20.000 UTC on" in text
-    assert "the stand says: jam\n" in view(shown(GROUP, Truth(NOON_NS, "jam", NEVER_NS)))
+    assert "truth (from the stand): jam since 22:13:20.000 UTC" in text
+    assert "truth (from the stand): jam\n" in view(shown(GROUP, Truth(NOON_NS, "jam", NEVER_NS)))
 
 
 def test_whatever_a_verdict_holds_is_shown_in_its_own_words() -> None:

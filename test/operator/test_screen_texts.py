@@ -167,7 +167,8 @@ def no_fault_is_made_up(state: OperatorState, screens: Screens) -> None:
         assert named(text) <= members, text
     for text in screens.all:
         told = text.count(TRUE_FAULT)
-        assert told == len(re.findall(rf"stand (?:itself )?says: {TRUE_FAULT}", text)), text
+        truths = re.findall(rf"[Tt]ruth \(from the stand\): {TRUE_FAULT}", text)
+        assert told == len(truths), text
     fresh = fresh_detection(state) is not None
     unexplained = state.group is not None and state.group.outcome is r.Outcome.UNEXPLAINED
     count = len(members)

@@ -49,7 +49,7 @@ def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_pa
         for name in ("isolator", "recorder"):
             os.kill(process_of(process.child.pid, EXECUTABLES[name]), signal.SIGKILL)
         for name in ("isolator", "recorder"):
-            process.wait_for(f"{name} was ended by SIGKILL: restarted (1 of at most 3)", 10.0)
+            process.wait_for(f"{name} was ended by SIGKILL: restart 1 of at most 3", 10.0)
         process.output = ""
         process.wait_for("jam", limit_s=180.0)  # the new isolator knows of the open episode
         until_recorded(tmp_path / "run_2")
@@ -71,7 +71,7 @@ def test_a_diagnoser_that_was_killed_takes_its_verdict_over(domain: int, tmp_pat
     with Process(run, domain, XDG_STATE_HOME=str(tmp_path)) as process:
         process.wait_for("DETECTED", limit_s=180.0)
         os.kill(process_of(process.child.pid, "flea_diag.nodes.diagnoser"), signal.SIGKILL)
-        process.wait_for("diagnoser was ended by SIGKILL: restarted (1 of at most 3)", 10.0)
+        process.wait_for("diagnoser was ended by SIGKILL: restart 1 of at most 3", 10.0)
         process.output = ""
         process.wait_for("before observer and isolator came back", limit_s=180.0)
         assert "NOMINAL" not in process.output
@@ -93,7 +93,9 @@ def test_a_node_that_keeps_falling_is_given_up(tmp_path: Path) -> None:
         falling = Children(log, told.append)
         with patch.dict(os.environ, {"PYTHONPATH": str(tmp_path)}):
             falling.start("falling", "falling", {})
-            with pytest.raises(ConfigurationError, match=r"falling.*SIGKILL.*3 times.*given up"):
+            with pytest.raises(
+                ConfigurationError, match=r"falling.*SIGKILL.*3 restarts.*run stopped"
+            ):
                 give_up(falling)
         falling.end()
     assert [line.partition("(")[2] for line in told] == [f"{k} of at most 3)" for k in (1, 2, 3)]
@@ -116,7 +118,7 @@ def test_a_node_that_cannot_start_ends_the_run(domain: int, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (["--at", "40"], "--at 40 is not within the run"),
+        (["--at", "40"], "--at 40: the onset must lie before the end"),
         (["--for", "-1"], "not within 0 to 86400 s"),
         (["--for", "soon"], "invalid number of seconds: 'soon'"),
         (["--speed", "2"], "unrecognized"),

@@ -105,7 +105,7 @@ def test_an_open_address_without_a_token_is_refused_by_name(tmp_path: Path) -> N
         token_of("0.0.0.0", str(tmp_path / "absent"))
     short = tmp_path / "short"
     short.write_text("abc\n")
-    with pytest.raises(ConfigurationError, match="holds 3 letters, a token has at least 16"):
+    with pytest.raises(ConfigurationError, match="holds 3 characters, a token has at least 16"):
         token_of("127.0.0.1", str(short))
     (tmp_path / "token").write_text(f"{TOKEN}\n")
     assert token_of("0.0.0.0", str(tmp_path / "token")) == TOKEN

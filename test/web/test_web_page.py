@@ -146,7 +146,7 @@ def people_say_something(browser: Browser) -> None:
     The alarm rings from the first touch on, in the title as well, until it is acknowledged.
     """
     assert browser.title().startswith("▲ 1 not acknowledged · flea_diag")
-    browser.until_text(".chips", "the bell is mute until you touch the page")
+    browser.until_text(".chips", "bell muted until the first click or key on this page")
     # A wish to sound that comes before the first touch stays in memory for ever.
     browser.run(TALLY)
     browser.until("performance.now() - window.fleaTally.since > 600")
@@ -173,7 +173,10 @@ def people_say_something(browser: Browser) -> None:
 def a_fault_is_put_into_the_simulated_stand(peer: Peer, browser: Browser) -> None:
     """What the stand refuses is told in its own words; what it takes, its truth says."""
     browser.until(SHOWS_INJECT)
-    for asked, answer in (("gremlin", "Not injected"), ("spall:0.8", "The stand took: spall:0.8")):
+    for asked, answer in (
+        ("gremlin", "Not injected"),
+        ("spall:0.8", "The stand accepted spall:0.8"),
+    ):
         browser.press("i")
         browser.until("document.activeElement.tagName === 'INPUT'")
         browser.press(asked, "\ue007")
@@ -208,7 +211,7 @@ def test_a_replay_never_rings_and_an_alarm_rings_again_after_a_restart(
         port = port_of(web)
         browser.open(f"http://127.0.0.1:{port}/")
         peer.bus.publish(replace(LAST, source="replay"))
-        browser.until_text("#panel-episodes", "replay, does not ring")
+        browser.until_text("#panel-episodes", "from a replay: does not ring")
         assert not browser.run(rings)
         assert not browser.run("document.body.classList.contains('ringing')")
         peer.bus.publish(replace(LAST, detected_stamp_ns=START + 1))
@@ -236,7 +239,7 @@ def test_the_node_says_why_it_does_not_start(domain: int, serve: Callable[..., P
         assert "default-src 'self'" in answer.headers["content-security-policy"]
         with serve(port) as second:
             assert second.end() == 2
-    assert f"port = {port}: cannot be served" in second.output
+    assert f"port = {port}: cannot be used" in second.output
     assert "Traceback" not in second.output
 
 

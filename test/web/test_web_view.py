@@ -204,7 +204,7 @@ def test_nothing_is_called_possible_that_is_not_held_so() -> None:
 def test_what_explains_nothing_is_not_called_possible() -> None:
     text = said(shown(replace(FIRST, outcome=Outcome.UNEXPLAINED)))
     assert "possible (" not in text
-    assert "Faults not ruled out (3), but none explains it well" in text
+    assert "Faults not ruled out (3), none explains the evidence well" in text
 
 
 def test_symbols_of_a_long_episode_keep_the_first_and_the_latest() -> None:
@@ -215,7 +215,7 @@ def test_symbols_of_a_long_episode_keep_the_first_and_the_latest() -> None:
         symbol_matrix(replace(FIRST, members=(Candidate("f", "", 1.0, "", seen),)), ("r", "q"))
     )
     assert re.findall(r"\+(\d)\.00 s", text) == ["0", "5", "6", "7", "8"]
-    assert "1 other residuals have no symbol in this episode q" in text
+    assert "1 residuals without a symbol in this episode q" in text
 
 
 def test_the_next_tests_are_those_of_the_verdict() -> None:
@@ -226,7 +226,7 @@ def test_the_next_tests_are_those_of_the_verdict() -> None:
     assert text.index("motion sweep") < text.index("feature crest_2")
     assert "sweep" not in said(shown(replace(FIRST, next_tests=tests)))
     sensor = (NextTest("sensor", "second encoder", math.nan, 1.0),)
-    assert "by design none splits" in said(shown(replace(unsplit, next_tests=sensor)))
+    assert "by design no test splits" in said(shown(replace(unsplit, next_tests=sensor)))
 
 
 def test_a_detection_is_told_before_its_verdict_and_without_a_fault() -> None:
@@ -252,17 +252,17 @@ def test_live_stale_silent_and_replay_are_told_apart() -> None:
     residual = Residual(START - 10**9, ("r",), (0.0,), (0.0,), (5.0,))
     assert link(shown(residual, scan, NOMINAL), START)[0] == "live"
     kind, told = link(shown(residual, scan, NOMINAL), START + 10**8)
-    assert (kind, told) == ("silent", "✖ NO RESIDUALS for 1 s: the observer is silent")
+    assert (kind, told) == ("silent", "✖ NO RESIDUALS for 1 s: the observer has stopped")
     assert link(shown(scan, replace(NOMINAL, stale=True)), START)[0] == "stale"
     replay = shown(scan, replace(NOMINAL, source="replay"))
-    assert link(replay, START) == ("replay", "↻ REPLAY, not the stand")
+    assert link(replay, START) == ("replay", "↻ REPLAY, not the live stand")
     assert "REPLAY" in words(chips(replay, START + 2 * 10**9))
     assert "STALE" in words(chips(replay, START + 2 * 10**9))
 
 
 def test_a_stale_verdict_is_never_shown_as_fresh() -> None:
     text = said(shown(replace(LAST, stale=True)))
-    assert "STALE: the stand sends no data; this is the last verdict." in text
+    assert "STALE: no data from the stand; last verdict." in text
     assert " ERROR " not in text
 
 

@@ -1,1 +1,1 @@
-"""What an operator looks at: console, page, the alarms behind them."""
+"""Operator nodes: console, web page, and the alarm journal that they share."""

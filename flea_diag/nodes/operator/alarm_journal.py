@@ -1,7 +1,7 @@
-"""Alarms, acknowledgements, comments and marks in an SQLite file, which survives any restart.
+"""Alarms, acknowledgements, comments and marks in an SQLite file that survives a restart.
 
-Several screens may share one file (SQLite's write-ahead log); what one acknowledges the
-others see when they read again.
+Several screens may share one file (SQLite's write-ahead log); an acknowledgement on one of them
+appears on the others at their next read.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ CREATE TABLE IF NOT EXISTS comment (
 CREATE INDEX IF NOT EXISTS comment_alarm ON comment (stand, source, detected_ns);
 """
 MARK: Key = ("mark", NEVER_NS)
-"""A mark is a comment on a moment and belongs to no alarm."""
+"""Source and detection stamp of a mark: a comment on a moment, without an alarm."""
 BUSY_S = 2.0
 LONGEST_TEXT = 2000
 LONGEST_NAME = 100
 
 
 def default_path() -> Path:
-    """Where the journal lies when nobody says otherwise."""
+    """Default path of the journal."""
     return state_folder() / "alarms.sqlite"
 
 
@@ -46,14 +46,14 @@ class AlarmJournal:
     Raises
     ------
     ConfigurationError
-        When the file cannot be opened or is no journal.
+        The file cannot be opened, or is not a journal.
     """
 
     def __init__(self, path: Path, stand: str = "stand") -> None:
         self.path, self._stand = path, stand
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            # A screen may draw in one thread and take records in another; SQLite serialises.
+            # A screen may draw in one thread and receive records in another; SQLite serialises.
             self._db = sqlite3.connect(
                 path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
             )
@@ -61,7 +61,7 @@ class AlarmJournal:
             self._db.executescript(SCHEMA)
         except (OSError, sqlite3.Error) as error:
             raise ConfigurationError(
-                f"journal = {str(path)!r} cannot be used ({error}): name a file that can be written"
+                f"journal = {str(path)!r} cannot be used ({error}): name a writable file"
             ) from None
 
     def close(self) -> None:
@@ -69,7 +69,7 @@ class AlarmJournal:
         self._db.close()
 
     def note(self, alarm: Alarm) -> None:
-        """Keep what the records say of an alarm; acknowledgement and comments stay as they are."""
+        """Store the recorded content of an alarm; acknowledgement and comments are kept."""
         with self._told():
             self._db.execute(
                 "INSERT INTO alarm (stand, source, detected_ns, record) VALUES (?, ?, ?, ?) "
@@ -79,7 +79,7 @@ class AlarmJournal:
             )
 
     def keep(self, remark: Remark) -> None:
-        """Keep what somebody said; once, however often and on whatever way it comes."""
+        """Store a remark once, even if it arrives several times."""
         key = remark.source, remark.detected_ns
         if remark.kind is RemarkKind.ACKNOWLEDGED:
             self._acknowledge(key, remark.stamp_ns, remark.author)
@@ -88,7 +88,7 @@ class AlarmJournal:
         self._comment(MARK if remark.kind is RemarkKind.MARK else key, said)
 
     def _acknowledge(self, key: Key, stamp_ns: int, author: str) -> None:
-        """Acknowledge an alarm, unless it is unknown or somebody has done it before."""
+        """Acknowledge an alarm, unless it is unknown or already acknowledged."""
         with self._told():
             self._db.execute(
                 "UPDATE alarm SET acknowledged_ns = ?, acknowledged_by = ? WHERE stand = ? "
@@ -97,7 +97,7 @@ class AlarmJournal:
             )
 
     def _comment(self, key: Key, comment: Comment) -> None:
-        """Add a comment to an alarm, unless it is there already."""
+        """Add a comment to an alarm, unless it is stored already."""
         text = comment.text.strip()[:LONGEST_TEXT]
         if not text:
             return
@@ -111,7 +111,7 @@ class AlarmJournal:
             )
 
     def alarms(self, most: int = 100) -> tuple[Alarm, ...]:
-        """The latest alarms, oldest first, with what people said to them."""
+        """The latest alarms with their acknowledgements and comments, oldest first."""
         with self._told():
             rows = self._db.execute(
                 "SELECT source, detected_ns, record, acknowledged_ns, acknowledged_by FROM alarm "
@@ -133,7 +133,7 @@ class AlarmJournal:
         return self._comments(MARK)[-most:]
 
     def version(self) -> int:
-        """A number that changes when another process has written."""
+        """Version number that changes when another process has written to the file."""
         return int(self._db.execute("PRAGMA data_version").fetchone()[0])
 
     def _comments(self, key: Key) -> tuple[Comment, ...]:
@@ -153,7 +153,7 @@ class AlarmJournal:
 
 
 LEFT_OUT = ("acknowledged_ns", "acknowledged_by", "comments")
-"""Fields of an alarm that have columns of their own."""
+"""Fields of an alarm that are stored in columns of their own."""
 
 
 def _text(alarm: Alarm) -> str:

@@ -1,4 +1,4 @@
-"""``ros2 run flea_diag console``: what the stand and its diagnosis say, on a terminal or a pipe."""
+"""``ros2 run flea_diag console``: verdict, evidence and stand status on a terminal or a pipe."""
 
 from __future__ import annotations
 
@@ -29,38 +29,40 @@ class ConsoleParameters:
 
     style: str = parameter(
         "auto",
-        "screen is the console with keys (Textual), page redraws plain text, lines prints one line "
-        "a change; auto takes the screen on a terminal, the page where Textual is not installed",
+        "screen: full-screen console with keys (Textual); page: plain text, redrawn; lines: one "
+        "line per change; auto: screen on a terminal (page without Textual), lines elsewhere",
         choices=("auto", "screen", "page", "lines"),
         read_only=True,
     )
     journal: str = parameter(
         "",
-        "file of alarms, acknowledgements and comments; empty: flea_diag/alarms.sqlite in "
-        "$XDG_STATE_HOME or ~/.local/state",
+        "SQLite file for alarms, acknowledgements and comments; empty: flea_diag/alarms.sqlite "
+        "below $XDG_STATE_HOME or ~/.local/state",
         read_only=True,
     )
-    author: str = parameter("", "who acknowledges and comments; empty: the login", read_only=True)
+    author: str = parameter(
+        "", "name stored with acknowledgements and comments; empty: login name", read_only=True
+    )
 
 
 class Plain:
-    """Writes the state as text when it has changed."""
+    """Writes the state as plain text whenever it has changed."""
 
     def __init__(self, desk: Desk, out: TextIO) -> None:
         self._desk, self._out = desk, out
         self._shown = ""
 
     def verdict(self, record: Record) -> None:
-        """Its line at once, if this is one."""
+        """Print the line of a verdict at once; other records are ignored."""
         if isinstance(record, AmbiguityGroup):
             self.line()
 
     def line(self) -> None:
-        """One line a change."""
+        """Print one line if the verdict has changed."""
         self._write(line(self._desk.state, self._desk.now_ns()), end="\n")
 
     def page(self) -> None:
-        """The whole page anew."""
+        """Print the whole page if it has changed."""
         self._write(page(view(self._desk.state, self._desk.now_ns())), before=CLEAR)
 
     def _write(self, text: str, before: str = "", end: str = "") -> None:
@@ -71,7 +73,7 @@ class Plain:
 
 
 class Screen:
-    """The console with keys; has the main thread while the node is served in another."""
+    """The full-screen console; it runs in the main thread, the node in another."""
 
     def __init__(self, desk: Desk) -> None:
         from flea_diag.nodes.operator.console_app import ConsoleApp
@@ -81,11 +83,11 @@ class Screen:
         self._desk = desk
 
     def run(self) -> None:
-        """Show it until somebody quits or the node ends."""
+        """Show the screen until the operator quits or the node ends."""
         self._app.run()
 
     def leave(self) -> None:
-        """The node has ended; the app looks here with each redraw."""
+        """Note that the node has ended; the app checks this at each redraw."""
         self._left.set()
 
     def close(self) -> None:
@@ -94,7 +96,7 @@ class Screen:
 
 
 def start(bus: Bus[Any], parameters: ConsoleParameters) -> Callable[[], None] | Screen:
-    """Show what comes, on standard output or on the terminal."""
+    """Show incoming records on standard output or on the terminal."""
     style = chosen_style(parameters.style, sys.stdout.isatty(), _has_textual())
     author = parameters.author or getpass.getuser()
     desk = Desk(open_journal(parameters.journal, bus.stand), author)
@@ -103,19 +105,19 @@ def start(bus: Bus[Any], parameters: ConsoleParameters) -> Callable[[], None] | 
         return Screen(desk)
     plain = Plain(desk, sys.stdout)
     if style == "lines":
-        # A verdict is printed when it comes, not when somebody looks: two may come in between.
+        # A verdict is printed on arrival, not with the timer: two may arrive between two ticks.
         desk.on_record.append(plain.verdict)
     bus.every(REDRAW_S, plain.line if style == "lines" else plain.page)
     return desk.close
 
 
 def chosen_style(asked: str, terminal: bool, textual: bool) -> str:
-    """Style that is asked for, or that fits.
+    """Style to use: the one requested, or for ``auto`` the one that suits the output.
 
     Raises
     ------
     ConfigurationError
-        The screen is asked for, and Textual is not installed.
+        ``screen`` is requested but Textual is not installed.
     """
     if asked == "screen" and not textual:
         raise ConfigurationError(f"style = 'screen': {NO_TEXTUAL}")
@@ -133,11 +135,11 @@ def _has_textual() -> bool:
 
 
 def program() -> Program:
-    """What this node is."""
+    """Description of this node."""
     return Program(
         "console",
-        "Shows the verdict, the faults still possible and why, the evidence and the stand's health;"
-        " keeps alarms until they are acknowledged.",
+        "Shows the verdict, the possible faults with their reasons, the evidence and the status of "
+        "the stand; keeps alarms until they are acknowledged.",
         ConsoleParameters,
         start,
         subscribes=(*SHOWN, *SAID),
@@ -152,7 +154,7 @@ def program() -> Program:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run until it is quit, SIGINT or SIGTERM; the exit status."""
+    """Run until the operator quits, SIGINT or SIGTERM; return the exit status."""
     return run(program, argv)
 
 

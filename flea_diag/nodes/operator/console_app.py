@@ -1,4 +1,4 @@
-"""The console with keys, in Textual: panels of the view, two of them lists to choose from."""
+"""The full-screen console in Textual: the panels of the view, two of them selectable lists."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STYLES = {
     Level.ERROR: "bold red",
     Level.STALE: "bold magenta",
 }
-"""Colours repeat what the words say; nothing is told by colour alone."""
+"""Colours repeat the text; no information is given by colour alone."""
 
 LEFT = ("possible", "why", "next", "steps", "dropped", "unseen")
 RIGHT = ("symbols", "features", "residuals", "streams", "channels", "nodes", "marks")
@@ -59,7 +59,7 @@ Ask > * { width: 70%; }
 
 
 class ConsoleScreen(Screen[None]):
-    """Draws what the desk has five times a second; keys acknowledge, comment, mark, inject."""
+    """Draws the state of the desk five times a second; keys acknowledge, comment, mark, inject."""
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (120, "-wide")]  # noqa: RUF012
     BINDINGS = (
@@ -81,7 +81,7 @@ class ConsoleScreen(Screen[None]):
         self._rows: dict[str, tuple[Line, ...]] = {}
 
     def compose(self) -> ComposeResult:
-        """The verdict, two columns, the episodes, keys."""
+        """Verdict, two columns of panels, episodes, key bar."""
         yield Static(id="verdict")
         with Horizontal(id="body"):
             for column, names in (("left", LEFT), ("right", RIGHT)):
@@ -93,13 +93,13 @@ class ConsoleScreen(Screen[None]):
         yield Footer()
 
     def on_mount(self) -> None:
-        """Draw at once, then steadily."""
+        """Draw at once, then periodically."""
         self.redraw()
         self.set_interval(REDRAW_S, self.redraw)
         self.query_one("#possible").focus()
 
     def redraw(self) -> None:
-        """Show the state as it is now."""
+        """Show the current state."""
         if self._ended():
             self.app.exit()
             return
@@ -116,13 +116,13 @@ class ConsoleScreen(Screen[None]):
         self.query_one("#message", Static).update(self._desk.trouble or self._said)
 
     def _offer_faults(self) -> None:
-        """Show the key that injects while a stand is there that takes faults."""
+        """Show the injection key while a stand that accepts faults is running."""
         if self._takes_faults != self._desk.faults.present:
             self._takes_faults = self._desk.faults.present
             self.refresh_bindings()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool:
-        """Whether a key does something now."""
+        """Whether a key is active now."""
         return action != "inject" or self._takes_faults
 
     def _verdict(self, panel: Panel) -> None:
@@ -160,7 +160,7 @@ class ConsoleScreen(Screen[None]):
         body.highlighted = places.get(chosen, 0) if places else None
 
     def _ring(self) -> None:
-        """Ring at once for a new alarm of the stand, and again until all are acknowledged."""
+        """Ring for a new alarm of the stand at once, then repeatedly until all are acknowledged."""
         ringing = {alarm.key for alarm in self._desk.state.alarms if alarm.rings}
         silent_s = time.monotonic() - self._rang_s
         if ringing - self._heard or (ringing and silent_s >= RING_EVERY_S):
@@ -168,7 +168,7 @@ class ConsoleScreen(Screen[None]):
             self.app.bell()
         self._heard = ringing
 
-    # -- what is chosen, and what people do with it
+    # -- selection and operator actions
 
     def _chosen_member(self) -> object:
         group = self._desk.state.group
@@ -177,7 +177,7 @@ class ConsoleScreen(Screen[None]):
         return next((m for m in members if m.fault == chosen), members[0] if members else None)
 
     def _chosen_alarm(self) -> Alarm | None:
-        """The alarm under the cursor, or the latest that stands."""
+        """The alarm under the cursor, or the latest one not acknowledged."""
         alarms = self._desk.state.alarms
         episodes = self.query_one("#episodes", OptionList)
         if episodes.has_focus:
@@ -187,28 +187,28 @@ class ConsoleScreen(Screen[None]):
         return standing[-1] if standing else None
 
     def action_acknowledge(self) -> None:
-        """Acknowledge the chosen alarm."""
+        """Acknowledge the selected alarm."""
         alarm = self._chosen_alarm()
         if alarm is None:
-            self._tell("there is no alarm to acknowledge")
+            self._tell("no alarm to acknowledge")
             return
         self._desk.acknowledge(alarm.key)
         self.redraw()
 
     def action_comment(self) -> None:
-        """Ask for a comment on the chosen alarm."""
+        """Ask for a comment on the selected alarm."""
         alarm = self._chosen_alarm()
         if alarm is None:
-            self._tell("there is no alarm to comment: m marks a moment")
+            self._tell("no alarm to comment on; press m to mark this moment instead")
             return
         question = detail(alarm).title
         self.app.push_screen(
-            Ask(f"Comment on {question}", "what was found, what was done"),
+            Ask(f"Comment on {question}", "finding, action taken"),
             lambda text: self._desk.comment(alarm.key, text) if text else None,
         )
 
     def action_mark(self) -> None:
-        """Ask for words to this moment: that of the key, however long they take to write."""
+        """Ask for the text of a mark; its stamp is the moment of the key press."""
         moment_ns = self._desk.moment_ns()
 
         def kept(text: str | None) -> None:
@@ -219,15 +219,15 @@ class ConsoleScreen(Screen[None]):
         self.app.push_screen(Ask("Mark this moment", "load changed"), kept)
 
     def action_inject(self) -> None:
-        """Ask for a fault to put into a simulated stand."""
-        example = "jam, or jam:0.5; 'clear' takes all faults away"
+        """Ask for a fault to inject into a simulated stand."""
+        example = "jam, or with a size jam:0.5; 'clear' removes all faults"
         self.app.push_screen(Ask("Inject a fault into the simulated stand", example), self._put_in)
 
     def _put_in(self, text: str | None) -> None:
         if not text:
             return
         fault = "" if text.strip() == "clear" else text.strip()
-        self._tell(f"asked the stand: inject {fault!r}")
+        self._tell(f"requested from the stand: inject = {fault!r}")
         self._desk.faults.set(fault, lambda why_not: self._tell(_outcome(fault, why_not)))
 
     def _tell(self, text: str) -> None:
@@ -240,9 +240,9 @@ class ConsoleApp(App[None]):
     Parameters
     ----------
     desk
-        State and journal.
+        State and journal of the stand.
     ended
-        Whether the node has ended, and the screen with it.
+        Returns whether the node has ended; the screen then ends too.
     """
 
     CSS = CSS
@@ -254,7 +254,7 @@ class ConsoleApp(App[None]):
         self._make = lambda: ConsoleScreen(desk, ended)
 
     def get_default_screen(self) -> Screen[None]:
-        """The only one but for questions."""
+        """The main screen; questions open on top of it."""
         return self._make()
 
 
@@ -271,7 +271,7 @@ def _styled(lines: tuple[Line, ...]) -> Text:
 
 
 def _parts(lines: tuple[Line, ...]) -> list[tuple[Line, ...]]:
-    """Lines by what they belong to: one with a key and those after it."""
+    """Lines grouped into entries: a line with a key and the lines after it."""
     parts: list[tuple[Line, ...]] = []
     for line in lines:
         if line.key or not parts:
@@ -289,4 +289,4 @@ def _highlighted(options: OptionList) -> str | None:
 def _outcome(fault: str, why_not: str) -> str:
     if why_not:
         return f"not injected: {why_not}"
-    return f"the stand took inject = {fault!r}; what is in it, it says itself"
+    return f"the stand accepted inject = {fault!r}; see the truth line for the active faults"

@@ -1,4 +1,4 @@
-"""What the console asks people: one line of text."""
+"""Input dialog of the console: one line of text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from textual.widgets import Input, Label
 
 
 class Ask(ModalScreen[str]):
-    """One line of text, or nothing with Escape."""
+    """Asks for one line of text; Escape cancels."""
 
     BINDINGS = (Binding("escape", "leave", "Cancel"),)
 
@@ -23,9 +23,9 @@ class Ask(ModalScreen[str]):
         yield Input(placeholder=self._example)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Enter gives the text."""
+        """Return the text on Enter."""
         self.dismiss(event.value)
 
     def action_leave(self) -> None:
-        """Escape gives none."""
+        """Return nothing on Escape."""
         self.dismiss(None)

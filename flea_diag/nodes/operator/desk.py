@@ -1,7 +1,7 @@
-"""One stand as it is live, with its journal: what every screen has before it.
+"""Live state of one stand with its alarm journal, shared by console and page.
 
-Records come in one thread, a screen may draw and take orders in another; the state is frozen
-and replaced as a whole, so that reading it needs no lock.
+Records arrive in one thread; a screen may draw and accept input in another. The state is frozen
+and replaced as a whole, so reading it needs no lock.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ from flea_diag.wire.records import NEVER_NS, Record, Remark, RemarkKind, Scan
 TICK_S = 0.5
 DAQ = "daq"
 SAID = (Remark,)
-"""What people say on one screen goes to the recorder and to all other screens."""
+"""Published records: remarks of operators go to the recorder and to all other screens."""
 
 
 def open_journal(path: str, stand: str) -> AlarmJournal:
-    """Journal of a stand in this file, or in the default one when the path is empty."""
+    """Open the journal of a stand; an empty path is the default file."""
     return AlarmJournal(Path(path) if path else default_path(), stand)
 
 
 class Desk:
-    """Folds records into the state, and keeps alarms and what people say to them.
+    """Folds records into the state, and stores alarms and the operators' remarks.
 
     Parameters
     ----------
     journal
-        Where alarms, acknowledgements and comments are kept.
+        File for alarms, acknowledgements and comments.
     author
-        Who acknowledges and comments here.
+        Name stored with acknowledgements and comments made here.
     """
 
     def __init__(self, journal: AlarmJournal, author: str) -> None:
@@ -63,11 +63,11 @@ class Desk:
 
     @staticmethod
     def now_ns() -> int:
-        """Clock of the arrivals: steady, so that a clock that is set makes no stream stale."""
+        """Arrival clock, monotonic: setting the system clock makes no stream stale."""
         return time.monotonic_ns()
 
     def take(self, record: Record) -> None:
-        """One more record; what people say on other screens is kept here, too."""
+        """Fold in a record; remarks made on other screens are stored here, too."""
         if isinstance(record, Remark):
             self._hear(record)
             return
@@ -80,7 +80,7 @@ class Desk:
             call(record)
 
     def tick(self, lost: Mapping[str, int] | None = None) -> None:
-        """Take in what time, other screens and the middleware (losses by topic) have changed."""
+        """Update for elapsed time, other screens' entries and lost messages (count by topic)."""
         with self._lock:
             self.state = with_losses(aged(self.state, self.now_ns()), lost or {})
             self._note()
@@ -102,7 +102,7 @@ class Desk:
         self._noted = {alarm.key: alarm for alarm in self.state.alarms}
 
     def _kept(self, call: Callable[..., Any], *arguments: Any) -> bool:
-        """Whether the journal did it; a full disk must not take the screen away."""
+        """Whether the journal call succeeded; a full disk must not stop the screen."""
         try:
             call(*arguments)
         except RecordingError as error:
@@ -111,26 +111,26 @@ class Desk:
         self.trouble = ""
         return True
 
-    # -- what people do
+    # -- operator actions
 
     def acknowledge(self, key: Key) -> None:
         """Acknowledge one alarm."""
         self._say(Remark(time.time_ns(), RemarkKind.ACKNOWLEDGED, self._author, "", *key))
 
     def comment(self, key: Key, text: str) -> None:
-        """Say something to one alarm."""
+        """Comment on one alarm."""
         self._say(Remark(time.time_ns(), RemarkKind.COMMENT, self._author, text, *key))
 
     def mark(self, text: str, stamp_ns: int = NEVER_NS) -> None:
-        """Mark a moment, or this one."""
+        """Mark a moment; by default the present one."""
         at_ns = self.moment_ns() if stamp_ns == NEVER_NS else stamp_ns
         self._say(Remark(at_ns, RemarkKind.MARK, self._author, text))
 
     def moment_ns(self) -> int:
-        """Stamp of now by the stand's own clock: that of the scan that people see.
+        """Present time by the clock of the stand: the stamp of the latest scan shown.
 
-        A mark then lies in the recording where it was meant, whatever this machine's clock says,
-        and in a replay as well. While no scans come it is this machine's clock.
+        A mark is then stored at the right place of the recording, also with another clock on this
+        machine and in a replay. While no scans arrive it is the clock of this machine.
         """
         state = self.state
         if state.scan is None or state.silent(Scan, self.now_ns()):
@@ -157,7 +157,7 @@ class Desk:
 
 
 def connect(bus: Bus[Any], desk: Desk) -> None:
-    """Have a desk take what comes on the bus."""
+    """Subscribe a desk to the records of the bus."""
 
     def tick() -> None:
         desk.tick({s.topic.name.lstrip("/"): s.lost for s in bus.streams.values()})

@@ -1,4 +1,4 @@
-"""``ros2 run flea_diag web``: the operator's page in a browser, live."""
+"""``ros2 run flea_diag web``: the live operator page in a browser."""
 
 from __future__ import annotations
 
@@ -26,36 +26,36 @@ class WebParameters:
 
     address: str = parameter(
         "127.0.0.1",
-        "address to serve at; any but this machine's own opens the page to the network and needs "
+        "address to serve on; any but a loopback address opens the page to the network and needs "
         "token_file",
         read_only=True,
     )
     port: int = parameter(
-        PORT, "port to serve at; 0 takes a free one", minimum=0, maximum=65535, read_only=True
+        PORT, "TCP port; 0: any free port", minimum=0, maximum=65535, read_only=True
     )
     token_file: str = parameter(
         "",
-        "file that holds the token a browser must know (a parameter could be read by the whole "
-        "graph); empty asks for none and serves this machine alone",
+        "file with the access token for browsers (a file, since any node can read a parameter); "
+        "empty: no token, loopback address only",
         read_only=True,
     )
     journal: str = parameter(
-        "", "SQLite file of alarms, acknowledgements and comments (empty: the default one)",
+        "", "SQLite file for alarms, acknowledgements and comments; empty: the default file",
         read_only=True,
     )  # fmt: skip
     author: str = parameter(
-        "", "who acknowledges and comments here (empty: the user's name)", read_only=True
+        "", "name stored with acknowledgements and comments; empty: login name", read_only=True
     )
     actuator: str = parameter(
-        "actuator.yaml", "actuator description whose causal graph is drawn", read_only=True
+        "actuator.yaml", "actuator description for the causal graph", read_only=True
     )
     features: str = parameter(
-        "feature_table.yaml", "fault-feature table whose tree is drawn", read_only=True
+        "feature_table.yaml", "fault-feature table for the diagnosis tree", read_only=True
     )
 
 
 def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
-    """Serve the page; what ends it."""
+    """Serve the page; return the function that ends it."""
     if find_spec("nicegui") is None:
         raise ConfigurationError(NO_NICEGUI)
     from flea_diag.configuration import load_causal_map, tree_planner
@@ -81,7 +81,7 @@ def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
     desk.on_record.append(take)
     connect(bus, desk)
     server.start()
-    asks = ", with the token asked for" if token else ""
+    asks = ", token required" if token else ""
     bus.info(f"the page is at http://{parameters.address}:{server.port}/{asks}")
 
     def close() -> None:
@@ -92,7 +92,7 @@ def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
 
 
 def program() -> Program:
-    """What this node is."""
+    """Description of this node."""
     return Program(
         "web",
         "Serves the verdict, its evidence and the stand's signals as a page in a browser.",
@@ -109,7 +109,7 @@ def program() -> Program:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; the exit status."""
+    """Run until SIGINT or SIGTERM; return the exit status."""
     return run(program, argv)
 
 

@@ -1,1 +1,1 @@
-"""The recorder and the clips that it cuts."""
+"""Recorder node, and the episode clips that it writes."""

@@ -1,9 +1,8 @@
-"""A clip for each episode: a bag from before the detection to after the verdict.
+"""Episode clips: one bag per episode, from before the detection to after the verdict.
 
-Cut while the recorder runs. The last seconds are kept as the bytes that came. An episode opens a
-clip with them and all that follows goes in too, so that episodes may follow closely, and share
-what lies between.
-Where no clip could be cut, or not the whole of it, the reason is kept in its place.
+Clips are written while the recorder runs. The last seconds of messages are buffered as received.
+An episode opens a clip with this buffer; every later message is appended until the clip ends.
+Clips of close episodes overlap. Where a clip is missing or incomplete the index gives the reason.
 """
 
 from __future__ import annotations
@@ -24,15 +23,15 @@ from flea_diag.wire.topics import Topic
 
 MOST_RING_BYTES = 256_000_000
 LONGEST_NS = 120_000_000_000
-"""A clip whose verdict does not come ends so long after the detection, and says so."""
+"""Time after the detection at which a clip without a verdict ends, with a note in the index."""
 JUMP_NS = 1_000_000_000
 LATEST_WORD_NS = 5_000_000_000
-"""A verdict may name a detection that is so old."""
+"""Largest delay from a detection to the first verdict that names it."""
 INDEX = "index.jsonl"
 
 
 class ClipMessage(NamedTuple):
-    """One message as it came."""
+    """One message as received."""
 
     topic: Topic
     name: str
@@ -43,7 +42,7 @@ class ClipMessage(NamedTuple):
 
 @dataclass
 class Clip:
-    """One episode's bag while it is written; ``end_ns`` is NEVER_NS while no verdict stands."""
+    """Bag of one episode while it is written; ``end_ns`` is NEVER_NS until there is a verdict."""
 
     detected_ns: int
     start_ns: int
@@ -54,14 +53,14 @@ class Clip:
 
 
 class Clips:
-    """Cuts clips out of what passes by.
+    """Writes clips from the messages that the recorder receives.
 
     Parameters
     ----------
     directory
-        Folder of the clips; each is a bag in it, and ``index.jsonl`` has a line for each episode.
+        Folder of the clips, one bag each, with ``index.jsonl``: one line per episode.
     before_s, after_s
-        How much before the detection and after the verdict.
+        Time before the detection and after the verdict, s.
     """
 
     def __init__(self, directory: Path, before_s: float, after_s: float) -> None:
@@ -77,7 +76,7 @@ class Clips:
         self.last = ""
 
     def take(self, topic: Topic, name: str, data: bytes, stamp_ns: int, received_ns: int) -> None:
-        """One more message."""
+        """Buffer a message and append it to the open clips."""
         message = ClipMessage(topic, name, data, stamp_ns, received_ns)
         if topic.record is Scan:
             self._follow(stamp_ns)
@@ -89,16 +88,16 @@ class Clips:
         if topic.record is Scan:
             self._end_due()
 
-    def close(self, why: str = "the recording ended first") -> None:
-        """End the clips that are still open."""
+    def close(self, why: str = "truncated: the recording ended") -> None:
+        """End the open clips."""
         for clip in list(self._open.values()):
             self._end(clip, why if clip.end_ns == NEVER_NS or self._now_ns < clip.end_ns else "")
 
-    # -- what has passed
+    # -- buffer
 
     def _follow(self, stamp_ns: int) -> None:
         if self._now_ns - stamp_ns > JUMP_NS:
-            self.close("the stand's stamps went back: another run")
+            self.close("truncated: stamps stepped back, a new run began")
             self._ring.clear()
             self._ring_bytes, self._first_ns = 0, NEVER_NS
             self._now_ns = stamp_ns
@@ -123,7 +122,7 @@ class Clips:
         try:
             group = codec.decode(AmbiguityGroup, data)
         except WireError:
-            return  # the recorder keeps what it cannot read; so does the clip
+            return  # recorder and clip store unreadable messages as they are
         detected_ns = group.detected_stamp_ns
         if detected_ns == NEVER_NS:
             self._over(group.stamp_ns)
@@ -136,7 +135,7 @@ class Clips:
             self._follow_verdict(clip_of, group)
 
     def _over(self, stamp_ns: int) -> None:
-        """No episode is open any more."""
+        """Set the end of clips whose episode has closed."""
         for clip in self._open.values():
             if clip.end_ns == NEVER_NS:
                 clip.end_ns = stamp_ns + self._after_ns
@@ -152,10 +151,10 @@ class Clips:
     def _begin(self, group: AmbiguityGroup) -> None:
         detected_ns = group.detected_stamp_ns
         if group.source != "live":
-            self._tell(group, "", ["a replay: what it shows has been recorded before"])
+            self._tell(group, "", ["from a replay: this episode was recorded before"])
             return
         if self._first_ns == NEVER_NS or detected_ns < self._first_ns:
-            self._tell(group, "", ["the episode began before this recorder had heard a scan"])
+            self._tell(group, "", ["the episode began before this recorder received a scan"])
             return
         start_ns = detected_ns - self._before_ns
         try:
@@ -169,10 +168,10 @@ class Clips:
             return
         late_ns = self._first_ns - start_ns
         if late_ns > 0:
-            clip.notes.append(f"begins {late_ns / 1e9:.1f} s later: nothing was heard before")
+            clip.notes.append(f"begins {late_ns / 1e9:.1f} s late: the recorder had just started")
 
     def _since(self, start_ns: int) -> Iterator[ClipMessage]:
-        """What has passed from ``start_ns`` on, with the latched topics as they then stood."""
+        """Messages from ``start_ns`` on, preceded by the latched topics as of then."""
         window = [message for message in self._ring if message.stamp_ns >= start_ns]
         begin_ns = window[0].received_ns if window else time.time_ns()
         inside = {message.name for message in window if message.topic.latched}

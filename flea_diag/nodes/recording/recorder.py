@@ -1,4 +1,4 @@
-"""``ros2 run flea_diag recorder``: every topic of ours into an MCAP bag, whole twice a second."""
+"""``ros2 run flea_diag recorder``: topics of a stand to an MCAP bag, finalised twice a second."""
 
 from __future__ import annotations
 
@@ -27,36 +27,36 @@ from flea_diag.wire.topics import TOPIC_NAMED, TOPICS, Topic
 ALL = "all"
 MEGABYTE = 1_000_000
 WHOLE_EVERY_S = 0.5
-"""So that a crash costs less than a second also where the disk or the processor is slow."""
+"""Period at which the bag is finalised: a crash loses less than 1 s, also on a slow machine."""
 WAITING = 1000
-"""Messages of a topic that may wait: scans of ten seconds, should the disk answer no sooner."""
+"""Queue length per topic: 10 s of scans, for a disk that stalls."""
 PACKAGES = ("flea-diag", "numpy", "scipy", "numba", "mcap", "rosbags", "ros-rclpy", "rclpy")
-"""Packages whose versions are kept in a bag."""
+"""Packages whose versions are stored in a bag."""
 
 
 @dataclass(frozen=True)
 class RecorderParameters(Files):
-    """Parameters of the recorder; the files of the diagnosis are kept in the bag."""
+    """Parameters of the recorder; the configuration files named here are stored in the bag."""
 
     directory: str = parameter(
         "",
-        "Bag to make; it must not exist. Empty: bags/runs/<UTC time> below where the node started",
+        "bag to write, must not exist; empty: bags/runs/<UTC time> below the working directory",
         read_only=True,
     )
     topics: tuple[str, ...] = parameter(
         (ALL,),
-        "Topics to record, as `ros2 topic list` shows them without namespace",
+        "topics to record, without namespace, or all",
         read_only=True,
     )
     split_mb: int = parameter(
-        0, "Go on in another file when one has so many; 0: never", unit="MB", minimum=0
+        0, "file size at which a new file is started; 0: never", unit="MB", minimum=0
     )
     split_s: float = parameter(
-        3600.0, "Go on in another file after so long; 0: never", unit="s", minimum=0.0
+        3600.0, "duration after which a new file is started; 0: never", unit="s", minimum=0.0
     )
     clip_before_s: float = parameter(
         10.0,
-        "A clip of each episode begins so long before its detection",
+        "start of an episode clip before the detection",
         unit="s",
         minimum=0.0,
         maximum=120.0,
@@ -64,25 +64,23 @@ class RecorderParameters(Files):
     )
     clip_after_s: float = parameter(
         5.0,
-        "A clip ends so long after the verdict",
+        "end of an episode clip after the verdict",
         unit="s",
         minimum=0.0,
         maximum=120.0,
         read_only=True,
     )
-    clips: bool = parameter(
-        True, "Cut a clip of each episode, into DIRECTORY-clips", read_only=True
-    )
+    clips: bool = parameter(True, "write a clip of each episode to DIRECTORY-clips", read_only=True)
     warn_free_mb: int = parameter(
-        2000, "Warn when the disk has less space left", unit="MB", minimum=0
+        2000, "free disk space below which the node warns", unit="MB", minimum=0
     )
     stop_free_mb: int = parameter(
-        500, "Close the bag and end when the disk has less space left", unit="MB", minimum=0
+        500, "free disk space below which recording ends", unit="MB", minimum=0
     )
 
 
 class Recorder:
-    """Writes the bytes of each message as they came, with when they came and their own stamp."""
+    """Writes the bytes of each message as received, with time of receipt and own stamp."""
 
     def __init__(self, bus: Bus[Any], parameters: RecorderParameters) -> None:
         self._bus = bus
@@ -113,7 +111,7 @@ class Recorder:
         bus.info(f"recording {len(topics)} topics to {self._directory}")
 
     def close(self) -> None:
-        """Finish the bag and say where it is."""
+        """Finish the bag and print its path."""
         self._clips.close()
         self._writer.close()
         text = f"{self._messages} messages in {self._directory}" if self._messages else "no message"
@@ -164,7 +162,7 @@ class Recorder:
         elif free_mb < self._parameters.warn_free_mb:
             self._bus.warn(
                 f"{free_mb:.0f} MB left for {self._directory}, recording ends at "
-                f"{self._parameters.stop_free_mb} MB (stop_free_mb)"
+                f"{self._parameters.stop_free_mb} MB (stop_free_mb): free disk space"
             )
 
     def _free_mb(self) -> float:
@@ -172,13 +170,13 @@ class Recorder:
 
     def _full(self, free_mb: float) -> str:
         return (
-            f"{free_mb:.0f} MB are left on the disk of {self._directory}, the limit is "
-            f"stop_free_mb = {self._parameters.stop_free_mb}: free space or record elsewhere"
+            f"{free_mb:.0f} MB left on the disk of {self._directory}, below the limit stop_free_mb "
+            f"= {self._parameters.stop_free_mb} MB: free disk space or choose another directory"
         )
 
 
 def versions() -> str:
-    """What a recording was made with, one thing a line."""
+    """Software versions of a recording, one per line."""
     packages = sorted(
         f"{each.name} {each.version}"
         for each in distributions()
@@ -188,16 +186,16 @@ def versions() -> str:
 
 
 def checked_directory(directory: str) -> Path:
-    """Folder of the bag to be made.
+    """Folder of the bag to write.
 
     Raises
     ------
     ConfigurationError
-        When it is there already: a recording is never written over.
+        The folder exists: a recording is never overwritten.
     """
     path = Path(directory or f"bags/runs/{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime())}")
     if path.exists():
-        raise ConfigurationError(f"directory = {directory!r} exists: name a bag that does not")
+        raise ConfigurationError(f"directory = {directory!r} exists: name a new bag")
     return path
 
 
@@ -207,27 +205,27 @@ def chosen_topics(names: tuple[str, ...]) -> tuple[Topic, ...]:
     Raises
     ------
     ConfigurationError
-        For a name that is not in the table.
+        A name is not in the table.
     """
     if names == (ALL,):
         return TOPICS
     for name in names:
         if name.lstrip("/") not in TOPIC_NAMED:
             known = ", ".join(sorted(TOPIC_NAMED))
-            raise ConfigurationError(f"topics: {name!r} is unknown, choose all or of {known}")
+            raise ConfigurationError(f"topics: {name!r} is unknown: choose all, or some of {known}")
     return tuple(TOPIC_NAMED[name.lstrip("/")] for name in dict.fromkeys(names))
 
 
 def _existing(path: Path) -> Path:
-    """The path, or its nearest parent that is there."""
+    """The path, or its nearest existing parent."""
     return next(place for place in (path, *path.absolute().parents) if place.exists())
 
 
 def program() -> Program:
-    """What this node is."""
+    """Description of this node."""
     return Program(
         "recorder",
-        "Records the topics of a stand and its diagnosis as an MCAP bag, whole twice a second.",
+        "Records the topics of a stand and its diagnosis to an MCAP bag, finalised twice a second.",
         RecorderParameters,
         lambda bus, parameters: Recorder(bus, parameters).close,
         subscribes=tuple(topic.record for topic in TOPICS),
@@ -240,7 +238,7 @@ def program() -> Program:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run until SIGINT or SIGTERM; the exit status."""
+    """Run until SIGINT or SIGTERM; return the exit status."""
     return run(program, argv)
 
 

@@ -1,1 +1,1 @@
-"""The live run of ``scripts/run``: its processes, their domain, the summary at the end."""
+"""Live run of ``scripts/run``: its processes, their ROS domain, the final summary."""

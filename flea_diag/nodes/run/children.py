@@ -1,4 +1,4 @@
-"""The processes of one live run: started, restarted when they fall, and ended in order."""
+"""Child processes of a live run: started, restarted after a crash, and ended in order."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from flea_diag.errors import ConfigurationError
 END_S = 5.0
 MOST_RESTARTS = 3
 WITHIN_S = 60.0
-"""A node that falls more often than so many times in so long has a fault that stays."""
+"""Largest number of restarts of a node within ``WITHIN_S``; beyond it the run is given up."""
 STAND = "daq"
-"""The one that is not restarted: what moved is gone, and another run would begin."""
+"""The process that is not restarted: without the stand the run is over."""
 PR_SET_PDEATHSIG = 1
 
 Parameters = Mapping[str, str]
@@ -28,7 +28,7 @@ Tell = Callable[[str], None]
 
 @dataclass
 class _Child:
-    """One node: how it was started, its process, and when it was restarted (s, monotonic)."""
+    """One node: its command, its process, and the times of its restarts (s, monotonic)."""
 
     module: str
     parameters: dict[str, str]
@@ -39,14 +39,14 @@ class _Child:
 
 
 class Children:
-    """The processes of one run; only these are ever ended, by their own handles.
+    """The processes of one run; only these are ended, by their own handles.
 
     Parameters
     ----------
     log
-        Where their output goes.
+        File for their output.
     tell
-        Says what was done in one line.
+        Reports an action in one line.
     """
 
     def __init__(self, log: IO[bytes], tell: Tell) -> None:
@@ -62,7 +62,7 @@ class Children:
         show: bool = False,
         keys: bool = False,
     ) -> None:
-        """Start a node; its output goes to the log, or to the terminal, whose keys it may have."""
+        """Start a node; output goes to the log or (``show``) the terminal, with its ``keys``."""
         process = self._process(module, parameters, show, keys)
         self._running[name] = _Child(module, dict(parameters), show, keys, process)
 
@@ -76,7 +76,8 @@ class Children:
             stdin=None if keys else subprocess.DEVNULL,
             stdout=None if show else self._log,
             stderr=None if keys else self._log,
-            # Ctrl-C is for us, we end them in order; but only our own session has the keys.
+            # Ctrl-C must reach this process alone, which ends the nodes in order; a node that
+            # reads the keyboard has to stay in this session.
             start_new_session=not keys,
             preexec_fn=end_with_parent,
         )
@@ -86,29 +87,29 @@ class Children:
         return self._running[name].process.poll() is not None
 
     def supervise(self, finished: Collection[str], anew: Callable[[str], Parameters]) -> None:
-        """Start again what was killed; raise for what ended by itself.
+        """Restart nodes ended by a signal; raise for nodes that ended by themselves.
 
-        A node that ends with a status has said why, and would end so again. One that a signal
-        ended may come back, a few times.
+        A node that exits with a status has reported an error that would recur. A node ended by a
+        signal is restarted, at most ``MOST_RESTARTS`` times within ``WITHIN_S``.
 
         Parameters
         ----------
         finished
-            The nodes that may end with status 0.
+            Nodes that may end with status 0.
         anew
-            Name -> parameters that a restart needs in place of the first ones (another bag).
+            Name -> parameters that replace the first ones at a restart (another bag).
 
         Raises
         ------
         ConfigurationError
-            Naming the node and where its words are.
+            Names the node and its log.
         """
         for name, child in self._running.items():
             status = child.process.poll()
             if status is None or (status == 0 and name in finished):
                 continue
             if status >= 0 or name == STAND:
-                raise ConfigurationError(f"{name} ended with status {status}, see {self._log.name}")
+                raise ConfigurationError(f"{name} ended with status {status}: see {self._log.name}")
             self._restart(name, child, -status, anew)
 
     def _restart(
@@ -118,17 +119,17 @@ class Children:
         why = signal.Signals(number).name
         if len(child.restarted) == MOST_RESTARTS and now - child.restarted[0] < WITHIN_S:
             raise ConfigurationError(
-                f"{name} was ended by {why} and has been restarted {MOST_RESTARTS} times within "
-                f"{WITHIN_S:.0f} s: given up, see {self._log.name}"
+                f"{name} was ended by {why} after {MOST_RESTARTS} restarts within "
+                f"{WITHIN_S:.0f} s, the limit: run stopped, see {self._log.name}"
             )
         child.restarted.append(now)
         child.parameters.update(anew(name))
         child.process = self._process(child.module, child.parameters, child.show, child.keys)
         count = len(child.restarted)
-        self._tell(f"{name} was ended by {why}: restarted ({count} of at most {MOST_RESTARTS})")
+        self._tell(f"{name} was ended by {why}: restart {count} of at most {MOST_RESTARTS}")
 
     def end(self) -> None:
-        """End all that still run, the last started first."""
+        """End all running nodes, the last started first."""
         for name in reversed(self._running):
             self._end(name)
 
@@ -139,7 +140,7 @@ class Children:
         try:
             child.wait(END_S)
         except subprocess.TimeoutExpired:
-            self._tell(f"{name} does not end within {END_S:.0f} s: killed")
+            self._tell(f"{name} did not end within {END_S:.0f} s: killed")
             child.kill()
             child.wait()
 

@@ -1,4 +1,4 @@
-"""A ROS domain of one's own: two live runs on one machine must not hear each other."""
+"""A separate ROS domain per live run, so that two runs on one machine do not interfere."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from contextlib import contextmanager
 from flea_diag.errors import ConfigurationError
 
 DOMAINS = range(1, 102)
-"""Those whose ports lie below the system's ephemeral ones; 0 is everybody's default."""
+"""Domains with ports below the system's ephemeral range; without 0, the common default."""
 
 
 @contextmanager
 def reserved_domain() -> Iterator[int]:
-    """Reserve a domain number that no other run on this machine holds, until the end.
+    """Reserve a domain number that no other run on this machine uses, for the duration of a run.
 
     Raises
     ------
     ConfigurationError
-        When all are taken.
+        All domains are in use.
     """
     for number in DOMAINS:
         place = os.path.join(tempfile.gettempdir(), f"flea_diag-domain-{number}.lock")
         try:
             lock = os.open(place, os.O_RDWR | os.O_CREAT, 0o666)
         except OSError:
-            continue  # somebody else's file
+            continue  # a file of another user
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -39,4 +39,7 @@ def reserved_domain() -> Iterator[int]:
         finally:
             os.close(lock)
         return
-    raise ConfigurationError(f"all ROS domains {DOMAINS[0]} to {DOMAINS[-1]} are in use here")
+    raise ConfigurationError(
+        f"all ROS domains {DOMAINS[0]} to {DOMAINS[-1]} are in use on this machine: end another "
+        "run, or set ROS_DOMAIN_ID"
+    )

@@ -1,7 +1,7 @@
-"""A whole stand on this machine, each node a process of its own; what ``scripts/run`` starts.
+"""Live run of ``scripts/run``: simulated stand and diagnosis, each node in its own process.
 
-Every wait is for a fact in the ROS graph or for a record, never for time to pass: the stand
-starts to move once everybody listens, and the nodes are ended once the last verdict is out.
+All waits are for a state of the ROS graph or for a record, never for a fixed time: the stand
+starts once all subscribers are connected, and the nodes are ended after the last verdict.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.nodes.operator.web import PORT
 from flea_diag.nodes.run.children import Children
 from flea_diag.nodes.run.domain import reserved_domain
-from flea_diag.nodes.run.run_summary import NOMINAL_FAULT, summarise, told
+from flea_diag.nodes.run.run_summary import NOMINAL_FAULT, as_text, summarise
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.bus import Bus, guest
 from flea_diag.wire.records import (
@@ -37,10 +37,10 @@ from flea_diag.wire.records import (
 
 SEPARATE = ("observer", "isolator", "extractor", "recorder")
 COMPOSED = ("diagnoser", "recorder")
-"""Listeners, and those with the diagnosis in one process. They report their health, so it is known
-when they are ready."""
+"""Nodes that subscribe to the stand; with ``--composed`` the diagnosis is one process. Their health
+reports show when they are ready."""
 READY_S = 180.0
-"""Long, for what numba compiles is compiled at the first start after an installation."""
+"""Long, since numba compiles at the first start after an installation."""
 LAST_VERDICT_S = 5.0
 LATEST_S = 60.0
 
@@ -65,7 +65,7 @@ class LiveRun:
         self._latest = group
 
     def execute(self) -> None:
-        """Start the listeners, then the stand; return when the stand has ended."""
+        """Start the subscribers, then the stand; return when the stand has ended."""
         say(f"starting {', '.join(self._listeners)} and console")
         for name in self._listeners:
             self._children.start(name, EXECUTABLES[name], self._parameters(name))
@@ -75,8 +75,8 @@ class LiveRun:
         if self._options.web:
             self._children.start("web", EXECUTABLES["web"], self._parameters("web"))
             say(f"the page is at http://127.0.0.1:{PORT}/")
-        self._until(self._all_listen, READY_S, "the nodes to find each other")
-        say(f"all are listening; the stand starts, {self._what()}")
+        self._until(self._all_listen, READY_S, "the nodes to discover each other")
+        say(f"all nodes are ready; the stand starts, {self._what()}")
         self._children.start("daq", EXECUTABLES["daq"], self._daq_parameters())
         limit_s = self._options.duration + LATEST_S
         self._until(lambda: self._children.ended("daq"), limit_s, "the stand to end")
@@ -84,7 +84,7 @@ class LiveRun:
             self._until(self._verdict_is_last, LAST_VERDICT_S, "the last verdict", needed=False)
 
     def _all_listen(self) -> bool:
-        # Console, recorder, page and a separate observer listen to the verdict, besides ourselves.
+        # Subscribers to the verdict: this process, console, recorder, page and a separate observer.
         needed = 3 + self._options.web + ("observer" in self._listeners)
         heard = self._bus.subscribers(AmbiguityGroup) >= needed
         return heard and self._healthy >= set(self._listeners)
@@ -97,18 +97,18 @@ class LiveRun:
     ) -> None:
         def settled() -> bool:
             self._children.supervise(("daq", "console"), self._anew)
-            # Who quits the console has seen enough.
+            # Quitting the console ends the run.
             self.interrupted |= not self._plain() and self._children.ended("console")
             return self.interrupted or predicate()
 
         if not self._bus.wait_until(settled, limit_s) and needed:
-            raise ConfigurationError(f"waited {limit_s:.0f} s in vain for {what}")
+            raise ConfigurationError(f"timeout of {limit_s:.0f} s while waiting for {what}")
 
     def _what(self) -> str:
         fault = self._options.fault
         if fault == NOMINAL_FAULT:
             return f"healthy, for {self._options.duration:g} s"
-        return f"{fault} from {self._options.at:g} s on, for {self._options.duration:g} s"
+        return f"{fault} at {self._options.at:g} s, for {self._options.duration:g} s"
 
     def _parameters(self, name: str) -> dict[str, str]:
         if name == "recorder":
@@ -121,11 +121,11 @@ class LiveRun:
         return {}
 
     def _plain(self) -> bool:
-        """Whether the console prints lines: no people are at this terminal."""
+        """Whether the console prints lines: headless, or no terminal."""
         return self._options.headless or not (sys.stdin.isatty() and sys.stdout.isatty())
 
     def _anew(self, name: str) -> dict[str, str]:
-        """What a restart needs: a recorder that comes back records into a bag of its own."""
+        """Parameters of a restarted node: a restarted recorder writes to a new bag."""
         if name != "recorder":
             return {}
         first = self._options.bag
@@ -149,7 +149,7 @@ class LiveRun:
 
 
 def say(text: str) -> None:
-    """Tell what is being done."""
+    """Report progress on standard error."""
     print(f"run: {text}", file=sys.stderr, flush=True)
 
 
@@ -157,12 +157,14 @@ def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     """Options of the command line."""
     parser = argparse.ArgumentParser(
         prog="scripts/run",
-        description="Run the simulated stand and its diagnosis live, and say whether it was right.",
-        epilog="Exit status: 0 right, 1 not right, 2 it could not run.",
+        description="Run the simulated stand with its diagnosis live and check the final verdict.",
+        epilog="Exit status: 0 verdict correct, 1 verdict wrong or run interrupted, 2 run failed.",
     )
-    parser.add_argument("--fault", default="jam", help="fault id, or nominal (default: jam)")
     parser.add_argument(
-        "--at", type=_seconds, default=8.0, metavar="S", help="onset after the start (default: 8)"
+        "--fault", default="jam", help="fault to inject, or nominal for none (default: jam)"
+    )
+    parser.add_argument(
+        "--at", type=_seconds, default=8.0, metavar="S", help="fault onset, s (default: 8)"
     )
     parser.add_argument(
         "--for",
@@ -170,19 +172,25 @@ def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
         type=_seconds,
         default=30.0,
         metavar="S",
-        help="length of the run (default: 30)",
+        help="duration of the run, s (default: 30)",
     )
-    parser.add_argument("--headless", action="store_true", help="one line a change, no page")
     parser.add_argument(
-        "--composed", action="store_true", help="the diagnosis in one process, the diagnoser"
+        "--headless", action="store_true", help="print one line per change, no full-screen console"
     )
-    parser.add_argument("--web", action="store_true", help="also the page in a browser")
-    parser.add_argument("--scenario", default="nominal", help="name or file (default: nominal)")
-    parser.add_argument("--seed", type=int, help="of the simulated unit and its noise")
-    parser.add_argument("--bag", type=Path, help="bag to make (default: bags/runs/<UTC time>)")
+    parser.add_argument(
+        "--composed", action="store_true", help="run the diagnosis in one process (diagnoser)"
+    )
+    parser.add_argument("--web", action="store_true", help="also serve the page for a browser")
+    parser.add_argument(
+        "--scenario", default="nominal", help="name or YAML file of a scenario (default: nominal)"
+    )
+    parser.add_argument("--seed", type=int, help="seed of the simulated unit and its noise")
+    parser.add_argument("--bag", type=Path, help="bag to write (default: bags/runs/<UTC time>)")
     options = parser.parse_args(argv)
     if options.fault != NOMINAL_FAULT and not 0 <= options.at < options.duration:
-        parser.error(f"--at {options.at:g} is not within the run, --for {options.duration:g}")
+        parser.error(
+            f"--at {options.at:g}: the onset must lie before the end, --for {options.duration:g}"
+        )
     if options.bag is None:
         options.bag = Path("bags/runs") / time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     return options
@@ -194,7 +202,7 @@ def _seconds(text: str) -> float:
     except ValueError:
         raise argparse.ArgumentTypeError(f"invalid number of seconds: {text!r}") from None
     if not 0.0 <= value <= 86400.0:
-        raise argparse.ArgumentTypeError(f"{text} s is not within 0 to 86400 s")
+        raise argparse.ArgumentTypeError(f"{text} s must lie between 0 and 86400 s")
     return value
 
 
@@ -210,7 +218,7 @@ def _signals_to(interrupt: Callable[[], None]) -> Iterator[None]:
 
 
 def _executed(options: argparse.Namespace, domain: int, log: IO[bytes]) -> LiveRun:
-    """Run it from its first process to its last."""
+    """Execute a run from its first process to its last."""
     children = Children(log, say)
     with guest("live_run", domain) as bus:
         run = LiveRun(options, bus, children)
@@ -230,7 +238,7 @@ def _recorded(bags: Iterable[Path]) -> Iterator[Record]:
 
 
 def live(options: argparse.Namespace) -> int:
-    """Run, then read the bag just written; the exit status."""
+    """Run, then evaluate the recorded bag; return the exit status."""
     log_path = options.bag.with_name(options.bag.name + ".log")
     with _domain() as domain, _opened(log_path) as log:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -241,19 +249,19 @@ def live(options: argparse.Namespace) -> int:
         say(f"ROS_DOMAIN_ID={domain} {words}, log: {log_path}")
         run = _executed(options, domain, log)
     if not options.bag.exists():
-        raise RecordingError(f"no bag was written, see {log_path}")
+        raise RecordingError(f"no bag was written: see {log_path}")
     summary = summarise(_recorded(run.bags))
-    print(told(summary, ", ".join(map(str, run.bags))))
+    print(as_text(summary, ", ".join(map(str, run.bags))))
     if run.interrupted:
-        say("interrupted: the summary is of what there was")
+        say("interrupted: the summary covers the recorded part")
     return 1 if summary.failures or run.interrupted else 0
 
 
 def discovery() -> dict[str, str]:
-    """Environment of nodes that stay on this machine: no socket of theirs is bound beyond it.
+    """Environment that limits nodes to this machine: all sockets are bound to the loopback.
 
-    Nor do they share memory. With the range LOCALHOST the middleware lays transports of its own,
-    shared memory among them, which a node that is killed can spoil for the others.
+    Shared memory is disabled as well. The discovery range LOCALHOST would make the middleware add
+    its own transports, among them shared memory, which a killed node can corrupt for the others.
     """
     return {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
@@ -262,7 +270,7 @@ def discovery() -> dict[str, str]:
 
 
 def _opened(log: Path) -> IO[bytes]:
-    """The log of a run, in a folder that is made where it is missing."""
+    """Open the log of a run; its folder is created if missing."""
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         return log.open("wb")
@@ -272,7 +280,7 @@ def _opened(log: Path) -> IO[bytes]:
 
 @contextmanager
 def _domain() -> Iterator[int]:
-    """The domain that the environment asks for, or one of our own."""
+    """The domain of the environment, else a reserved one."""
     asked = os.environ.get("ROS_DOMAIN_ID", "")
     if asked.isdigit():
         yield int(asked)
@@ -282,7 +290,7 @@ def _domain() -> Iterator[int]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the stand; the exit status."""
+    """Run the stand; return the exit status."""
     options = parsed(argv)
     try:
         return live(options)

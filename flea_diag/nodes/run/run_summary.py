@@ -1,4 +1,4 @@
-"""What a live run showed, from the records of its bag: the truth beside the diagnosis."""
+"""Summary of a live run from the records of its bag: truth and diagnosis."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NOMINAL_FAULT = "nominal"
 
 @dataclass(frozen=True)
 class RunSummary:
-    """Times in seconds after the first scan; None for what did not happen."""
+    """Times in seconds after the first scan; None for events that did not occur."""
 
     truth: str
     onset_s: float | None
@@ -35,7 +35,7 @@ class RunSummary:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Why the run does not count as a right diagnosis; empty when it does."""
+        """Reasons why the diagnosis counts as wrong; empty when it is correct."""
         if self.scans == 0:
             return ("no scan was recorded",)
         if self.outcome is None:
@@ -45,7 +45,7 @@ class RunSummary:
     def _false_alarms(self) -> tuple[str, ...]:
         if self.outcome is Outcome.NOMINAL and self.detected_s is None:
             return ()
-        return ("the stand was healthy and a fault was reported",)
+        return ("a fault was reported on a healthy stand",)
 
     def _misses(self, onset_s: float) -> tuple[str, ...]:
         found = []
@@ -54,16 +54,16 @@ class RunSummary:
         elif self.detected_s < onset_s:
             found.append(f"detected {onset_s - self.detected_s:.2f} s before the onset")
         if self.truth not in self.members:
-            found.append(f"the final group does not hold {self.truth}")
+            found.append(f"the final group does not contain {self.truth}")
         if len(self.members) > LARGEST_GROUP:
             found.append(
-                f"the final group has {len(self.members)} members, {LARGEST_GROUP} at most"
+                f"the final group has {len(self.members)} members, above the limit {LARGEST_GROUP}"
             )
         return tuple(found)
 
 
 def summarise(records: Iterable[Record]) -> RunSummary:
-    """Summary of one run from its records, in the order in which they were recorded."""
+    """Summary of one run from its records, in recorded order."""
     start_ns, scans = 0, 0
     truth: Truth | None = None
     detected_ns = NEVER_NS
@@ -97,9 +97,9 @@ def summarise(records: Iterable[Record]) -> RunSummary:
     )
 
 
-def told(summary: RunSummary, bag: str) -> str:
-    """The summary as it is printed at the end of a run."""
-    onset = "" if summary.onset_s is None else f" from {summary.onset_s:.2f} s on"
+def as_text(summary: RunSummary, bag: str) -> str:
+    """The summary as printed at the end of a run."""
+    onset = "" if summary.onset_s is None else f" from {summary.onset_s:.2f} s"
     members = ", ".join(summary.members)
     outcome = summary.outcome.value if summary.outcome else "no verdict"
     computed = ", ".join(summary.features_computed)
@@ -115,7 +115,7 @@ def told(summary: RunSummary, bag: str) -> str:
         ("bag", f"{bag} ({summary.scans} scans)"),
     ]
     failures = summary.failures
-    rows.append(("result", "NOT RIGHT: " + "; ".join(failures) if failures else "right"))
+    rows.append(("result", "WRONG: " + "; ".join(failures) if failures else "correct"))
     return "\n".join(f"{name:12}{text}" for name, text in rows)
 
 
@@ -135,7 +135,7 @@ def _members(group: AmbiguityGroup) -> tuple[str, ...]:
 
 
 def _since(groups: list[AmbiguityGroup]) -> int:
-    """Stamp at which the last verdict was first given."""
+    """Stamp from which the final verdict stood unchanged."""
     stamp_ns = NEVER_NS
     for group in reversed(groups):
         if (group.outcome, set(_members(group))) != (groups[-1].outcome, set(_members(groups[-1]))):

@@ -132,7 +132,7 @@ def test_inject_asks_and_says_what_came_of_it(desk: Desk) -> None:
     async def act(pilot: Any) -> None:
         assert "Inject" in words(pilot)
         await pilot.press("i", *"jam:0.5", "enter")
-        await shown(pilot, "not injected: there is no node daq here")
+        await shown(pilot, "not injected: node daq is not running")
         await pilot.press("i", *"clear", "enter")
         await pilot.pause()
 
@@ -160,7 +160,7 @@ class Entry:
 
     def set(self, value: str, told: Callable[[str], None]) -> None:
         self.asked.append(value)
-        told("there is no node daq here" if value else "")
+        told("node daq is not running" if value else "")
 
 
 def test_the_chosen_fault_shows_its_why(desk: Desk) -> None:
@@ -205,7 +205,7 @@ def test_a_fault_is_injected_through_the_parameter_of_the_stand(domain: int) -> 
         entry = peer.bus.remote_parameter("daq", "inject")
         entry.set("jam", told.append)
         peer.until(lambda: bool(told))
-        assert told == ["there is no node daq here"]
+        assert told == ["node daq is not running"]
         assert not entry.present
         with Process(daq, domain) as stand:
             peer.listen(Truth)

@@ -105,7 +105,7 @@ def test_a_recorder_that_started_later_gives_the_reason(tmp_path: Path) -> None:
     run(clips, 1.0, 8.0, {2.0: LAST})
     (row,) = index(tmp_path)
     assert row["bag"] == ""
-    assert "began before this recorder had heard a scan" in row["reason"]
+    assert "began before this recorder received a scan" in row["reason"]
     assert "no clip" in clips.last
 
 
@@ -113,7 +113,7 @@ def test_a_clip_that_begins_later_says_by_how_much(tmp_path: Path) -> None:
     clips = Clips(tmp_path, 3.0, 2.0)
     run(clips, -1.0, 8.0, {2.0: LAST})
     (row,) = index(tmp_path)
-    assert row["reason"] == "begins 2.0 s later: nothing was heard before"
+    assert row["reason"] == "begins 2.0 s late: the recorder had just started"
     assert scans(tmp_path / row["bag"])[0] == -1.0
 
 
@@ -128,7 +128,7 @@ def test_an_end_of_recording_ends_the_clip_and_says_so(tmp_path: Path) -> None:
     run(clips, -5.0, 3.0, {0.2: FIRST})
     clips.close()
     (row,) = index(tmp_path)
-    assert row["reason"] == "the recording ended first"
+    assert row["reason"] == "truncated: the recording ended"
     assert scans(tmp_path / row["bag"])[0] == -3.0
 
 

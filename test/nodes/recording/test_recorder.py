@@ -78,7 +78,7 @@ def test_a_full_disk_ends_the_recording_with_a_whole_bag(domain: int, tmp_path: 
 def test_no_start_on_a_full_disk(domain: int, tmp_path: Path) -> None:
     with Process(recorder(tmp_path / "run", "-p", f"stop_free_mb:={10**12}"), domain) as process:
         assert process.end() == 2
-    assert "free space or record elsewhere" in process.output
+    assert "free disk space or choose another directory" in process.output
     assert not (tmp_path / "run").exists()
 
 
@@ -100,7 +100,7 @@ def test_a_namespace_is_in_the_bags_topic_names(domain: int, tmp_path: Path) -> 
 
 
 def test_an_existing_directory_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"exists: name a bag that does not"):
+    with pytest.raises(ConfigurationError, match=r"exists: name a new bag"):
         checked_directory(str(tmp_path))
 
 

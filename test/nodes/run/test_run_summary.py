@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flea_diag.nodes.run.run_summary import summarise, told
+from flea_diag.nodes.run.run_summary import as_text, summarise
 from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
@@ -56,12 +56,12 @@ def test_a_right_diagnosis() -> None:
     summary = summarise(RIGHT)
     assert summary.failures == ()
     assert (summary.onset_s, summary.detected_s, summary.final_s) == (2.0, 2.4, 3.5)
-    text = told(summary, "bags/runs/x")
-    assert "jam from 2.00 s on" in text
+    text = as_text(summary, "bags/runs/x")
+    assert "jam from 2.00 s" in text
     assert "detected 0.40 s after the onset, final group after 1.50 s" in text
     assert "2 computed of 14 available (rms, kurtosis)" in text
     assert "bags/runs/x (2 scans)" in text
-    assert text.endswith("right")
+    assert text.endswith("result      correct")
 
 
 def failures(*records: Record) -> str:
@@ -72,9 +72,9 @@ def test_every_way_to_be_wrong_is_named() -> None:
     assert "not detected" in failures(scan(0.0), JAM, group(5.0, Outcome.NOMINAL))
     early = (scan(0.0), detection(1.5), JAM, group(5.0, Outcome.ISOLATED, "jam"))
     assert failures(*early) == "detected 0.50 s before the onset"
-    assert "does not hold jam" in failures(*RIGHT, group(6.0, Outcome.ISOLATED, "spall"))
+    assert "does not contain jam" in failures(*RIGHT, group(6.0, Outcome.ISOLATED, "spall"))
     crowd = group(6.0, Outcome.DETECTED, "jam", "a", "b", "c")
-    assert "4 members, 3 at most" in failures(*RIGHT, crowd)
+    assert "4 members, above the limit 3" in failures(*RIGHT, crowd)
     assert failures(scan(0.0), JAM) == "no verdict was recorded"
     assert failures(JAM) == "no scan was recorded"
 
