@@ -1,1 +1,1 @@
-"""What crosses a process: records, their codec, topics and bags."""
+"""Interfaces between processes: records, their messages, topics, bags, and the ROS bus."""

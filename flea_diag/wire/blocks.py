@@ -1,7 +1,7 @@
-"""Stretches of records of one kind as columns: the same content, at a fraction of the cost.
+"""Blocks of consecutive records of one type as columns: same content, a fraction of the cost.
 
-A block is no topic and crosses no process: a replay hands it from stage to stage where the
-live graph hands on its records one by one.
+A block has no topic and stays within a process: a replay passes blocks from stage to stage where
+the live graph passes single records.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Stamps = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanBlock:
-    """n scans of one layout: ``stamps_ns`` has shape (n,), ``values`` (n, channels)."""
+    """n scans with the same channels: ``stamps_ns`` has shape (n,), ``values`` (n, channels)."""
 
     stamps_ns: Stamps
     channels: tuple[str, ...]
@@ -104,7 +104,7 @@ class ResidualBlock:
 
 
 def block_of(*records: Residual) -> ResidualBlock:
-    """A block of records, at least one, which all have the names of the first."""
+    """Block of one or more records, all with the names of the first."""
     first = records[0]
     return ResidualBlock(
         np.array([record.stamp_ns for record in records]),

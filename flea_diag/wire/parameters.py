@@ -1,6 +1,6 @@
-"""Parameters as frozen dataclasses: default, unit, bounds and prose stand once.
+"""Parameters as frozen dataclasses: default, unit, bounds and description in one place.
 
-ROS parameters, YAML files and ``--help`` are all made from the same fields. A class is
+ROS parameters, YAML files and ``--help`` are generated from the same fields. A class is
 written ``@dataclass(frozen=True) class P: rate_hz: float = parameter(100.0, "...", unit="Hz",
 minimum=1.0, maximum=1000.0)``.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 from flea_diag.errors import ConfigurationError
 
@@ -20,7 +20,7 @@ Value = Any
 
 @dataclass(frozen=True)
 class Descriptor:
-    """What is known of one parameter besides its value."""
+    """Description of one parameter, without its value."""
 
     name: str
     kind: type
@@ -43,7 +43,7 @@ def parameter(
     choices: tuple[str, ...] = (),
     read_only: bool = False,
 ) -> Any:
-    """A dataclass field that carries its unit, bounds and prose."""
+    """A dataclass field with unit, bounds and description."""
     return field(
         default=default,
         metadata={
@@ -58,7 +58,7 @@ def parameter(
 
 
 def descriptors(parameters: type) -> tuple[Descriptor, ...]:
-    """Descriptors of all parameters of a class, in order; its other fields are left out."""
+    """Descriptors of all parameters of a class, in order; other fields are skipped."""
     return tuple(_descriptor(entry) for entry in fields(parameters) if "doc" in entry.metadata)
 
 
@@ -69,41 +69,56 @@ def _descriptor(entry: Field[Any]) -> Descriptor:
 
 
 def checked(descriptor: Descriptor, value: Value, where: str) -> Value:
-    """Value of the right type and inside its bounds.
+    """Value of the right type and within its bounds; an integer is accepted for a float.
+
+    A float must be finite. The one exception is NaN as its own default, which means "not given".
 
     Raises
     ------
     ConfigurationError
-        Naming the parameter, the value, the limit and where it came from.
+        Names the parameter, the value, the limit and the source of the value.
     """
     name, kind = descriptor.name, descriptor.kind
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        # Beyond a float's range it is refused like any that is above its limit.
+        # An integer beyond the range of a float is refused as infinite.
         value = float(value) if abs(value) < 2**1023 else math.inf if value > 0 else -math.inf
     if type(value) is not kind:
-        raise ConfigurationError(
-            f"{where}: {name} = {value!r} is a {type(value).__name__}, it must be a {kind.__name__}"
-        )
-    unit = f" {descriptor.unit}" if descriptor.unit else ""
+        raise ConfigurationError(f"{where}: {name} = {value!r} must be {_NAME[kind]}")
     if descriptor.choices and value not in descriptor.choices:
         raise ConfigurationError(
             f"{where}: {name} = {value!r} is unknown, choose one of {', '.join(descriptor.choices)}"
         )
-    value = cast(Value, value)  # mypy has narrowed it to object
-    # Written so that NaN, which compares false with everything, is refused too.
-    if descriptor.minimum is not None and not value >= descriptor.minimum:
-        raise ConfigurationError(
-            f"{where}: {name} = {value!r}{unit} is below its limit {descriptor.minimum!r}{unit}"
-        )
-    if descriptor.maximum is not None and not value <= descriptor.maximum:
-        raise ConfigurationError(
-            f"{where}: {name} = {value!r}{unit} is above its limit {descriptor.maximum!r}{unit}"
-        )
+    _check_bounds(descriptor, value, where)
     return value
 
 
+_NAME: dict[type, str] = {
+    bool: "true or false",
+    int: "an integer",
+    float: "a number",
+    str: "text",
+    tuple: "a list",
+}
+"""Type of a parameter -> its name in an error."""
+
+
+def _check_bounds(descriptor: Descriptor, value: Value, where: str) -> None:
+    unit = f" {descriptor.unit}" if descriptor.unit else ""
+    given = f"{where}: {descriptor.name} = {value!r}{unit}"
+    if descriptor.kind is float and math.isnan(value):
+        if math.isnan(descriptor.default):
+            return
+        raise ConfigurationError(f"{given} must be a finite number")
+    if descriptor.minimum is not None and value < descriptor.minimum:
+        raise ConfigurationError(f"{given} is below its limit {descriptor.minimum!r}{unit}")
+    if descriptor.maximum is not None and value > descriptor.maximum:
+        raise ConfigurationError(f"{given} is above its limit {descriptor.maximum!r}{unit}")
+    if descriptor.kind is float and math.isinf(value):
+        raise ConfigurationError(f"{given} must be a finite number")
+
+
 def build(parameters: type[P], values: Mapping[str, Value], where: str) -> P:
-    """Parameter object from a mapping; unknown keys and bad values are refused by name."""
+    """Parameter object from a mapping; unknown keys and invalid values are refused by name."""
     known = {entry.name: entry for entry in descriptors(parameters)}
     unknown = sorted(set(values) - set(known), key=repr)
     if unknown:

@@ -1,8 +1,8 @@
-"""Everything that crosses a process, as frozen values.
+"""Records: everything that processes exchange, as frozen values.
 
-One dataclass a topic (see ``topics.TOPICS``). Times are integer nanoseconds since the Unix
-epoch, taken when the data were acquired; values are SI (REP-103, temperatures in degC), NaN
-means "not measured". Records compare by value and are safe to share.
+One dataclass per topic (see ``topics.TOPICS``). Times are integer nanoseconds since the Unix
+epoch, at the acquisition of the data; values are SI (REP-103, temperatures in degC), NaN means
+"not measured". Records compare by value and are safe to share.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Scan:
     values: tuple[float, ...]
 
     def value(self, channel: str) -> float:
-        """Value of one channel, NaN when this scan does not carry it."""
+        """Value of one channel; NaN if the scan does not contain it."""
         try:
             return self.values[self.channels.index(channel)]
         except ValueError:
@@ -46,7 +46,7 @@ class Scan:
 
 @dataclass(frozen=True, slots=True)
 class ChannelInfo:
-    """One row of the channel table: what a number in a Scan or a block means."""
+    """One row of the channel table: unit, range, rate and mounting of one channel."""
 
     name: str
     unit: str
@@ -74,7 +74,7 @@ class ChannelTable:
 
 @dataclass(frozen=True, slots=True)
 class VibrationBlock:
-    """20 to 100 ms of all accelerometer axes, still packed as it came in.
+    """20 to 100 ms of all accelerometer axes, packed as received.
 
     ``data`` holds ``count`` points, each a little-endian uint32 (ns after ``stamp_ns``)
     followed by one float32 (m/s^2) per axis. Nothing is decoded until ``points`` is called.
@@ -88,7 +88,7 @@ class VibrationBlock:
     @staticmethod
     @cache
     def point_dtype(axes: int) -> np.dtype[np.void]:
-        """Layout of one point with so many axes."""
+        """Layout of one point with this number of axes."""
         return np.dtype([("t", "<u4"), ("a", "<f4", (axes,))])
 
     @classmethod
@@ -113,15 +113,15 @@ class VibrationBlock:
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """Residuals of one scan: r in the channel's unit, z in its nominal sigma, and |z| limits.
+    """Residuals of one scan: r in its unit, z = r over its nominal sigma, and limits of |z|.
 
-    NaN where a residual cannot be formed (a bad channel) or is gated (no excitation).
-    ``regressors`` are the model signals that the quantitative confirmation needs
-    (speed_m_s, acceleration_m_s2, ...), by name. Where a state observer runs, ``estimated``
-    names the channels that it predicts, with the prediction from earlier scans and the standard
-    deviation of a reading about it; ``health`` is then its effective sample size (inf without
-    particles), its normalised innovation squared per channel (1 is expected) and 1.0 for a
-    lost track.
+    NaN where a residual cannot be formed (bad channel) or is gated (no excitation).
+    ``regressors`` are the model signals for the quantitative isolation (speed_m_s,
+    acceleration_m_s2, ...), by name. With a state observer, ``estimated`` names the channels that
+    it predicts, ``estimates`` are the predictions from earlier scans and ``estimate_sigmas`` the
+    standard deviations of a reading about them; ``health`` is the effective sample size (inf
+    without particles), the normalised innovation squared per channel (expected value 1), and 1.0
+    for a lost track.
     """
 
     stamp_ns: int
@@ -139,9 +139,9 @@ class Residual:
 
 @dataclass(frozen=True, slots=True)
 class VibrationLevel:
-    """The always-on sentinel: standard deviation (m/s^2) and kurtosis of one block, per axis.
+    """Vibration monitor: standard deviation (m/s^2) and kurtosis of one block, per axis.
 
-    Bags of before have no kurtosis.
+    Older bags have no kurtosis.
     """
 
     stamp_ns: int
@@ -152,7 +152,7 @@ class VibrationLevel:
 
 @dataclass(frozen=True, slots=True)
 class ChannelQuality:
-    """State of one channel, since when, why, and what was counted on it so far."""
+    """State of one channel: quality, since when, reason, and error counters so far."""
 
     channel: str
     quality: Quality
@@ -163,7 +163,7 @@ class ChannelQuality:
 
 @dataclass(frozen=True, slots=True)
 class UnitOffset:
-    """Zero of one channel of the unit in use, as learned in the warm-up, and its sigma (SI)."""
+    """Zero offset of one channel of this unit, learned in the warm-up, with its sigma (SI)."""
 
     parameter: str
     value: float
@@ -173,7 +173,7 @@ class UnitOffset:
 
 @dataclass(frozen=True, slots=True)
 class DataQuality:
-    """State of every channel and stream, and the unit's offsets once learned; on change."""
+    """State of every channel and stream, and the learned unit offsets; published on change."""
 
     stamp_ns: int
     channels: tuple[ChannelQuality, ...]
@@ -182,9 +182,9 @@ class DataQuality:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """The fault flag: raised by the first residual whose |z| passed its threshold.
+    """Fault flag: raised by the first residual whose |z| exceeds its threshold.
 
-    Where it is lowered ``test`` says why: ``quiet``, ``reset`` or ``ANOTHER_UNIT``.
+    When it is cleared, ``test`` gives the reason: ``quiet``, ``reset`` or ``ANOTHER_UNIT``.
     """
 
     stamp_ns: int
@@ -198,7 +198,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Symbol:
-    """Magnitude and slope of one residual as signs (+, -, 0; ``?`` = not yet known)."""
+    """Magnitude and slope of one residual as signs (+, -, 0; ``?`` = unknown)."""
 
     residual: str
     magnitude: str
@@ -208,7 +208,7 @@ class Symbol:
 
 @dataclass(frozen=True, slots=True)
 class Symbols:
-    """Symbols of every residual in an episode, published on change."""
+    """Symbols of all residuals in an episode, published on change."""
 
     stamp_ns: int
     episode: int
@@ -217,7 +217,7 @@ class Symbols:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Why a hypothesis was kept or dropped: one observation held against its prediction."""
+    """One observation compared with its prediction: why a hypothesis was kept or dropped."""
 
     stamp_ns: int
     source: str
@@ -229,7 +229,7 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One fault of the catalogue, with everything that was ever held for or against it."""
+    """One fault of the catalogue with all evidence for and against it."""
 
     fault: str
     hypothesis: str
@@ -243,11 +243,11 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class NextTest:
-    """Advice: a test that would split the group, and how far; never a command to the stand.
+    """Recommended test that would split the group; never a command to the stand.
 
-    ``kind`` is ``feature``, ``motion``, or ``sensor`` where these sensors split the group by
-    no test at all: then ``what`` is the sensor to be fitted and ``seconds`` is NaN.
-    ``splits`` are pairs of faults that the test tells apart.
+    ``kind`` is ``feature`` or ``motion``; it is ``sensor`` where no test splits the group with
+    the present sensors: ``what`` is then the sensor to fit and ``seconds`` is NaN. ``splits`` are
+    the pairs of faults that the test separates.
     """
 
     kind: str
@@ -259,10 +259,10 @@ class NextTest:
 
 @dataclass(frozen=True, slots=True)
 class AmbiguityGroup:
-    """The verdict: the faults still possible, ranked, and those dropped, each with its why.
+    """The verdict: possible faults, ranked, and faults ruled out, each with its reason.
 
-    ``offsets`` are the observer's, kept here so that one that comes back need not learn anew;
-    ``counters`` what was wrong with the data so far, as ``sensors/slow/lost``.
+    ``offsets`` are the unit offsets of the observer, from which a restarted observer resumes;
+    ``counters`` are the data errors so far, such as ``sensors/slow/lost``.
     """
 
     stamp_ns: int
@@ -288,7 +288,7 @@ class AmbiguityGroup:
 
 @dataclass(frozen=True, slots=True)
 class FeatureRequest:
-    """Ask for one feature on one window of the vibration stream."""
+    """Request for one feature of one window of the vibration stream."""
 
     stamp_ns: int
     episode: int
@@ -300,7 +300,7 @@ class FeatureRequest:
 
 @dataclass(frozen=True, slots=True)
 class FeatureValue:
-    """The answer to one request; ``value`` is NaN and ``reason`` says why when not computable."""
+    """Answer to a request; if not computable, ``value`` is NaN and ``reason`` is given."""
 
     stamp_ns: int
     episode: int
@@ -319,7 +319,7 @@ class FeatureValue:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What the source knows to be wrong with the stand; never read by a stage."""
+    """True fault of the stand, where the source knows it; no stage reads it."""
 
     stamp_ns: int
     fault: str
@@ -329,7 +329,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """Health of one of our own nodes (REP-107), not of the actuator."""
+    """Health of a node of flea_diag (REP-107), not of the actuator."""
 
     stamp_ns: int
     node: str
@@ -340,10 +340,10 @@ class Health:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What somebody at the stand said: a mark of a moment, or a word to an episode.
+    """Remark of an operator: a mark of a moment, or a comment or acknowledgement of an episode.
 
-    The stamp of a mark is the moment that is marked, by the stand's own stamps. A comment and
-    an acknowledgement name their episode by ``source`` and the stamp of its detection.
+    The stamp of a mark is the marked moment, by the clock of the stand. A comment and an
+    acknowledgement identify their episode by ``source`` and the stamp of its detection.
     """
 
     stamp_ns: int

@@ -1,8 +1,8 @@
-"""Which record travels on which topic, as which standard message, with which QoS.
+"""Topic, standard message type and QoS of each record type.
 
-Three carriers only: numbers for machines are JointState, judgements are DiagnosticArray,
-waveforms are PointCloud2. Names are relative (a namespace makes a second stand);
-``/diagnostics`` alone is absolute, as REP-107 has it.
+Three message types: JointState for numeric data, DiagnosticArray for judgements, PointCloud2 for
+waveforms. Names are relative (a second stand has a namespace); only ``/diagnostics`` is absolute,
+as REP-107 requires.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 
 @dataclass(frozen=True)
 class Topic:
-    """One row: ``rank`` orders records of equal stamp wherever topics are merged."""
+    """One topic; ``rank`` orders records with equal stamps where topics are merged."""
 
     record: type
     name: str

@@ -1,4 +1,4 @@
-"""Files that are replaced in one step: a reader finds the old one or the new one."""
+"""Atomic replacement of files: a reader sees either the old or the new content."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from pathlib import Path
 
 
 def replace_file(path: Path, content: bytes, *, durable: bool = False) -> None:
-    """Write a file whole; ``durable`` waits until it would outlive a power cut.
+    """Replace a file atomically; ``durable`` also flushes it to disk, against a power failure.
 
     Raises
     ------
     OSError
-        When it cannot be written; the old one is still there then.
+        The file cannot be written; the old content is kept.
     """
-    # A pipe or a device is written to; a file in its place would take it from everybody.
+    # A pipe or a device must be written to, not replaced by a file.
     if path.exists() and not path.is_file():
         path.write_bytes(content)
         return

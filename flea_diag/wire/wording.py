@@ -1,7 +1,7 @@
-r"""The sentences of the wire: each judgement said so that a person can read it anywhere.
+r"""Human-readable text of each judgement, for any viewer of DiagnosticArray.
 
-``ros2 topic echo`` prints a level as ``\x01``, so the level is said in words, too. Nothing
-here is ever read back: the key/values beside it hold the record.
+``ros2 topic echo`` prints a level as ``\x01``, so the text begins with the level in words. This
+text is never parsed: the key/values beside it hold the record.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ QUALITY_LEVEL: dict[Quality, Level] = {
 
 
 def words_of(part: Any, whole: Any = None) -> Words:
-    """Words of a record, or of one part of the record ``whole``."""
+    """Text of a record, or of one part of the record ``whole``."""
     words: Words = _WORDS[type(part)](part, whole)
     return words._replace(message=f"{words.level.name}: {words.message}")
 
@@ -74,7 +74,7 @@ def _detection(flag: r.Detection, _: None) -> Words:
     if not flag.detected:
         return Words(Level.OK, "fault_detected", "no fault detected")
     if flag.test == r.TAKEN_OVER:
-        return Words(Level.WARN, "fault_detected", f"episode {flag.episode} taken over, still open")
+        return Words(Level.WARN, "fault_detected", f"episode {flag.episode} resumed, still open")
     sentence = (
         f"{flag.test} on {flag.residual}: z = {_known(flag.z)}, "
         f"threshold {_known(flag.threshold)}, episode {flag.episode}"
@@ -98,8 +98,8 @@ def _ambiguity_group(group: r.AmbiguityGroup, _: None) -> Words:
 
 
 def _candidate(candidate: r.Candidate, group: r.AmbiguityGroup) -> Words:
-    # The name is the same for a fault still possible and for one dropped: a viewer that
-    # keeps the last status of each name then shows the change and no stale suspect.
+    # A fault keeps its name when it is ruled out: a viewer that shows the last status of each
+    # name then shows the change instead of an outdated suspect.
     name = f"ambiguity_group/{candidate.fault}"
     if not any(candidate is member for member in group.members):
         return Words(Level.OK, name, f"dropped: {candidate.reason}")

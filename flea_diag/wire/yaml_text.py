@@ -1,4 +1,4 @@
-"""YAML of others, read safely: plain values alone, and one kind of error."""
+"""Safe reading of YAML: plain values only, and one type of error."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from typing import Any
 
 import yaml
 
-# Beside its own errors the parser lets through what Python makes of a date, number or tag.
+# The parser also passes on Python's errors for invalid dates, numbers and tags.
 _UNREADABLE = (yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError)
 
 
 def parse_yaml(text: str) -> Any:
-    """What a text says; bounds on its size are the caller's.
+    """Content of a YAML text; the caller limits its size.
 
     Raises
     ------
     ValueError
-        Where it is none, in one line.
+        The text is not YAML; one line.
     """
     try:
         return yaml.safe_load(text)

@@ -1,7 +1,7 @@
-"""What a bag looks like: topic names with a namespace, QoS, metadata.yaml of rosbag2.
+"""Layout of a bag: topic names with namespace, QoS, metadata.yaml of rosbag2.
 
-The layout is version 9 of rosbag2 (ROS 2 Jazzy): one folder, ``<folder>_0.mcap`` in it, and
-a metadata.yaml that names topics, types, type hashes, QoS and message counts.
+The layout is version 9 of rosbag2 (ROS 2 Jazzy): a folder with ``<folder>_0.mcap`` and a
+metadata.yaml that lists topics, types, type hashes, QoS and message counts.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ METADATA_FILE = "metadata.yaml"
 
 _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)*")
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
-"""A QoS duration that is not set, as rosbag2 writes it."""
+"""Unset QoS duration, as rosbag2 writes it."""
 
 
 class MessageType(NamedTuple):
@@ -54,12 +54,12 @@ def message_type(message: str) -> MessageType:
 
 
 def refuse_closed(folder: Path) -> None:
-    """See that a folder may be read: one that is closed looks like an empty one.
+    """Refuse a folder without read permission, which would otherwise look empty.
 
     Raises
     ------
     RecordingError
-        Where it is there, and closed.
+        The folder exists but cannot be read.
     """
     if folder.is_dir() and not os.access(folder, os.R_OK | os.X_OK):
         raise RecordingError(f"cannot read {folder}: Permission denied")
@@ -76,20 +76,20 @@ def checked_namespace(namespace: str) -> str:
     Raises
     ------
     RecordingError
-        When it is no ROS namespace.
+        It is not a ROS namespace.
     """
     full = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
     if not _NAMESPACE.fullmatch(full):
         raise RecordingError(
-            f"namespace {namespace!r} is not a ROS name: letters, digits and _ between slashes, "
-            f"no digit first"
+            f"namespace {namespace!r} is not a ROS name: use letters, digits and _ between "
+            "slashes, no leading digit"
         )
     return full
 
 
 @lru_cache(maxsize=1024)
 def split_name(name: str) -> tuple[str, Topic] | None:
-    """Namespace and row of a topic of ours by its full name, None for any other."""
+    """Namespace and table row of a flea_diag topic by its full name; None for any other topic."""
     for topic in TOPICS:
         if name == absolute(topic, ""):
             return "", topic
@@ -99,7 +99,7 @@ def split_name(name: str) -> tuple[str, Topic] | None:
 
 
 def quality_of_service(topic: Topic) -> dict[str, Any]:
-    """QoS that our publishers offer, in the words of rosbag2."""
+    """QoS offered by the publishers of a topic, in rosbag2's terms."""
     return {
         "history": "keep_last",
         "depth": topic.depth,
@@ -114,7 +114,7 @@ def quality_of_service(topic: Topic) -> dict[str, Any]:
 
 
 class TopicEntry(NamedTuple):
-    """What metadata.yaml says of one topic; ``qos`` as a list of profiles."""
+    """Entry of one topic in metadata.yaml; ``qos`` is a list of profiles."""
 
     message: str
     type_hash: str
@@ -122,20 +122,20 @@ class TopicEntry(NamedTuple):
 
 
 def entry_of(topic: Topic) -> TopicEntry:
-    """Entry of a topic of ours."""
+    """Entry of a flea_diag topic."""
     type_hash = message_type(topic.message).type_hash
     return TopicEntry(topic.message, type_hash, [quality_of_service(topic)])
 
 
 class Span(NamedTuple):
-    """Messages so far: how many on each topic, and the range of their log times in ns."""
+    """Message counts by topic, and the range of their log times in ns."""
 
     counts: dict[str, int]
     start_ns: int
     end_ns: int
 
     def with_message(self, name: str, log_ns: int) -> Span:
-        """Count one more message of a topic."""
+        """Add one message of a topic."""
         first = not any(self.counts.values())
         self.counts[name] += 1
         start_ns = log_ns if first else min(self.start_ns, log_ns)
@@ -166,7 +166,7 @@ def metadata(files: Sequence[tuple[str, Span]], topics: dict[str, TopicEntry]) -
 
 
 def _whole(spans: Sequence[Span]) -> Span:
-    """All files as one; a file without messages has no times of its own."""
+    """Span of all files; a file without messages has no times."""
     told = [span for span in spans if any(span.counts.values())] or list(spans[:1])
     counts = {str(k): sum(span.counts.values()) for k, span in enumerate(told)}
     return Span(counts, min(s.start_ns for s in told), max(s.end_ns for s in told))
@@ -191,6 +191,6 @@ def _topic_metadata(name: str, entry: TopicEntry) -> dict[str, Any]:
 
 
 def replace_metadata(directory: Path, content: dict[str, Any]) -> None:
-    """Write metadata.yaml in one step: a reader finds the old one or the new one."""
+    """Replace metadata.yaml atomically: a reader sees either the old or the new content."""
     text: str = yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
     replace_file(directory / METADATA_FILE, text.encode(), durable=True)

@@ -1,4 +1,4 @@
-"""Records out of a bag, ours or another's, as far as it is whole."""
+"""Reads records from a bag of any recorder, as far as the bag is intact."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ class BagReader:
     Attributes
     ----------
     namespaces
-        Namespaces that hold topics of ours.
+        Namespaces with flea_diag topics.
     topics
         Every topic of the bag with its message type.
     attachments
-        Texts kept beside the messages, by name.
+        Texts attached to the bag, by name.
     losses
-        What could not be read, in words; complete once ``records`` has been read to its end.
+        Descriptions of unreadable parts; complete once ``records`` has been read to its end.
 
     Raises
     ------
     RecordingError
-        When there is no bag, or no topic of ours in it.
+        There is no bag, or no flea_diag topic in it.
     """
 
     def __init__(self, directory: Path | str) -> None:
@@ -69,13 +69,13 @@ class BagReader:
         self.namespaces = self._find_namespaces()
 
     def _find_namespaces(self) -> tuple[str, ...]:
-        """Only /diagnostics belongs to no stand in particular."""
+        """Namespaces of the topics; /diagnostics belongs to no particular stand."""
         own = {space for space, topic in self._rows.values() if not topic.name.startswith("/")}
         return tuple(sorted(own)) or ("",)
 
     @property
     def attachments(self) -> dict[str, str]:
-        """Texts kept beside the messages, by name."""
+        """Texts attached to the bag, by name."""
         return {
             name: data.decode(errors="replace")
             for source in self._sources
@@ -86,8 +86,8 @@ class BagReader:
         has = ", ".join(f"{name} ({kind})" for name, kind in sorted(self.topics.items())[:5])
         scan = TOPIC_OF[Scan]
         return (
-            f"{self.path} holds no topic of flea_diag, such as {scan.name} ({scan.message}); "
-            f"it has {has or 'no topics at all'}"
+            f"{self.path} contains no flea_diag topic such as {scan.name} ({scan.message}); "
+            f"its topics: {has or 'none'}"
         )
 
     def records(
@@ -98,7 +98,7 @@ class BagReader:
         Raises
         ------
         RecordingError
-            When the bag holds several namespaces and none is chosen.
+            The bag contains several namespaces and none is chosen.
         """
         for kind, message in self._messages(types, namespace):
             yield from self._decoded(kind, message)
@@ -107,7 +107,7 @@ class BagReader:
     def blocks(
         self, types: Iterable[type] | None = None, namespace: str | None = None
     ) -> Iterator[Record | ScanBlock]:
-        """Records in log order, as those of ``records``, with scans in a row as blocks."""
+        """Records in log order as from ``records``, with consecutive scans as blocks."""
         for kind, run in groupby(self._messages(types, namespace), key=itemgetter(0)):
             messages = (message for _, message in run)
             while part := list(islice(messages, BLOCK_SCANS if kind is Scan else 1)):
@@ -121,7 +121,7 @@ class BagReader:
     def _messages(
         self, types: Iterable[type] | None, namespace: str | None
     ) -> Iterator[tuple[type, McapMessage]]:
-        """Messages of ours in log order, with the record that each should be."""
+        """Messages on flea_diag topics in log order, with the record type of each."""
         wanted = self._wanted(None if types is None else set(types), self._chosen(namespace))
         ordered = self._sources[0].messages()
         if len(self._sources) > 1:
@@ -132,7 +132,7 @@ class BagReader:
                 yield topic.record, message
 
     def _decoded(self, kind: type, message: McapMessage) -> Iterator[tuple[int, Record]]:
-        """Log time and record of one message; nothing where it is unreadable."""
+        """Log time and record of one message; nothing if it is unreadable."""
         try:
             record: Record = decode(kind, message.data)
         except WireError as error:
@@ -144,7 +144,7 @@ class BagReader:
         has = ", ".join(name or "/" for name in self.namespaces)
         if namespace is None:
             if len(self.namespaces) > 1:
-                raise RecordingError(f"{self.path} holds several stands, choose one of {has}")
+                raise RecordingError(f"{self.path} contains several stands: choose one of {has}")
             return self.namespaces[0]
         chosen = checked_namespace(namespace)
         if chosen not in self.namespaces:
@@ -174,7 +174,7 @@ class BagReader:
 
 
 def _block(messages: list[McapMessage]) -> ScanBlock | None:
-    """Scans as columns, if their messages are sound and alike."""
+    """Scans as columns, if their messages are valid and have the same layout."""
     try:
         return scan_block([message.data for message in messages])
     except WireError:
@@ -196,14 +196,14 @@ def read_bag(
     types
         Record types wanted; all by default.
     namespace
-        Which stand, where the bag holds several.
+        Namespace of the stand, if the bag contains several.
     losses
-        A list to which is added, in words, what could not be read.
+        List to which descriptions of unreadable parts are appended.
 
     Raises
     ------
     RecordingError
-        When there is no bag, or no topic of ours in it.
+        There is no bag, or no flea_diag topic in it.
     """
     reader = BagReader(directory)
     yield from reader.records(types, namespace)
@@ -256,13 +256,13 @@ def _sources(path: Path, losses: list[str]) -> list[Any]:
     files = [path / Path(str(name)).name for name in names if str(name).endswith(".mcap")]
     files = files or sorted(path.glob("*.mcap"))
     if not files:
-        raise RecordingError(f"{path} is no bag: neither {METADATA_FILE} nor an .mcap file in it")
+        raise RecordingError(f"{path} is not a bag: it has neither {METADATA_FILE} nor .mcap file")
     losses += [f"{file.name} is missing" for file in files if not file.exists()]
     return [McapScan(file) for file in files if file.exists()]
 
 
 def described(path: Path, losses: list[str]) -> dict[str, Any]:
-    """Read metadata.yaml; empty where it is missing or broken, for a bag may do without."""
+    """Content of metadata.yaml; empty if missing or invalid, since a bag is readable without."""
     file = path / METADATA_FILE
     try:
         if file.stat().st_size > _METADATA_LIMIT_BYTES:

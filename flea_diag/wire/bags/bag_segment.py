@@ -1,4 +1,4 @@
-"""One file of a bag: an MCAP that can be made whole at any time, and says what is in it."""
+"""One file of a bag: an MCAP file that can be finalised at any time, with message counts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, Schema
 from flea_diag.wire.topics import Topic
 
 CHUNK_BYTES = 1 << 20
-"""More than a second of most stands, so that between two ``make_whole`` nothing is written."""
+"""More than 1 s of data of most stands, so that nothing is written between two ``make_whole``."""
 
 
 class BagSegment:
@@ -48,7 +48,7 @@ class BagSegment:
 
     @property
     def size_bytes(self) -> int:
-        """Bytes so far, those counted that are still to be written."""
+        """Bytes so far, including those not written yet."""
         return self._file.tell() + self._waiting_bytes
 
     @property
@@ -57,13 +57,13 @@ class BagSegment:
         return self._file.closed
 
     def add(self, name: str, topic: Topic, data: bytes, stamp_ns: int, log_ns: int) -> None:
-        """Write one message of a topic of ours."""
+        """Write one message of a flea_diag topic."""
         if name not in self._channels:
             self._register(_channel(name, topic))
         self._put(name, data, stamp_ns, log_ns)
 
     def copy(self, message: McapMessage) -> None:
-        """Write one message as it lies in another file, of whatever topic."""
+        """Copy one message of any topic from another file."""
         name = message.channel.topic
         if name not in self._channels:
             self._register(message.channel)
@@ -87,18 +87,18 @@ class BagSegment:
         self.span.counts[channel.topic] = 0
 
     def attach(self, name: str, data: bytes) -> None:
-        """Keep a text beside the messages."""
+        """Attach a text."""
         now_ns = self.span.end_ns
         self._writer.add_attachment(now_ns, now_ns, name, "text/plain", data)
 
     def make_whole(self) -> None:
-        """Put everything so far on the disk, as a sound MCAP."""
+        """Flush everything so far to disk as a valid MCAP file."""
         self._writer.flush()
         self._file.end_for_now()
         self._waiting_bytes = 0
 
     def finish(self, metadata: str) -> None:
-        """Write metadata, summary and index, and put them on the disk."""
+        """Write metadata, summary and index, and flush them to disk."""
         self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata})
         self._writer.finish()
         self._file.finish()
@@ -108,13 +108,13 @@ class BagSegment:
         self._file.close()
 
     def discard(self) -> None:
-        """Close the file and take it away."""
+        """Close and remove the file."""
         self.close()
         self.path.unlink()
 
 
 def _channel(name: str, topic: Topic) -> Channel:
-    """Channel of a topic of ours, under its full name."""
+    """Channel of a flea_diag topic, under its full name."""
     entry = layout.entry_of(topic)
     definition = layout.message_type(topic.message).definition.encode()
     qos = yaml.safe_dump(entry.qos, sort_keys=False)

@@ -1,9 +1,9 @@
-"""Records into a bag that survives the death of its writer.
+"""Writes records to a bag that survives a crash of its writer.
 
-The mcap library's Writer does the format; what is added here is rosbag2's layout and that
-the bag is made whole once a second: chunk finished, file ended for now, bytes on the disk,
-metadata.yaml replaced in one step. After ``kill -9`` the bag opens as it stands and lacks at
-most the last second.
+The Writer of the mcap library produces the format; this module adds rosbag2's layout and
+finalises the bag once a second: chunk finished, provisional end of file written, data flushed to
+disk, metadata.yaml replaced atomically. After ``kill -9`` the bag is valid and lacks at most the
+last second.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from flea_diag.wire.topics import TOPIC_OF, Topic
 
 @dataclass(frozen=True)
 class BagSplit:
-    """When a bag goes on in another file; 0 is never."""
+    """Size and duration at which a bag starts a new file; 0 is never."""
 
     size_bytes: int = 0
     duration_s: float = 0.0
 
     def due(self, segment: BagSegment, log_ns: int) -> bool:
-        """Whether the next message, of this log time, opens another file."""
+        """Whether the next message, of this log time, starts a new file."""
         long_ns = log_ns - segment.span.start_ns
         started = any(segment.span.counts.values())
         return started and (
@@ -45,21 +45,21 @@ class BagWriter:
     Parameters
     ----------
     directory
-        Folder to make; it must not exist, or be empty.
+        Folder to create; it must not exist, or be empty.
     namespace
         Namespace of the topics of ``write`` (``stand_b``); empty for the first stand.
     stand
-        Name of the rig for the hardware id of judgements.
+        Name of the stand for the hardware id of judgements.
     whole_every_s
-        Wall time between two ``make_whole``; None leaves it to the owner and to ``close``,
+        Wall time between two ``make_whole``; None leaves it to the caller and to ``close``,
         so that equal records give equal bytes.
     split
-        When the bag goes on in another file; a file that is full is finished with its index.
+        When to start a new file; a full file is finished with its index.
 
     Raises
     ------
     RecordingError
-        When the folder is in use, the disk is full, or a record cannot be written.
+        The folder is in use, the disk is full, or a record cannot be written.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class BagWriter:
 
     @property
     def path(self) -> Path:
-        """The MCAP file that is written to."""
+        """The MCAP file being written."""
         return self.directory / f"{self.directory.resolve().name}_{len(self._full)}.mcap"
 
     @property
@@ -101,7 +101,7 @@ class BagWriter:
             self.directory.mkdir(parents=True, exist_ok=True)
             if any(self.directory.iterdir()):
                 raise RecordingError(
-                    f"{self.directory} is not empty, a bag needs a folder to itself"
+                    f"{self.directory} is not empty: a bag needs a new or empty folder"
                 )
             self._segment = BagSegment(self.path)
         except OSError as error:
@@ -111,22 +111,22 @@ class BagWriter:
         return RecordingError(f"cannot write bag {self.directory}: {error.strerror or error}")
 
     def write(self, record: Record, log_ns: int | None = None) -> None:
-        """Write a record; ``log_ns`` is when it was received (its own stamp by default)."""
+        """Write a record; ``log_ns`` is its time of receipt (default: its own stamp)."""
         topic = TOPIC_OF[type(record)]
         name = layout.absolute(topic, self._namespace)
         self._add(name, topic, encode(record, self.stand), record.stamp_ns, log_ns)
 
     def write_raw(self, topic: str, data: bytes, stamp_ns: int, log_ns: int | None = None) -> None:
-        """Write the CDR bytes of one of our topics, by its full name.
+        """Write the CDR bytes of a message on a flea_diag topic, by its full name.
 
         Raises
         ------
         RecordingError
-            When the topic is none of ours.
+            The topic is not a flea_diag topic.
         """
         found = layout.split_name(topic)
         if found is None:
-            raise RecordingError(f"topic {topic!r} is none of flea_diag's (flea_diag.wire.topics)")
+            raise RecordingError(f"topic {topic!r} is not listed in flea_diag.wire.topics")
         self._add(topic, found[1], data, stamp_ns, log_ns)
 
     def _add(self, name: str, topic: Topic, data: bytes, stamp_ns: int, log_ns: int | None) -> None:
@@ -154,7 +154,7 @@ class BagWriter:
             self._segment.attach(name, text.encode())
 
     def attach(self, name: str, text: str) -> None:
-        """Keep a text in each file of the bag (a calibration) as an MCAP attachment."""
+        """Attach a text, such as a calibration, to each file of the bag (MCAP attachment)."""
         self._attachments[name] = text
         self._segment.attach(name, text.encode())
 
@@ -164,7 +164,7 @@ class BagWriter:
         return time.monotonic() - self._whole_at >= self._whole_every_s
 
     def make_whole(self) -> None:
-        """Put everything written so far on the disk, so that the bag opens as it stands."""
+        """Flush everything written so far to disk as a valid bag."""
         self._whole_at = time.monotonic()
         if not self._topics:
             return  # ros2 bag play hangs on a metadata.yaml without topics
@@ -182,7 +182,7 @@ class BagWriter:
         return text
 
     def close(self) -> None:
-        """Finish the bag with its index; a bag without one message is taken away again."""
+        """Finish the bag with its index; a bag without messages is removed."""
         if self._segment.closed:
             return
         try:

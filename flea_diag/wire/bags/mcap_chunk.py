@@ -1,4 +1,4 @@
-"""Fields and chunks of an MCAP file, read without believing any size that they announce."""
+"""Fields and chunks of an MCAP file; every announced size is checked before use."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from flea_diag.errors import RecordingError
 
 CHUNK_LIMIT_BYTES = 256 << 20
-"""A chunk that would unpack to more is refused."""
+"""Largest uncompressed size of a chunk; larger chunks are refused."""
 
 CHUNK_HEAD = struct.Struct("<QQQI")
 U32 = struct.Struct("<I")
@@ -21,13 +21,13 @@ class DamageError(Exception):
 
 
 def text(body: memoryview, place: int) -> tuple[str, int]:
-    """Read a string at ``place``, and return where it ends."""
+    """String at ``place``, and the position after it."""
     raw = sized(body, place, U32)
     return raw.decode(), place + 4 + len(raw)
 
 
 def sized(body: memoryview, place: int, length: struct.Struct) -> bytes:
-    """Read bytes at ``place`` that are preceded by their number."""
+    """Bytes at ``place`` that are preceded by their length."""
     (size,) = length.unpack_from(body, place)
     start = place + length.size
     if size > len(body) - start:
@@ -36,7 +36,7 @@ def sized(body: memoryview, place: int, length: struct.Struct) -> bytes:
 
 
 def pairs(body: memoryview) -> Iterator[tuple[str, str]]:
-    """Read a map of strings."""
+    """Entries of a map of strings."""
     place = 0
     while place < len(body):
         key, place = text(body, place)
@@ -45,25 +45,25 @@ def pairs(body: memoryview) -> Iterator[tuple[str, str]]:
 
 
 def chunk_data(body: memoryview, whole: bool = True) -> memoryview:
-    """Unpack the records of a chunk, and check them against their checksum.
+    """Uncompressed records of a chunk, verified by their checksum.
 
-    Of one that the file's end cuts off (not ``whole``) as much as there is.
+    Of a chunk truncated by the end of the file (not ``whole``), as much as is available.
     """
     _, _, size, checksum = CHUNK_HEAD.unpack_from(body)
     compression, place = text(body, CHUNK_HEAD.size)
     packed = sized(body, place, U64) if whole else bytes(body[place + U64.size :])
     if size > CHUNK_LIMIT_BYTES:
-        raise DamageError(f"it unpacks to {size} bytes, the limit is {CHUNK_LIMIT_BYTES}")
+        raise DamageError(f"uncompressed size {size} bytes, the limit is {CHUNK_LIMIT_BYTES}")
     data = _decompress(compression, packed, size)
     if whole and len(data) != size:
-        raise DamageError(f"it unpacks to {len(data)} bytes, {size} were announced")
+        raise DamageError(f"{len(data)} bytes after decompression, {size} announced")
     if whole and checksum and zlib.crc32(data) != checksum:
-        raise DamageError("its checksum is wrong")
+        raise DamageError("wrong checksum")
     return memoryview(data)
 
 
 def _decompress(compression: str, packed: bytes, size: int) -> bytes:
-    """Unpack without ever making more than ``size`` bytes; less where ``packed`` is cut off."""
+    """Decompress to at most ``size`` bytes; fewer if ``packed`` is truncated."""
     if compression == "":
         return packed[:size]
     try:
@@ -75,11 +75,12 @@ def _decompress(compression: str, packed: bytes, size: int) -> bytes:
             return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size))
     except ImportError as error:
         raise RecordingError(
-            f"a bag packed with {compression} needs the package mcap: pip install mcap ({error})"
+            f"a bag compressed with {compression} needs the package mcap: pip install mcap "
+            f"({error})"
         ) from error
     except (RuntimeError, EOFError, ValueError, MemoryError) as error:
-        raise DamageError(f"it does not unpack: {error}") from None
-    raise DamageError(f"its compression {compression!r} is unknown")
+        raise DamageError(f"cannot be decompressed: {error}") from None
+    raise DamageError(f"unknown compression {compression!r}")
 
 
 def _unzstd(packed: bytes, size: int) -> bytes:
@@ -88,4 +89,4 @@ def _unzstd(packed: bytes, size: int) -> bytes:
     try:
         return bytes(zstandard.ZstdDecompressor().stream_reader(packed).read(size))
     except zstandard.ZstdError as error:
-        raise DamageError(f"it does not unpack: {error}") from None
+        raise DamageError(f"cannot be decompressed: {error}") from None

@@ -1,11 +1,12 @@
-"""A file that is a sound MCAP at any time, and may still grow.
+"""A growing file that is a valid MCAP file at any time.
 
-Most readers refuse an MCAP file that does not end with a footer, which a recorder that is
-killed can no longer write. So the end stands ahead: an empty footer (a file without summary, as
-the specification allows), and between data and end some room, as a record of an opcode that
-readers pass over. What is added goes into that room, and its first bytes last, in place of the
-room's own: whenever a kill or a full disk breaks that off, it is still data, room, end. The
-room takes no space on the disk, and is gone once the file is finished.
+Most readers refuse an MCAP file without a footer, which a killed recorder can no longer write.
+Therefore the end is written ahead: an empty footer (a file without summary, as the specification
+allows) and, between data and footer, reserved space in the form of one record with an opcode that
+readers skip. New data are written into the reserved space, their first bytes last, replacing the
+head of that record. Whenever this is interrupted by a kill or a full disk, the file still
+consists of data, reserved space and footer. The reserved space is sparse (takes no disk space)
+and is removed when the file is finished.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ PROVISIONAL_END = _DATA_END + _FOOTER_WITHOUT_SUMMARY + MAGIC
 ROOM_BYTES = 1 << 20
 _ROOM = struct.Struct("<BQ")
 _ROOM_OPCODE = 0x80
-"""The first of those that the specification leaves to applications."""
+"""The first opcode that the specification leaves to applications."""
 
 
 class McapFile:
@@ -34,21 +35,21 @@ class McapFile:
         self.closed = False
 
     def write(self, data: bytes) -> int:
-        """Append; it waits in memory for the next end."""
+        """Append to a buffer in memory, written by the next ``end_for_now``."""
         self._waiting += data
         if len(self._waiting) > ROOM_BYTES:
             self._add()
         return len(data)
 
     def tell(self) -> int:
-        """Return the end of the data."""
+        """Position of the end of the data."""
         return self._written + len(self._waiting)
 
     def flush(self) -> None:
-        """Nothing goes to the disk but with an end."""
+        """Do nothing: data are written only together with an end of file."""
 
     def _add(self) -> None:
-        """Put what waits into the room."""
+        """Write the buffer into the reserved space."""
         grown = self._written + len(self._waiting)
         if grown + _ROOM.size > self._end:
             self._make_room(grown + _ROOM.size + ROOM_BYTES)
@@ -59,13 +60,13 @@ class McapFile:
         self._waiting.clear()
 
     def _make_room(self, end: int) -> None:
-        """Let the data go on up to ``end``."""
+        """Extend the reserved space so that data fit up to ``end``."""
         self._put(memoryview(PROVISIONAL_END), end)
         self._end = end
         self._put(memoryview(self._room(self._written)), self._written)
 
     def _room(self, begin: int) -> bytes:
-        """Head of the record that fills the file from ``begin`` to its end."""
+        """Head of the reserved record from ``begin`` to the end of the file."""
         return _ROOM.pack(_ROOM_OPCODE, self._end - begin - _ROOM.size)
 
     def _put(self, data: memoryview, at: int) -> None:
@@ -74,13 +75,13 @@ class McapFile:
             data, at = data[count:], at + count
 
     def end_for_now(self) -> None:
-        """Put everything on the disk."""
+        """Flush everything to disk."""
         if self._waiting:
             self._add()
         os.fdatasync(self._descriptor)
 
     def finish(self) -> None:
-        """The Writer has written an end of its own: ours goes, and the room."""
+        """Remove reserved space and provisional footer: the Writer has written the final end."""
         self.end_for_now()
         os.ftruncate(self._descriptor, self._written)
         os.fdatasync(self._descriptor)

@@ -1,9 +1,9 @@
-"""An MCAP file read front to back, as far as it is whole.
+"""Reads an MCAP file from front to back, as far as it is intact.
 
-A recorder that was killed leaves a file without footer, summary and index, cut anywhere.
-So none of those is relied on: one pass over the record headers finds the chunks (their data
-are passed over), a second one reads the messages in log order, holding only chunks that
-overlap in time. Every length is checked against the file before it is believed.
+A killed recorder leaves a file without footer, summary and index, truncated anywhere. The reader
+therefore uses none of them: a first pass over the record headers finds the chunks (their data are
+skipped), a second one reads the messages in log order, holding only chunks that overlap in time.
+Every length is checked against the size of the file before use.
 Source of the layout: the MCAP specification, version 0.
 """
 
@@ -45,7 +45,7 @@ class Schema(NamedTuple):
 
 
 class Channel(NamedTuple):
-    """Topic of a channel, with the message type and encoding."""
+    """Topic, message type and encoding of a channel."""
 
     topic: str
     message: str
@@ -55,7 +55,7 @@ class Channel(NamedTuple):
 
 
 class McapMessage(NamedTuple):
-    """One message as it lies in the file."""
+    """One message as stored in the file."""
 
     log_ns: int
     publish_ns: int
@@ -64,7 +64,7 @@ class McapMessage(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """A chunk, or a message outside any chunk."""
+    """A chunk, or a message outside of chunks."""
 
     start_ns: int
     end_ns: int
@@ -85,20 +85,20 @@ class McapScan:
     Attributes
     ----------
     channels
-        Channels met so far by their number; complete after ``messages`` has ended.
+        Channels found so far, by number; complete after ``messages`` has ended.
     complete, indexed
-        Whether the file ends with its footer, and whether that leads to a summary.
+        Whether the file ends with a footer, and whether the footer refers to a summary.
     profile
         Profile of the header, ``ros2`` for a bag.
     attachments
-        Files kept beside the messages, by name.
+        Attached files, by name.
     losses
-        What could not be read, in words.
+        Descriptions of unreadable parts.
 
     Raises
     ------
     RecordingError
-        When it cannot be opened or is no MCAP file.
+        The file cannot be opened or is not an MCAP file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -121,7 +121,7 @@ class McapScan:
 
     def _find_pieces(self, stream: IO[bytes]) -> None:
         if stream.read(len(MAGIC)) != MAGIC:
-            raise RecordingError(f"{self.path} is no MCAP file: it does not start with its magic")
+            raise RecordingError(f"{self.path} is not an MCAP file: wrong magic bytes at its start")
         while not self.complete:
             offset = stream.tell()
             head = stream.read(_RECORD.size)
@@ -136,7 +136,7 @@ class McapScan:
             stream.seek(offset + _RECORD.size + size)
 
     def _cut_off(self, stream: IO[bytes], opcode: int, offset: int) -> None:
-        """Say that the file ends too early; of a chunk that it ends in, some can be saved."""
+        """Report that the file is truncated; part of a truncated chunk can be recovered."""
         words = f"{self.path.name}: no footer, the file ends at byte {self._size}"
         if offset == self._size:
             self.losses.append(words)
@@ -166,7 +166,7 @@ class McapScan:
             self.profile, _ = text(memoryview(stream.read(min(size, _SMALL_LIMIT_BYTES))), 0)
 
     def _find_channels(self, stream: IO[bytes]) -> None:
-        """Channels of a file without summary stand inside the chunks: look there."""
+        """Find the channels of a file without summary: they are defined inside the chunks."""
         if self.channels and self.complete:
             return
         for piece in self._pieces:
@@ -198,7 +198,7 @@ class McapScan:
         pieces = sorted(self._pieces, key=lambda piece: (piece.start_ns, piece.offset))
         with self.path.open("rb") as stream:
             for piece in pieces:
-                # What is older than all pieces to come has its turn; the rest waits with them.
+                # Messages older than all later pieces are due; the others wait for those pieces.
                 due = bisect_left(waiting, piece.start_ns, key=_log_ns)
                 yield from waiting[:due]
                 waiting = waiting[due:]
@@ -227,7 +227,7 @@ class McapScan:
             opcode, size = opened(data, place)
             place += head
             if size > end - place:
-                raise DamageError(f"a record of {size} bytes where {end - place} are left")
+                raise DamageError(f"record of {size} bytes announced, {end - place} left")
             body = data[place : place + size]
             place += size
             if opcode == _MESSAGE:
@@ -239,5 +239,5 @@ class McapScan:
         number, _, log_ns, publish_ns = _MESSAGE_HEAD.unpack_from(body)
         channel = self.channels.get(number)
         if channel is None:
-            raise DamageError(f"a message on channel {number}, which is not defined")
+            raise DamageError(f"message on undefined channel {number}")
         return McapMessage(log_ns, publish_ns, channel, bytes(body[_MESSAGE_HEAD.size :]))

@@ -1,4 +1,4 @@
-"""Many scans off their messages at once: bytes that differ in stamps and values alone."""
+"""Decodes many scans at once: messages that differ in stamps and values only."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from flea_diag.wire.messages.cdr import ENCAPSULATION, TRAILING, CdrReader
 
 STAMP = slice(len(ENCAPSULATION), len(ENCAPSULATION) + 8)
 EMPTY = 8
-"""Bytes of the counts of velocity and effort, of which there are none."""
+"""Bytes of the counts of velocity and effort, both empty."""
 SECOND_NS = 1_000_000_000
 
 
 def scan_block(messages: Sequence[bytes]) -> ScanBlock | None:
-    """Scans of JointState messages as columns, in their order.
+    """Scans of JointState messages as columns, in order.
 
-    None where they are not laid out alike: then they are to be read one by one.
+    None if their layouts differ: the caller then has to read them one by one.
 
     Raises
     ------
     WireError
-        When the first one cannot be read.
+        The first message cannot be read.
     """
     reader = CdrReader(messages[0])
     reader.stamp_ns()

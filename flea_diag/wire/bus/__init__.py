@@ -1,4 +1,4 @@
-"""The one seam to rclpy: records out of and into a ROS graph.
+"""The only interface to rclpy: publishes and receives records in a ROS graph.
 
 ``program`` runs a node as an executable, ``endpoint`` holds its publishers and subscriptions,
 ``declared`` its parameters. Importing this package does not import rclpy, so that ``--help``

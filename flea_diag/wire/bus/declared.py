@@ -1,7 +1,7 @@
 """ROS parameters of a node, declared from a frozen parameter class (``wire.parameters``).
 
-Types, defaults, units, bounds and prose reach ``ros2 param describe`` from the one place
-where they stand. A bad value stops the node at start; later it is refused with the reason.
+Types, defaults, units, bounds and descriptions in ``ros2 param describe`` come from that class.
+An invalid value stops the node at start; later it is refused with the reason.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from flea_diag.wire.parameters import Descriptor, build, checked, descriptors, p
 P = TypeVar("P")
 
 FOREIGN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-"""Parameters that rclpy declares by itself."""
+"""Parameters declared by rclpy."""
 
 INTEGER_LIMITS = (-(2**63), 2**63 - 1)
 
 
 @dataclass(frozen=True)
 class Common:
-    """Parameters that every node has besides its own."""
+    """Parameters common to all nodes."""
 
     executor: str = parameter(
         "events",
-        "Executor of rclpy: events costs a tenth of single, which is the older one",
+        "executor of rclpy: events (a tenth of the CPU) or single (single-threaded)",
         choices=("events", "single"),
         read_only=True,
     )
 
 
 class Declared(Generic[P]):
-    """The parameters of one node: ``value`` is always whole and valid."""
+    """The parameters of one node; ``value`` is always complete and valid."""
 
     def __init__(self, node: Any, parameters: type[P]) -> None:
         where = f"node {node.get_name()}"
@@ -93,10 +93,10 @@ class Declared(Generic[P]):
 
 
 def _take_overrides(node: Any) -> dict[str, Any]:
-    """Values given on the command line or in a file, by name, taken out of the node again.
+    """Values given on the command line or in a file, by name, undeclared from the node.
 
-    The node was made with ``automatically_declare_parameters_from_overrides``: there they are
-    all seen, those too that nobody declares, and a typing error does not go unnoticed.
+    The node was created with ``automatically_declare_parameters_from_overrides``, so that
+    undeclared names are seen too and a misspelt name is refused.
     """
     given = {
         name: entry.value

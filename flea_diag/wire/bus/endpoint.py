@@ -1,7 +1,7 @@
-"""Publishers and subscriptions of one node, in records.
+"""Publishers and subscriptions of one node, in terms of records.
 
-Messages travel as the bytes that the codec writes and reads: ``publish(bytes)`` and raw
-subscriptions cost one memcpy, where a message object costs up to a millisecond.
+Messages are passed to rclpy as the bytes of the codec: ``publish(bytes)`` and raw subscriptions
+cost one memcpy, whereas a message object costs up to 1 ms.
 """
 
 from __future__ import annotations
@@ -21,19 +21,18 @@ from flea_diag.wire.topics import TOPIC_OF, Topic
 P = TypeVar("P")
 
 WARN_EVERY_S = 5.0
-"""A warning that repeats is logged at most this often; the counters miss none."""
+"""Shortest period between two warnings in the log; the counters count every event."""
 
 POLL_S = 0.02
 
 READER_DEPTH = 100
-"""Samples of a latched topic that may wait for their reader. The writer keeps one for those who
-join late, but changes may come in a burst: a reader that keeps one too loses all but the last.
-"""
+"""Queue length of a reader of a latched topic. The writer keeps one sample for late joiners, but
+changes may arrive in a burst, of which a reader with one slot would lose all but the last."""
 
 
 @dataclass
 class Subscription:
-    """Counters of one subscription: messages that came, and why some were passed over."""
+    """Counters of one subscription: messages received, and messages skipped by reason."""
 
     topic: Topic
     received: int = 0
@@ -43,16 +42,16 @@ class Subscription:
 
 
 class Bus(Generic[P]):
-    """Has a node, is not a node: what a program needs of ROS, and nothing else.
+    """The part of ROS that a program needs; wraps a node.
 
     Parameters
     ----------
     node, executor
-        Of rclpy; the executor already holds the node.
+        Node and executor of rclpy; the node is already added to the executor.
     declared
-        The node's parameters.
+        Parameters of the node.
     finished
-        Future that ends the program when it is done.
+        Future whose completion ends the program.
     """
 
     def __init__(self, node: Any, executor: Any, declared: Declared[P], finished: Any) -> None:
@@ -72,34 +71,34 @@ class Bus(Generic[P]):
 
     @property
     def ok(self) -> bool:
-        """Whether the node still runs: false once SIGINT or SIGTERM came."""
+        """Whether the node is running; false after SIGINT or SIGTERM."""
         return bool(self._node.context.ok())
 
     def end(self, error: FleaError | None = None) -> None:
-        """End the program after this callback: status 0, or 2 with the error as its last line."""
+        """End the program after this callback, with status 0, or 2 and the error as last line."""
         if not self._finished.done():
             self._finished.set_result(error)
 
     def full_name(self, record_type: type) -> str:
-        """Name of the record's topic with namespace and remapping applied."""
+        """Topic name of a record type, with namespace and remapping applied."""
         return str(self._node.resolve_topic_name(TOPIC_OF[record_type].name))
 
     def now_ns(self) -> int:
-        """Clock of the node (simulated if use_sim_time): for lags only, never for inference."""
+        """Clock of the node (simulated with use_sim_time); for lags only, not for diagnosis."""
         return int(self._node.get_clock().now().nanoseconds)
 
     def check_parameters(self, check: Callable[[P], None]) -> None:
-        """Refuse a change, with its message as the reason, where ``check`` raises.
+        """Refuse changes for which ``check`` raises ``ConfigurationError``, with its message.
 
-        ``check`` raises ``ConfigurationError`` and changes nothing.
+        ``check`` must not have side effects.
         """
         self._declared.on_check.append(check)
 
     def on_parameters(self, apply: Callable[[P], None]) -> None:
-        """Call ``apply`` with all parameters whenever one of them was changed."""
+        """Call ``apply`` with all parameters after a change of any of them."""
         self._declared.on_change.append(apply)
 
-    # -- out
+    # -- publishing
 
     def advertise(self, *record_types: type) -> None:
         """Create publishers now, so that subscribers find them before the first record."""
@@ -108,17 +107,17 @@ class Bus(Generic[P]):
                 self._publishers[record_type] = self._create_publisher(record_type)
 
     def publish(self, record: Record) -> None:
-        """Publish a record on its topic; does nothing once the node is being shut down."""
+        """Publish a record on its topic; does nothing during shutdown."""
         self.publish_raw(type(record), codec.encode(record, self.stand))
 
     def publish_raw(self, record_type: type, data: bytes) -> None:
-        """Publish bytes that the codec wrote."""
+        """Publish bytes written by the codec."""
         self.advertise(record_type)
         if self.ok:
             self._publishers[record_type].publish(data)
 
     def publish_clock(self, stamp_ns: int) -> None:
-        """Be the clock of a graph whose nodes use simulated time: publish /clock."""
+        """Publish /clock, for nodes that use simulated time."""
         from rosgraph_msgs.msg import Clock
 
         if self._clock is None:
@@ -137,10 +136,10 @@ class Bus(Generic[P]):
             qos_overriding_options=_overriding(),
         )
 
-    # -- in
+    # -- subscribing
 
     def subscribe(self, record_type: type, take: Callable[[Any], None]) -> Subscription:
-        """Call ``take`` with each record; what cannot be used is counted and passed over."""
+        """Call ``take`` with each record; invalid messages are counted and skipped."""
 
         def decoded(data: bytes) -> None:
             take(codec.decode(record_type, data))
@@ -150,9 +149,9 @@ class Bus(Generic[P]):
     def subscribe_raw(
         self, record_type: type, take: Callable[[bytes], None], depth: int | None = None
     ) -> Subscription:
-        """Call ``take`` with the bytes of each message as they came in.
+        """Call ``take`` with the bytes of each message as received.
 
-        ``depth`` messages may wait for it; that of the topic where it is not told.
+        ``depth`` is the queue length; by default that of the topic.
         """
         from rclpy.event_handler import SubscriptionEventCallbacks
 
@@ -167,15 +166,15 @@ class Bus(Generic[P]):
                 take(data)
             except WireError as error:
                 stream.malformed += 1
-                self.warn(f"{topic.name}: message passed over: {error}")
+                self.warn(f"{topic.name}: message skipped: {error}")
             except InputError as error:
                 stream.refused += 1
-                self.warn(f"{topic.name}: record passed over: {error}")
+                self.warn(f"{topic.name}: record skipped: {error}")
 
         def lost(event: Any) -> None:
             stream.lost += event.total_count_change
             self.warn(
-                f"{topic.name}: {event.total_count} messages lost: reader or network too slow"
+                f"{topic.name}: {event.total_count} messages lost: subscriber or network too slow"
             )
 
         self._node.create_subscription(
@@ -189,10 +188,10 @@ class Bus(Generic[P]):
         )
         return stream
 
-    # -- time, services, words
+    # -- timers, services, logging
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
-        """Call at a steady period, also while simulated time stands still."""
+        """Call at a fixed period of real time, also while simulated time is paused."""
         self._timer(seconds, call)
 
     def _timer(self, seconds: float, call: Callable[[], None]) -> Any:
@@ -202,7 +201,7 @@ class Bus(Generic[P]):
         return self._node.create_timer(seconds, call, clock=clock)
 
     def serve_trigger(self, name: str, answer: Callable[[], str]) -> None:
-        """Offer a std_srvs/Trigger; ``answer`` does it and says in words what was done."""
+        """Offer a std_srvs/Trigger service; ``answer`` executes it and returns its message."""
         from std_srvs.srv import Trigger
 
         def respond(_request: Any, response: Any) -> Any:
@@ -212,7 +211,7 @@ class Bus(Generic[P]):
         self._node.create_service(Trigger, name, respond)
 
     def remote_parameter(self, node: str, name: str) -> RemoteParameter:
-        """A parameter of text of another node of this namespace."""
+        """A string parameter of another node of this namespace."""
         return RemoteParameter(self._node, self._timer, node, name)
 
     def info(self, text: str) -> None:
@@ -221,30 +220,30 @@ class Bus(Generic[P]):
 
     def warn(self, text: str) -> None:
         """Log a warning, throttled."""
-        # The throttle of rclpy belongs to this line of code, not to the text: one a node.
+        # rclpy throttles per line of code, not per text: one limit for all warnings of a node.
         self._node.get_logger().warning(text, throttle_duration_sec=WARN_EVERY_S)
 
     # -- discovery
 
     def subscribers(self, record_type: type) -> int:
-        """How many subscriptions this node knows on the record's topic, in any process."""
+        """Number of subscriptions to the topic of a record type, in any process."""
         return int(self._node.count_subscribers(TOPIC_OF[record_type].name))
 
     def publishers(self, record_type: type) -> int:
-        """How many publishers this node knows on the record's topic, in any process."""
+        """Number of publishers of the topic of a record type, in any process."""
         return int(self._node.count_publishers(TOPIC_OF[record_type].name))
 
     def wait_for_subscribers(
         self, *record_types: type, count: int = 1, timeout_s: float = 10.0
     ) -> bool:
-        """Serve the node until each topic has ``count`` subscribers; False when time ran out."""
+        """Spin until each topic has ``count`` subscribers; False on timeout."""
         return self.wait_until(
             lambda: all(self._matched(record_type) >= count for record_type in record_types),
             timeout_s,
         )
 
     def wait_until(self, predicate: Callable[[], bool], timeout_s: float) -> bool:
-        """Serve the node until ``predicate`` holds; False when time ran out or it shuts down."""
+        """Spin until ``predicate`` is true; False on timeout or shutdown."""
         deadline_ns = time.monotonic_ns() + int(timeout_s * 1e9)
         while not predicate():
             if not self.ok or time.monotonic_ns() > deadline_ns:

@@ -1,4 +1,4 @@
-"""A bus inside a program that is no node itself: a live run that waits for others, a test."""
+"""A bus for a program that is not a node itself: a live run waiting for nodes, a test."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from flea_diag.wire.bus.endpoint import Bus
 
 @dataclass(frozen=True)
 class NoParameters:
-    """A guest has none."""
+    """A guest has no parameters."""
 
 
 @contextmanager
 def guest(name: str, domain: int, namespace: str = "") -> Iterator[Bus[NoParameters]]:
-    """Join the graph of a domain under this node name, with a context of its own.
+    """Join the graph of a domain under this node name, with its own context.
 
-    Nothing is served but inside ``Bus.wait_until``; signals are left to the caller.
+    Callbacks run only inside ``Bus.wait_until``; signal handling is left to the caller.
     """
     import rclpy
     from rclpy.executors import SingleThreadedExecutor

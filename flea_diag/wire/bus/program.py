@@ -1,7 +1,7 @@
-"""A node as an executable: help, signals, executor and exit status, the same for all.
+"""A node as an executable: help, signals, executor and exit status, common to all nodes.
 
-Exit status 0 when it ended by itself or by SIGINT or SIGTERM (each as often as anybody likes),
-2 with one line when something given to it cannot be used.
+Exit status 0 after a normal end or SIGINT or SIGTERM (also repeated), 2 with a one-line message
+for invalid input.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flea_diag.wire.parameters import Descriptor, descriptors
 from flea_diag.wire.topics import TOPIC_OF
 
 ENDLESS_S = 1e6
-"""A wait without a time limit livelocks the EventsExecutor of rclpy 7.1 (overflow)."""
+"""Timeout of a wait; without one the EventsExecutor of rclpy 7.1 livelocks (overflow)."""
 
 NO_RCLPY = (
     "ROS 2 is not installed: `pip install flea_diag` brings it on Linux x86-64, elsewhere install "
@@ -33,33 +33,33 @@ Closing = Callable[[], None]
 
 @runtime_checkable
 class Foreground(Protocol):
-    """Something that needs the main thread while the node is served in another: a screen."""
+    """A user interface that needs the main thread while the node runs in another."""
 
     def run(self) -> None:
-        """Keep the main thread until people leave it, or ``leave`` is called."""
+        """Run in the main thread until the operator quits or ``leave`` is called."""
         ...
 
     def leave(self) -> None:
-        """Have ``run`` return: the node has ended. Called from the other thread."""
+        """Make ``run`` return because the node has ended; called from the other thread."""
         ...
 
     def close(self) -> None:
-        """What is to be done at the very end."""
+        """Release resources at the very end."""
         ...
 
 
 TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-"""What Fast DDS sends by, unless the environment says otherwise: not by shared memory. A reader
-that is killed may keep for ever what its writer handed it there (eProsima/Fast-DDS#5469, in 2.14).
-Once the 512 kB of a process are scattered so, nobody hears a verdict of 60 kB of it any more."""
+"""Transport of Fast DDS unless the environment sets one: no shared memory. A killed reader may
+never release the buffers that it received there (eProsima/Fast-DDS#5469, in 2.14). Once the
+512 kB segment of a process is fragmented in this way, its verdicts of 60 kB are not delivered."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """What an executable is and how it starts.
+    """Description of an executable, and how it starts.
 
-    ``start`` subscribes, advertises and returns at once, with what is to be called at the end
-    (or None), or with what is to keep the main thread. The node is served from then on.
+    ``start`` subscribes, advertises and returns at once: a function to be called at the end, or a
+    ``Foreground`` for the main thread, or None. The node spins from then on.
     """
 
     name: str
@@ -72,13 +72,13 @@ class Program:
 
 
 def run(make: Callable[[], Program], argv: Sequence[str] | None = None) -> int:
-    """Run the program that ``make`` returns until it ends; the exit status.
+    """Run the program returned by ``make`` until it ends; return the exit status.
 
-    ``make`` is called after the signals are in hand, so that the slow imports of a node belong
-    into it.
+    ``make`` is called after the signal handlers are installed: slow imports of a node belong into
+    it.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    # BLAS threads on matrices this small only wait for each other; read once, by numpy's import.
+    # BLAS threads only slow down matrices of this size; numpy reads the setting at its import.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault(*TRANSPORT)
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -112,7 +112,7 @@ def usage(program: Program) -> str:
     lines += [
         _explained(entry) for entry in (*descriptors(program.parameters), *descriptors(Common))
     ]
-    lines += ["", "ROS arguments: -r __ns:=/stand_2 (a second stand), -r TOPIC:=OTHER, "]
+    lines += ["", "ROS arguments: -r __ns:=/stand_2 (a second stand), -r TOPIC:=OTHER,"]
     lines += [
         "  --params-file FILE, --log-level debug, -p use_sim_time:=true, all after --ros-args"
     ]
@@ -126,7 +126,7 @@ def _explained(entry: Descriptor) -> str:
     notes += [f"at least {entry.minimum!r}"] if entry.minimum is not None else []
     notes += [f"at most {entry.maximum!r}"] if entry.maximum is not None else []
     notes += ["one of " + ", ".join(entry.choices)] if entry.choices else []
-    notes += ["fixed at start"] if entry.read_only else []
+    notes += ["read-only"] if entry.read_only else []
     unit = f" [{entry.unit}]" if entry.unit else ""
     kind = "list" if entry.kind is tuple else entry.kind.__name__
     return f"  {entry.name:20} {entry.doc}{unit}\n  {'':20} ({kind}, {', '.join(notes)})"
@@ -140,13 +140,13 @@ def _refuse_unknown(program: Program, arguments: list[str]) -> None:
     first = arguments[0] if arguments else "--ros-args"
     if first != "--ros-args":
         raise ConfigurationError(
-            f"unknown argument {first!r}: nodes take --ros-args only, "
+            f"unknown argument {first!r}: nodes accept only --ros-args, "
             f"see ros2 run flea_diag {program.name} --help"
         )
 
 
 def _end_at_once(*_: Any) -> None:
-    # Nothing is open yet; an exception here would come out of the middle of some import.
+    # Nothing is open yet; an exception here would surface inside some import.
     os._exit(0)
 
 
@@ -157,8 +157,8 @@ def _run(program: Program, arguments: list[str]) -> int:
         from rclpy.task import Future
     except ImportError as error:
         raise ConfigurationError(NO_RCLPY.format(error=error)) from None
-    # From here on rclpy's own handler shuts the context down, which ends the spinning below. It
-    # then calls the handler it found, and Python's would raise KeyboardInterrupt anywhere.
+    # From here on the handler of rclpy shuts the context down, which ends the spinning below. It
+    # then calls the previous handler; Python's would raise KeyboardInterrupt anywhere.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: None)
     _init(rclpy, arguments)
@@ -189,15 +189,15 @@ def _run(program: Program, arguments: list[str]) -> int:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
-        # The interpreter gives signals with a handler back to the system before it is gone, and
-        # one more SIGINT would then kill the process; an ignored signal it leaves alone.
+        # At exit the interpreter restores the default of signals with a handler, so that another
+        # SIGINT would kill the process; ignored signals stay ignored.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
     return 0
 
 
 def _serve_behind(screen: Foreground, executor: Any, finished: Any) -> None:
-    """Serve the node in a thread while the screen has this one; either ends the other."""
+    """Spin the node in a thread while the screen runs in this one; either ends the other."""
     import rclpy
 
     failures: list[BaseException] = []
@@ -205,7 +205,7 @@ def _serve_behind(screen: Foreground, executor: Any, finished: Any) -> None:
     def serve() -> None:
         try:
             spin(executor, finished)
-        except Exception as error:  # of another thread: raised again below
+        except Exception as error:  # raised again below, in the main thread
             failures.append(error)
         finally:
             screen.leave()
@@ -231,7 +231,7 @@ def _init(rclpy: Any, arguments: list[str]) -> None:
     try:
         rclpy.init(args=["flea_diag", *arguments])
     except Exception as error:
-        # rcl names the argument, but in a traceback of several lines.
+        # rcl names the argument in an error of several lines.
         first = str(error).strip().splitlines()[0]
         raise ConfigurationError(f"ROS refuses the arguments {arguments}: {first}") from None
 
@@ -240,11 +240,11 @@ def _node(rclpy: Any, name: str) -> Any:
     try:
         return rclpy.create_node(name, automatically_declare_parameters_from_overrides=True)
     except ValueError as error:
-        raise ConfigurationError(f"node {name}: a parameter was given no value: {error}") from None
+        raise ConfigurationError(f"node {name}: a parameter has no value: {error}") from None
 
 
 def _shutdown_errors() -> tuple[type[Exception], ...]:
-    """What rclpy raises when its context ends in the middle of a call."""
+    """Errors that rclpy raises when its context ends during a call."""
     from rclpy.exceptions import NotInitializedException
     from rclpy.impl.implementation_singleton import rclpy_implementation as c
 
@@ -252,7 +252,7 @@ def _shutdown_errors() -> tuple[type[Exception], ...]:
 
 
 def make_executor(kind: str = "events") -> Any:
-    """Make the executor of this name; the single-threaded one where rclpy has no other."""
+    """Executor of this name; the single-threaded one where rclpy has no other."""
     from rclpy.executors import SingleThreadedExecutor
 
     if kind == "events":
@@ -265,7 +265,7 @@ def make_executor(kind: str = "events") -> Any:
 
 
 def spin(executor: Any, finished: Any) -> None:
-    """Serve until the future is done or the context ends, which may raise too."""
+    """Spin until the future is done or the context ends, which may also raise."""
     import rclpy
 
     while rclpy.ok() and not finished.done():

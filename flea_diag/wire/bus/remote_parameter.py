@@ -1,4 +1,4 @@
-"""A parameter of text of another node of this namespace: whether it is there, and setting it."""
+"""A string parameter of another node of this namespace: its presence, and setting it."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Every = Callable[[float, Callable[[], None]], Any]
 
 
 class RemoteParameter:
-    """One parameter of one other node, which may come and go.
+    """One parameter of another node, which may start and stop at any time.
 
     Parameters
     ----------
     ros_node
-        Of rclpy: who asks.
+        The requesting node of rclpy.
     every
-        Starts a timer that calls at a steady period.
+        Starts a timer with a fixed period.
     node, name
-        The other node, relative to this one's namespace, and its parameter.
+        The other node, relative to this namespace, and its parameter.
     """
 
     def __init__(self, ros_node: Any, every: Every, node: str, name: str) -> None:
@@ -49,11 +49,11 @@ class RemoteParameter:
         if self._asked is not None and self._asked.done():
             types = getattr(self._asked.result(), "types", ())
             self.present = list(types) == [ParameterType.PARAMETER_STRING]
-        if not self.present:  # an answer to a client that its server has not found yet is lost
+        if not self.present:  # an answer to a client not discovered by the server yet is lost
             self._asked = self._types.call_async(self._request)
 
     def set(self, value: str, told: Callable[[str], None]) -> None:
-        """Set it; ``told`` hears why it could not be, or ""."""
+        """Set the parameter; ``told`` is called with the reason of a refusal, or ''."""
         from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
         from rcl_interfaces.srv import SetParameters
 
@@ -68,13 +68,13 @@ class RemoteParameter:
             answers = [future.result() for future in asked if future.done()]
             if answers:
                 result = answers[0].results[0]
-                settle("" if result.successful else result.reason or f"{node} refuses")
+                settle("" if result.successful else result.reason or f"refused by {node}")
             elif not asked and waited_s > FIND_S:
-                settle(f"there is no node {node} here")
+                settle(f"node {node} is not running")
             elif waited_s > FIND_S + ANSWER_S:
                 settle(f"node {node} does not answer")
             elif waited_s >= ASK_AGAIN_S * len(asked) and client.service_is_ready():
-                # An answer to a client that its server has not found yet is lost.
+                # Wait: an answer to a client that the server has not discovered yet is lost.
                 asked.append(client.call_async(request))
 
         def settle(reason: str) -> None:

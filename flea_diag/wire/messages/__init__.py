@@ -1,1 +1,1 @@
-"""Records to the bytes of standard messages and back."""
+"""Conversion of records to the bytes of standard messages and back."""

@@ -1,10 +1,10 @@
-"""Common Data Representation, little endian: just what the three carriers of the wire need.
+"""Common Data Representation, little endian: the subset needed for the three message types.
 
 Plain CDR (XCDR version 1, OMG formal/2002-06-51 chapter 15), as every ROS 2 middleware and
 rosbag2 write it: four bytes of encapsulation, then each primitive aligned to its own size,
 counted from the end of the encapsulation; a string is a uint32 length that includes its
-closing zero, the bytes and the zero. Reading checks every length against the bytes that are
-there before anything is allocated, so memory is bounded by the size of the input.
+closing zero, the bytes and the zero. Reading checks every length against the available bytes
+before anything is allocated, so memory is bounded by the size of the input.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _STAMP = struct.Struct("<iI")
 _NS = 1_000_000_000
 _SECONDS = range(-(2**31), 2**31)
 TRAILING = 16
-"""Bytes that may follow a message: rclpy 7.1 leaves 8 unset ones after a JointState, since its
-size is estimated with an alignment that an empty sequence does not have."""
+"""Largest number of bytes after a message: rclpy 7.1 appends 8 unset bytes to a JointState, since
+it estimates the size with an alignment that an empty sequence does not have."""
 
 KEPT_BYTES = 1 << 16
-"""A sequence of strings that takes more is read each time anew: what is kept stays small."""
+"""Largest sequence of strings that is cached."""
 _KEPT: deque[tuple[bytes, tuple[str, ...]]] = deque(maxlen=8)
-"""Sequences of strings read last: a stream repeats its names in every message, byte for byte."""
+"""Cache of recent sequences of strings: a stream repeats its names in every message."""
 
 
 def stamp_bytes(stamp_ns: int) -> bytes:
@@ -44,18 +44,18 @@ def stamp_bytes(stamp_ns: int) -> bytes:
 
 
 def text_bytes(value: str) -> bytes:
-    """UTF-8 bytes of a string that can travel: no zero character, no lone surrogate."""
+    """UTF-8 bytes of a string without zero characters and lone surrogates."""
     try:
         raw = value.encode()
     except UnicodeEncodeError as error:
         raise WireError(f"text {value[:40]!r} cannot be written as UTF-8: {error.reason}") from None
     if b"\0" in raw:
-        raise WireError(f"text {value[:40]!r} holds a zero character, which would cut it off")
+        raise WireError(f"text {value[:40]!r} contains a zero character, which would truncate it")
     return raw
 
 
 class CdrWriter:
-    """Grows one message; ``bytes()`` of it includes the encapsulation."""
+    """Writes one message; ``bytes()`` of it includes the encapsulation."""
 
     __slots__ = ("_body",)
 
@@ -93,7 +93,7 @@ class CdrWriter:
 
 
 class CdrReader:
-    """Walks through one message; anything that does not fit is a WireError naming the place."""
+    """Reads one message; a format error is a WireError that names the byte."""
 
     __slots__ = ("_body", "_position")
 
@@ -115,14 +115,14 @@ class CdrReader:
 
     @property
     def place(self) -> int:
-        """Where in the message it stands."""
+        """Current position in the message."""
         return self._position + len(ENCAPSULATION)
 
     def take(self, count: int) -> memoryview:
         """Take the next ``count`` bytes, without a copy."""
         start, end = self._position, self._position + count
         if end > len(self._body):
-            self.refuse(f"{count} bytes announced, {max(0, len(self._body) - start)} are left")
+            self.refuse(f"{count} bytes announced, {max(0, len(self._body) - start)} left")
         self._position = end
         return self._body[start:end]
 
@@ -136,18 +136,18 @@ class CdrReader:
         return int(_U32.unpack(self.take(4))[0])
 
     def count(self, least_bytes: int) -> int:
-        """Length of a sequence whose elements take at least so many bytes each."""
+        """Length of a sequence whose elements take at least ``least_bytes`` each."""
         count = self.u32()
         left = len(self._body) - self._position
         if count * least_bytes > left:
-            self.refuse(f"{count} elements announced, {left} bytes are left")
+            self.refuse(f"{count} elements announced, {left} bytes left")
         return count
 
     def stamp_ns(self) -> int:
-        """``std_msgs/Header``: its stamp in ns; the frame is passed over."""
+        """Stamp of a ``std_msgs/Header`` in ns; the frame is skipped."""
         seconds, nanoseconds = _STAMP.unpack(self.take(8))
         if nanoseconds >= _NS:
-            self.refuse(f"{nanoseconds} ns within a second")
+            self.refuse(f"nanoseconds of the stamp = {nanoseconds}, the limit is 999999999")
         self.text()
         return int(seconds) * _NS + int(nanoseconds)
 
@@ -158,11 +158,11 @@ class CdrReader:
             return ""
         raw = bytes(self.take(length))
         if raw.find(0) != length - 1:
-            self.refuse("a string without its closing zero, or with one inside")
+            self.refuse("string without closing zero, or with a zero inside")
         try:
             return raw[:-1].decode()
         except UnicodeDecodeError:
-            self.refuse("a string that is not UTF-8")
+            self.refuse("string is not UTF-8")
 
     def texts(self) -> tuple[str, ...]:
         """A sequence of strings."""
@@ -178,7 +178,7 @@ class CdrReader:
         return texts
 
     def end(self) -> None:
-        """Nothing but a middleware's padding may be left."""
+        """Check that nothing but padding of the middleware follows."""
         left = len(self._body) - self._position
         if left > TRAILING:
-            self.refuse(f"{left} bytes are left over")
+            self.refuse(f"{left} surplus bytes after the message")

@@ -1,9 +1,9 @@
-"""Records to message bytes and back: the only place that knows ROS message types.
+"""Conversion of records to message bytes and back: the only place that knows ROS message types.
 
-``encode`` gives little-endian CDR, which ``Publisher.publish`` of rclpy and an MCAP channel
-of rosbag2 both take as it is, so one codec serves the live graph, the bags and the tests;
-neither ROS nor a bag library has to be installed or loaded for it. One carrier a file:
-``joint_state``, ``point_cloud``, ``diagnostic_array``.
+``encode`` returns little-endian CDR, which ``Publisher.publish`` of rclpy and an MCAP channel of
+rosbag2 both accept: one codec serves the live graph, the bags and the tests. It needs neither ROS
+nor a bag library. One file per message type: ``joint_state``, ``point_cloud``,
+``diagnostic_array``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ R = TypeVar("R")
 
 
 class Carrier(NamedTuple):
-    """How one standard message is written and read; above ``limit_bytes`` it is refused."""
+    """Writer and reader of one message type; messages above ``limit_bytes`` are refused."""
 
     encode: Callable[[Any, str], bytes]
     decode: Callable[[type, CdrReader], Any]
@@ -37,12 +37,12 @@ CARRIERS: dict[str, Carrier] = {
 
 
 def encode(record: Record, stand: str = "stand") -> bytes:
-    """Write a record as CDR; ``stand`` names the rig in the hardware id of judgements.
+    """Write a record as CDR; ``stand`` is the stand's name in the hardware id of judgements.
 
     Raises
     ------
     WireError
-        When the record contradicts itself or holds what no message can carry.
+        The record is inconsistent, or contains a value that the message cannot represent.
     """
     message = TOPIC_OF[type(record)].message
     data = CARRIERS[message].encode(record, stand)
@@ -56,7 +56,7 @@ def decode(record_type: type[R], data: bytes | memoryview) -> R:
     Raises
     ------
     WireError
-        When the bytes are truncated or oversized, or hold something else.
+        The bytes are truncated, oversized, or of another type.
     """
     message = TOPIC_OF[record_type].message
     view = memoryview(data).cast("B")
@@ -73,7 +73,7 @@ def message_class(record_type: type) -> Any:
     Raises
     ------
     WireError
-        Where the ROS message packages are not installed, naming what to install.
+        The ROS message packages are not installed; names what to install.
     """
     package, _, name = TOPIC_OF[record_type].message.split("/")
     try:

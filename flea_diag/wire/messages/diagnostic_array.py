@@ -14,7 +14,7 @@ _KEY_VALUE_LEAST_BYTES = 8
 
 
 def encode(record: Any, stand: str) -> bytes:
-    """CDR bytes of a judgement; ``stand`` names the rig where the record does not."""
+    """CDR bytes of a judgement; ``stand`` is the stand's name where the record has none."""
     rows = statuses(record, getattr(record, "stand", stand))
     writer = CdrWriter(record.stamp_ns)
     writer.u32(len(rows))

@@ -1,4 +1,4 @@
-"""Numbers for machines: records as sensor_msgs/JointState, in ``name`` and ``position`` alone."""
+"""Numeric records as sensor_msgs/JointState, in the fields ``name`` and ``position``."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from flea_diag.wire.messages.cdr import ENCAPSULATION, CdrReader, CdrWriter, sta
 Z, THRESHOLD, REGRESSOR = "/z", "/threshold", "regressor/"
 ESTIMATE, ESTIMATE_SIGMA = "/estimate", "/estimate_sigma"
 HEALTH = ("observer/ess", "observer/nis", "observer/diverged")
-"""How the names on ``residual`` say what a number is."""
+"""Suffixes and names that mark the kind of each number on ``residual``."""
 
 KURTOSIS = "/kurtosis"
-"""The same on ``vibration_level``; the standard deviation has the bare name of the axis."""
+"""The same for ``vibration_level``; a standard deviation has the plain name of the axis."""
 
 _STAMP_BYTES = 8
 Names = tuple[str, ...]
@@ -60,7 +60,7 @@ def _names_section(names: tuple[str, ...]) -> bytes:
 
 
 def decode(record_type: type, reader: CdrReader) -> Any:
-    """Read a Scan, Residual or VibrationLevel; velocity and effort are passed over."""
+    """Read a Scan, Residual or VibrationLevel; velocity and effort are skipped."""
     stamp_ns = reader.stamp_ns()
     names = reader.texts()
     values, _, _ = _floats(reader), _floats(reader), _floats(reader)
@@ -82,7 +82,7 @@ def _check_residual(record: r.Residual) -> None:
         (n for n in (*record.names, *record.regressor_names, *record.estimated) if "/" in n), None
     )
     if wrong is not None:
-        raise WireError(f"Residual: name {wrong!r} holds a '/', which the wire needs for itself")
+        raise WireError(f"Residual: name {wrong!r} contains a '/', which is reserved")
     lengths = {len(column) for column in (record.names, record.values, record.z, record.thresholds)}
     if len(lengths) > 1:
         raise WireError(
@@ -90,7 +90,7 @@ def _check_residual(record: r.Residual) -> None:
             f"{len(record.z)} z and {len(record.thresholds)} thresholds"
         )
     if len(record.health) not in (0, len(HEALTH)):
-        raise WireError(f"Residual: health has {len(record.health)} numbers, not {len(HEALTH)}")
+        raise WireError(f"Residual: health has {len(record.health)} numbers, must be {len(HEALTH)}")
     lengths = {
         len(column) for column in (record.estimated, record.estimates, record.estimate_sigmas)
     }
@@ -132,7 +132,7 @@ def _residual_values(record: r.Residual) -> tuple[float, ...]:
 
 @lru_cache(maxsize=64)
 def _parts(names: tuple[str, ...]) -> tuple[tuple[int, int, int], Names, Names, Names]:
-    """Where residuals, regressors and estimates end, and what each of them is called.
+    """End positions and names of residuals, regressors and estimates.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def _parts(names: tuple[str, ...]) -> tuple[tuple[int, int, int], Names, Names, 
         tuple(name[: -len(ESTIMATE)] for name in names[first:health:2]),
     )
     if _layout(*names_of, names[health:]) != names:
-        raise WireError("the names are not those of residuals, each with /z and /threshold")
+        raise WireError("names are not residuals, each with /z and /threshold")
     return (regressors, first, health), *names_of
 
 
@@ -185,7 +185,7 @@ def _level_names(record: r.VibrationLevel) -> tuple[str, ...]:
 def _axes(axes: tuple[str, ...], with_kurtosis: bool) -> tuple[str, ...]:
     wrong = next((axis for axis in axes if axis.endswith(KURTOSIS)), None)
     if wrong is not None:
-        raise WireError(f"VibrationLevel: axis {wrong!r} ends as the wire names its {KURTOSIS[1:]}")
+        raise WireError(f"VibrationLevel: axis {wrong!r} has the reserved suffix {KURTOSIS!r}")
     return (*axes, *(axis + KURTOSIS for axis in axes if with_kurtosis))
 
 
@@ -196,7 +196,7 @@ def _level_values(record: r.VibrationLevel) -> tuple[float, ...]:
 def _level(stamp_ns: int, names: tuple[str, ...], values: tuple[float, ...]) -> r.VibrationLevel:
     axes = tuple(name for name in names if not name.endswith(KURTOSIS))
     if _axes(axes, len(axes) < len(names)) != names:
-        raise WireError(f"the names are not those of axes, all or none with {KURTOSIS}")
+        raise WireError(f"names are not axes, all or none with the suffix {KURTOSIS}")
     return r.VibrationLevel(stamp_ns, axes, values[: len(axes)], values[len(axes) :])
 
 
@@ -206,11 +206,11 @@ _COLUMNS = {
     r.Residual: (_residual_names, _residual_values),
     r.VibrationLevel: (_level_names, _level_values),
 }
-"""Record -> what becomes ``name`` and what becomes ``position``."""
+"""Record type -> functions that give ``name`` and ``position``."""
 
 _RECORD: dict[type, Callable[[int, tuple[str, ...], tuple[float, ...]], Any]] = {
     r.Scan: r.Scan,
     r.Residual: _residual,
     r.VibrationLevel: _level,
 }
-"""Record -> what makes it from stamp, ``name`` and ``position``."""
+"""Record type -> function that builds it from stamp, ``name`` and ``position``."""

@@ -1,11 +1,10 @@
-"""Judgements as DiagnosticArray: what a record says, in rows that any viewer can show.
+"""Judgements as DiagnosticArray: a record as rows that any viewer can show.
 
-One rule: the key/values of the rows hold the record exactly, ``name``, ``level`` and
-``message`` are for the eye. The first status is the record itself, then follows one status
-for each of its parts (channel, symbol, candidate). Numbers are ``repr(float)`` and read back
-exactly; a list of words is JSON; pairs become one key each (``not_observable/spall``).
-Keys that a reader does not know are passed over, and a key that is missing takes the field's
-default, so that old bags can still be read when a record has grown.
+The key/values of the rows hold the record exactly; ``name``, ``level`` and ``message`` are for
+display. The first status is the record itself, followed by one status for each of its parts
+(channel, symbol, candidate). Numbers are ``repr(float)`` and read back exactly; a list of strings
+is JSON; pairs become one key each (``not_observable/spall``). Unknown keys are skipped and a
+missing key takes the default of the field, so that old bags stay readable when fields are added.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ class Status(NamedTuple):
 
 
 class RowField(NamedTuple):
-    """Which tuple of a record becomes rows; ``standing`` tells two such tuples apart."""
+    """A tuple field of a record that becomes rows; ``standing`` distinguishes two such fields."""
 
     field: str
     row: type
@@ -63,7 +62,7 @@ FIRST_KEYS: dict[type, tuple[str, ...]] = {
         "source",
     ),
 }
-"""Keys whose order is promised; the others follow in the order of the record's fields."""
+"""Keys with a guaranteed order; the others follow in the order of the record's fields."""
 
 _INT64 = range(-(2**63), 2**63)
 
@@ -88,7 +87,7 @@ def _json_text(value: Iterable[Any]) -> str:
 def _strings(text: str) -> tuple[str, ...]:
     value = json.loads(text)
     if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-        raise ValueError("is no list of words")
+        raise ValueError("is not a list of strings")
     return tuple(value)
 
 
@@ -102,20 +101,30 @@ _TEXT: dict[Any, tuple[Callable[[Any], str], Callable[[str], Any]]] = {
     r.RemarkKind: (lambda value: str(value.value), r.RemarkKind),
     tuple[str, ...]: (_json_text, _strings),
 }
-"""Type of a field -> how it is written and how it is read back."""
+"""Type of a field -> its writer and its reader."""
+
+_EXPECTED: dict[Any, str] = {
+    int: "integer",
+    float: "number",
+    bool: "boolean",
+    r.Outcome: "outcome",
+    r.Quality: "quality",
+    r.RemarkKind: "kind of remark",
+}
+"""Type of a field -> its name in an error."""
 
 _PAIRS: dict[Any, Any] = {
     tuple[tuple[str, str], ...]: str,
     tuple[tuple[str, int], ...]: int,
 }
-"""Fields that become one key per pair -> the type of the second of a pair."""
+"""Fields that become one key per pair -> type of the second element of a pair."""
 
 _NESTED: dict[Any, Any] = {
     tuple[r.Evidence, ...]: r.Evidence,
     tuple[r.NextTest, ...]: r.NextTest,
     tuple[r.UnitOffset, ...]: r.UnitOffset,
 }
-"""Fields that become one key with a JSON object per part -> the class of a part."""
+"""Fields that become one key with a JSON object per part -> class of a part."""
 
 
 class _Field(NamedTuple):
@@ -212,7 +221,7 @@ def record_of(record_type: type[R], stamp_ns: int, rows: Sequence[Status]) -> R:
     Raises
     ------
     WireError
-        Naming the key that is missing or cannot be read.
+        Names the key that is missing or invalid.
     """
     if not rows:
         raise WireError(f"{record_type.__name__}: the DiagnosticArray is empty")
@@ -220,18 +229,18 @@ def record_of(record_type: type[R], stamp_ns: int, rows: Sequence[Status]) -> R:
         return _health(stamp_ns, rows)  # type: ignore[return-value]
     tables = ROWS.get(record_type, ())
     if not tables and len(rows) > 1:
-        raise WireError(f"{record_type.__name__}: {len(rows)} statuses, it is made of one")
+        raise WireError(f"{record_type.__name__}: {len(rows)} statuses, must be 1")
     parts = {table.field: _parts(table, rows[1:]) for table in tables}
     stray = len(rows) - 1 - sum(map(len, parts.values()))
     if stray:
-        raise WireError(f"{record_type.__name__}: {stray} statuses have no known standing")
+        raise WireError(f"{record_type.__name__}: {stray} statuses with an unknown standing")
     content = {"stamp_ns": stamp_ns, **_read(record_type, rows[0].values), **parts}
     return record_type(**content)
 
 
 def _health(stamp_ns: int, rows: Sequence[Status]) -> r.Health:
     if len(rows) > 1:
-        raise WireError(f"Health: {len(rows)} statuses, it is made of one")
+        raise WireError(f"Health: {len(rows)} statuses, must be 1")
     return r.Health(stamp_ns, rows[0].name, r.Level(rows[0].level), rows[0].message, rows[0].values)
 
 
@@ -253,7 +262,7 @@ def _read(kind: type, values: Pairs) -> dict[str, Any]:
             if name in known:
                 content[name] = _scalar(hint, known[name], where)
             elif required:
-                raise WireError(f"{where}: the message has no key {name!r}")
+                raise WireError(f"{where}: key {name!r} is missing in the message")
         elif hint in _PAIRS:
             content[name] = _read_pairs(f"{name}/", _PAIRS[hint], values, where)
         elif hint in _NESTED:
@@ -278,8 +287,8 @@ def _scalar(kind: Any, text: str, where: str) -> Any:
     try:
         return _TEXT[kind][1](text)
     except (ValueError, KeyError, RecursionError):
-        expected = getattr(kind, "__name__", str(kind))
-        raise WireError(f"{where}: {text[:60]!r} is no {expected}") from None
+        expected = _EXPECTED.get(kind, "list of strings")
+        raise WireError(f"{where}: {text[:60]!r} is not a valid {expected}") from None
 
 
 def _json_object(text: str, where: str) -> Pairs:
@@ -288,5 +297,5 @@ def _json_object(text: str, where: str) -> Pairs:
     except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict) or not all(isinstance(v, str) for v in content.values()):
-        raise WireError(f"{where}: {text[:60]!r} is no JSON object of words")
+        raise WireError(f"{where}: {text[:60]!r} is not a JSON object of strings")
     return tuple(content.items())

@@ -1,7 +1,7 @@
 """Waveforms: a VibrationBlock as sensor_msgs/PointCloud2, height 1, one point per sample.
 
-Fields are ``t`` (uint32, ns after the stamp) and one float32 (m/s^2) per axis: the layout
-that ``VibrationBlock.data`` has already, so the samples cross as one copy of bytes.
+Fields are ``t`` (uint32, ns after the stamp) and one float32 (m/s^2) per axis. This is the layout
+of ``VibrationBlock.data``, so the samples are transferred by one copy of bytes.
 """
 
 from __future__ import annotations
@@ -56,24 +56,24 @@ def encode(block: r.VibrationBlock, _: str) -> bytes:
 
 
 def decode(_: type, reader: CdrReader) -> r.VibrationBlock:
-    """Read a block; its samples are copied once and not looked at."""
+    """Read a block; its samples are copied once and not decoded."""
     stamp_ns = reader.stamp_ns()
     height, width = reader.u32(), reader.u32()
     fields = [_point_field(reader) for _ in range(reader.count(_POINT_FIELD_LEAST_BYTES))]
     axes = tuple(name for name, *_ in fields[1:])
     if fields != _point_fields(axes):
-        raise WireError("the point fields are not t (uint32) and one float32 per axis")
+        raise WireError("point fields must be t (uint32) and one float32 per axis")
     big_endian, step, row_step = reader.u8(), reader.u32(), reader.u32()
     data = reader.take(reader.u32())
     reader.u8()
     reader.end()
     if big_endian or height != 1 or step != _point_step(axes):
         raise WireError(
-            f"height {height}, point step {step}, big endian {big_endian}; a block has height 1, "
-            f"point step {_point_step(axes)} and is little endian"
+            f"height {height}, point step {step}, big endian {big_endian}; a block must have "
+            f"height 1, point step {_point_step(axes)} and be little endian"
         )
     if not len(data) == row_step == step * width:
-        raise WireError(f"{len(data)} bytes of data, but {width} points of {step} bytes announced")
+        raise WireError(f"{len(data)} bytes of data, {width} points of {step} bytes announced")
     return r.VibrationBlock(stamp_ns, axes, width, bytes(data))
 
 

@@ -32,7 +32,7 @@ def test_signals_end_a_node_in_order(
     ("arguments", "words"),
     [
         (("-p", "limit_a:=41.0"), ["limit_a = 41.0 A", "above its limit 40.0 A"]),
-        (("-p", "limit_a:=lots"), ["limit_a = 'lots'", "must be a float"]),
+        (("-p", "limit_a:=lots"), ["limit_a = 'lots'", "must be a number"]),
         (("-p", "limit_a:=.nan"), ["limit_a = nan"]),
         (("-p", "fault:=gremlin"), ["fault = 'gremlin'", "choose one of jam, spall"]),
         (("-p", "fualt:=jam"), ["unknown parameter 'fualt'", "known are fault"]),

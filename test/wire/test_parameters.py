@@ -1,0 +1,58 @@
+"""Values of parameters: types, bounds, and numbers that must be finite."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.wire.parameters import build, parameter
+
+
+@dataclass(frozen=True)
+class Toy:
+    """Parameters of each type; ``size`` may be left out, which NaN says."""
+
+    free: float = parameter(1.0, "without bounds")
+    least: float = parameter(1.0, "bounded below", unit="A", minimum=0.0)
+    most: float = parameter(1.0, "bounded above", maximum=40.0)
+    size: float = parameter(math.nan, "left out by default")
+    count: int = parameter(3, "whole number")
+    name: str = parameter("a", "text")
+    on: bool = parameter(True, "switch")
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"free": math.nan}, "x.yaml: free = nan must be a finite number"),
+        ({"free": math.inf}, "x.yaml: free = inf must be a finite number"),
+        ({"free": 10**400}, "x.yaml: free = inf must be a finite number"),
+        ({"least": math.nan}, "x.yaml: least = nan A must be a finite number"),
+        ({"least": math.inf}, "x.yaml: least = inf A must be a finite number"),
+        ({"least": -math.inf}, "x.yaml: least = -inf A is below its limit 0.0 A"),
+        ({"most": math.inf}, "x.yaml: most = inf is above its limit 40.0"),
+        ({"most": -math.inf}, "x.yaml: most = -inf must be a finite number"),
+        ({"size": math.inf}, "x.yaml: size = inf must be a finite number"),
+        ({"free": "lots"}, "x.yaml: free = 'lots' must be a number"),
+        ({"free": True}, "x.yaml: free = True must be a number"),
+        ({"count": 1.5}, "x.yaml: count = 1.5 must be an integer"),
+        ({"name": 7}, "x.yaml: name = 7 must be text"),
+        ({"on": "yes"}, "x.yaml: on = 'yes' must be true or false"),
+        ({"fualt": 1}, "x.yaml: unknown parameter 'fualt', known are "),
+    ],
+)
+def test_a_bad_value_is_refused_by_name(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigurationError) as refusal:
+        build(Toy, values, "x.yaml")
+    assert str(refusal.value).startswith(words)
+
+
+def test_what_is_within_the_bounds_is_taken() -> None:
+    taken = build(Toy, {"free": -1e300, "least": 0, "most": 40.0, "count": -7}, "x.yaml")
+    assert (taken.free, taken.least, taken.most, taken.count) == (-1e300, 0.0, 40.0, -7)
+    assert type(taken.least) is float
+    assert math.isnan(build(Toy, {"size": math.nan}, "x.yaml").size)
