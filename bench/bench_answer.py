@@ -1,9 +1,9 @@
-"""How soon a feature is answered over DDS: from the request's topic to the feature's topic.
+"""Latency of feature answers over DDS, from request to answer.
 
-The simulated stand sends 100 scans/s and two accelerometers of three axes at 20 kHz in real time,
-the extractor is a process of its own, and this one asks and listens in the isolator's place: for
-each feature of the learned table in turn, on a window that ended ``AGE_S`` ago, as the isolator's
-do once its records are in order. What else the machine does shows in the times.
+The simulated stand publishes 100 scans/s and two accelerometers of three axes at 20 kHz in real
+time; the extractor is a process of its own. This process takes the place of the isolator: it
+requests each feature of the learned table in turn, on a window that ended ``AGE_S`` ago, as the
+isolator does after ordering its records. Other load on the machine increases the times.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ DOMAIN = 96
 RUN_S = 60.0
 AGE_S, WINDOW_S = 0.2, 1.0
 FULL_S = 2.0
-"""From the first level on, until windows are whole."""
+"""Time after the first vibration level until complete windows are available."""
 
 BUDGET_S = 0.15
 SECOND_NS = 1_000_000_000
 
 
 class Asker:
-    """Asks for one feature after the other, each once the last is answered."""
+    """Requests one feature after another, each after the answer to the previous one."""
 
     def __init__(self, peer: Peer, features: tuple[str, ...]) -> None:
         self._bus = peer.bus
@@ -45,11 +45,11 @@ class Asker:
         self.waits: list[tuple[float, str, FeatureValue]] = []
 
     def level(self, level: VibrationLevel) -> None:
-        """The extractor has vibration."""
+        """Note that the extractor receives vibration."""
         self._first_ns = self._first_ns or level.stamp_ns
 
     def scan(self, scan: Scan) -> None:
-        """Ask, unless an answer is still to come."""
+        """Request the next feature, unless an answer is pending."""
         begun = self._first_ns and scan.stamp_ns > self._first_ns + FULL_S * SECOND_NS
         if not begun or len(self._asked) > len(self.waits):
             return
@@ -61,7 +61,7 @@ class Asker:
         self._bus.publish(FeatureRequest(scan.stamp_ns, 1, step, feature, start_ns, end_ns))
 
     def answer(self, value: FeatureValue) -> None:
-        """Note how long the answer took."""
+        """Record the latency of the answer."""
         feature, asked_s = self._asked[value.step]
         self.waits.append((time.monotonic() - asked_s, feature, value))
 

@@ -1,9 +1,9 @@
-"""The diagnoser in one process against an empty node of rclpy in its place: latency and CPU.
+"""Latency and CPU of the one-process diagnoser compared with an empty rclpy node.
 
-The empty node is what a newcomer writes: rclpy's own executor, messages of its own classes, and a
-JointState as large as a residual for each scan. Both get the same scans at the same moment, 100 a
-second, in turns of who is first, so that whatever else the machine does hits both alike. Latency is
-from the publishing of a scan to the arrival of what it caused in this process.
+The empty node is a plain rclpy program: default executor, message classes, and one JointState of
+the size of a residual per scan. Both receive the same scans at the same time, 100 per second, in
+alternating order, so that other load on the machine affects both equally. Latency is from the
+publication of a scan to the arrival of the resulting record in this process.
 
     scripts/bench chain
 """
@@ -38,7 +38,7 @@ NAMES = ("empty", "diagnoser")
 
 
 def empty() -> None:
-    """A node that answers each scan with a JointState of a residual's size, and does nothing."""
+    """Node that answers each scan with a JointState of the size of a residual, without work."""
     import rclpy
     from sensor_msgs.msg import JointState
 
@@ -56,7 +56,7 @@ def empty() -> None:
 
 
 def measured(table: ChannelTable, scans: list[Scan]) -> dict[str, tuple[float, float]]:
-    """Median latency in s, and CPU in s a scan, of both nodes."""
+    """Median latency, s, and CPU per scan, s, of both nodes."""
     commands = (
         [sys.executable, __file__, "--empty"],
         node("flea_diag.nodes.diagnoser", "-r", f"__ns:=/{NAMES[1]}"),
@@ -72,7 +72,7 @@ def measured(table: ChannelTable, scans: list[Scan]) -> dict[str, tuple[float, f
         out = {name: joined(peer, name, heard[name], numbers) for name in NAMES}
         for publisher in out.values():
             peer.until(lambda publisher=publisher: publisher.get_subscription_count() > 0, 60.0)
-        peer.bus.publish(table)  # latched: whoever is late gets it too
+        peer.bus.publish(table)  # latched: late joiners receive it too
         rest, spent = iter(enumerate(scans)), [0.0, 0.0]
 
         def send() -> None:
@@ -95,7 +95,7 @@ def measured(table: ChannelTable, scans: list[Scan]) -> dict[str, tuple[float, f
 
 
 def joined(peer: Peer, name: str, heard: np.ndarray, numbers: dict[int, int]) -> Any:
-    """Listen to what one of the nodes answers; the publisher of its scans."""
+    """Subscribe to the answers of one node; return the publisher of its scans."""
     from sensor_msgs.msg import JointState
 
     def arrived(data: bytes) -> None:

@@ -1,10 +1,10 @@
-"""Healthy runs recorded on disks that run full at random moments, or may not be written at all.
+"""Healthy runs recorded on disks that become full at random moments, or are read-only.
 
     scripts/bench disk          50 disks of each kind; needs the right to mount
     python bench/bench_disk.py 5
 
-Checked on a full disk: one clear error, a bag that opens as it is, also with another library, what
-was lost of the run, and what its replay calls. On a read-only one: one clear error, nothing left.
+Checked on a full disk: one clear error, a bag that opens unrepaired, also with another library, the
+data lost, and false alarms in its replay. On a read-only disk: one clear error, no files left.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from flea_diag.wire.records import Record, Scan
 
 FIRST_SEED = 5000
 RUNS = 5
-"""Healthy runs of a unit each, recorded in turn."""
+"""Number of healthy runs, one unit each, recorded in turn."""
 SIZES_KB = (300, 6000)
-"""A run of 20 s takes more."""
+"""Disk sizes, kB, below the size of a run of 20 s."""
 
 
 @dataclass(frozen=True)
 class Full:
-    """What became of a recording on a disk that ran full."""
+    """Result of a recording on a disk that became full."""
 
     refusal: str
     lost_s: float
@@ -46,7 +46,7 @@ class Full:
 
 @contextmanager
 def disk(size_kb: int, option: str = "rw") -> Iterator[Path]:
-    """A small file system of its own."""
+    """Mount a small separate file system."""
     with tempfile.TemporaryDirectory() as place:
         options = f"size={size_kb}k,{option}"
         subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", place], check=True)
@@ -57,7 +57,7 @@ def disk(size_kb: int, option: str = "rw") -> Iterator[Path]:
 
 
 def filled(records: tuple[Record, ...], place: Path) -> Full:
-    """Record until the disk refuses, as the recorder does, and read what is there."""
+    """Record like the recorder until the disk is full, and read the bag."""
     writer, whole_ns, newest_ns, refusal = BagWriter(place / "run", whole_every_s=None), 0, 0, ""
     try:
         for record in records:
@@ -69,7 +69,7 @@ def filled(records: tuple[Record, ...], place: Path) -> Full:
     except RecordingError as error:
         refusal = str(error)
     with suppress(RecordingError):
-        writer.close()  # as the node does on its way out
+        writer.close()  # as the node does when it ends
     with AnyReader([place / "run"]) as reader:
         assert sum(1 for _ in reader.messages()) > 0
     held = [record for _, record in BagReader(place / "run").records()]
@@ -78,7 +78,7 @@ def filled(records: tuple[Record, ...], place: Path) -> Full:
 
 
 def refused(place: Path) -> bool:
-    """Whether a recording that cannot begin says so in one line and leaves nothing."""
+    """Whether a recording that cannot begin gives one error line and leaves no files."""
     try:
         BagWriter(place / "run")
     except RecordingError as error:

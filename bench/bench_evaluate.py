@@ -1,7 +1,7 @@
-"""What a second core gives ``flea evaluate``: a campaign of simulated runs on one and two workers.
+"""Speed-up of ``flea evaluate`` by a second core: a simulated campaign on one and two workers.
 
-The wall clock says it on a quiet machine alone. On any other the bound by CPU time does: what the
-command itself spends cannot be shared, what its workers spend can.
+Wall time is meaningful on an idle machine only. On others use the bound by CPU time: the time of
+the command itself cannot be shared, that of its workers can.
 
     scripts/bench evaluate
 """
@@ -35,7 +35,7 @@ sources:
 
 
 def evaluated(campaign: Path, folder: Path, jobs: int) -> tuple[float, float, float]:
-    """Wall clock of an evaluation, CPU time of the command and of its workers, s."""
+    """Wall time of an evaluation, CPU time of the command and of its workers, s."""
     from flea_diag.tools.main import main as flea
 
     before, spent = resource.getrusage(resource.RUSAGE_CHILDREN), time.process_time()

@@ -1,9 +1,9 @@
-"""Cost of vibration features: each one, the same by scipy, all of them, and lazy against always.
+"""CPU time of vibration features: each one, scipy equivalents, all of them, lazy against eager.
 
-One second of six axes at 20 kHz. CPU time, least of several rounds over all, on one core; ratios
-within the run count, absolute times are those of the machine. The second part diagnoses simulated
-runs and weighs what vibration cost there against computing all features of the learned table
-every second, on the same records: keeping, the sentinel and decoding are on the lazy side too.
+Input is 1 s of six axes at 20 kHz. CPU time on one core, least of several rounds over all
+features; compare ratios, since absolute times depend on the machine. The second part diagnoses
+simulated runs and compares their cost of vibration processing (including buffering, vibration
+monitor and decoding) with computing all features of the learned table every second.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ RIVALS: dict[str, tuple[str, Callable[[Window], object]]] = {
     "nut_line": ("sosfiltfilt, hilbert, FFT", _envelope),
     "coherence": ("scipy.signal.coherence", _coherence),
 }
-"""Feature -> the same work by scipy, on the same six axes."""
+"""Feature -> the equivalent computation by scipy, on the same six axes."""
 
 
 def cpu_s(work: Callable[[], object]) -> float:
@@ -62,7 +62,7 @@ def cpu_s(work: Callable[[], object]) -> float:
 
 
 def rivals_s() -> dict[str, float]:
-    """Least CPU time of each rival."""
+    """Least CPU time of each scipy equivalent."""
     best = dict.fromkeys(RIVALS, float("inf"))
     for _ in range(ROUNDS):
         for name, (_, work) in RIVALS.items():

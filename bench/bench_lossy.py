@@ -1,8 +1,8 @@
-"""A relay that spoils healthy runs of the simulated stand: what is called, and what is counted.
+"""Healthy simulated runs through a relay that disturbs the stream: false alarms and counters.
 
-scripts/bench lossy                              50 units for each disturbance
-python bench/bench_lossy.py 4 dropped            some of them
-python bench/bench_lossy.py 4 dropped --live     by a relay node, over DDS, to a process of its own
+scripts/bench lossy                              50 units per disturbance
+python bench/bench_lossy.py 4 dropped            4 units, one disturbance
+python bench/bench_lossy.py 4 dropped --live     through a relay node over DDS
 """
 
 from __future__ import annotations

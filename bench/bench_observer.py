@@ -1,14 +1,13 @@
-"""One step of the observer: cost and accuracy against progpy 1.9, and the Kalman filter's error.
+"""Cost and accuracy of one observer step compared with progpy 1.9 and the Kalman filter.
 
-One actuator (current, speed, position; current and position measured), one exact
-discretisation and one measured record for all. progpy runs vectorised and at its best, on
-whole matrices instead of state by state; with its default resampling and with filterpy's
-systematic one. The default one is wrong (it subtracts the number of copies from the weights,
-not from N w), so the ratios are against systematic.
+All filters use the same actuator (current, speed, position; current and position measured), exact
+discretisation and measured record. progpy runs vectorised, on whole matrices, with its default
+resampling and with the systematic one of filterpy. Its default is incorrect (it subtracts the
+number of copies from the weights, not from N w), so ratios refer to systematic resampling.
 
-All go through the record in turns of ``BLOCK`` scans, so that whatever else the machine does
-hits all alike; figures are medians over scans, on one core.
-``pip install progpy==1.9`` for the rival.
+The filters process the record in turns of ``BLOCK`` scans, so that other load on the machine
+affects all equally; results are medians over scans, on one core. The comparison needs
+``pip install progpy==1.9``.
 """
 
 from __future__ import annotations
@@ -42,17 +41,17 @@ BACKENDS = ("numpy", "numba") if HAVE_NUMBA else ("numpy",)
 
 Step = Callable[[int, np.ndarray, np.ndarray], None]
 Rival = tuple[Step, Callable[[], np.ndarray]]
-"""One scan (number, inputs, measurement), and the estimate after it, which is not timed."""
+"""Function for one scan (number, inputs, measurement), and one for the estimate (not timed)."""
 
 
 def on_one_core() -> None:
-    """Keep to one core; matrices of this size are never spread over threads anyway."""
+    """Restrict to one core; matrices of this size do not benefit from threads."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 
 
 def ema() -> LinearModel:
-    """The bond graph's actuator without Coulomb friction: linear, so Kalman's error is least."""
+    """The actuator without Coulomb friction: linear, so the Kalman filter is optimal."""
     frictionless = actuator(load_yaml("actuator.yaml")).with_parameters(
         {"screw_coulomb_friction": 0.0}
     )
@@ -66,7 +65,7 @@ def ema() -> LinearModel:
 
 
 def sharpened(model: LinearModel, factor: float) -> LinearModel:
-    """Sensors so many times better than what one scan of process noise does to them."""
+    """Model with sensor noise ``factor`` times smaller than the process noise of one scan."""
     return replace(model, R=np.diag(np.diag(model.H @ model.Q @ model.H.T)) / factor**2)
 
 
@@ -181,7 +180,7 @@ def progpy_model(model: LinearModel) -> Any:
 
 
 def rivals(model: LinearModel) -> dict[str, Rival]:
-    """Everything that is compared, by name."""
+    """All filters compared, by name."""
     found = {"Kalman, numpy": kalman(model)}
     if HAVE_PROGPY:
         found["progpy N=500, systematic"] = progpy(model, 500, systematic=True)

@@ -1,8 +1,8 @@
-"""The recorder beside a live simulated stand: its share of a core, and whether a message is lost.
+"""CPU and losses of the recorder on a live simulated stand.
 
-The DAQ sends 100 scans/s and two accelerometers of three axes at 20 kHz, the recorder keeps all of
-it. Lost is what the DAQ sent and the bag does not hold, by stamps; that of its own two readers is
-what DDS says.
+The DAQ publishes 100 scans/s and two accelerometers of three axes at 20 kHz; the recorder records
+everything. Lost messages are those sent by the DAQ but missing in the bag, by stamps; losses
+reported by DDS are counted as well.
 
     scripts/bench recorder                   10 minutes
     python bench/bench_recorder.py --for 60  shorter
@@ -34,7 +34,7 @@ LIMIT = 0.10
 
 
 def recorded(bag: Path, seconds: float) -> tuple[float, float]:
-    """Share of a core and peak memory in MB of a recorder, from the first scan to the last."""
+    """Share of a core and peak memory, MB, of the recorder from the first to the last scan."""
     keep = node(
         "flea_diag.nodes.recording.recorder", "-p", f"directory:={bag}", "-p", "clips:=false"
     )
@@ -64,7 +64,7 @@ def peak_mb(pid: int) -> float:
 
 
 def missing(bag: Path, kind: type, seconds: float) -> tuple[int, int, int]:
-    """Messages of a kind that the bag holds, how many of those sent it does not, most in a row."""
+    """Messages of a type: number recorded, number lost, most lost in a row."""
     stamps_ns = np.array([record.stamp_ns for _, record in BagReader(bag).records((kind,))])
     sent = round(seconds * RATES_HZ[kind])
     gaps = np.rint(np.diff(stamps_ns) / 1e9 * RATES_HZ[kind]).astype(int) - 1

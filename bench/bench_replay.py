@@ -1,7 +1,7 @@
-"""A recording replayed from the bag's bytes to the verdict: times real time on one core.
+"""Speed of a replay from the bag to the verdict on one core, relative to real time.
 
-Simulated recordings of 100 Hz without vibration, healthy and with a jam. ``singly`` is the same
-chain fed record by record, as it was before replays went in blocks; both in turns, CPU time.
+Simulated recordings at 100 Hz without vibration, healthy and with a jam. ``singly`` processes
+record by record instead of blocks. Both are measured in turns, in CPU time.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ PERIOD_S = 0.01
 
 
 def in_blocks(bag: Path, kind: str, backend: str) -> tuple[float, str, int]:
-    """CPU seconds of the replay command's own function; digest and number of scans."""
+    """CPU time, s, of the replay function of the command, digest, and number of scans."""
     from flea_diag.tools.replay.replay import replay
 
     stage = pipeline(kind, backend)
@@ -46,7 +46,7 @@ def singly(bag: Path, kind: str, backend: str) -> tuple[float, str]:
 
 
 def compared(bag: Path, kind: str, backend: str) -> tuple[float, float]:
-    """Times real time in blocks and singly; the digests must be the same."""
+    """Speed relative to real time in blocks and singly; the digests must be equal."""
     spent, count = [], 0
     for _ in range(TURNS):
         quick, one, count = in_blocks(bag, kind, backend)

@@ -1,9 +1,9 @@
-"""One scan through observer, detection and isolation on a quiet stand: CPU, and memory over a day.
+"""CPU time of one scan through observer, detection and isolation, and memory over a long run.
 
-The stand is simulated, healthy and in motion, without vibration. Scans go in one by one, as they do
-live; the same recording in blocks, as in a replay, is taken in turns with it, so that whatever
-else the machine does hits both alike. For the memory the recording is fed over and over, each time
-after a gap, in blocks: ``--scans`` of them, by default a tenth of a day at 100 Hz.
+The simulated stand is healthy and in motion, without vibration. Scans are processed one by one, as
+live, and in blocks, as in a replay, in turns, so that other load on the machine affects both
+equally. For the memory the recording is repeated in blocks, after a gap each time: ``--scans``
+scans, by default a tenth of a day at 100 Hz.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ KINDS = (
 
 
 def recording(folder: Path, seconds: int = SECONDS, *more: str) -> Path:
-    """A simulated run without vibration, as a bag."""
+    """Simulate a run without vibration into a bag."""
     bag = folder / f"run{seconds}{''.join(more)}"
     command = [
         sys.executable,
@@ -60,7 +60,7 @@ def pipeline(kind: str, backend: str):
 
 
 def costs(bag: Path, kind: str, backend: str) -> tuple[float, float]:
-    """CPU seconds of a scan, singly and in a block: medians over pieces of ``BLOCK`` scans."""
+    """CPU time, s, per scan, singly and in blocks: medians over pieces of ``BLOCK`` scans."""
     from flea_diag.wire.bags.bag import BagReader
     from flea_diag.wire.blocks import ScanBlock
     from flea_diag.wire.records import ChannelTable, Scan
@@ -84,7 +84,7 @@ def costs(bag: Path, kind: str, backend: str) -> tuple[float, float]:
 
 
 def memory(bag: Path, scans: int) -> list[tuple[int, float]]:
-    """Scans fed and resident memory in MB, ten times on the way."""
+    """Number of scans and resident memory, MB, at ten points of the run."""
     from flea_diag.wire.bags.bag import BagReader
     from flea_diag.wire.blocks import ScanBlock
     from flea_diag.wire.records import Scan
@@ -105,7 +105,7 @@ def memory(bag: Path, scans: int) -> list[tuple[int, float]]:
 
 
 def resident_mb() -> float:
-    """Resident memory now, MB; the largest so far where the system does not say."""
+    """Resident memory, MB; the peak where the system gives no current value."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
         return pages * resource.getpagesize() / 1e6

@@ -1,6 +1,6 @@
-"""Simulated faults against the groups stated beforehand: how many are right, by row.
+"""Simulated faults compared with the expected groups: correct results by row.
 
-scripts/bench simulated_faults            8 seeds a row
+scripts/bench simulated_faults            8 seeds per row
 python bench/bench_simulated_faults.py 60 winding_short load_force_noise
 """
 

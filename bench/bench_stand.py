@@ -1,9 +1,9 @@
-"""The simulated stand: 30 s into a bag without ROS, and its DAQ live in real time.
+"""CPU time and jitter of the simulated stand: 30 s into a bag without ROS, and its DAQ live.
 
-Into a bag: processor time on one core, median of ``REPEATS``, compiled by numba and in plain
-Python. Live: how far the scans leave from their usual moment, as the DAQ tells of itself, and the
-processor time of its process. What else the machine does shows in the jitter: run it on a quiet
-one, or give the DAQ the priority that a DAQ has (``--fifo``, needs root and chrt).
+Into a bag: CPU time on one core, median of ``REPEATS``, compiled by numba and in plain Python.
+Live: jitter of the scans as reported by the DAQ, and CPU time of its process. Other load on the
+machine increases the jitter: use an idle machine, or real-time priority for the DAQ (``--fifo``,
+needs root and chrt).
 
     scripts/bench stand                          all
     python bench/bench_stand.py --live --fifo    live alone, with real-time priority
@@ -40,7 +40,7 @@ LIMITS_S = {False: 0.3, True: 3.0}
 
 
 def nominal(duration_s: float, *, vibration: bool) -> Scenario:
-    """The nominal scenario so long, with or without accelerometers."""
+    """The nominal scenario with this duration, with or without accelerometers."""
     scenario = find_scenario("nominal")
     return replace(
         scenario,
@@ -50,7 +50,7 @@ def nominal(duration_s: float, *, vibration: bool) -> Scenario:
 
 
 def into_a_bag(*, vibration: bool) -> float:
-    """Processor time of one run into a bag, s."""
+    """CPU time of one run into a bag, s."""
     scenario = nominal(RUN_S, vibration=vibration)
     with tempfile.TemporaryDirectory() as folder:
         begin = time.process_time()

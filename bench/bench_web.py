@@ -1,8 +1,8 @@
-"""The web console over ten minutes at 100 Hz and 20 kHz: server CPU, memory, frames, latency.
+"""Server CPU, memory, frame rate and latency of the web page over ten minutes.
 
-A simulated stand with a jam at 8 s, the diagnoser, the console, and one Chromium without a
-graphics card. ``FLEA_BENCH_MINUTES`` says how long (10). CPU is process time over wall time,
-so that what else the machine does counts little; frames suffer from it.
+A simulated stand (100 Hz and 20 kHz) with a jam at 8 s, the diagnoser, the page, and one Chromium
+without a graphics card. ``FLEA_BENCH_MINUTES`` sets the duration (10). CPU is process time over
+wall time and hardly affected by other load on the machine; the frame rate is affected.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome
 MINUTES = float(os.environ.get("FLEA_BENCH_MINUTES", "10"))
 SAMPLE_S = 15.0
 SETTLE_S = 60.0
-"""From here on the buffers are full: memory is held against this moment."""
+"""Time after which the buffers are full; reference for the growth of memory."""
 PORT = "8639"
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 
 
 def cpu_s(pid: int) -> float:
-    """Seconds of CPU that a process has had."""
+    """CPU time of a process, s."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) * TICK_S
 
 
 def resident_mb(pid: int) -> float:
-    """Memory of a process."""
+    """Resident memory of a process, MB."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 

@@ -1,9 +1,9 @@
-"""Every reader of what others write, fed by Atheris: inputs that reach new lines breed others.
+"""Coverage-guided fuzzing of all readers of external input, by Atheris.
 
-    scripts/fuzz --atheris 60             so many seconds for each reader
-    scripts/fuzz --atheris 60 bag yaml    readers whose names begin so
+    scripts/fuzz --atheris 60             60 s per reader
+    scripts/fuzz --atheris 60 bag yaml    readers whose names begin with bag or yaml
 
-Atheris ends its process, so each reader has one of its own. Trees are fuzzed as YAML text.
+Atheris ends its process, so each reader runs in a process of its own. Trees are fuzzed as YAML.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "test")]
 INSTRUMENTED = ["flea_diag", "flea_sim_driver", "mcap", "yaml"]
 MOST_MB, MOST_S = 500, 60
-"""Beside what Python and its libraries take: so much memory, so long for one input. That is on
-the clock, and a parser that is traced takes seconds for a long file on a busy machine; a reader
-that is only slow is found without a tracer, by its processor time."""
+"""Limits of memory (besides Python and its libraries) and wall time for one input. With tracing a
+parser takes seconds for a long file on a busy machine; merely slow readers are found without
+tracing, by CPU time."""
 LIBRARIES_MB = 300
 DONE = re.compile(r"Done (\d+) runs in (\d+) second")
 
 
 def main() -> int:
-    """Fuzz each reader in turn; exit status 1 where one gave anything but a FleaError."""
+    """Fuzz each reader in turn; exit status 1 if one raised anything but a FleaError."""
     parser = argparse.ArgumentParser(prog="scripts/fuzz", description=__doc__.splitlines()[0])
-    parser.add_argument("--atheris", action="store_true", help="led by coverage: this")
+    parser.add_argument("--atheris", action="store_true", help="coverage-guided (this program)")
     parser.add_argument("--one", metavar="READER", help=argparse.SUPPRESS)
-    parser.add_argument("seconds", type=float, help="for each reader")
-    parser.add_argument("readers", nargs="*", metavar="READER", help="names begin so; all")
+    parser.add_argument("seconds", type=float, help="time per reader, s")
+    parser.add_argument("readers", nargs="*", metavar="READER", help="beginning of a name (all)")
     given = parser.parse_intermixed_args()
     try:
         import atheris
@@ -47,14 +47,14 @@ def main() -> int:
     names = [target.name for target in fuzzing.targets()]
     chosen = [name for name in names if name.startswith(tuple(given.readers or names))]
     if not chosen:
-        parser.error(f"no reader begins so, there are {', '.join(names)}")
+        parser.error(f"no reader has a name beginning so: choose of {', '.join(names)}")
     told = [apart(name, given.seconds) for name in chosen]
     print(f"{sum(count for count, _ in told)} inputs, {sum(failed for _, failed in told)} failures")
     return int(any(failed for _, failed in told))
 
 
 def apart(name: str, seconds: float) -> tuple[int, bool]:
-    """Fuzz one reader in a process of its own; how many inputs, and whether one failed."""
+    """Fuzz one reader in a process of its own; return inputs tried, and whether one failed."""
     command = [sys.executable, __file__, "--one", name, str(seconds)]
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     found = DONE.search(done.stderr)
@@ -66,7 +66,7 @@ def apart(name: str, seconds: float) -> tuple[int, bool]:
 
 
 def fuzz(atheris: Any, name: str, seconds: float) -> None:
-    """Fuzz until the time is over or something comes out that should not; never returns."""
+    """Fuzz until the time is over or an unexpected error occurs; never returns."""
     with atheris.instrument_imports(include=INSTRUMENTED):
         import fuzzing
     target = next(target for target in fuzzing.targets() if target.name == name)

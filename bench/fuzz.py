@@ -1,8 +1,8 @@
-"""Damaged input for every reader of what others write; see ``test/support/fuzzing.py``.
+"""Fuzzing of all readers of external input with damaged files; see ``test/support/fuzzing.py``.
 
-scripts/fuzz 10                 so many seconds of processor time for each reader
-scripts/fuzz 10 bag importer    some of them
-scripts/fuzz --atheris 60 bag   led by coverage instead, see ``bench/coverage_fuzz.py``
+scripts/fuzz 10                 10 s of CPU time per reader
+scripts/fuzz 10 bag importer    these readers only
+scripts/fuzz --atheris 60 bag   coverage-guided, see ``bench/coverage_fuzz.py``
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 from support import fuzzing
 
 SLOW_S = 2.0
-"""A reader that takes longer over one input hangs."""
+"""CPU time for one input above which a reader counts as hanging."""
 MOST_MB = 500
 
 
 def main() -> int:
-    """Run and print; exit status 1 where anything but a FleaError came out."""
+    """Run and print; exit status 1 if anything but a FleaError was raised."""
     if "--atheris" in sys.argv:
         import coverage_fuzz
 
@@ -34,12 +34,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("seconds", nargs="?", type=float, default=10.0)
     known = {target.name: target for target in fuzzing.targets()}
-    parser.add_argument("readers", nargs="*", metavar="READER", help=f"of {', '.join(known)}")
+    parser.add_argument("readers", nargs="*", metavar="READER", help=f"some of {', '.join(known)}")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     unknown = [name for name in given.readers if name not in known]
     if unknown:
-        parser.error(f"{unknown[0]!r} is no reader, choose of {', '.join(known)}")
+        parser.error(f"{unknown[0]!r} is not a reader: choose of {', '.join(known)}")
     chosen = [known[name] for name in given.readers or known]
     inputs = failures = 0
     for target in chosen:
@@ -55,7 +55,7 @@ def main() -> int:
 
 
 def damage(target: fuzzing.Target, seconds: float, seed: int) -> tuple[int, Counter[str]]:
-    """How many inputs were tried, and what came out that should not."""
+    """Number of inputs tried, and counts of unexpected errors."""
     chance, found, count = random.Random(seed), Counter[str](), 0
     start_s = time.process_time()
     while (begun_s := time.process_time()) - start_s < seconds:
@@ -63,7 +63,7 @@ def damage(target: fuzzing.Target, seconds: float, seed: int) -> tuple[int, Coun
         count += 1
         try:
             fuzzing.accepted(target, content)
-        except Exception as error:  # any error but our own is what is looked for
+        except Exception as error:  # any error but a FleaError is a failure
             place = traceback.extract_tb(error.__traceback__)[-1]
             words = f"{type(error).__name__}: {str(error)[:100]}"
             found[f"{words} ({Path(place.filename).name}:{place.lineno})"] += 1

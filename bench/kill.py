@@ -1,12 +1,12 @@
-"""kill -9 of each process of live runs in turn, at random moments, and what that costs.
+"""kill -9 of each process of live runs in turn, at random moments: losses and recovery times.
 
-Each run is `scripts/run` with a fault of its own; its nodes are killed in random order, one after
-the other, each once the last one is back, and the stand at the end. Checked: recording lost, bags
-that open as they are, how soon the verdict is there again, and no verdict wrong at any time.
+Each run is `scripts/run` with one fault; its nodes are killed in random order, one after the other,
+each after the previous one has recovered, and the stand last. Checked: recording lost, bags open
+unrepaired, time until the verdict is back, and no wrong verdict at any time.
 
 scripts/kill                          20 runs
 scripts/kill --composed               the same with the diagnosis in one process
-scripts/kill --runs 1 --json -        one, its result as JSON
+scripts/kill --runs 1 --json -        one run, result as JSON
 """
 
 from __future__ import annotations
@@ -38,22 +38,21 @@ from flea_diag.wire.records import AmbiguityGroup, Outcome, Scan, Truth
 FAULTS = ("jam", "motor_current_bias", "motor_temperature_bias", "winding_short", "nominal")
 ONSET_S = (5.0, 25.0)
 PAUSE_S = (0.5, 6.0)
-"""From the return of one node until the next is killed."""
+"""Time from the recovery of one node to the next kill."""
 LIMIT_S = 120.0
-"""No wait takes this long, however busy the machine is."""
+"""Timeout of all waits, sufficient for a busy machine."""
 MOST_LOST_S, MOST_BACK_S = 1.0, 1.5
 QUIET = (Outcome.NOMINAL, Outcome.NOT_OBSERVABLE)
 BLIND = "watched from"
-"""Words of a verdict by which it says that it does not know what was before."""
+"""Text of a verdict that does not cover the time before."""
 
 
 @dataclass
 class Kill:
-    """One process killed; times in seconds, NaN where the node has no part in it.
+    """One process killed; times in seconds, NaN where not applicable to the node.
 
-    ``away_s`` is from the kill until the node is in the graph again, ``verdict_s`` from then
-    until a verdict that is not stale, ``lost_s`` what had been sent before the kill and is not in
-    any bag.
+    ``away_s``: from the kill until the node is in the graph again. ``verdict_s``: from then until
+    a verdict that is not stale. ``lost_s``: data sent before the kill that are in no bag.
     """
 
     run: int
@@ -66,18 +65,18 @@ class Kill:
 
 @dataclass
 class Result:
-    """All runs so far."""
+    """Results of all runs so far."""
 
     kills: list[Kill] = field(default_factory=list)
     bags: int = 0
     unreadable: list[str] = field(default_factory=list)
     verdicts: int = 0
     blind: int = 0
-    """Of them healthy ones on a fault of before, which say from when on they watched."""
+    """Healthy verdicts on a fault already present at the restart, which say so."""
     wrong: list[str] = field(default_factory=list)
 
     def failures(self) -> list[str]:
-        """What is not as it should be, in words."""
+        """Descriptions of all failed checks."""
         words = [f"bag does not open: {each}" for each in self.unreadable]
         words += [f"wrong verdict: {each}" for each in self.wrong]
         for kill in self.kills:
@@ -90,7 +89,7 @@ class Result:
 
 
 class Campaign:
-    """Runs one after the other; only processes of its own are killed."""
+    """Runs one after the other; only processes of these runs are killed."""
 
     def __init__(self, seed: int, folder: Path, options: list[str]) -> None:
         self._random = random.Random(seed)
@@ -100,7 +99,7 @@ class Campaign:
         self.result = Result()
 
     def run(self, number: int) -> None:
-        """One live run, all of its nodes killed once."""
+        """One live run in which each node is killed once."""
         fault, onset_s = FAULTS[number % len(FAULTS)], self._random.uniform(*ONSET_S)
         bag = self._folder / f"run_{number}"
         arguments = ["--fault", fault, "--at", f"{onset_s:.2f}", "--for", "1200"]
@@ -129,7 +128,7 @@ class Campaign:
         self._read(bag, kills, stamps)
 
     def _kill(self, kill: Kill, onset_s: float, peer: Peer, process: Process) -> int:
-        """Kill one node and wait until all is as before; stamp of the newest scan at the kill."""
+        """Kill one node and wait for recovery; return the stamp of the newest scan at the kill."""
         pause_s = self._random.uniform(*PAUSE_S)
         peer.bus.wait_until(lambda: False, pause_s)
         before = _endpoints(peer, kill.node)
@@ -147,7 +146,7 @@ class Campaign:
         return killed_ns
 
     def _judge(self, number: int, fault: str, records: Iterable[object]) -> None:
-        """Hold every verdict against the truth: before, in and after each return."""
+        """Compare every verdict with the truth, before, during and after each recovery."""
         truth, found = "", False
         for record in records:
             if isinstance(record, Truth) and record.fault not in ("", "nominal"):
@@ -172,14 +171,14 @@ class Campaign:
                 )
 
     def _read(self, first: Path, kills: list[Kill], killed_ns: list[int]) -> None:
-        """Open the bags as they are; what a killed recorder had not written yet."""
+        """Open the bags unrepaired; determine what a killed recorder had not written."""
         bags = sorted(first.parent.glob(f"{first.name}*/metadata.yaml"), key=_begun)
         newest = []
         for metadata in bags:
             self.result.bags += 1
             try:
                 newest.append(_last_scan(metadata.parent))
-            except Exception as error:  # whatever keeps a bag from being read is what is looked for
+            except Exception as error:  # any error while reading a bag is a failure
                 self.result.unreadable.append(f"{metadata.parent.name}: {error}")
         recorders = [
             (k, at) for k, at in zip(kills, killed_ns, strict=True) if k.node == "recorder"
@@ -189,7 +188,7 @@ class Campaign:
 
 
 def _last_scan(bag: Path) -> int:
-    """Stamp of the newest scan of a bag, which another library can open as well."""
+    """Stamp of the newest scan of a bag, read with another library too."""
     from rosbags.highlevel import AnyReader
 
     with AnyReader([bag]) as reader:
@@ -206,7 +205,7 @@ def _is_current(record: object) -> bool:
 
 
 def _endpoints(peer: Peer, name: str) -> set[bytes]:
-    """Ids of what a node publishes and hears; those of the dead stay in the graph for a while."""
+    """Endpoint ids of a node; those of a killed node stay in the graph for a while."""
     node = peer.node
     infos = node.get_publishers_info_by_topic("/diagnostics")
     infos += node.get_subscriptions_info_by_topic("/ambiguity_group")
@@ -214,7 +213,7 @@ def _endpoints(peer: Peer, name: str) -> set[bytes]:
 
 
 def _told(result: Result) -> str:
-    """A table: what each kind of process cost."""
+    """Table of recovery times and losses by process."""
     rows = [f"{'node':10} {'n':>3} {'away s':>14} {'verdict back s':>16} {'lost s':>14}"]
     for name in dict.fromkeys(kill.node for kill in result.kills):
         kills = [kill for kill in result.kills if kill.node == name]
@@ -230,23 +229,25 @@ def _told(result: Result) -> str:
 
 
 def _range(values: list[float]) -> str:
-    """Median and largest of those that are numbers."""
+    """Median and maximum, without NaN."""
     known = [value for value in values if value == value]
     return f"{median(known):.2f} / {max(known):.2f}" if known else "-"
 
 
 def main() -> int:
-    """Run and print; exit status 1 where anything is not as it should be."""
+    """Run and print; exit status 1 if any check failed."""
     parser = argparse.ArgumentParser(
         prog="scripts/kill",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--runs", type=int, default=20, help="each kills each node once")
+    parser.add_argument("--runs", type=int, default=20, help="number of runs (20)")
     parser.add_argument("--composed", action="store_true", help="the diagnosis in one process")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--json", metavar="FILE", help="result as JSON, renewed each run; - here")
-    parser.add_argument("--keep", metavar="DIR", help="bags and logs of the runs are kept there")
+    parser.add_argument(
+        "--json", metavar="FILE", help="write results as JSON each run; - for stdout"
+    )
+    parser.add_argument("--keep", metavar="DIR", help="folder for bags and logs of the runs")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="flea_kill_") as passing:
         folder = given.keep or passing

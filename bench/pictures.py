@@ -1,8 +1,8 @@
-"""Makes the pictures of the screens in docs anew: a stand whose screw jams, live, on each of them.
+"""Creates the screenshots in docs: a live run with a jam, on each screen.
 
-    .venv/bin/python bench/pictures.py            all of them, into docs
+    .venv/bin/python bench/pictures.py            all screenshots, into docs
 
-Needs Chromium, as the tests of the page do. Look at what it made before it is kept.
+Needs Chromium, like the tests of the page. Review the screenshots before committing them.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from flea_diag.wire.records import Outcome
 DOCS = ROOT / "docs"
 SAYS_WHERE = "the page is at "
 PAST_S = 14.0
-"""So much is shown of what followed the verdict."""
+"""Time shown after the verdict."""
 LIMIT_S = 120.0
 
 
 def console_picture(desk: Desk, peer: Peer, browser: Browser, target: Path) -> None:
-    """The console as Textual draws it, at a size at which most panels have room."""
+    """Screenshot of the console, at a size that fits most panels."""
     from flea_diag.nodes.operator.console_app import ConsoleApp
 
     drawn: list[str] = []
@@ -66,7 +66,7 @@ def keep(browser: Browser, target: Path) -> None:
 
 
 def page_pictures(browser: Browser, port: str, web: Process, peer: Peer, desk: Desk) -> None:
-    """The page on a desk and on a tablet, and what is left of it without its server."""
+    """Screenshots of the page on desktop and tablet, and without its server."""
     url = f"http://127.0.0.1:{port}/"
     browser.size(1440, 1000)
     browser.theme("light")
@@ -98,7 +98,7 @@ def _isolated(desk: Desk) -> bool:
 
 
 def make(domain: int, folder: Path) -> None:
-    """A live run, and what its screens show."""
+    """Run live and take the screenshots."""
     journal = ("-p", f"journal:={folder / 'page.sqlite'}", "-p", "author:=Ada")
     daq = node(
         "flea_sim_driver.daq_node", "-p", "fault:=jam", "-p", "fault_onset_s:=12.0",
@@ -120,7 +120,7 @@ def make(domain: int, folder: Path) -> None:
 
 
 def main() -> int:
-    """Make them; the exit status."""
+    """Create the screenshots; return the exit status."""
     if missing():
         print(missing(), file=sys.stderr)
         return 2

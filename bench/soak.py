@@ -1,14 +1,13 @@
-"""A long run of the simulated stand through observer and isolator, in one process.
+"""Endurance test: a long simulated run through observer and isolator, in one process.
 
-Faults come and go, scans get lost, come twice and late; no wall clock is waited for. Scans pass
-as the bytes of their messages, in blocks as a replay takes them, or one by one as a live run
-does. Checked: no episode missed, none without a fault, counters exact, memory flat after the
-first hour.
+Faults appear and disappear; scans are lost, duplicated and delayed. It runs faster than real time.
+Scans are passed as message bytes, in blocks as in a replay or one by one as in a live run.
+Checked: no missed episode, no false alarm, exact counters, constant memory after the first hour.
 
 scripts/soak                                 24 h of stand time
-scripts/soak --hours 0.5 --singly --json -   a short one scan by scan, its result as JSON
+scripts/soak --hours 0.5 --singly --json -   a short run scan by scan, result as JSON
 
-SIGINT and SIGTERM end it early, with the result of what there was.
+SIGINT and SIGTERM end it early, with the result so far.
 """
 
 from __future__ import annotations
@@ -46,13 +45,13 @@ FAULTS = {
     "motor_current_dead": USUAL, "ball_nut_friction": 15.0, "motor_speed_scaling": USUAL,
     "actuator_position_bias": USUAL, "motor_current_noise": USUAL,
 }  # fmt: skip
-"""Those that show in a minute without accelerometers, and end when they are taken out; sizes."""
+"""Fault -> size; faults detectable within 1 min without accelerometers that end when removed."""
 EVERY_S, LASTS_S, QUIET_S = 600.0, 60.0, 120.0
-"""A fault each ten minutes, for one; so long after it has gone its episode must have closed."""
+"""Period and duration of the faults, and time after the end by which the episode must be closed."""
 LATE_SCANS = 20
 BLOCK_SCANS = 1000
 SHARES = {"lost": 0.002, "duplicate": 0.0005, "late": 0.0005}
-"""Of the scans. A burst of up to eight is lost instead of one with each hundredth loss."""
+"""Shares of the scans. One loss in a hundred is a burst of up to eight scans."""
 FLAT = 0.05
 PAGE_BYTES = 4096
 S = 1_000_000_000
@@ -60,7 +59,7 @@ S = 1_000_000_000
 
 @dataclass
 class Found:
-    """What came of a soak so far."""
+    """Results so far."""
 
     stand_h: float = 0.0
     cpu_s: float = 0.0
@@ -74,15 +73,16 @@ class Found:
     counted: dict[str, int] = field(default_factory=dict)
     memory_mb: list[float] = field(default_factory=list)
     ended: bool = False
-    """Only then have all losses been said: some wait for their second."""
+    """Whether the run has ended: only then are the counters final, since losses are reported with a
+    delay of up to 1 s."""
 
     @property
     def real_time(self) -> float:
-        """Stand time over processor time."""
+        """Stand time divided by CPU time."""
         return self.stand_h * 3600.0 / self.cpu_s
 
     def wrong(self) -> list[str]:
-        """Everything that is not as it should be, in words."""
+        """Descriptions of all failed checks."""
         words = [f"missed: {each}" for each in self.missed]
         words += [f"no fault, but {each}" for each in self.false_alarms]
         for name in SHARES:
@@ -95,7 +95,7 @@ class Found:
 
 
 class Relay:
-    """Spoils the stream between the stand and the diagnosis, and counts what it did."""
+    """Disturbs the stream between stand and diagnosis, and counts the disturbances."""
 
     def __init__(self, random: np.random.Generator, injected: dict[str, int]) -> None:
         self._random, self._injected = random, injected
@@ -104,7 +104,7 @@ class Relay:
         self._passed = 0
 
     def pass_on(self, record: Record) -> Iterator[Record]:
-        """What arrives in place of a record."""
+        """Records delivered in place of a record."""
         if not isinstance(record, Scan):
             yield record
             return
@@ -114,11 +114,11 @@ class Relay:
             yield self._held.pop(0)[1]
 
     def rest(self) -> list[Record]:
-        """What is still held back."""
+        """Records still held back."""
         return [record for _, record in self._held]
 
     def _scan(self, scan: Scan) -> Iterator[Record]:
-        # The first scans begin the stream: what is lost before it nobody can notice.
+        # No loss among the first scans: losses before the start of a stream are undetectable.
         draw = 1.0 if self._passed < 100 else self._random.random()
         if self._gone or draw < SHARES["lost"]:
             if not self._gone and self._random.random() < 0.01:
@@ -137,7 +137,7 @@ class Relay:
 
 
 class Soak:
-    """One stand, its diagnosis, and what was done to both."""
+    """One simulated stand with relay and diagnosis."""
 
     def __init__(self, hours: float, seed: int, singly: bool) -> None:
         values = {
@@ -160,11 +160,11 @@ class Soak:
         self._detected = self._open = self._named = self._gone = False
 
     def stop(self, *_: object) -> None:
-        """End before the time is over."""
+        """End early."""
         self._stopped = True
 
     def hours(self) -> Iterator[Found]:
-        """Run to the end; what was found so far, after each hour of stand time and at the end."""
+        """Run to the end; yield the results after each hour of stand time and at the end."""
         begin_s, told = time.process_time(), 0
         while not (self._stand.finished or self._stopped):
             self._schedule()
@@ -187,12 +187,12 @@ class Soak:
         return self.found
 
     def _hand_on_late(self) -> None:
-        """What the relay still holds arrives at last."""
+        """Deliver the records that the relay still holds."""
         for record in self._relay.rest():
             self._hand_on(record)
 
     def _hand_on(self, record: Record) -> None:
-        """Scans wait until there are enough of them; what else comes has its place among them."""
+        """Collect scans for a block; other records are delivered in order between blocks."""
         if isinstance(record, Scan):
             self.found.scans += 1
             self._waiting.append(encode(record))
@@ -203,7 +203,7 @@ class Soak:
             self._take(self._pipeline.handle(record))
 
     def _diagnose(self) -> None:
-        """Give the scans that wait to the diagnosis."""
+        """Pass the collected scans to the diagnosis."""
         messages, self._waiting = self._waiting, []
         block = scan_block(messages) if self._most > 1 and messages else None
         if block is not None:
@@ -213,7 +213,7 @@ class Soak:
             self._take(self._pipeline.handle(decode(Scan, message)))
 
     def _schedule(self) -> None:
-        """Put the next fault in, take it out, and see that its episode ends."""
+        """Inject the next fault, remove it, and check that its episode ends."""
         now_s = self._stand.time_s
         number, since_s = divmod(now_s, EVERY_S)
         if since_s < 0.05 and number:
@@ -233,7 +233,7 @@ class Soak:
             self._end()
 
     def _end(self) -> None:
-        """Judge the last fault; as an operator does, reset what is still open."""
+        """Check the last fault; reset an episode that is still open, as an operator would."""
         if not self._fault:
             return
         words = f"{self._fault} at {self._onset_s / 3600.0:.2f} h"
@@ -282,16 +282,18 @@ def _told(found: Found) -> str:
 
 
 def main() -> int:
-    """Run and print; exit status 1 where anything is not as it should be."""
+    """Run and print; exit status 1 if any check failed."""
     parser = argparse.ArgumentParser(
         prog="scripts/soak",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--hours", type=float, default=24.0, help="of stand time (default: 24)")
+    parser.add_argument("--hours", type=float, default=24.0, help="stand time, h (default: 24)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--singly", action="store_true", help="scan by scan, as a live run does")
-    parser.add_argument("--json", metavar="FILE", help="result as JSON, renewed each hour; - here")
+    parser.add_argument(
+        "--json", metavar="FILE", help="write results as JSON every hour; - for stdout"
+    )
     given = parser.parse_args()
     soak = Soak(given.hours, given.seed, given.singly)
     for number in (signal.SIGINT, signal.SIGTERM):
