@@ -1,7 +1,7 @@
-"""Finds and reads the configuration, and builds the stages that nodes and tools run.
+"""Finds and reads the configuration files, and builds the stages for nodes and tools.
 
-The only place where files become core objects: YAML is read safely (bounded size, no
-constructors), by name from the installed ``config`` folder or by path.
+The only place where files become core objects. YAML is read safely (bounded size, no
+constructors), by path or by name from the installed ``config`` folder.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ from flea_diag.wire.yaml_text import parse_yaml
 
 LARGEST_YAML_BYTES = 1 << 20
 WARM_UP_SCANS = 60
-"""More than the smoothing waits for."""
+"""Number of scans of the warm-up, more than the delay of the smoothing."""
 CALIBRATION = "calibration_simulated_stand.yaml"
 Planner = Callable[..., Node]
-"""``asked_tree`` with its chooser: (group, asked, rarest) -> Node."""
+"""``asked_tree`` with a bound chooser: (group, asked, rarest) -> Node."""
 PACKAGE = Path(__file__).resolve().parent
 
 
 def config_folders() -> tuple[Path, ...]:
-    """Folders that may hold the configuration, nearest first.
+    """Folders that may contain the configuration, nearest first.
 
-    A source tree beside the package, the prefix that the package is installed in, each
-    prefix of AMENT_PREFIX_PATH, the environment's own prefix.
+    The source tree of the package, the prefix of its installation, the prefixes of
+    AMENT_PREFIX_PATH, the prefix of the Python environment.
     """
     share = Path("share", "flea_diag", "config")
     source = PACKAGE.parent
@@ -67,7 +67,7 @@ def config_path(name: str) -> Path:
     Raises
     ------
     ConfigurationError
-        Naming the file and the folders that were looked in.
+        There is no such file; names the folders searched.
     """
     for folder in config_folders():
         if (folder / name).exists():
@@ -84,7 +84,7 @@ def load_yaml(name_or_path: str | Path) -> Any:
     Raises
     ------
     ConfigurationError
-        No such file, too large, or not YAML.
+        The file does not exist, is too large, or is not YAML.
     """
     path = found_file(name_or_path)
     return _parsed(_text(path), path)
@@ -98,12 +98,12 @@ def _parsed(text: str, path: Path) -> Any:
 
 
 def found_file(name_or_path: str | Path) -> Path:
-    """Path of a file that is given by path, or by the name of a shipped one.
+    """Path of a file given by path, or by the name of a shipped file.
 
     Raises
     ------
     ConfigurationError
-        No such file.
+        The file does not exist.
     """
     path = Path(name_or_path)
     if path.is_file():
@@ -116,7 +116,7 @@ def found_file(name_or_path: str | Path) -> Path:
 def _text(path: Path) -> str:
     size = path.stat().st_size
     if size > LARGEST_YAML_BYTES:
-        raise ConfigurationError(f"{path}: {size} bytes, at most {LARGEST_YAML_BYTES} are read")
+        raise ConfigurationError(f"{path}: {size} bytes, above the limit of {LARGEST_YAML_BYTES}")
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
@@ -126,26 +126,26 @@ def _text(path: Path) -> str:
 
 
 def load_calibration(path: str | Path) -> Calibration:
-    """Calibration of a file; an empty path is the one shipped for the simulated stand."""
+    """Calibration from a file; an empty path is the one shipped for the simulated stand."""
     name = str(path) or CALIBRATION
     return _calibration(name, _text(found_file(name)))
 
 
 @lru_cache(maxsize=8)
 def _calibration(name: str, text: str) -> Calibration:
-    """Parsing takes longer than diagnosing for minutes: the same text is parsed once."""
+    """Parsed calibration, cached since parsing takes longer than diagnosing minutes of data."""
     return calibrations.from_mapping(_parsed(text, Path(name)), name)
 
 
 def calibration_sha256(calibration: Calibration) -> str:
-    """Digest of what a calibration says, however its file is laid out."""
+    """Digest of the content of a calibration, independent of the layout of its file."""
     text = json.dumps(calibration.to_mapping(), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 @cache
 def load_features(name: str) -> FaultFeatureTable:
-    """Fault-feature table of a file."""
+    """Fault feature table from a file."""
     return FaultFeatureTable.from_mapping(load_yaml(name), name)
 
 
@@ -155,18 +155,18 @@ def knowledge(
     faults: str = "faults.yaml",
     features: str = "feature_table.yaml",
 ) -> Knowledge:
-    """All that the isolator knows: catalogue and signatures for the sensors of this stand.
+    """Knowledge of the isolator: fault catalogue and signatures for the sensors of this stand.
 
     Raises
     ------
     CalibrationError
-        The calibration is of another actuator than the one described.
+        The calibration belongs to another actuator than described.
     """
     name, rows, tables = _signatures(actuator, faults, calibration.channels, calibration.period_s)
     if name != calibration.actuator:
         raise CalibrationError(
-            f"the calibration is of actuator {calibration.actuator!r}, {actuator} describes "
-            f"{name!r}: name the description that belongs to it, or calibrate this actuator"
+            f"the calibration is for actuator {calibration.actuator!r}, {actuator} describes "
+            f"{name!r}: choose the matching description, or calibrate this actuator"
         )
     table = load_features(features).of_vibration()
     return Knowledge(calibration, calibration_sha256(calibration), rows, tables, table)
@@ -176,7 +176,7 @@ def knowledge(
 def _signatures(
     actuator: str, faults: str, channels: tuple[str, ...], period_s: float
 ) -> tuple[str, Mapping[str, Fault], Mapping[Quadrant, SignatureTable]]:
-    """Name of the actuator, catalogue and signature tables; a second or so of work, kept."""
+    """Name of the actuator, catalogue and signature tables; cached, takes about 1 s."""
     described = read_actuator(load_yaml(actuator), actuator)
     model = described.with_sensors([name for name in channels if name in described.sensors])
     rows = catalogue(load_yaml(faults), model, faults)
@@ -192,35 +192,35 @@ def _signatures(
 
 @dataclass(frozen=True)
 class Files:
-    """Which files the diagnosis rests on; an empty name means the shipped one."""
+    """Configuration files of the diagnosis; an empty name is the shipped file."""
 
     calibration: str = parameter(
-        "", "calibration file (empty: the simulated stand's)", read_only=True
+        "", "calibration file; empty: that of the simulated stand", read_only=True
     )
-    actuator: str = parameter("actuator.yaml", "actuator description", read_only=True)
-    faults: str = parameter("faults.yaml", "fault catalogue", read_only=True)
-    features: str = parameter("feature_table.yaml", "fault-feature table", read_only=True)
+    actuator: str = parameter("actuator.yaml", "actuator description file", read_only=True)
+    faults: str = parameter("faults.yaml", "fault catalogue file", read_only=True)
+    features: str = parameter("feature_table.yaml", "fault feature table file", read_only=True)
 
 
 @dataclass(frozen=True)
 class Memory:
-    """What a diagnosis in one process leaves to the one that is started after it."""
+    """State file from which a restarted one-process diagnosis resumes."""
 
     memory: str = parameter(
         "",
-        "file that keeps the verdict for a start in mid-run (empty: below the user's state "
-        "folder, one for each domain and name; none: no file)",
+        "file that stores the verdict for a restart during a run; empty: one per domain and node "
+        "below the user's state folder; none: no file",
         read_only=True,
     )
 
 
 def file_texts(files: Files) -> dict[str, str]:
-    """Name of each file that the diagnosis rests on -> its text, to be kept with a recording.
+    """Name of each configuration file of the diagnosis -> its text, to be stored in a recording.
 
     Raises
     ------
     ConfigurationError
-        A file that is not there, cannot be read or is too large.
+        A file does not exist, cannot be read or is too large.
     """
     named = {"calibration": files.calibration or CALIBRATION}
     named |= {name: getattr(files, name) for name in ("actuator", "faults", "features")}
@@ -248,7 +248,7 @@ def _part(kind: type[P], values: Any) -> P:
 
 @dataclass(frozen=True)
 class Component(Generic[P]):
-    """A stage that can be built from one frozen parameter object."""
+    """Builds a stage from one frozen parameter object."""
 
     parameters: type
     make: Any
@@ -259,10 +259,10 @@ class Component(Generic[P]):
         return stage
 
     def warm_up(self, parameters: Any) -> None:
-        """Compile and load what a stage needs for its scans and features; nobody sees of it.
+        """Run scans and features through a throw-away stage, to compile and load its code.
 
-        Else the first scan waits for that, for a minute where nothing is compiled yet, and
-        those after it are lost; and the first answer to a request comes late.
+        Otherwise the first scan is delayed by this, by up to a minute if nothing is compiled yet,
+        later scans are lost, and the first answer to a feature request is late.
         """
         stage = self.make(parameters)
         if Scan not in stage.consumes:
@@ -327,7 +327,7 @@ DIAGNOSER: Component[Any] = Component(
 
 
 def make_pipeline(calibration: Path | None, source: str = "replay", **given: Any) -> Pipeline:
-    """The three stages as one, for a replay without ROS; ``given`` are parameters of theirs."""
+    """The three stages as a pipeline, for a replay without ROS; ``given`` are their parameters."""
     values = DIAGNOSER.parameters(calibration=str(calibration or ""), source=source, **given)
     pipeline = DIAGNOSER.build(values)
     assert isinstance(pipeline, Pipeline)
@@ -339,11 +339,11 @@ def make_pipeline(calibration: Path | None, source: str = "replay", **given: Any
 
 @lru_cache(maxsize=8)
 def load_causal_map(actuator: str = "actuator.yaml") -> CausalMap:
-    """Causal graph of an actuator, laid out, for a screen to draw."""
+    """Causal graph of an actuator with its layout, for a screen."""
     return causal_map(read_actuator(load_yaml(actuator), actuator))
 
 
 def tree_planner(features: str = "feature_table.yaml", strategy: str = "optimal") -> Planner:
-    """What draws up the diagnosis tree of a group, given the features asked so far."""
+    """Function that plans the diagnosis tree of a group, given the features requested so far."""
     chooser = FeatureChooser(load_features(features).of_vibration(), strategy)
     return partial(asked_tree, chooser=chooser)

@@ -1,41 +1,41 @@
-"""The errors of flea_diag: every one names the thing, the value, the limit and the remedy.
+"""The errors of flea_diag; each message names the item, its value, the limit and the remedy.
 
 FleaError
-├── InputError            what somebody else wrote (a file, a bag, a message) cannot be used
-│   ├── RecordingError    a .data file or a bag: names file and place
+├── InputError            invalid input (a file, a bag, a message)
+│   ├── RecordingError    a .data file or a bag; names file and position
 │   ├── ConfigurationError  a YAML file, a parameter or a command-line argument
-│   ├── CalibrationError  a calibration that does not fit, or runs that cannot calibrate
-│   └── WireError         a message that does not hold the record its topic promises
-└── ModelError            a bond graph that has no sound causality or equations
+│   ├── CalibrationError  a calibration that does not fit, or runs unsuitable for calibration
+│   └── WireError         a message without a valid record of its topic
+└── ModelError            a bond graph without valid causality or equations
 
-Every command turns a ``FleaError`` into one line on standard error and exit status 2;
-anything else is a defect of ours and keeps its traceback.
+Every command reports a ``FleaError`` as one line on standard error, with exit status 2; any other
+exception is a defect of flea_diag and keeps its traceback.
 """
 
 
 class FleaError(Exception):
-    """Base of all errors that flea_diag raises on purpose."""
+    """Base class of all errors raised intentionally by flea_diag."""
 
 
 class InputError(FleaError):
-    """Something written by somebody else cannot be used as it is."""
+    """Input is invalid."""
 
 
 class RecordingError(InputError):
-    """A recording (.data file or bag) is truncated, foreign or inconsistent."""
+    """A recording (.data file or bag) is truncated, of another format, or inconsistent."""
 
 
 class ConfigurationError(InputError):
-    """A configuration file, a parameter or an argument is out of its limits."""
+    """A configuration file, a parameter or an argument is invalid or outside its limits."""
 
 
 class CalibrationError(InputError):
-    """A calibration does not fit the actuator, or the runs given cannot calibrate it."""
+    """A calibration does not fit the actuator, or the runs are unsuitable for calibration."""
 
 
 class WireError(InputError):
-    """A message on the wire does not hold the record that its topic promises."""
+    """A message does not contain a valid record of its topic."""
 
 
 class ModelError(FleaError):
-    """A bond graph has no sound causality, or its equations cannot be formed."""
+    """A bond graph has no valid causality, or its equations cannot be formed."""

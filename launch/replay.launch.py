@@ -1,9 +1,9 @@
-"""Replay a bag through the nodes: what the stand sent goes out again, the diagnosis is new.
+"""Replay a bag through the nodes: publishes the stand's topics, the diagnosis is computed anew.
 
     ros2 launch flea_diag replay.launch.py bag:=bags/jam
     ros2 launch flea_diag replay.launch.py bag:=bags/jam rate:=4.0 loop:=true
 
-`flea replay BAG` gives the same verdict without ROS, faster than real time.
+`flea replay BAG` gives the same verdict without ROS and faster than real time.
 """
 
 from launch import LaunchDescription
@@ -13,21 +13,21 @@ from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-# Only what a stand sends: recorded verdicts would contradict those that are found now.
+# Topics of the stand only: recorded verdicts would interfere with the new ones.
 SOURCES = ("sensors/channels", "sensors/slow", "sensors/vibration", "truth")
 
 ARGUMENTS = (
     ("bag", None, "bag to replay"),
-    ("namespace", "", "of the topics in the bag"),
-    ("calibration", "", "calibration file, empty: the simulated stand's"),
-    ("rate", "1.0", "speed: 1 is as it was recorded"),
-    ("loop", "false", "start again at the end; the nodes then start afresh"),
-    ("composed", "true", "the diagnosis in one process; false: one process a stage"),
-    ("console", "true", "show the verdict here"),
+    ("namespace", "", "namespace of the topics in the bag"),
+    ("calibration", "", "calibration file; empty: that of the simulated stand"),
+    ("rate", "1.0", "playback rate; 1: as recorded"),
+    ("loop", "false", "loop the bag; the diagnosis restarts with each pass"),
+    ("composed", "true", "diagnosis in one process; false: one process per stage"),
+    ("console", "true", "print the verdict in this terminal"),
 )
 
 REPLAY = {"source": "replay"}
-"""A verdict that says so rings no alarm."""
+"""Marks the verdicts as those of a replay, which ring no alarm."""
 
 
 def node(executable, condition, parameters=()):
@@ -49,7 +49,7 @@ def play(condition, *more):
         for topic in SOURCES
     ]
     rate = LaunchConfiguration("rate")
-    # --delay gives the nodes time to be found: volatile messages sent before that are lost.
+    # --delay leaves time for discovery: volatile messages published before it are lost.
     command = ["ros2", "bag", "play", LaunchConfiguration("bag"), "--clock", "100", "--delay", "3"]
     return ExecuteProcess(
         cmd=[*command, "--rate", rate, *more, "--topics", *topics],

@@ -14,17 +14,17 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 ARGUMENTS = (
-    ("namespace", "", "of the stand: a second one needs another"),
+    ("namespace", "", "namespace of the stand, for example of a second stand"),
     ("stand", "true", "start the simulated stand"),
-    ("scenario", "nominal", "what the simulated stand does: a name or a YAML file"),
-    ("fault", "", "fault to put in besides the scenario's own"),
+    ("scenario", "nominal", "scenario of the simulated stand: name or YAML file"),
+    ("fault", "", "fault to inject in addition to those of the scenario"),
     ("fault_onset_s", "8.0", "onset of that fault [s]"),
-    ("duration_s", "0.0", "length of the run, 0: the scenario's [s]"),
-    ("calibration", "", "calibration file, empty: the simulated stand's"),
-    ("composed", "true", "the diagnosis in one process; false: one process a stage"),
+    ("duration_s", "0.0", "duration of the run; 0: that of the scenario [s]"),
+    ("calibration", "", "calibration file; empty: that of the simulated stand"),
+    ("composed", "true", "diagnosis in one process; false: one process per stage"),
     ("record", "true", "record a bag"),
-    ("bag", "", "bag to make, empty: bags/runs/<UTC time>"),
-    ("console", "true", "show the verdict here"),
+    ("bag", "", "bag to write; empty: bags/runs/<UTC time>"),
+    ("console", "true", "print the verdict in this terminal"),
 )
 
 
