@@ -1,1 +1,1 @@
-"""The ``flea`` command: works on bags, without ROS."""
+"""The ``flea`` command line: tools for bags, calibrations and campaigns, without ROS."""

@@ -1,4 +1,4 @@
-"""Numbers on a command line: of the right kind and within their limits, or refused by argparse.
+"""Numeric command-line arguments with limits, checked by argparse.
 
 Each is the ``type`` of an argument; what is refused is named with its option and its limit.
 """

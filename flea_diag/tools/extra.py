@@ -1,4 +1,4 @@
-"""Packages that only some commands need: asked for before any work is done, with the remedy."""
+"""Optional packages of some commands, checked before any work is done."""
 
 from __future__ import annotations
 
@@ -16,16 +16,15 @@ PACKAGES: dict[str, tuple[str, ...]] = {
 
 
 def require(extra: str, what: str) -> None:
-    """See that the packages of an extra are there.
+    """Check that the packages of an extra are installed.
 
     Raises
     ------
     ConfigurationError
-        Naming what needs them, what is missing, and the command that installs it.
+        Names the option that needs them, the missing packages, and the command to install them.
     """
     missing = [module for module in PACKAGES[extra] if find_spec(module) is None]
     if missing:
         raise ConfigurationError(
-            f"{what} needs {' and '.join(missing)}, not installed here: "
-            f"pip install 'flea_diag[{extra}]'"
+            f"{what} needs {' and '.join(missing)}, not installed: pip install 'flea_diag[{extra}]'"
         )

@@ -1,4 +1,4 @@
-"""DOT text drawn by Graphviz, a program beside Python."""
+"""Drawing of DOT graphs by the program Graphviz."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def draw(dot: str, target: Path) -> None:
     Raises
     ------
     ConfigurationError
-        Graphviz is not installed or does not take the graph, or the file cannot be written.
+        Graphviz is not installed or rejects the graph, or the file cannot be written.
     """
     program = shutil.which("dot")
     if program is None:
         raise ConfigurationError(
-            f"{target}: Graphviz is not installed, so no SVG can be drawn; install the package"
-            " graphviz, or write the picture as text with --dot"
+            f"{target}: drawing SVG needs Graphviz, not installed: install the package graphviz, "
+            "or print DOT text with --dot"
         )
     drawn = subprocess.run(
         [program, "-Tsvg"], input=dot, capture_output=True, text=True, check=False, timeout=LIMIT_S

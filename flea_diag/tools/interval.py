@@ -1,4 +1,4 @@
-"""How sure a figure is: intervals of 95 % for a share, and for a rate of rare events."""
+"""Confidence intervals of 95 % for proportions and for rates of rare events."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Z_95 = 1.959963984540054
 
 
 def wilson(right: int, count: int) -> tuple[float, float]:
-    """Wilson's score interval of a share, 95 %; 0 to 1 where nothing was counted.
+    """Wilson's score interval of a proportion, 95 %; 0 to 1 for a count of 0.
 
     Source: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209-212.
     """
@@ -25,7 +25,7 @@ def wilson(right: int, count: int) -> tuple[float, float]:
 
 
 def rate_interval(events: int, exposure: float) -> tuple[float, float]:
-    """Exact (Garwood) interval, 95 %, of the rate of a Poisson process; inf without exposure."""
+    """Exact (Garwood) interval of the rate of a Poisson process, 95 %; inf without exposure."""
     from scipy.special import gammaincinv
 
     if exposure <= 0.0:
@@ -35,7 +35,7 @@ def rate_interval(events: int, exposure: float) -> tuple[float, float]:
 
 
 def increasing(shares: Sequence[float], weights: Sequence[float]) -> list[float]:
-    """The nearest sequence that never falls: pooled adjacent violators, weighted means."""
+    """Nearest non-decreasing sequence (weighted isotonic regression, pooled adjacent violators)."""
     pools: list[list[float]] = []  # mean, weight, length
     for share, weight in zip(shares, weights, strict=True):
         pools.append([share, weight, 1])
@@ -49,7 +49,7 @@ def increasing(shares: Sequence[float], weights: Sequence[float]) -> list[float]
 
 
 def half_point(sizes: Sequence[float], shares: Sequence[float]) -> float | None:
-    """Size at which a share that never falls passes one half, by straight lines; None: nowhere."""
+    """Size at which a non-decreasing proportion reaches 0.5, interpolated linearly; else None."""
     points = zip(sizes, shares, strict=True)
     for (size, share), (larger, more) in pairwise(points):
         if share < 0.5 <= more:

@@ -1,8 +1,8 @@
-"""The ``flea`` command: one subcommand a module, each with the same four names.
+"""The ``flea`` command: one module per subcommand, each with the same names.
 
-``NAME``, ``SUMMARY``, ``add_arguments(parser)`` and ``run(arguments) -> int``; ``EXAMPLES``
-if it has any. Modules import numpy and what is slower inside ``run``, so that ``flea --help``
-answers at once.
+``NAME``, ``SUMMARY``, ``add_arguments(parser)`` and ``run(arguments) -> int``, optionally
+``EXAMPLES``. Modules import numpy and slower packages inside ``run``, so that ``flea --help``
+responds at once.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ MODULES = (
     "bags.check",
     "bags.recover",
 )
-"""Modules of this package that are subcommands, in the order of ``flea --help``."""
+"""Modules of the subcommands, in the order of ``flea --help``."""
 
 DESCRIPTION = "Fault diagnosis of electro-mechanical actuators: model, calibrate, replay, inspect."
 EXAMPLES = """\
 examples:
-  flea import recordings/*.data -o bags        FLEA text files to bags
-  flea calibrate bags/*Nominal* -o cal.yaml    thresholds and parameters from nominal runs
-  flea replay bags/run --calibration cal.yaml  the diagnosis of a bag, without ROS
-  flea model signatures                        what each fault does to each residual
+  flea import recordings/*.data -o bags        convert FLEA text files to bags
+  flea calibrate bags/*Nominal* -o cal.yaml    identify parameters and limits from nominal runs
+  flea replay bags/run --calibration cal.yaml  diagnose a bag
+  flea model signatures                        show the signature of each fault
 """
 
 USAGE_ERROR = 2
@@ -48,13 +48,13 @@ INTERRUPTED = 130
 
 
 def commands() -> dict[str, Any]:
-    """Import every subcommand there is, by the name it is called."""
+    """Import all subcommands, by name."""
     modules = [importlib.import_module(f"{__package__}.{name}") for name in MODULES]
     return {module.NAME: module for module in modules}
 
 
 def parser_of(known: dict[str, Any]) -> argparse.ArgumentParser:
-    """Build the parser of the whole command."""
+    """Parser of the whole command."""
     raw = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
         prog="flea", description=DESCRIPTION, epilog=EXAMPLES, formatter_class=raw
@@ -74,8 +74,8 @@ def parser_of(known: dict[str, Any]) -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one subcommand; 0 success, 1 done in part, 2 refused, 130 interrupted."""
-    # BLAS threads on matrices this small only wait for each other; read once, by numpy's import.
+    """Run one subcommand; 0 success, 1 partial success, 2 refused, 130 interrupted."""
+    # BLAS threads only slow down matrices of this size; numpy reads the setting at its import.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     known = commands()
     parsed = parser_of(known).parse_args(arguments)
@@ -90,8 +90,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("flea: interrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        # The reader of a pipe has gone (flea … | head). Python flushes stdout once more at
-        # its exit, so that has to go where it cannot fail.
+        # The reader of the pipe has closed it (flea … | head). Python flushes stdout again at
+        # exit, which must not fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
 

@@ -1,4 +1,4 @@
-"""Speed and motion of a recording, from its positions: the noise of one reading is no motion."""
+"""Speed and motion of a recording from its positions, insensitive to noise of single readings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float64]
 POSITION = "actuator_position"
 MOVING_M_S = 0.010
 SPAN = 10
-"""Scans to either side over which a speed is taken."""
+"""Scans on either side used for a speed."""
 
 
 def speed(times_s: Array, position_m: Array) -> Array:
@@ -29,9 +29,9 @@ def speed(times_s: Array, position_m: Array) -> Array:
 
 
 def moving_s(records: Iterable[Any], from_ns: int, to_ns: int) -> float:
-    """Seconds in motion between two stamps, of the Scan and ScanBlock among some records.
+    """Seconds in motion between two stamps, from the Scan and ScanBlock among the records.
 
-    A fault that rests cannot be seen: delays count in motion, too.
+    Used for delays in motion, since a fault cannot be detected at rest.
     """
     stamps: list[int] = []
     positions: list[float] = []

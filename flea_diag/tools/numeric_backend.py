@@ -1,4 +1,4 @@
-"""What the last bits of a number depend on: libraries, instruction set and processor."""
+"""Identity of the numeric backend: libraries, instruction set and processor (affect last bits)."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from pathlib import Path
 
 CPUINFO = Path("/proc/cpuinfo")
 IDENTITY = ("vendor_id", "cpu family", "model")
-"""Lines of the processor's description: BLAS picks its kernels by them."""
+"""Fields of the processor description by which BLAS selects its kernels."""
 
 
 def numeric_backend() -> str:
-    """Name of the backend that a digest holds for, e.g. ``numpy 2.4.6, …, GenuineIntel 6 106``."""
+    """Backend for which a digest is valid, e.g. ``numpy 2.4.6, …, GenuineIntel 6 106``."""
     return f"{_libraries()}, {_processor(CPUINFO)}"
 
 
 @cache
 def _libraries() -> str:
-    """Versions and instruction set: they stay, and reading them takes longer than many a bag."""
+    """Versions and instruction set; cached, since reading them takes longer than a short bag."""
     from importlib.metadata import version
 
     import numpy as np
 
     found = np.show_config(mode="dicts").get("SIMD Extensions", {}).get("found", [])
     instructions = " ".join([platform.machine(), *found[-1:]])
-    # The particle filter sums in another order where numba compiles it.
+    # Compiled by numba, the particle filter sums in another order.
     compiler = f"numba {version('numba')}" if find_spec("numba") else "no numba"
     libraries = f"numpy {version('numpy')}, scipy {version('scipy')}, {compiler}"
     return f"{libraries}, {instructions}"
 
 
 def _processor(description: Path) -> str:
-    """Vendor, family and model where Linux tells them, else the name that the system gives."""
+    """Vendor, family and model on Linux, elsewhere the processor name of the system."""
     try:
         lines = description.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

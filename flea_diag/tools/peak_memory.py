@@ -1,4 +1,4 @@
-"""Largest resident set of this process since it was last asked to forget."""
+"""Peak resident memory of this process since the last reset."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _PEAK = "VmHWM:"
 
 
 def forget_peak() -> None:
-    """Begin anew; where the system cannot, the peak goes on being that of the whole process."""
+    """Reset the peak; where the system cannot, it remains that of the whole process."""
     try:
         CLEAR.write_text("5", encoding="ascii")
     except OSError:
@@ -18,7 +18,7 @@ def forget_peak() -> None:
 
 
 def peak_bytes() -> int:
-    """Peak in bytes."""
+    """Peak resident memory in bytes."""
     try:
         lines = STATUS.read_text(encoding="ascii").splitlines()
     except OSError:

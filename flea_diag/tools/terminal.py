@@ -1,4 +1,4 @@
-"""What every command says to the person at the terminal, and how it writes files for them."""
+"""Messages on the terminal and writing of files, common to all commands."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.wire.whole_file import replace_file
 
 IN_PART = 1
-"""Exit status of a batch of which something was refused or lost."""
+"""Exit status of a batch of which a part was refused or lost."""
 
 
 def warn(words: str) -> None:
-    """Say a line on standard error, clear of a progress line."""
+    """Print a line on standard error, after clearing a progress line."""
     clear = "\r\x1b[K" if sys.stderr.isatty() else ""
     print(f"{clear}flea: {words}", file=sys.stderr)
 
 
 def progress(number: int, count: int, name: str) -> None:
-    """Show which of how many is being worked on, where somebody can see it."""
+    """Show the progress of a batch, on a terminal only."""
     if sys.stderr.isatty():
         end = "\n" if number == count else ""
         print(f"\r\x1b[K[{number}/{count}] {name}", end=end, file=sys.stderr, flush=True)
@@ -31,7 +31,7 @@ def progress(number: int, count: int, name: str) -> None:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Whatever keeps a file or a folder from being written, as one line that names it.
+    """Convert an OSError while writing a file or folder to a one-line error that names it.
 
     Raises
     ------
@@ -45,12 +45,12 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file, which is replaced in one step: a reader finds the old one or the new one.
+    """Replace a file atomically: a reader sees either the old or the new content.
 
     Raises
     ------
     ConfigurationError
-        When the file cannot be written.
+        The file cannot be written.
     """
     with writing(path):
         replace_file(path, text.encode())
@@ -62,7 +62,7 @@ def write_json(target: str, content: Any) -> None:
     Raises
     ------
     ConfigurationError
-        When the file cannot be written.
+        The file cannot be written.
     """
     text = json.dumps(content, indent=2, allow_nan=False) + "\n"
     if target == "-":
@@ -72,12 +72,12 @@ def write_json(target: str, content: Any) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder with its parents, where it is not there yet.
+    """Create a folder with its parents if it does not exist.
 
     Raises
     ------
     ConfigurationError
-        When it cannot be made.
+        The folder cannot be created.
     """
     with writing(path):
         path.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Processes that share work on the cores of this machine, and end with the one that has them."""
+"""Pool of worker processes that end with their parent."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from threading import Thread
 
 
 def worker_pool(jobs: int) -> ProcessPoolExecutor:
-    """Fresh interpreters: forking after numpy or numba have made threads can hang."""
+    """Pool of new interpreters: forking after numpy or numba have started threads can hang."""
     return ProcessPoolExecutor(
         jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_serve
     )
 
 
 def _serve() -> None:
-    """Leave Ctrl-C to the parent, and outlive it in no case: a pool's processes wait for ever."""
+    """Leave Ctrl-C to the parent and end with it, since idle workers would wait for ever."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
 

@@ -1,1 +1,1 @@
-"""``flea bag`` and ``flea recover``: whether bags are sound, and mending them."""
+"""``flea bag`` and ``flea recover``: checking and recovering bags."""

@@ -1,4 +1,4 @@
-"""``flea bag check``: the layout of rosbag2, and that every message holds what it says."""
+"""``flea bag check``: checks the rosbag2 layout and every message of bags."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from flea_diag.wire.records import ChannelTable
 from flea_diag.wire.topics import TOPIC_OF
 
 NAME = "bag"
-SUMMARY = "check that bags are sound (flea bag check BAGDIR...)"
+SUMMARY = "check the integrity of bags (flea bag check BAGDIR...)"
 EXAMPLES = """\
 examples:
-  flea bag check bags/*          status 1 when one of them has an error
+  flea bag check bags/*          exit status 1 if any bag has an error
 """
 
 TABLE_TOPIC = TOPIC_OF[ChannelTable].name
 EPOCH_NS = 946_684_800_000_000_000
-"""The year 2000: a stamp before it is no wall clock."""
+"""Start of the year 2000: earlier stamps are not wall-clock times."""
 
 
 class BagFinding(NamedTuple):
-    """Something wrong (``error``) or worth knowing."""
+    """An error, or a note (``error`` false)."""
 
     error: bool
     words: str
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     check_parser = actions.add_parser("check", help="check layout, metadata and every message")
-    check_parser.add_argument("bags", nargs="+", type=Path, metavar="BAGDIR")
+    check_parser.add_argument("bags", nargs="+", type=Path, metavar="BAGDIR", help="bags to check")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -64,15 +64,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def check(bag: Path) -> list[BagFinding]:
-    """Everything that is wrong with a bag, or worth knowing.
+    """Errors of a bag, and notes on it.
 
     Raises
     ------
     RecordingError
-        When there is no MCAP bag at all.
+        There is no MCAP bag.
     """
     if not bag.is_dir():
-        raise RecordingError(f"{bag} is no folder: a bag is a folder with an .mcap file in it")
+        raise RecordingError(f"{bag} is not a folder: a bag is a folder with an .mcap file")
     scans = [McapScan(file) for file in mcap_files(bag)]
     counts: Counter[str] = Counter()
     findings = [*_messages(scans, counts), *(f for scan in scans for f in _file(scan))]
@@ -82,11 +82,11 @@ def check(bag: Path) -> list[BagFinding]:
 def _file(scan: McapScan) -> Iterator[BagFinding]:
     name = scan.path.name
     if scan.profile != "ros2":
-        yield BagFinding(True, f"{name}: profile {scan.profile!r} in the header, it must be 'ros2'")
+        yield BagFinding(True, f"{name}: profile {scan.profile!r} in the header, must be 'ros2'")
     for loss in scan.losses:
         yield BagFinding(True, loss)
     if not scan.indexed:
-        yield BagFinding(False, f"{name}: no summary (its recorder died); flea recover writes one")
+        yield BagFinding(False, f"{name}: no summary (recorder killed): add one with flea recover")
     for channel in scan.channels.values():
         yield from _channel(channel)
 
@@ -94,27 +94,25 @@ def _file(scan: McapScan) -> Iterator[BagFinding]:
 def _channel(channel: Channel) -> Iterator[BagFinding]:
     known = dict(channel.metadata)
     if channel.encoding != "cdr":
-        yield BagFinding(True, f"{channel.topic}: encoding {channel.encoding!r}, it must be 'cdr'")
+        yield BagFinding(True, f"{channel.topic}: encoding {channel.encoding!r}, must be 'cdr'")
     if channel.schema.encoding not in ("ros2msg", "ros2idl"):
         encoding = channel.schema.encoding
-        yield BagFinding(
-            True, f"{channel.topic}: schema encoding {encoding!r}, it must be 'ros2msg'"
-        )
+        yield BagFinding(True, f"{channel.topic}: schema encoding {encoding!r}, must be 'ros2msg'")
     if "offered_qos_profiles" not in known:
         yield BagFinding(True, f"{channel.topic}: no offered_qos_profiles on its channel")
     ours = layout.split_name(channel.topic)
     if ours is None:
-        yield BagFinding(False, f"{channel.topic}: not one of our topics")
+        yield BagFinding(False, f"{channel.topic}: not a flea_diag topic")
     elif channel.message != ours[1].message:
-        yield BagFinding(True, f"{channel.topic}: {channel.message}, it must be {ours[1].message}")
+        yield BagFinding(True, f"{channel.topic}: {channel.message}, must be {ours[1].message}")
     else:
         expected = layout.message_type(channel.message).type_hash
         if known.get("topic_type_hash", expected) != expected:
-            yield BagFinding(True, f"{channel.topic}: its type hash is not that of ROS 2 Jazzy")
+            yield BagFinding(True, f"{channel.topic}: type hash differs from that of ROS 2 Jazzy")
 
 
 def _messages(scans: list[McapScan], counts: Counter[str]) -> Iterator[BagFinding]:
-    """Read every message; what is wrong with a topic is said once, with how often."""
+    """Check every message; each kind of error is reported once per topic with its count."""
     wrong: Counter[tuple[str, str]] = Counter()
     tables = 0
     for message in merged(scans):
@@ -125,13 +123,13 @@ def _messages(scans: list[McapScan], counts: Counter[str]) -> Iterator[BagFindin
     for (topic, words), count in wrong.items():
         yield BagFinding(True, f"{topic}: {words} ({count} messages)")
     if not tables:
-        yield BagFinding(False, f"no {TABLE_TOPIC}: units and signs are not told")
+        yield BagFinding(False, f"no {TABLE_TOPIC}: units and signs are unknown")
 
 
 def _message(message: McapMessage) -> Iterator[str]:
     ours = layout.split_name(message.channel.topic)
     if min(message.log_ns, message.publish_ns) < EPOCH_NS:
-        yield "a stamp before the year 2000, bags need a wall clock"
+        yield "stamp before the year 2000: bags need wall-clock time"
     if ours is None or message.channel.message != ours[1].message:
         return
     try:
@@ -140,7 +138,7 @@ def _message(message: McapMessage) -> Iterator[str]:
         yield f"unreadable: {error}"
         return
     if record.stamp_ns != message.publish_ns:
-        yield "publish time is not the stamp of the acquisition"
+        yield "publish time differs from the stamp of acquisition"
 
 
 def _metadata(bag: Path, scans: list[McapScan], counts: Counter[str]) -> Iterator[BagFinding]:
@@ -150,23 +148,23 @@ def _metadata(bag: Path, scans: list[McapScan], counts: Counter[str]) -> Iterato
         yield BagFinding(True, lost[0])
         return
     if known.get("version") != layout.VERSION:
-        words = f"version {known.get('version')}, rosbag2 of Jazzy writes {layout.VERSION}"
+        words = f"version {known.get('version')}, rosbag2 of ROS 2 Jazzy writes {layout.VERSION}"
         yield BagFinding(False, f"{layout.METADATA_FILE}: {words}")
     files = [str(name) for name in known.get("relative_file_paths") or []]
     present = [scan.path.name for scan in scans]
     if sorted(files) != sorted(present):
-        yield BagFinding(True, f"{layout.METADATA_FILE} names {files}, the folder holds {present}")
+        yield BagFinding(True, f"{layout.METADATA_FILE} lists {files}, the folder has {present}")
     told = dict(_told(known))
     if not told:
-        yield BagFinding(True, f"{layout.METADATA_FILE}: no topics (ros2 bag play hangs on that)")
+        yield BagFinding(True, f"{layout.METADATA_FILE}: no topics (ros2 bag play would hang)")
     for topic in sorted(told.keys() | counts.keys()):
         if told.get(topic, 0) != counts[topic]:
-            words = f"{told.get(topic, 0)} messages on {topic}, the files hold {counts[topic]}"
+            words = f"{told.get(topic, 0)} messages on {topic}, the files have {counts[topic]}"
             yield BagFinding(True, f"{layout.METADATA_FILE}: {words}")
 
 
 def _told(known: dict[str, Any]) -> Iterator[tuple[str, int]]:
-    """Topics and message counts that metadata.yaml tells."""
+    """Topics and message counts in metadata.yaml."""
     for row in known.get("topics_with_message_count") or []:
         try:
             yield str(row["topic_metadata"]["name"]), int(row["message_count"])

@@ -1,4 +1,4 @@
-"""``flea recover``: a bag whose recorder died, written anew with summary, index and metadata."""
+"""``flea recover``: copies a truncated bag to a new one with summary, index and metadata."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, McapScan
 from flea_diag.wire.yaml_text import parse_yaml
 
 NAME = "recover"
-SUMMARY = "write a truncated bag anew, with summary, index and metadata.yaml"
+SUMMARY = "copy a truncated bag to a new one with summary, index and metadata.yaml"
 EXAMPLES = """\
 examples:
-  flea recover bags/run                    to bags/run_recovered; the bag itself is not touched
+  flea recover bags/run                    to bags/run_recovered; bags/run is not changed
   flea recover bags/run -o bags/whole
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("bag", type=Path, metavar="BAGDIR", help="bag, or one .mcap file")
+    parser.add_argument("bag", type=Path, metavar="BAGDIR", help="truncated bag, or one .mcap file")
     parser.add_argument(
         "-o", "--output", type=Path, metavar="BAGDIR", help="new bag (default: BAGDIR_recovered)"
     )
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 @dataclass(frozen=True)
 class Recovered:
-    """What was saved, and what was not."""
+    """Recovered messages, and descriptions of the losses."""
 
     messages: int
     topics: int
@@ -56,19 +56,19 @@ class Recovered:
 
 
 def recover(source: Path, target: Path) -> Recovered:
-    """Copy every whole message of a bag, whoever wrote it, to a new bag.
+    """Copy every intact message of a bag, of any recorder, to a new bag.
 
     Raises
     ------
     RecordingError
-        When there is no MCAP file, not one whole message, or the target is in use.
+        There is no MCAP file or no intact message, or the target is in use.
     """
     scans = [McapScan(file) for file in mcap_files(source)]
     with _Copy(target) as copy:
         for message in merged(scans):
             copy.write(message)
         if not copy.counts:
-            raise RecordingError(f"{source}: not one whole message in it, nothing to recover")
+            raise RecordingError(f"{source}: no intact message, nothing to recover")
         for scan in scans:
             for name, data in scan.attachments.items():
                 copy.attach(name, data)
@@ -78,17 +78,17 @@ def recover(source: Path, target: Path) -> Recovered:
 
 
 def mcap_files(source: Path) -> list[Path]:
-    """MCAP files of a bag, or the one file that is given.
+    """MCAP files of a bag, or the one file given.
 
     Raises
     ------
     RecordingError
-        When there is none.
+        There is none.
     """
     layout.refuse_closed(source)
     files = [source] if source.is_file() else sorted(source.glob("*.mcap"))
     if not files:
-        why = "no .mcap file there" if source.exists() else "does not exist"
+        why = "no .mcap file in this folder" if source.exists() else "does not exist"
         raise RecordingError(f"{source}: {why}")
     return files
 
@@ -101,7 +101,7 @@ def merged(scans: list[McapScan]) -> Iterator[McapMessage]:
 
 
 class _Copy:
-    """A new bag, opened with its first message: a bag without one is none."""
+    """A new bag, created with its first message so that no empty bag is left."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
@@ -117,7 +117,7 @@ class _Copy:
         if self._segment is None:
             self._directory.mkdir(parents=True, exist_ok=True)
             if any(self._directory.iterdir()):
-                raise RecordingError(f"{self._directory} is not empty, choose another with -o")
+                raise RecordingError(f"{self._directory} is not empty: choose another with -o")
             name = f"{self._directory.resolve().name}_0.mcap"
             self._segment = BagSegment(self._directory / name)
         return self._segment
@@ -159,7 +159,7 @@ class _Copy:
 
 
 def _entry(channel: Channel) -> TopicEntry:
-    """What the channel says of its QoS and type hash, or what we know of them."""
+    """QoS and type hash of a channel as recorded, else those of the topic table."""
     known = dict(channel.metadata)
     ours = layout.split_name(channel.topic)
     if ours is not None and ours[1].message == channel.message:

@@ -1,4 +1,4 @@
-"""``flea calibrate``: parameters, offsets and limits from nominal recordings."""
+"""``flea calibrate``: identifies parameters, offsets and limits from nominal recordings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flea_diag.core.calibration.thresholds import Trace
 
 NAME = "calibrate"
-SUMMARY = "learn parameters and thresholds from nominal bags"
+SUMMARY = "identify parameters and limits from nominal bags"
 EXAMPLES = """\
 examples:
   flea calibrate bags/*Nominal* -o calibration.yaml
@@ -36,7 +36,13 @@ FALSE_ALARMS_PER_HOUR = 0.1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="nominal recordings")
+    parser.add_argument(
+        "bags",
+        nargs="+",
+        type=Path,
+        metavar="BAG",
+        help="nominal recordings of one stand, 2 or more",
+    )
     parser.add_argument(
         "-o", "--output", required=True, type=Path, metavar="FILE", help="calibration to write"
     )
@@ -45,30 +51,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=FALSE_ALARMS_PER_HOUR,
         metavar="RATE",
-        help="false alarms per hour of nominal running, all tests together (default %(default)s)",
+        help="false alarms per hour of nominal operation, all tests together (default %(default)s)",
     )
     parser.add_argument(
         "--plots",
         type=Path,
         metavar="DIR",
-        help="draw the residuals of each recording against their limits (needs matplotlib)",
+        help="plot the residuals of each recording with their limits to DIR (needs matplotlib)",
     )
     parser.add_argument(
-        "--plot-format", choices=("png", "svg"), default="png", help="of the pictures"
+        "--plot-format", choices=("png", "svg"), default="png", help="format of the plots"
     )
-    parser.add_argument("--actuator", default="actuator.yaml", help="actuator description")
-    parser.add_argument("--force", action="store_true", help="replace an existing file")
-    parser.add_argument("--json", action="store_true", help="report as JSON on standard output")
+    parser.add_argument(
+        "--actuator", default="actuator.yaml", help="actuator description (default %(default)s)"
+    )
+    parser.add_argument("--force", action="store_true", help="overwrite an existing file")
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Read the bags, fit, write the file and say what was found."""
+    """Read the bags, calibrate, write the file and print the report."""
     if not arguments.false_alarms > 0.0:
         raise ConfigurationError(
-            f"--false-alarms = {arguments.false_alarms}: must be above 0 per hour"
+            f"--false-alarms = {arguments.false_alarms} must be above 0 per hour"
         )
     if arguments.output.exists() and not arguments.force:
-        raise ConfigurationError(f"{arguments.output}: exists already, use --force to replace it")
+        raise ConfigurationError(f"{arguments.output} exists: use --force to overwrite it")
     if arguments.plots is not None:
         require("plot", "--plots")
     recordings, refused = read_nominal(arguments.bags)
@@ -80,13 +88,13 @@ def run(arguments: argparse.Namespace) -> int:
     report = json.dumps(calibration.to_mapping(), indent=2) if arguments.json else None
     print(report or calibration_report.words(calibration))
     if refused:
-        warn(f"{len(refused)} of {len(arguments.bags)} bags left out")
+        warn(f"{len(refused)} of {len(arguments.bags)} bags not used")
     return IN_PART if refused else 0
 
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """A calibration, and the residuals of each recording that its limits were fitted to."""
+    """A calibration, and the residuals of each recording from which its limits were computed."""
 
     calibration: Calibration
     traces: tuple[Trace, ...]
@@ -102,13 +110,13 @@ def calibrate(
 def learn(
     recordings: list[NominalRecording], actuator: str, false_alarms_per_hour: float
 ) -> CalibrationResult:
-    """Calibration from recordings of one stand, with what its limits were fitted to.
+    """Calibration from recordings of one stand, with the residuals behind its limits.
 
     Raises
     ------
     CalibrationError
-        Fewer than two recordings, recordings of different stands, or of an actuator that the
-        description does not fit, no motion.
+        Fewer than two recordings, recordings of different stands or of another actuator than
+        described, or no motion.
     """
     from flea_diag.configuration import load_yaml
     from flea_diag.core.calibration import identification, thresholds
@@ -215,25 +223,25 @@ def _without_bad_voltage(run: Run, trace: Trace) -> Any:
 
 
 def _check_described(first: NominalRecording, described: Any, actuator: str) -> None:
-    """Channels that the diagnosis reads must be sensors or inputs of the described actuator."""
+    """Check that all channels are sensors or inputs of the described actuator."""
     if not isinstance(described, dict) or "name" not in described:
-        raise ConfigurationError(f"{actuator}: no actuator description: it has no 'name'")
+        raise ConfigurationError(f"{actuator}: not an actuator description: 'name' is missing")
     known = {*described.get("sensors", ()), *described.get("inputs", ())}
     strange = [channel for channel in first.channels if channel not in known]
     if strange:
         raise CalibrationError(
-            f"{first.run.name}: {strange[0]} is no sensor of actuator {described['name']!r} "
-            f"({actuator}): the recordings are of another actuator, or --actuator is to name theirs"
+            f"{first.run.name}: channel {strange[0]} is not a sensor of actuator "
+            f"{described['name']!r} ({actuator}): choose the matching description with --actuator"
         )
 
 
 def write_calibration(path: Path, calibration: Calibration) -> None:
-    """Write a calibration file, in a folder that is made where it is missing.
+    """Write a calibration file; its folder is created if missing.
 
     Raises
     ------
     ConfigurationError
-        When it cannot be written.
+        The file cannot be written.
     """
     import yaml
 

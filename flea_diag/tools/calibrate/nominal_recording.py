@@ -1,4 +1,4 @@
-"""Recordings that a calibration is learned from: nominal, in SI units, of one stand, each once."""
+"""Recordings for a calibration: nominal, in SI units, of one stand, without duplicates."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOMINAL = ("", "nominal")
 
 @dataclass(frozen=True)
 class NominalRecording:
-    """What was read of one bag; ``sampling`` is that of the voltage."""
+    """Content of one nominal bag; ``sampling`` is that of the voltage."""
 
     run: Run
     stand: str
@@ -29,7 +29,7 @@ class NominalRecording:
 
 
 def read_nominal(bags: Sequence[Path]) -> tuple[list[NominalRecording], list[str]]:
-    """Recordings that can be used, and why the others cannot; each is said at once."""
+    """Usable recordings, and the reasons against the others, which are also printed at once."""
     recordings: list[NominalRecording] = []
     refused: list[str] = []
     seen: set[Path] = set()
@@ -37,9 +37,7 @@ def read_nominal(bags: Sequence[Path]) -> tuple[list[NominalRecording], list[str
         progress(number, len(bags), bag.name)
         try:
             if bag.resolve() in seen:
-                raise CalibrationError(
-                    f"{bag} is given twice: what repeats itself to the last bit shows no scatter"
-                )
+                raise CalibrationError(f"{bag} is given twice: list each recording once")
             seen.add(bag.resolve())
             recordings.append(_read(bag))
         except FleaError as error:
@@ -49,7 +47,7 @@ def read_nominal(bags: Sequence[Path]) -> tuple[list[NominalRecording], list[str
 
 
 def _read(bag: Path) -> NominalRecording:
-    """Rows, channels and period of one bag; a bag with a fault in it is refused."""
+    """Rows, channels and period of one bag; a bag with a fault is refused."""
     import numpy as np
 
     from flea_diag.core.calibration.calibration import Run
@@ -58,7 +56,7 @@ def _read(bag: Path) -> NominalRecording:
     table, stamps, measured = _content(bag)
     if len(stamps) < 2 or table is None:
         missing = "channel table" if table is None else "scans"
-        raise CalibrationError(f"{bag}: no {missing} in it, {len(stamps)} scans")
+        raise CalibrationError(f"{bag}: no {missing} ({len(stamps)} scans)")
     present = tuple(c for c in CHANNELS if np.isfinite(measured[:, INDEX[c]]).any())
     voltage = table.info("motor_voltage")
     _check_units(bag, table)
@@ -72,7 +70,7 @@ def _read(bag: Path) -> NominalRecording:
 
 
 def _content(bag: Path) -> tuple[ChannelTable | None, list[int], Any]:
-    """Channel table, stamps (ns), and what the residual bank reads, shape (scans, channels)."""
+    """Channel table, stamps (ns), and inputs of the residual bank, shape (scans, channels)."""
     import numpy as np
 
     from flea_diag.wire.bags.bag import BagReader
@@ -88,7 +86,7 @@ def _content(bag: Path) -> tuple[ChannelTable | None, list[int], Any]:
             table = record
         elif isinstance(record, Truth) and record.fault not in NOMINAL:
             raise CalibrationError(
-                f"{bag}: its truth says {record.fault!r}, calibration needs nominal runs"
+                f"{bag}: truth is {record.fault!r}: calibration needs nominal recordings"
             )
         elif isinstance(record, ScanBlock):
             rows.append(_rows(record.channels, record.values))
@@ -102,7 +100,7 @@ def _content(bag: Path) -> tuple[ChannelTable | None, list[int], Any]:
 
 
 def _rows(channels: Sequence[str], values: Any) -> Any:
-    """The columns that the residual bank knows, in its order; NaN for those that are not here."""
+    """Columns of the residual bank in its order; NaN for missing channels."""
     import numpy as np
 
     from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
@@ -133,22 +131,22 @@ def _check_units(bag: Path, table: Any) -> None:
         info = table.info(channel)
         if info is not None and info.unit != unit:
             raise CalibrationError(
-                f"{bag}: {channel} is in {info.unit!r}, it must be in {unit!r}: import it anew"
+                f"{bag}: {channel} is in {info.unit!r}, must be in {unit!r}: import the bag again"
             )
 
 
 def check_alike(first: NominalRecording, other: NominalRecording) -> None:
-    """See that two recordings are of one stand.
+    """Check that two recordings are of one stand.
 
     Raises
     ------
     CalibrationError
-        Naming what they differ in.
+        Names the difference.
     """
     if other.stand != first.stand:
         raise CalibrationError(
             f"{other.run.name}: recorded on stand {other.stand!r}, {first.run.name} on "
-            f"{first.stand!r}: one calibration is of one actuator, calibrate each on its own"
+            f"{first.stand!r}: calibrate each stand separately"
         )
     if abs(other.period_s - first.period_s) > 0.01 * first.period_s:
         raise CalibrationError(
@@ -163,6 +161,6 @@ def check_alike(first: NominalRecording, other: NominalRecording) -> None:
     if other.channels != first.channels:
         odd = sorted(set(first.channels) ^ set(other.channels))
         raise CalibrationError(
-            f"{other.run.name}: {odd[0]} is not in both it and {first.run.name}: "
+            f"{other.run.name}: channel {odd[0]} is missing here or in {first.run.name}: "
             "calibrate from recordings of one stand"
         )

@@ -1,4 +1,4 @@
-"""Pictures of a calibration: the residuals of each nominal recording against their limits."""
+"""Plots of a calibration: residuals of each nominal recording with their limits."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Array = npt.NDArray[np.float64]
 COLUMNS = 3
 PANEL_IN = (5.2, 1.7)
 RESIDUAL, LIMIT, OUTSIDE = "#0072b2", "#d55e00", "#999999"
-"""Blue, vermilion and grey: told apart by the colour-blind."""
+"""Blue, vermilion and grey: distinguishable with colour vision deficiency."""
 
 
 def draw(calibration: Calibration, traces: Sequence[Trace], folder: Path, kind: str) -> list[Path]:
-    """One picture a recording, ``<recording>.<kind>`` in the folder; returns their paths."""
+    """Draw one plot per recording, ``<recording>.<kind>`` in the folder; return their paths."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -76,8 +76,8 @@ def _panel(panel: Any, limit: ResidualLimit, trace: Trace, period_s: float) -> N
 def windowed(limit: ResidualLimit, window: WindowLimit, trace: Trace) -> tuple[Array, Array, Array]:
     """Statistic of one test over a recording with its lower and upper limit, (scans,) each.
 
-    NaN where nothing was tested. The limits are those of nominal scatter alone; what healthy
-    units differ by comes on top in a diagnosis.
+    NaN where not tested. The limits cover nominal scatter only; in a diagnosis the variability
+    of healthy units is added.
     """
     from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S
     from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS

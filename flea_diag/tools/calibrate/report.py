@@ -1,4 +1,4 @@
-"""What ``flea calibrate`` says: parameters with errors, what is not identified, limits."""
+"""Report of ``flea calibrate``: parameters with errors, parameters not identified, limits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import Calibration
 
 STRONG = 0.7
-"""Correlation from which on two parameters are named as hard to tell apart."""
+"""Correlation above which two parameters are reported as hard to separate."""
 
 
 def words(calibration: Calibration) -> str:
@@ -22,7 +22,7 @@ def words(calibration: Calibration) -> str:
     lines += ["", f"limits for {c.false_alarms_per_hour} false alarms per hour, all tests together"]
     lines += _limits(c)
     if c.bad_stretches:
-        lines += ["", "left out as not to be trusted"]
+        lines += ["", "stretches excluded as implausible"]
     for bad in c.bad_stretches:
         lines.append(f"{bad.run}: {bad.channel} from {bad.start_s:.2f} to {bad.end_s:.2f} s")
     return "\n".join(lines)
@@ -39,7 +39,7 @@ def _parameters(c: Calibration) -> Iterator[str]:
 
 
 def _correlations(c: Calibration) -> list[str]:
-    """Pairs that the data tell apart badly: an error of one is made up for by the other."""
+    """Pairs of parameters whose errors compensate each other."""
     pairs = []
     for block in c.covariance:
         for i, one in enumerate(block.parameters):

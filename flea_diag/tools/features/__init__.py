@@ -1,1 +1,1 @@
-"""``flea features``: measure, learn, judge and study vibration features."""
+"""``flea features``: vibration features and fault feature tables: list, learn, score, study."""

@@ -1,4 +1,4 @@
-"""What ``flea features`` does, one function an action."""
+"""Actions of ``flea features``, one function each."""
 
 from __future__ import annotations
 
@@ -46,23 +46,26 @@ KEPT = (
     "accelerometer_1_order_1_amplitude",
     "motor_voltage_speed",
 )
-"""In every table: the founding paper's two, and what the physics of a fault say: the line of a
-spall, the wave of an eccentric rotor, the back-EMF that bypassed turns no longer give. Where a
-fault is strong much else shows it, so that a ranking over all sizes passes these by."""
+"""Features in every table: the two of the founding paper, and those that follow from the physics of
+a fault: the ball-pass line of a spall, the once-per-turn vibration of an eccentric rotor, the back
+EMF lost with bypassed turns. Strong faults also show in many other features, so a ranking over
+all fault sizes would not select these."""
 
 HEARD = ("accelerometer_1_kurtosis", "accelerometer_2_kurtosis")
-"""What the sentinel's alarms are answers to besides ``std``. They are never asked for: where they
-were, a walk mistook more noisy accelerometers, for they say again what other features have said."""
+"""Features of the vibration monitor besides ``std``. They are never requested: tested as requested
+features, they misclassified more noisy accelerometers, since they repeat other features."""
 
 POINT_CHANNELS = ("motor_speed_", "load_force_")
-"""A fault of these moves the operating point, and so the nominal ranges: no row for it."""
+"""Channels that define the operating point: a fault of them shifts the nominal ranges, so it has no
+row in the table."""
 
 LEFT_OUT = ("mean", "rms", "skewness", "kurtogram_band", "motor_heating", "nut_heating")
-"""Not learned from: offset and polarity of a sensor, a band's name, slopes over one second."""
+"""Features not learned from: offset and polarity of a sensor, name of a band, slopes over 1 s."""
 
 
 LEVEL_ALARMS_PER_HOUR = 0.1
-"""Of healthy running, of the sentinel as a whole: all axes, in motion and at rest."""
+"""False alarms per hour of healthy operation, of the whole vibration monitor (all axes, in motion
+and at rest)."""
 
 
 def _list(_: argparse.Namespace) -> int:
@@ -95,7 +98,7 @@ def _tree(arguments: argparse.Namespace) -> int:
         draw_tree(root, arguments.draw)
     for group in table.inseparable(faults):
         if len(group) > 1:
-            print(f"never split by this table: {', '.join(group)}")
+            print(f"not separable by this table: {', '.join(group)}")
     return 0
 
 
@@ -158,7 +161,7 @@ def _judge(arguments: argparse.Namespace) -> int:
 def _compare(
     arguments: argparse.Namespace, runs: Sequence[FeatureRun], group: Sequence[str]
 ) -> None:
-    """The classifier on the same windows, and the price of its features next to those above."""
+    """Print the score of the classifier on the same windows, and the cost of its features."""
     from flea_diag.tools.features.classifier import call, call_report, read_classifier
 
     network = read_classifier(arguments.classifier)
@@ -187,7 +190,7 @@ def _study(arguments: argparse.Namespace) -> int:
         said = f"{run.fault} {run.seed}: {', '.join(run.group)}; {left_min:.0f} min left"
         progress(len(runs), count, said)
         if arguments.json:
-            told.write_study(arguments.json, runs)  # what is done is kept, whatever comes
+            told.write_study(arguments.json, runs)  # after each run, against an interruption
     print(told.study_report(runs))
     if arguments.draw:
         told.draw_study(arguments.draw, runs)
@@ -212,7 +215,7 @@ def _known(faults: Iterable[str], known: Iterable[str], what: str) -> None:
     unknown = sorted(set(faults) - set(known))
     if unknown:
         raise ConfigurationError(
-            f"{what}: fault {unknown[0]!r} is unknown, known are {', '.join(known)}"
+            f"{what}: fault {unknown[0]!r} is unknown: choose of {', '.join(known)}"
         )
 
 
@@ -229,13 +232,13 @@ ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {
 
 
 def _candidates(samples: Sequence[Sample]) -> list[str]:
-    """Feature ids to learn from: all that the samples carry but those left out."""
+    """Feature ids to learn from: all in the samples except the excluded ones."""
     ids = dict.fromkeys(feature for sample in samples for feature in sample.values)
     return [feature for feature in ids if FeatureId.parse(feature).feature.name not in LEFT_OUT]
 
 
 def _unaffected(learned: Learned) -> list[str]:
-    """Faults of the catalogue that act on no accelerometer, and on no operating point."""
+    """Faults of the catalogue that affect neither an accelerometer nor the operating point."""
     described = actuator(load_yaml("actuator.yaml"), "actuator.yaml")
     rows = catalogue(load_yaml("faults.yaml"), described)
     return [
@@ -248,18 +251,18 @@ def _unaffected(learned: Learned) -> list[str]:
 def _one_rate(runs: Sequence[FeatureRun]) -> float:
     rates = sorted(run.rate_hz for run in runs if run.rate_hz)
     if not rates:
-        raise CalibrationError("no run holds vibration: a table needs sensors/vibration")
+        raise CalibrationError("no run contains vibration: a table needs sensors/vibration")
     if rates[-1] > 1.01 * rates[0]:
         raise CalibrationError(
-            f"runs are sampled at {rates[0]:.6g} and at {rates[-1]:.6g} Hz: learn one table a rate"
+            f"runs sampled at {rates[0]:.6g} and at {rates[-1]:.6g} Hz: learn one table per rate"
         )
     return float(round(rates[len(rates) // 2]))
 
 
 def _levels(runs: Sequence[FeatureRun], hop_s: float) -> dict[str, dict[str, NominalRange]]:
-    """Nominal ranges of what the sentinel hears of each axis, by section of the table.
+    """Nominal ranges of the vibration monitor for each axis, by section of the table.
 
-    Each of these ranges has an equal part of the rate of false alarms.
+    The false-alarm rate is divided equally among these ranges.
     """
     healthy = [run for run in runs if run.levels]
     windows = sum(sample.fault == NOMINAL for run in runs for sample in run.samples)
@@ -275,7 +278,7 @@ def _levels(runs: Sequence[FeatureRun], hop_s: float) -> dict[str, dict[str, Nom
         for (indicator, moving), section in SECTIONS.items()
     }
     for section in (name for name, ranges in found.items() if not ranges):
-        print(f"{section}: none, they need {LEAST_RUNS} healthy runs; the sentinel stays silent")
+        print(f"{section}: none, fewer than {LEAST_RUNS} healthy runs; vibration monitor disabled")
     return found
 
 
@@ -304,7 +307,7 @@ def _header(arguments: argparse.Namespace, making: Making, learned: Learned) -> 
 
 
 def _print_ranking(ranking: Sequence[Score], chosen: Mapping[str, Ends], learned: Learned) -> None:
-    """Every feature with its merits, its measured cost, and what of the table it resembles."""
+    """Print every feature with its scores, its measured cost, and its closest feature chosen."""
     spent_s = bench.costs_s(repeats=3)
     head = f"{'':2s}{'feature':40s}{'F':>8s}{'AUC':>7s}{'bit':>6s}{'cost':>6s}{'us':>7s}"
     print(head + "  correlated with")

@@ -1,7 +1,7 @@
-"""Features on bearing recordings (MATLAB files of drive-end acceleration): a check on real data.
+"""Validation of features on real bearing recordings (MATLAB files of drive-end acceleration).
 
-Ranges are learned on the first half of a normal recording, false alarms counted on its second
-half, detections on recordings of faults.
+Nominal ranges are learned on the first half of a normal recording. False alarms are counted on
+its second half, detections on recordings with faults.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class BearingRecording:
     orders: Mapping[str, float]
 
     def windows(self, window_s: float) -> list[Window]:
-        """Windows side by side."""
+        """Consecutive windows without overlap."""
         points = round(window_s * self.rate_hz)
         return [
             Window(
@@ -58,7 +58,7 @@ def read_bearing(path: Path, rate_hz: float, rpm: float) -> BearingRecording:
     Raises
     ------
     RecordingError
-        When the file cannot be read, or holds no such channel.
+        The file cannot be read, or does not contain this channel.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
@@ -69,7 +69,7 @@ def read_bearing(path: Path, rate_hz: float, rpm: float) -> BearingRecording:
         raise RecordingError(f"{path}: cannot be read as a MATLAB file: {error}") from error
     names = [name for name in values if name.endswith("_DE_time")]
     if not names:
-        raise RecordingError(f"{path}: holds no drive-end channel *_DE_time")
+        raise RecordingError(f"{path}: no drive-end channel *_DE_time")
     samples = np.asarray(values[names[0]], dtype=np.float32).ravel() * np.float32(GRAVITY_M_S2)
     orders = SKF_6205.orders()
     return BearingRecording(path.stem, samples, rate_hz, rpm * 2.0 * np.pi / 60.0, orders)
@@ -77,7 +77,7 @@ def read_bearing(path: Path, rate_hz: float, rpm: float) -> BearingRecording:
 
 @dataclass(frozen=True)
 class Judgement:
-    """One feature: its range, and the share of windows outside it in each recording."""
+    """One feature: nominal range, and share of windows outside it in each recording."""
 
     feature: str
     found: NominalRange
@@ -86,7 +86,7 @@ class Judgement:
 
 
 def features_of_one_axis() -> list[str]:
-    """Features that one accelerometer with one axis at constant speed can have."""
+    """Features computable from one axis of one accelerometer at constant speed."""
     needless = {"axis_coherence", "mean", "rest_std", "rest_moving_ratio", "reversal_ratio",
                 "speed_correlation", "current_correlation", "nut_line", "screw_line",
                 "ball_line"}  # fmt: skip

@@ -1,4 +1,4 @@
-"""CPU time of features, measured on a window of synthetic vibration with motion."""
+"""CPU time of features, measured on a window of synthetic vibration in motion."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from flea_diag.core.vibration.window import Window
 
 AXES = tuple(f"accelerometer_{number}_{axis}" for number in (1, 2) for axis in "xyz")
 FLEA_SCREW = BallScrew(pitch_diameter_m=9.9e-3, ball_diameter_m=1.588e-3, lead_m=3.175e-3)
-"""Assumed geometry: the data sheet of the stand's screws is not public."""
+"""Assumed geometry, since the data sheet of the stand's screws is not public."""
 
 
 def bench_window(rate_hz: float = 20_000.0, duration_s: float = 1.0) -> Window:
-    """Noise on six axes, while the shaft swings to and fro; new caches each time."""
+    """Noise on six axes while the shaft oscillates; with empty caches."""
     count = round(rate_hz * duration_s)
     draw = np.random.default_rng(0)
     samples = draw.standard_normal((count, len(AXES)), dtype=np.float32)
@@ -41,9 +41,9 @@ def bench_window(rate_hz: float = 20_000.0, duration_s: float = 1.0) -> Window:
 
 
 def costs_s(repeats: int = 9, both: bool = False) -> dict[str, float]:
-    """Least CPU time of every feature, by name; on one accelerometer where it has one, or ``both``.
+    """Least CPU time of each feature by name, on one accelerometer or on ``both``.
 
-    Round by round over all features, so that a slow moment of the machine hits them alike.
+    Repeats run over all features in turn, so that other load on the machine affects all equally.
     """
     rounds = [
         {name: _timed(_ids(row, both)) for name, row in FEATURES.items()} for _ in range(repeats)
@@ -59,13 +59,13 @@ def _ids(feature: Feature, both: bool) -> list[str]:
 
 
 def cost_of_all_s(texts: Iterable[str], repeats: int = 5) -> float:
-    """Least CPU time of many features on one window, spectra shared."""
+    """Least CPU time of several features on one window with shared spectra."""
     texts = list(texts)
     return min(_timed(texts) for _ in range(repeats))
 
 
 def library_s() -> float:
-    """Cost of the whole library on both accelerometers."""
+    """CPU time of all features on both accelerometers."""
     return cost_of_all_s(all_ids(AXES))
 
 

@@ -1,4 +1,4 @@
-"""Training and scoring of the feature-only classifier, beside the walk through a table."""
+"""Training and scoring of the feature-only classifier, for comparison with a feature table."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ MOST_EPOCHS = 300
 
 
 def train(samples: Sequence[Sample], features: Sequence[str], source: str) -> Perceptron:
-    """Small network on all features of all moving windows, nominal ones as a class of their own.
+    """Train a small network on all features of all windows in motion; nominal is a class.
 
     Raises
     ------
     ConfigurationError
-        Without scikit-learn.
+        scikit-learn is not installed.
     CalibrationError
-        With fewer than two classes.
+        There are fewer than two classes.
     """
     require("classifier", "training a classifier")
     from sklearn.exceptions import ConvergenceWarning
@@ -42,7 +42,9 @@ def train(samples: Sequence[Sample], features: Sequence[str], source: str) -> Pe
     moving = [sample for sample in samples if sample.moving]
     labels = [sample.fault for sample in moving]
     if len(set(labels)) < 2:
-        raise CalibrationError(f"{len(set(labels))} class of windows: a classifier needs two")
+        raise CalibrationError(
+            f"{len(set(labels))} class of windows: a classifier needs two or more"
+        )
     values = scaled([sample.values for sample in moving], features)
     known = np.isfinite(values).any(axis=0)
     features = [name for name, keep in zip(features, known, strict=True) if keep]
@@ -54,7 +56,7 @@ def train(samples: Sequence[Sample], features: Sequence[str], source: str) -> Pe
         warnings.simplefilter("ignore", ConvergenceWarning)
         network.fit(standardised(values, means, scales), labels)
     layers = list(zip(network.coefs_, network.intercepts_, strict=True))
-    if len(network.classes_) == 2:  # scikit-learn keeps one output for two classes
+    if len(network.classes_) == 2:  # scikit-learn has a single output for two classes
         weights, offsets = layers[-1]
         layers[-1] = np.hstack([0.0 * weights, weights]), np.hstack([0.0 * offsets, offsets])
     names = tuple(map(str, network.classes_))
@@ -67,7 +69,7 @@ def write_classifier(path: Path, network: Perceptron) -> None:
     Raises
     ------
     ConfigurationError
-        When the file cannot be written.
+        The file cannot be written.
     """
     write_text(path, json.dumps(network.as_mapping()) + "\n")
 
@@ -78,7 +80,7 @@ def read_classifier(path: Path) -> Perceptron:
     Raises
     ------
     ConfigurationError
-        When the file cannot be read, is no JSON, or holds no network.
+        The file cannot be read, is not JSON, or does not contain a network.
     """
     try:
         mapping = json.loads(path.read_text(encoding="utf-8"))
@@ -91,7 +93,7 @@ def read_classifier(path: Path) -> Perceptron:
 
 @dataclass(frozen=True)
 class Called:
-    """What the classifier says of one run, and the CPU time of saying it, features aside."""
+    """Answer of the classifier for one run, and its CPU time without the features."""
 
     truth: str
     called: str
@@ -107,10 +109,10 @@ class Called:
 def call(
     runs: Sequence[FeatureRun], classifier: Classifier, group: Sequence[str], windows: int
 ) -> list[Called]:
-    """One answer a run whose fault is of the group, from as many windows as the walk may use.
+    """One answer per run with a fault of the group, from as many windows as a walk may use.
 
-    Windows count as independent, so logarithms of probabilities add up. Only classes of the
-    group are weighed: the walk starts from it too.
+    Windows are treated as independent: log-probabilities are added. Only classes of the group
+    are considered, as in a walk.
     """
     called: list[Called] = []
     for run in runs:
@@ -134,7 +136,7 @@ def _call(samples: Sequence[Sample], classifier: Classifier, group: Sequence[str
 
 
 def call_report(called: Sequence[Called]) -> str:
-    """Runs called rightly, fault by fault."""
+    """Table of correctly classified runs by fault."""
     lines = [f"{'fault':24s}{'n':>5s}{'right':>10s}{'95 %':>17s}{'sure':>7s}"]
     names = [*dict.fromkeys(row.truth for row in called), ""]
     for name in names if called else ():

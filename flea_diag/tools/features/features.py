@@ -1,4 +1,4 @@
-"""``flea features``: what the features are, what they cost, and tables learned from runs."""
+"""``flea features``: list of features, their cost, and tables learned from runs."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from pathlib import Path
 from flea_diag.tools.argument import count, positive, share
 
 NAME = "features"
-SUMMARY = "list, measure and learn vibration features and the fault feature table"
+SUMMARY = "list and measure vibration features; learn, score and show fault feature tables"
 EXAMPLES = """\
 examples:
-  flea features list                                    names, units, costs, meanings
-  flea features learn bags/* -o feature_table.yaml      a table from labelled bags
-  flea features judge feature_table.yaml --stand 0:20   its score on simulated runs
-  flea features tree feature_table.yaml jam spall       the tree for a group
-  flea features train bags/* -o classifier.json         the feature-only alternative
-  flea features study --stand 0:20 --draw sizes.svg     the whole diagnosis against fault size
+  flea features list                                    list ids, units, costs and meanings
+  flea features learn bags/* -o feature_table.yaml      learn a table from labelled bags
+  flea features judge feature_table.yaml --stand 0:20   score a table on simulated runs
+  flea features tree feature_table.yaml jam spall       show the diagnosis tree of a group
+  flea features train bags/* -o classifier.json         train the feature-only classifier
+  flea features study --stand 0:20 --draw sizes.svg     accuracy of the diagnosis by fault size
 """
 
 STRATEGIES = "paper, balanced, information or optimal"
@@ -25,37 +25,57 @@ STRATEGIES = "paper, balanced, information or optimal"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``flea features``."""
     commands = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    commands.add_parser("list", help="names, units, relative costs, meanings")
-    commands.add_parser("bench", help="measure each feature on 1 s x 6 axes at 20 kHz")
+    commands.add_parser("list", help="list ids, units, relative costs and meanings")
+    commands.add_parser("bench", help="measure the CPU time of each feature (1 s x 6 axes, 20 kHz)")
     _learn_arguments(commands.add_parser("learn", help="learn a table from labelled bags"))
-    _judge_arguments(commands.add_parser("judge", help="walk a table on other runs and score it"))
+    _judge_arguments(commands.add_parser("judge", help="score a table on runs not learned from"))
     tree = commands.add_parser("tree", help="print the diagnosis tree of a table")
-    tree.add_argument("table", type=Path, help="YAML file")
-    tree.add_argument("faults", nargs="*", help="group to start from (all rows)")
+    tree.add_argument("table", type=Path, help="fault feature table, YAML")
+    tree.add_argument("faults", nargs="*", help="initial group (default: all faults of the table)")
     tree.add_argument(
-        "--strategy", default="optimal", help="paper, balanced, information or optimal"
+        "--strategy", default="optimal", help=f"choice of features: {STRATEGIES} (%(default)s)"
     )
-    tree.add_argument("--rarest", type=float, default=0.005, help="leave rarer branches out")
-    tree.add_argument("--draw", type=Path, metavar="OUT", help="picture too: .svg, .png or .pdf")
+    tree.add_argument(
+        "--rarest", type=float, default=0.005, help="least probability of a branch (%(default)s)"
+    )
+    tree.add_argument("--draw", type=Path, metavar="OUT", help="draw the tree: .svg, .png or .pdf")
     train = commands.add_parser("train", help="train the feature-only classifier on labelled bags")
     _run_arguments(train)
     train.add_argument("-o", "--output", type=Path, required=True, help="JSON file to write")
-    _study_arguments(commands.add_parser("study", help="the whole diagnosis on simulated runs"))
-    found = commands.add_parser("bearing", help="thresholds and detections on bearing recordings")
+    _study_arguments(commands.add_parser("study", help="score the diagnosis on simulated runs"))
+    found = commands.add_parser("bearing", help="test features on bearing recordings")
     found.add_argument("normal", type=Path, help="MATLAB file of a healthy bearing")
-    found.add_argument("faulty", type=Path, nargs="+", help="MATLAB files of faults")
-    found.add_argument("--rate", type=positive, default=48_000.0, metavar="HZ")
-    found.add_argument("--rpm", type=positive, default=1797.0)
-    found.add_argument("--window", type=positive, default=0.1, metavar="S")
-    found.add_argument("--false-alarm-rate", type=share, default=0.01)
+    found.add_argument("faulty", type=Path, nargs="+", help="MATLAB files of faulty bearings")
+    found.add_argument(
+        "--rate", type=positive, default=48_000.0, metavar="HZ", help="sampling rate (%(default)s)"
+    )
+    found.add_argument(
+        "--rpm", type=positive, default=1797.0, help="shaft speed, 1/min (%(default)s)"
+    )
+    found.add_argument(
+        "--window", type=positive, default=0.1, metavar="S", help="window length (%(default)s)"
+    )
+    found.add_argument(
+        "--false-alarm-rate",
+        type=share,
+        default=0.01,
+        help="share of nominal windows outside the range of a feature (%(default)s)",
+    )
 
 
 def _learn_arguments(parser: argparse.ArgumentParser) -> None:
     _run_arguments(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, help="table to write")
-    parser.add_argument("--false-alarm-rate", type=share, default=0.01, help="of each feature")
-    parser.add_argument("--most", type=count, default=18, help="features in the table")
-    parser.add_argument("--title", default="learned fault feature table")
+    parser.add_argument(
+        "--false-alarm-rate",
+        type=share,
+        default=0.01,
+        help="share of nominal windows outside the range of a feature (%(default)s)",
+    )
+    parser.add_argument(
+        "--most", type=count, default=18, help="largest number of features (%(default)s)"
+    )
+    parser.add_argument("--title", default="learned fault feature table", help="title of the table")
 
 
 def _study_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,49 +83,70 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--faults",
         default="spall,jam,ball_nut_friction,accelerometer_2_fault",
-        help="faults to try, by comma (%(default)s)",
-    )
-    parser.add_argument("--table", default="feature_table.yaml", help="to choose and cost by")
-    parser.add_argument("--jobs", type=count, default=1, help="processes that simulate")
-    parser.add_argument(
-        "--classifier", type=Path, metavar="FILE", help="what this one calls the same runs"
+        help="faults to simulate, comma-separated (%(default)s)",
     )
     parser.add_argument(
-        "--json", type=Path, metavar="OUT", help="one row a run, written after each"
+        "--table", default="feature_table.yaml", help="fault feature table (%(default)s)"
     )
-    parser.add_argument("--draw", type=Path, metavar="OUT", help="accuracy against fault size")
+    parser.add_argument("--jobs", type=count, default=1, help="parallel processes (%(default)s)")
+    parser.add_argument(
+        "--classifier", type=Path, metavar="FILE", help="compare with this classifier"
+    )
+    parser.add_argument(
+        "--json", type=Path, metavar="OUT", help="write one row per run, after each run"
+    )
+    parser.add_argument("--draw", type=Path, metavar="OUT", help="plot accuracy against fault size")
 
 
 def _judge_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("table", type=Path, help="YAML file")
+    parser.add_argument("table", type=Path, help="fault feature table, YAML")
     _run_arguments(parser)
-    parser.add_argument("--windows", type=count, default=1, help="windows that a walk may use")
-    parser.add_argument("--pairs", action="store_true", help="every pair of the group as well")
+    parser.add_argument(
+        "--windows", type=count, default=1, help="windows available per run (%(default)s)"
+    )
+    parser.add_argument("--pairs", action="store_true", help="also score every pair of the group")
     parser.add_argument(
         "--classifier", type=Path, metavar="FILE", help="score this classifier on the same windows"
     )
-    parser.add_argument("--group", default="", help="faults, by comma, to start from (all rows)")
     parser.add_argument(
-        "--strategy", default="optimal", help="paper, balanced, information or optimal"
+        "--group", default="", help="initial group, comma-separated (default: all faults)"
+    )
+    parser.add_argument(
+        "--strategy", default="optimal", help=f"choice of features: {STRATEGIES} (%(default)s)"
     )
 
 
 def _run_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("bags", nargs="*", type=Path, help="bags with their truth")
+    parser.add_argument("bags", nargs="*", type=Path, help="bags with truth")
     parser.add_argument(
-        "--stand", metavar="FIRST:LAST", help="simulate runs with these seeds instead of bags"
+        "--stand",
+        metavar="FIRST:LAST",
+        help="simulate runs with these seeds (LAST excluded) instead",
     )
     parser.add_argument(
-        "--loads", metavar="LOW:HIGH", default="0:300", help="load of such runs, N (%(default)s)"
+        "--loads",
+        metavar="LOW:HIGH",
+        default="0:300",
+        help="load of simulated runs, N (%(default)s)",
     )
-    parser.add_argument("--duration", type=positive, default=6.5, metavar="S", help="of such a run")
-    parser.add_argument("--jobs", type=count, default=1, help="processes that simulate")
-    parser.add_argument("--window", type=positive, default=1.0, metavar="S")
-    parser.add_argument("--hop", type=positive, default=1.0, metavar="S")
+    parser.add_argument(
+        "--duration",
+        type=positive,
+        default=6.5,
+        metavar="S",
+        help="duration of simulated runs, s (%(default)s)",
+    )
+    parser.add_argument("--jobs", type=count, default=1, help="parallel processes (%(default)s)")
+    parser.add_argument(
+        "--window", type=positive, default=1.0, metavar="S", help="window length (%(default)s)"
+    )
+    parser.add_argument(
+        "--hop", type=positive, default=1.0, metavar="S", help="window spacing (%(default)s)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked for; 0 when all of it could be done."""
+    """Run one action; return 0 on success."""
     from flea_diag.tools.features.actions import ACTIONS
 
     action = ACTIONS[arguments.action]

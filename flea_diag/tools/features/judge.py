@@ -1,4 +1,4 @@
-"""How well a table splits a group: walks its tree on runs that it was not learned from."""
+"""Score of a fault feature table: walks through its tree on runs that it was not learned from."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flea_diag.tools.interval import wilson
 
 @dataclass(frozen=True)
 class Walk:
-    """End of one walk."""
+    """Result of one walk."""
 
     truth: str
     left: tuple[str, ...]
@@ -27,12 +27,12 @@ class Walk:
 
     @property
     def resolved(self) -> bool:
-        """Whether the truth alone is left."""
+        """Whether only the true fault remains."""
         return self.left == (self.truth,)
 
     @property
     def kept(self) -> bool:
-        """Whether the truth is among what is left."""
+        """Whether the true fault remains."""
         return self.truth in self.left
 
 
@@ -43,7 +43,7 @@ def judge(
     strategy: str = "optimal",
     windows: int = 1,
 ) -> list[Walk]:
-    """One walk a run whose fault is of the group, on the first windows that show its fault."""
+    """One walk per run with a fault of the group, on the first windows with the fault."""
     chooser = FeatureChooser(table, strategy)
     walks: list[Walk] = []
     for run in runs:
@@ -54,7 +54,7 @@ def judge(
 
 
 def walk(samples: Sequence[Sample], chooser: FeatureChooser, group: Sequence[str]) -> Walk:
-    """From equal probabilities to a leaf; on to the next window while more than one is left."""
+    """Walk from equal probabilities to a leaf; continue on the next window if several remain."""
     left: Mapping[str, float] = dict.fromkeys(group, 1.0)
     asked: list[str] = []
     for sample in samples:
@@ -77,7 +77,7 @@ def pair_report(
     strategy: str = "optimal",
     windows: int = 1,
 ) -> str:
-    """Every pair of the group: runs of either fault that were resolved from just these two."""
+    """Table of all pairs of the group: runs resolved from a group of these two faults."""
     lines = [f"{'pair':48s}{'n':>5s}{'resolved':>10s}{'95 %':>17s}{'kept':>7s}"]
     for pair in combinations(group, 2):
         walks = judge(runs, table, pair, strategy, windows)
@@ -91,7 +91,7 @@ def pair_report(
 
 
 def report(walks: Sequence[Walk]) -> str:
-    """Table of all faults: runs, resolved to the truth, truth kept, size, features, cost."""
+    """Table by fault: runs, shares with the true fault resolved and kept, size, features, cost."""
     head = f"{'fault':24s}{'n':>5s}{'resolved':>10s}{'95 %':>17s}{'kept':>7s}"
     lines = [head + f"{'size':>6s}{'features':>10s}{'cost':>7s}"]
     for fault in dict.fromkeys(row.truth for row in walks):

@@ -1,4 +1,4 @@
-"""The labelled runs that ``flea features`` was given: bags, or seeds of the simulated stand."""
+"""Labelled runs for ``flea features``: bags, or seeds of the simulated stand."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from flea_diag.tools.terminal import warn
 def labelled_runs(
     arguments: argparse.Namespace, faults: Sequence[str] = tuple(SEVERITIES), nominal: bool = True
 ) -> tuple[list[FeatureRun], str, int]:
-    """Runs of bags or of the stand, where they come from, and 1 when some could not be read.
+    """Runs of bags or of the simulated stand, their source, and 1 if some could not be read.
 
     Raises
     ------
     ConfigurationError
-        Neither bags nor seeds are named, or loads or seeds make no sense.
+        Neither bags nor seeds are given, or loads or seeds are invalid.
     """
     grid = Grid(arguments.window, arguments.hop, bench.FLEA_SCREW.orders())
     if arguments.stand:
         seeds, loads = seeds_of(arguments.stand), _loads(arguments.loads)
-        # As many nominal runs as four faults have: ranges need more windows than entries do.
+        # Four times as many nominal runs as runs of a fault: ranges need more windows than entries.
         runs = stand_runs(seeds, faults, arguments.duration, grid, arguments.jobs, loads)
         if nominal:
             more = range(seeds.start * 10, seeds.start * 10 + 4 * len(seeds))
@@ -39,25 +39,25 @@ def labelled_runs(
         try:
             runs.append(run_of_bag(directory, grid))
         except FleaError as error:
-            warn(f"{directory}: left out: {error}")
+            warn(f"{directory}: not used: {error}")
             failed = 1
         else:
             if not runs[-1].samples:
-                warn(f"{directory}: no window of it can be used: vibration, or a truth, is missing")
+                warn(f"{directory}: no usable window: vibration or truth is missing")
     return runs, f"{len(runs)} bags", failed
 
 
 def seeds_of(text: str) -> range:
-    """Seeds of ``FIRST:LAST``, the last one not among them.
+    """Seeds of ``FIRST:LAST``, without the last one.
 
     Raises
     ------
     ConfigurationError
-        When it is none.
+        The text is not a range of seeds.
     """
     first, _, last = text.partition(":")
     if not (first.isdecimal() and last.isdecimal() and int(first) < int(last)):
-        raise ConfigurationError(f"features: --stand = {text!r} must be FIRST:LAST, as 0:20")
+        raise ConfigurationError(f"features: --stand = {text!r} must be FIRST:LAST, such as 0:20")
     return range(int(first), int(last))
 
 
@@ -69,6 +69,6 @@ def _loads(text: str) -> tuple[float, float]:
         low, high = math.nan, math.nan
     if not 0.0 <= low < high <= LARGEST_LOAD_N:
         raise ConfigurationError(
-            f"features: --loads = {text!r} must be LOW:HIGH within 0 and {LARGEST_LOAD_N:g} N"
+            f"features: --loads = {text!r} must be LOW:HIGH within 0 to {LARGEST_LOAD_N:g} N"
         )
     return low, high

@@ -1,4 +1,4 @@
-"""Windows of recordings or of the simulated stand, labelled by the truth, as feature samples."""
+"""Feature samples from windows of recordings or of the simulated stand, labelled by the truth."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from flea_diag.wire.records import NEVER_NS, Record, Scan, Truth, VibrationBlock
 
 SECOND_NS = 1_000_000_000
 SETTLING_S = 0.3
-"""After the start and after an onset: the stand takes up its motion, the fault its place."""
+"""Time skipped after the start and after an onset, for transients."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Where windows are cut: one of ``window_s`` every ``hop_s``."""
+    """Grid of the windows: one of ``window_s`` every ``hop_s``."""
 
     window_s: float = 1.0
     hop_s: float = 1.0
@@ -36,9 +36,9 @@ class Grid:
 
 @dataclass(frozen=True)
 class FeatureRun:
-    """Samples of one recording, and what the sentinel hears block by block while nominal.
+    """Samples of one recording, and the vibration monitor's indicators of its nominal blocks.
 
-    ``levels``: standard deviation of each axis, ``kurtosis`` the same of the kurtosis.
+    ``levels`` is the standard deviation of each axis, ``kurtosis`` its kurtosis.
     """
 
     name: str
@@ -49,16 +49,16 @@ class FeatureRun:
 
     @property
     def typical(self) -> tuple[Sample, ...]:
-        """Samples of windows as features are asked on: fast, or near the fastest of this motion."""
+        """Samples of windows fit for feature requests: fast, or near the run's highest speed."""
         moving = [sample for sample in self.samples if sample.moving]
         fastest = max((sample.point.speed_rad_s for sample in moving), default=0.0)
         least = min(FAST_RAD_S, NEAR_FASTEST * fastest)
         return tuple(sample for sample in moving if sample.point.speed_rad_s >= least)
 
     def asked(self, group: Sequence[str], windows: int) -> list[Sample]:
-        """The first windows under a fault of the group that features would be asked on.
+        """The first windows with a fault of the group on which features would be requested.
 
-        Those with a reversal come before the others.
+        Windows with a reversal come first.
         """
         fitting = [sample for sample in self.typical if sample.fault in group]
         return sorted(fitting, key=lambda sample: not sample.reverses)[:windows]
@@ -70,7 +70,7 @@ def run_of_bag(directory: Path, grid: Grid) -> FeatureRun:
     Raises
     ------
     RecordingError
-        When there is no bag, or it cannot be read.
+        There is no bag, or it cannot be read.
     """
     truths = [record for _, record in read_bag(directory, (Truth,)) if isinstance(record, Truth)]
     stream = (record for _, record in read_bag(directory, (Scan, VibrationBlock)))
@@ -78,10 +78,10 @@ def run_of_bag(directory: Path, grid: Grid) -> FeatureRun:
 
 
 def run_of(name: str, stream: Iterable[Record], truths: list[Truth], grid: Grid) -> FeatureRun:
-    """Samples of a stream of scans and blocks, in the order in which they came."""
+    """Samples of a stream of scans and blocks, in order of arrival."""
     windows = Windows(grid.window_s + 3.0, 0.002, 0.05, grid.orders or {})
     samples: list[Sample] = []
-    heard: list[_Heard] = []
+    heard: list[_BlockIndicators] = []
     scans: list[tuple[int, float, float]] = []
     end_ns = -1
     for record in stream:
@@ -106,7 +106,7 @@ def run_of(name: str, stream: Iterable[Record], truths: list[Truth], grid: Grid)
 
 
 def label(truths: Iterable[Truth], start_ns: int, end_ns: int) -> str | None:
-    """Fault that was there throughout a window; None where it came, or grew, within it."""
+    """Fault present throughout a window; None if its onset or growth lies within the window."""
     found = NOMINAL
     for truth in sorted(truths, key=lambda row: row.stamp_ns):
         if truth.onset_ns == NEVER_NS:
@@ -135,29 +135,29 @@ def _samples(windows: Windows, start_ns: int, end_ns: int, fault: str) -> Iterat
 
 
 @dataclass(frozen=True)
-class _Heard:
-    """Each condition indicator of one block of vibration, by axis."""
+class _BlockIndicators:
+    """Condition indicators of one vibration block, by axis."""
 
     start_ns: int
     end_ns: int
     indicators: tuple[Mapping[str, float], ...]
 
 
-def _heard(windows: Windows, start_ns: int, end_ns: int) -> Iterator[_Heard]:
-    """Indicators of the blocks inside a window, as the sentinel is told of them."""
+def _heard(windows: Windows, start_ns: int, end_ns: int) -> Iterator[_BlockIndicators]:
+    """Indicators of the blocks within a window, as received by the vibration monitor."""
     for block, block_end_ns in windows.vibration.blocks(start_ns, end_ns):
         found = condition_indicators(block)
         by_axis = (dict(zip(block.axes, values, strict=True)) for values in found)
-        yield _Heard(block.stamp_ns, block_end_ns, tuple(by_axis))
+        yield _BlockIndicators(block.stamp_ns, block_end_ns, tuple(by_axis))
 
 
 def _pointed(
-    heard: Iterable[_Heard], scans: Sequence[tuple[int, float, float]]
+    heard: Iterable[_BlockIndicators], scans: Sequence[tuple[int, float, float]]
 ) -> Iterator[tuple[OperatingPoint, tuple[Mapping[str, float], ...]]]:
-    """Indicators with speed and load as the sentinel knows them: smoothed as residuals are.
+    """Indicators with the operating point of the vibration monitor: smoothed speed and load.
 
-    A load actuator that lets go and catches makes steps within a few scans, in which the smoothed
-    and the raw speed differ by a multiple.
+    A load actuator that slips and sticks again causes steps within a few scans, in which smoothed
+    and raw speed differ by a large factor.
     """
     if len(scans) < KERNEL_LENGTH:
         return

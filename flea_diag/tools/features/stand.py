@@ -1,7 +1,7 @@
-"""Runs of the simulated stand for learning and for judging a fault feature table.
+"""Runs of the simulated stand for learning and scoring a fault feature table.
 
-Every run is drawn from its seed alone: motion, load, unit and severity. Seeds used to learn
-must not be used to judge.
+The seed determines motion, load, unit and severity of a run. Seeds used for learning must not be
+used for scoring.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ SEVERITIES: dict[str, tuple[float, float]] = {
 """Smallest and largest size of each fault, in the units of the stand's fault catalogue."""
 
 DEAD_SHARE = 0.25
-"""Part of the accelerometer faults in which the sensor is dead rather than noisy."""
+"""Share of dead sensors among the accelerometer faults; the others are noisy."""
 
 REST_SHARE = 0.1
-"""Part of the nominal runs without motion."""
+"""Share of nominal runs without motion."""
 
 FASTEST_M_S = 0.13
 SMALLEST_LOAD_N, LARGEST_LOAD_N = 40.0, 300.0
@@ -49,13 +49,13 @@ def drawn_scenario(
     onset_s: float = 0.0,
     loads_n: tuple[float, float] = (0.0, LARGEST_LOAD_N),
 ) -> dict[str, Any]:
-    """Scenario of one run, as the stand reads it; a fault is there from the start, or an onset.
+    """Scenario of one run as a mapping; the fault is present from the start or from an onset.
 
-    ``loads_n``: smallest and largest size of the load, which may act either way.
+    ``loads_n``: smallest and largest magnitude of the load, which may act in either direction.
     """
     draw = np.random.default_rng([seed, *fault.encode()])
     resting = fault == NOMINAL and draw.random() < REST_SHARE
-    # A constant preload never crosses the gap: backlash shows, and is learned, under little load.
+    # Under a constant preload the gap is never crossed: backlash is learned at small loads.
     least, limit = (0.0, SMALLEST_LOAD_N) if fault == "backlash" else loads_n
     scenario: dict[str, Any] = {
         "name": f"{fault}_{seed}",

@@ -1,7 +1,7 @@
-"""The whole diagnosis on simulated runs that nothing was learned from: right answers and cost.
+"""Accuracy and cost of the whole diagnosis on simulated runs not used for learning.
 
-Each run is one physical unit of its own, healthy until the onset, with a motion, a load and a
-size of the fault that are drawn from its seed. It goes through the same stages as live data.
+Each run is a unit of its own, healthy until the onset, with motion, load and fault size drawn by
+its seed. It is processed by the same stages as live data.
 """
 
 from __future__ import annotations
@@ -44,15 +44,15 @@ from flea_sim_driver.stand import Stand
 ONSET_S = 8.0
 DURATION_S = 22.0
 WINDOWS = 3
-"""Windows in motion that features alone, and the classifier, may use: as many as an episode."""
+"""Windows in motion available to features alone and to the classifier, as in an episode."""
 
 EVERY_S = 1.0
-"""Computing always: all features of the table, once a second of data."""
+"""Period of eager computation: all features of the table for every second of data."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What all runs of a study have in common: the faults, by what they are told apart."""
+    """Settings common to all runs of a study: faults, feature table, classifier."""
 
     faults: tuple[str, ...]
     table: str = "feature_table.yaml"
@@ -61,14 +61,14 @@ class Plan:
 
 @dataclass(frozen=True)
 class Study:
-    """One run: what was there, what was said of it, and what vibration cost (CPU seconds).
+    """One run: truth, results, and cost of vibration processing (CPU seconds).
 
-    ``group``: what the whole diagnosis leaves, which is told of nothing. ``alone``: what features
-    alone leave of the faults of the study, on the first windows in motion after the onset.
-    ``called``: the classifier's word for the same windows, of all its classes, nominal among them.
-    ``moved_s``: how long the shaft turned after the onset. ``lazy_s``: blocks kept, sentinel,
-    decoding, the features asked for. ``eager_s``: decoding, and all features of the table every
-    second, spectra shared.
+    ``group`` is the final group of the whole diagnosis, without prior information. ``alone``: the
+    faults of the study left by features alone, on the first windows in motion after the onset.
+    ``called``: the class (including nominal) given by the classifier for the same windows.
+    ``moved_s``: time in motion after the onset. ``lazy_s``: buffering, vibration monitor,
+    decoding, and the requested features. ``eager_s``: decoding, and all features of the table
+    every second with shared spectra.
     """
 
     fault: str
@@ -85,22 +85,22 @@ class Study:
 
     @property
     def resolved(self) -> bool:
-        """Whether the truth alone is left."""
+        """Whether only the true fault remains."""
         return self.group == (self.fault,)
 
     @property
     def kept(self) -> bool:
-        """Whether the truth is among what is left."""
+        """Whether the true fault remains."""
         return self.fault in self.group
 
     @property
     def told(self) -> bool:
-        """Whether features alone leave the truth alone."""
+        """Whether features alone leave only the true fault."""
         return self.alone == (self.fault,)
 
     @property
     def classified(self) -> bool:
-        """Whether the classifier names the truth."""
+        """Whether the classifier gives the true fault."""
         return self.called == self.fault
 
 
@@ -133,7 +133,7 @@ def study_run(fault: str, seed: int, plan: Plan) -> Study:
 
 
 def after_onset(records: Sequence[Record]) -> FeatureRun:
-    """All features of every window in which the fault was there throughout."""
+    """All features of every window with the fault present throughout."""
     truths = [record for record in records if isinstance(record, Truth)]
     onset_ns = max((truth.onset_ns for truth in truths), default=0)
     late = [record for record in records if record.stamp_ns >= onset_ns]
@@ -141,13 +141,13 @@ def after_onset(records: Sequence[Record]) -> FeatureRun:
 
 
 def called(run: FeatureRun, classifier: Classifier) -> str:
-    """The class that the classifier finds most probable; empty where the shaft stands still."""
+    """Most probable class by the classifier; empty without motion."""
     found = call([run], classifier, classifier.faults, WINDOWS)
     return found[0].called if found else ""
 
 
 def moved_s(records: Sequence[Record]) -> float:
-    """How long the shaft turned after the onset, s."""
+    """Time in motion after the onset, s."""
     scans = [record for record in records if isinstance(record, Scan)]
     onset_ns = scans[0].stamp_ns + round(ONSET_S * SECOND_NS)
     late = [abs(scan.value("motor_speed")) for scan in scans if scan.stamp_ns >= onset_ns]
@@ -158,7 +158,7 @@ def moved_s(records: Sequence[Record]) -> float:
 def lazy_s(
     records: Sequence[Record], requests: Sequence[FeatureRequest], table: FaultFeatureTable
 ) -> float:
-    """CPU time of the extractor on a stream and on the requests that came with it."""
+    """CPU time of the extractor for a stream and its feature requests."""
     stream = [r for r in records if type(r) in ExtractorStage.consumes]
     merged = sorted([*stream, *requests], key=lambda record: record.stamp_ns)
 
@@ -171,7 +171,7 @@ def lazy_s(
 
 
 def eager_s(records: Iterable[Record], table: FaultFeatureTable) -> float:
-    """CPU time of all features of a table on every second of the same stream."""
+    """CPU time of all features of a table for every second of the same stream."""
     stream = [record for record in records if isinstance(record, Scan | VibrationBlock)]
     hop_ns = round(EVERY_S * SECOND_NS)
 
@@ -189,8 +189,8 @@ def eager_s(records: Iterable[Record], table: FaultFeatureTable) -> float:
 
 
 def cpu_s(work: Callable[[], None], rounds: int = 3) -> float:
-    """CPU time of one call, the least of some: what else the machine does only adds to it."""
-    gc.collect()  # not the garbage of what ran before
+    """Least CPU time of several calls, since other load on the machine only adds to it."""
+    gc.collect()  # so that garbage of earlier code is not collected during the measurement
     return min(_once_s(work) for _ in range(rounds))
 
 
@@ -203,7 +203,7 @@ def _once_s(work: Callable[[], None]) -> float:
 def study(
     plan: Plan, seeds: Iterable[int], faults: Sequence[str] = (), jobs: int = 1
 ) -> Iterator[Study]:
-    """Runs of each fault with each seed as they are done, in order; ``jobs`` processes."""
+    """Runs of each fault with each seed, in order, as they finish; ``jobs`` processes."""
     todo = [(fault, seed, plan) for seed in seeds for fault in faults or plan.faults]
     if jobs == 1:
         yield from (study_run(*job) for job in todo)

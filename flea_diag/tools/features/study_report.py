@@ -1,4 +1,4 @@
-"""What is said of many studied runs: a table, a picture, a file."""
+"""Report of a study: table, plot and JSON file."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from flea_diag.tools.interval import wilson
 from flea_diag.tools.terminal import write_json
 
 MOVED_S = 2.0
-"""Motion that a fault needs to show: with the small strokes some runs hardly move at all."""
+"""Time in motion that a fault needs to appear; runs with small strokes may have less."""
 
 WAYS: dict[str, tuple[str, Callable[[Study], bool]]] = {
     "diagnosis": ("tab:blue", lambda run: run.resolved),
     "features": ("tab:orange", lambda run: run.told),
     "classifier": ("tab:green", lambda run: run.classified),
 }
-"""How a run was judged -> colour in pictures, and whether it was right."""
+"""Method of diagnosis -> colour in plots, and test whether a run was correct."""
 
 
 def ways(runs: Sequence[Study]) -> list[str]:
-    """The ways that these runs were judged in."""
+    """The methods that were applied to these runs."""
     return [name for name in WAYS if name != "classifier" or any(run.called for run in runs)]
 
 
 def study_report(runs: Sequence[Study]) -> str:
-    """What was resolved, by fault and by third of the sizes, and what it cost."""
+    """Share resolved, by fault and by third of the sizes, and CPU cost."""
     shown = ways(runs)
     lines = [f"{'fault':24s}{'n':>5s}" + "".join(f"{name:>24s}" for name in shown)]
     lines[0] += f"{'kept':>7s}{'features':>10s}"
@@ -51,7 +51,7 @@ def study_report(runs: Sequence[Study]) -> str:
 
 
 def _miss(run: Study) -> str:
-    """What was said of a run whose fault is not what alone is left."""
+    """Result of a run that was not resolved to the true fault."""
     named = f"; classifier: {run.called}" if run.called else ""
     return (
         f"  {run.fault} seed {run.seed} size {run.size:.3g}, {run.moved_s:.1f} s in motion: "
@@ -60,19 +60,19 @@ def _miss(run: Study) -> str:
 
 
 def thirds(runs: Sequence[Study]) -> list[list[Study]]:
-    """Runs by size in three parts, smallest first; all that have one size in one part."""
+    """Runs in three parts by size, smallest first; a single part if all have one size."""
     ordered = sorted(runs, key=lambda run: run.size)
     cuts = [round(len(ordered) * k / 3) for k in range(4)]
     return [ordered[a:b] for a, b in pairwise(cuts) if b > a]
 
 
 def write_study(path: Path, runs: Sequence[Study]) -> None:
-    """Write one row a run as JSON.
+    """Write one row per run as JSON.
 
     Raises
     ------
     ConfigurationError
-        When the file cannot be written.
+        The file cannot be written.
     """
     judged = {name: right for name, (_, right) in WAYS.items()}
     rows = [{**asdict(run), "right": {n: r(run) for n, r in judged.items()}} for run in runs]
@@ -80,12 +80,12 @@ def write_study(path: Path, runs: Sequence[Study]) -> None:
 
 
 def draw_study(path: Path, runs: Sequence[Study]) -> None:
-    """Draw the share resolved against the size of each fault, with Wilson's intervals.
+    """Plot the share resolved against the size of each fault, with Wilson's intervals.
 
     Raises
     ------
     ConfigurationError
-        Without matplotlib, or where the file cannot be written.
+        matplotlib is not installed, or the file cannot be written.
     """
     require("plot", str(path))
     import matplotlib
@@ -113,7 +113,7 @@ def draw_study(path: Path, runs: Sequence[Study]) -> None:
 
 
 def _curves(axes: Any, runs: Sequence[Study]) -> None:
-    """One point a third of the sizes and a way, at the third's median; ways side by side."""
+    """Plot one point per third of the sizes and method, at the median size of the third."""
     for number, name in enumerate(ways(runs)):
         colour, right = WAYS[name]
         points = []

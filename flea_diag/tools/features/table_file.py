@@ -1,4 +1,4 @@
-"""Learned fault feature tables as YAML files that say how they were made."""
+"""Learned fault feature tables as YAML files with their provenance."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flea_diag.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class Making:
-    """How a table was made, for its header and its provenance."""
+    """Provenance of a table, for its header."""
 
     title: str
     provenance: str
@@ -36,11 +36,11 @@ def table_mapping(
     unaffected: Iterable[str],
     making: Making,
 ) -> dict[str, Any]:
-    """Plain values of a learned table with chosen features and the ends of their ranges.
+    """Plain values of a learned table with the chosen features and the ends of their ranges.
 
-    ``heard``: features that are never asked for, with entries for what alarms say of them;
-    ``levels``: section of the file to the range of each axis; ``unaffected`` faults read as
-    nominal windows do.
+    ``heard``: features that are never requested, with entries for the alarms of the vibration
+    monitor; ``levels``: section of the file -> range of each axis; ``unaffected`` faults have the
+    entries of nominal windows.
     """
     columns = {**features, **heard}
     rows: dict[str, Any] = {
@@ -83,12 +83,12 @@ def table_mapping(
 
 
 def write_table(path: Path, mapping: Mapping[str, Any], header: Sequence[str]) -> None:
-    """Write a table under comment lines that say how it was made.
+    """Write a table below comment lines with its provenance.
 
     Raises
     ------
     ConfigurationError
-        When the file cannot be written.
+        The file cannot be written.
     """
     lines = [f"# {line}".rstrip() for line in header]
     body = yaml.dump(dict(mapping), Dumper=_Dumper, sort_keys=False, width=100)
@@ -103,7 +103,7 @@ class _Inline(dict[str, Any]):
 
 
 class _Dumper(yaml.SafeDumper):  # type: ignore[misc,unused-ignore]
-    """Entries on one line each, no aliases: the file is read by people too."""
+    """YAML dumper with one line per entry and without aliases, for readability."""
 
     def ignore_aliases(self, data: Any) -> bool:
         """Never write anchors."""
@@ -117,7 +117,7 @@ _Dumper.add_representer(
 
 
 def _entry(probabilities: Sequence[float]) -> _Inline:
-    """Probabilities to three digits that still sum to 1: the largest takes up the rest."""
+    """Probabilities rounded to three digits with sum 1: the largest one absorbs the remainder."""
     rounded = [round(p, 3) for p in probabilities]
     largest = rounded.index(max(rounded))
     rounded[largest] = round(1.0 - sum(rounded[:largest] + rounded[largest + 1 :]), 3)

@@ -1,4 +1,4 @@
-"""A diagnosis tree as a picture: from left to right, one line a leaf."""
+"""Drawing of a diagnosis tree: left to right, one line per leaf."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ MOST_LEAVES = 300
 
 
 def draw_tree(node: Node, path: Path) -> None:
-    """Draw a tree into a file; its suffix says the format.
+    """Draw a tree to a file; its suffix determines the format.
 
     Raises
     ------
     ConfigurationError
-        Without matplotlib, for a format that is unknown, a tree that is too large for a picture,
-        or a file that cannot be written.
+        matplotlib is not installed, the format is unknown, the tree is too large, or the file
+        cannot be written.
     """
     if path.suffix not in FORMATS:
         raise ConfigurationError(f"{path}: must end in one of {' '.join(FORMATS)}")
     count = len(list(leaves(node)))
     if count > MOST_LEAVES:
         raise ConfigurationError(
-            f"{path}: a tree of {count} leaves is no picture, the limit is {MOST_LEAVES}: name "
+            f"{path}: the tree has {count} leaves, the limit for a drawing is {MOST_LEAVES}: name "
             "fewer faults, or raise --rarest"
         )
     require("plot", str(path))
@@ -52,7 +52,7 @@ def draw_tree(node: Node, path: Path) -> None:
 
 
 def _undated(path: Path) -> dict[str, Any]:
-    """The same tree makes the same file."""
+    """Metadata without a date, so that equal trees give equal files."""
     return (
         {} if path.suffix == ".png" else {"Date" if path.suffix == ".svg" else "CreationDate": None}
     )
@@ -63,7 +63,7 @@ def _depth(node: Node) -> int:
 
 
 def _place(axes: Any, node: Node, depth: int, first: int) -> tuple[float, int]:
-    """Draw a node and all below it; its height, and the lines that it takes."""
+    """Draw a node and its subtree; return its height and the number of lines."""
     used, heights = 0, []
     for branch in node.branches:
         height, lines = _place(axes, branch.node, depth + 1, first + used)

@@ -1,1 +1,1 @@
-"""``flea model``: an actuator's graph, equations, signatures and diagnosability."""
+"""``flea model``: bond graph, equations, signatures and diagnosability of an actuator."""

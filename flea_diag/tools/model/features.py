@@ -1,4 +1,4 @@
-"""What fault feature tables can never split, for ``flea model diagnosability``."""
+"""Faults that no fault feature table separates, for ``flea model diagnosability``."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from flea_diag.configuration import load_features
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 
 TABLES = ("feature_table.yaml", "feature_table_paper.yaml")
-"""The learned table, and that of the founding paper as it stands."""
+"""The learned table, and the table of the founding paper."""
 
 
 def never_split(faults: Iterable[str]) -> dict[str, list[list[str]]]:
-    """Groups with equal symbols in every feature, by title of the table: no tree splits them."""
+    """Groups of faults with equal symbols in every feature, by title of the table."""
     faults = list(faults)
     tables = [load_features(name) for name in TABLES]
     return {table.title: _groups(table, faults) for table in tables}
@@ -24,9 +24,9 @@ def _groups(table: FaultFeatureTable, faults: list[str]) -> list[list[str]]:
 
 
 def in_words(groups: dict[str, list[list[str]]]) -> list[str]:
-    """Lines for people."""
-    lines = ["", "Never split by vibration features, because all their symbols are alike:"]
+    """Lines of text for the terminal."""
+    lines = ["", "Not separable by vibration features (identical symbols):"]
     for title, found in groups.items():
-        lines.append(f"  {title}:" + ("" if found else " every pair of its faults is split"))
+        lines.append(f"  {title}:" + ("" if found else " none, all pairs are separable"))
         lines += [f"    {{{', '.join(group)}}}" for group in found]
     return lines

@@ -1,4 +1,4 @@
-"""``flea model``: an actuator's bond graph, equations, causal graph, signatures, diagnosability."""
+"""``flea model``: bond graph, equations, causal graph, signatures, diagnosability."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from flea_diag.core.bond_graph.actuator_model import Actuator
 
 NAME = "model"
-SUMMARY = "show an actuator's bond graph, equations, causal graph, signatures and diagnosability"
+SUMMARY = "show bond graph, equations, causal graph, signatures or diagnosability of an actuator"
 EXAMPLES = """\
 examples:
-  flea model show --svg graph.svg                     causality step by step, and a picture
-  flea model equations --model driven                 what the observer integrates
-  flea model tcg --from motor_speed-                  which faults would explain a low speed
-  flea model signatures --rate 100                    what a diagnoser at 100 Hz sees
-  flea model signatures --quadrant i-,w+ --json       textbook signatures while braking
+  flea model show --svg graph.svg                     causality assignment, and a drawing
+  flea model equations --model driven                 equations integrated by the observer
+  flea model tcg --from motor_speed-                  faults that explain a low speed
+  flea model signatures --rate 100                    signatures as sampled at 100 Hz
+  flea model signatures --quadrant i-,w+ --json       initial signatures while braking
   flea model diagnosability --sensors motor_current,motor_voltage,actuator_position
 """
 
@@ -29,34 +29,49 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add = parser.add_argument
-    add("view", choices=model_views.VIEWS, help="what to show")
-    add("--actuator", default="actuator.yaml", metavar="FILE", help="description (%(default)s)")
-    add("--faults", default="faults.yaml", metavar="FILE", help="fault catalogue (%(default)s)")
-    add("--model", default=None, metavar="NAME", help="equations, tcg: stand (default) or another")
-    add("--sensors", default=None, metavar="A,B,...", help="only these sensors are fitted")
+    add("view", choices=model_views.VIEWS, help="view to show")
+    add(
+        "--actuator",
+        default="actuator.yaml",
+        metavar="FILE",
+        help="actuator description (default %(default)s)",
+    )
+    add(
+        "--faults",
+        default="faults.yaml",
+        metavar="FILE",
+        help="fault catalogue (default %(default)s)",
+    )
+    add(
+        "--model",
+        default=None,
+        metavar="NAME",
+        help="model of the description (equations, tcg; default stand)",
+    )
+    add("--sensors", default=None, metavar="A,B,...", help="sensors fitted (default all)")
     add(
         "--fault",
         action="append",
         metavar="ID",
-        help="signatures, diagnosability: only this (repeatable)",
+        help="show this fault only, repeatable (signatures, diagnosability)",
     )
     add(
         "--quadrant",
         default=None,
         metavar="i+,w+",
-        help="only this one (tcg --from, signatures, diagnosability)",
+        help="show this quadrant only (tcg --from, signatures, diagnosability)",
     )
     add(
         "--rate",
         type=float,
         metavar="HZ",
-        help="scans per second (signatures: else textbook; diagnosability)",
+        help="sampling rate (diagnosability; signatures: default initial signatures)",
     )
-    add("--from", metavar="CHANNEL+/-", help="tcg: hypotheses for a deviation")
-    add("--complete", action="store_true", help="with --from: also hypotheses by slower paths")
-    add("--json", action="store_true", help="one JSON object on standard output")
-    add("--dot", action="store_true", help="the picture as DOT text (show, tcg)")
-    add("--svg", type=Path, metavar="OUT", help="the picture as SVG, by Graphviz (show, tcg)")
+    add("--from", metavar="CHANNEL+/-", help="hypotheses for this deviation (tcg)")
+    add("--complete", action="store_true", help="with --from: include hypotheses by slower paths")
+    add("--json", action="store_true", help="print one JSON object")
+    add("--dot", action="store_true", help="print the graph as DOT text (show, tcg)")
+    add("--svg", type=Path, metavar="OUT", help="draw the graph as SVG by Graphviz (show, tcg)")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -69,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not (arguments.dot or arguments.svg) or (arguments.svg and not arguments.json):
         content, lines = model_views.VIEWS[arguments.view](model, arguments)
         print(json.dumps(content, indent=1) if arguments.json else "\n".join(lines))
-    # Shown all the same, so that one sees where; but nothing can be made of it.
+    # Shown for inspection, but without causality there is nothing to compute.
     require_sound(model.graph, model.causality)
     return 0
 
@@ -86,7 +101,7 @@ def _picture(model: Actuator, arguments: argparse.Namespace) -> None:
     elif arguments.view == "show":
         dot = bond_graph_dot(model.graph, model.causality)
     else:
-        raise ConfigurationError(f"--svg and --dot draw show and tcg, not {arguments.view}")
+        raise ConfigurationError(f"--svg and --dot apply to show and tcg, not to {arguments.view}")
     if arguments.svg:
         draw(dot, arguments.svg)
     else:

@@ -1,4 +1,4 @@
-"""The views of ``flea model``: each gives what goes into JSON, and the same as lines for people."""
+"""The views of ``flea model``: each returns its content for JSON and as lines of text."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _tcg(model: Actuator, arguments: argparse.Namespace) -> View:
     channel, sign = measurement[:-1], measurement[-1]
     if channel not in graph.vertices or sign not in "+-":
         raise ConfigurationError(
-            f"--from {measurement}: write a channel and its sign, such as motor_speed-"
+            f"--from {measurement} must be a channel with a sign, such as motor_speed-"
         )
     lines, content = [], {}
     for quadrant in _quadrants(arguments):
@@ -90,7 +90,7 @@ def _tcg(model: Actuator, arguments: argparse.Namespace) -> View:
 
 
 def causal_graph(model: Actuator, arguments: argparse.Namespace) -> Any:
-    """Temporal causal graph of the model that is asked for."""
+    """Temporal causal graph of the chosen model."""
     from flea_diag.core.causal_graph.temporal_causal_graph import temporal_causal_graph
 
     return temporal_causal_graph(
@@ -125,11 +125,11 @@ def _diagnosability(model: Actuator, arguments: argparse.Namespace) -> View:
     quadrants = _quadrants(arguments)
     found = diagnosability(model, faults, _residuals(model), period, quadrants)
     lines = [f"Sensors: {', '.join(model.sensors)}", f"Residuals: {', '.join(found.residuals)}", ""]
-    lines += ["Never split by these residuals, whatever the stand does (identical signatures):"]
+    lines += ["Not separable by these residuals in any operating state (identical signatures):"]
     lines += [f"  {{{', '.join(group)}}}" for group in found.groups if len(group) > 1]
-    lines += ["", "Show in no residual (vibration features, or nothing, must find them):"]
+    lines += ["", "No effect on any residual (detectable by vibration features or not at all):"]
     lines += [f"  {fault}" for fault in found.undetectable]
-    lines += ["", "When this fault is there, these cannot be refuted by signs alone:"]
+    lines += ["", "Fault present: faults that signs alone cannot rule out:"]
     lines += [
         f"  {fault}: {', '.join(g for g in others if g != fault) or 'isolated'}"
         for fault, others in found.ambiguity.items()
@@ -139,7 +139,7 @@ def _diagnosability(model: Actuator, arguments: argparse.Namespace) -> View:
     if helpful:
         lines += [
             "",
-            "What would split those that are no sensor fault:",
+            "Additional sensors that would separate faults other than sensor faults:",
             *(f"  {words}" for words in helpful),
         ]
     by_features = never_split(faults)
@@ -172,7 +172,7 @@ def _helpful(
         words = [each.channel for each in extra]
         if faults[one].vibration or faults[other].vibration:
             words.append("accelerometers (fault-feature table)")
-        lines.append(f"{one} from {other}: {', '.join(words) or 'no sensor of the description'}")
+        lines.append(f"{one} from {other}: {', '.join(words) or 'none of the description'}")
     return lines
 
 
@@ -186,7 +186,7 @@ VIEWS: dict[str, Callable[[Actuator, argparse.Namespace], View]] = {
 
 
 def model_of(arguments: argparse.Namespace) -> Actuator:
-    """The actuator that is described, with the sensors that are fitted."""
+    """The described actuator with the fitted sensors."""
     whole = _whole(arguments)
     return whole.with_sensors(_fitted(arguments, whole)) if arguments.sensors else whole
 
@@ -210,7 +210,7 @@ def _faults(model: Actuator, arguments: argparse.Namespace) -> dict[str, Fault]:
     known = catalogue(load_yaml(arguments.faults), model, Path(arguments.faults).name)
     for name in arguments.fault or ():
         if name not in known:
-            raise ConfigurationError(f"--fault {name} is unknown, known are {', '.join(known)}")
+            raise ConfigurationError(f"--fault {name} is unknown: choose of {', '.join(known)}")
     return {name: known[name] for name in arguments.fault or known}
 
 
@@ -228,7 +228,7 @@ def _quadrants(arguments: argparse.Namespace) -> tuple[Quadrant, ...]:
     named = {f"i{_SIGN[q.current]},w{_SIGN[q.speed]}": q for q in QUADRANTS}
     if arguments.quadrant not in named:
         raise ConfigurationError(
-            f"--quadrant {arguments.quadrant} is unknown, choose one of {' '.join(named)}"
+            f"--quadrant {arguments.quadrant} is unknown: choose one of {' '.join(named)}"
         )
     return (named[arguments.quadrant],)
 
@@ -239,7 +239,7 @@ _SIGN = {1: "+", -1: "-"}
 def _period(arguments: argparse.Namespace) -> float | None:
     if arguments.rate is None:
         return None
-    # Written so that NaN, which compares false with everything, is refused too.
+    # The negated comparison also refuses NaN.
     if not 0.1 <= arguments.rate <= 1e5:
         raise ConfigurationError(f"--rate {arguments.rate:g} Hz must lie between 0.1 and 100000 Hz")
     return 1.0 / float(arguments.rate)

@@ -1,1 +1,1 @@
-"""``flea import``, and faults and switches put into real recordings."""
+"""``flea import``, and fault injection and unit switches in real recordings."""

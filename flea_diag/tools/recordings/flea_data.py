@@ -1,9 +1,9 @@
-"""The FLEA's own text format: low-speed ``.data`` files as NASA Ames published them (2010).
+"""Text format of the FLEA: low-speed ``.data`` files as published by NASA Ames (2010).
 
-Tab separated, no header, one line each 10 ms: a time stamp with its UTC offset
-(``2010-09-03_11:09:58.01000_-0700``) and nineteen numbers, ``NaN`` for what was not recorded.
-X and Y are the two test actuators, Z is the load actuator. A line that cannot be read is
-dropped and named; a file of which more than one line in twenty is such is none of the FLEA's.
+Tab separated, no header, one line per 10 ms: a time stamp with its UTC offset
+(``2010-09-03_11:09:58.01000_-0700``) and nineteen numbers, ``NaN`` for values not recorded.
+X and Y are the two test actuators, Z is the load actuator. An invalid line is dropped and
+reported; a file with more than 5 % of invalid lines is refused.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "Voltage": (-60.0, 60.0, "V"),
     "Temperature": (-100.0, 300.0, "degC"),
 }
-"""Last word of a column -> what its sensor could at all deliver, far beyond spikes seen."""
+"""Last word of a column -> limits of its sensor, far beyond observed spikes."""
 
 FILE_LIMIT_BYTES = 32 << 20
 LINE_LIMIT_BYTES = 1024
@@ -64,10 +64,10 @@ _YEARS = tuple(str(year) for year in range(1980, 2100))
 
 @dataclass(frozen=True)
 class FleaData:
-    """One file: stamps in ns (as recorded, also where time stands still or runs back).
+    """One file: stamps in ns as recorded, including repeated and backward stamps.
 
-    ``values`` has shape (lines, 19), in the file's own units; ``dropped`` names the lines
-    that could not be read.
+    ``values`` has shape (lines, 19), in the units of the file; ``dropped`` describes the invalid
+    lines.
     """
 
     path: Path
@@ -81,7 +81,7 @@ class FleaData:
 
 
 class _LineError(ValueError):
-    """Why a line cannot be read."""
+    """Reason why a line is invalid."""
 
 
 def read_flea_data(path: Path) -> FleaData:
@@ -90,8 +90,8 @@ def read_flea_data(path: Path) -> FleaData:
     Raises
     ------
     RecordingError
-        When the file is too big, cannot be opened, or is not of this format, naming the
-        first line that does not fit.
+        The file is too large, cannot be opened, or has another format; names the first invalid
+        line.
     """
     stamps, values = array("q"), array("d")
     dropped: list[str] = []
@@ -107,15 +107,15 @@ def read_flea_data(path: Path) -> FleaData:
     if len(dropped) > max(1, BAD_LINES_LIMIT * total) or not stamps:
         refused = dropped[0] if dropped else f"{path.name}: the file is empty"
         raise RecordingError(
-            f"{refused} ({len(dropped)} of {total} lines are unreadable, more than the limit of "
-            f"{BAD_LINES_LIMIT:.0%}: this is no FLEA .data file)"
+            f"{refused} ({len(dropped)} of {total} lines are invalid, above the limit of "
+            f"{BAD_LINES_LIMIT:.0%}: not a FLEA .data file)"
         )
     table = np.frombuffer(values, dtype=np.float64).reshape(len(stamps), len(COLUMNS))
     return FleaData(path, np.frombuffer(stamps, dtype=np.int64), table, tuple(dropped))
 
 
 def _lines(path: Path) -> Iterator[tuple[int, bytes, bool]]:
-    """Line numbers, lines, and whether the file ends within that line."""
+    """Line numbers, lines, and whether the file ends within the line."""
     try:
         size = path.stat().st_size
         if size > FILE_LIMIT_BYTES:
@@ -137,9 +137,9 @@ def _read_line(line: bytes, cut: bool) -> tuple[int, list[float]]:
     stamp, *texts = line.decode("ascii", "backslashreplace").split("\t")
     if len(texts) != len(COLUMNS):
         why = "the file ends within it: " if cut else ""
-        raise _LineError(f"{why}{len(texts) + 1} columns, it must have {len(COLUMNS) + 1}")
+        raise _LineError(f"{why}{len(texts) + 1} columns, must be {len(COLUMNS) + 1}")
     if cut and texts[-1] != "NaN" and _decimals(texts[-1]) < max(map(_decimals, texts)):
-        # A number that was cut off is still a number: its missing digits tell.
+        # A truncated number still parses; it is recognised by its missing digits.
         raise _LineError(f"the file ends within it: column {len(texts) + 1} = {texts[-1]!r}")
     return _stamp_ns(stamp), [_value(k, text) for k, text in enumerate(texts)]
 
@@ -154,9 +154,9 @@ def _value(number: int, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise _LineError(f"{where} is no number") from None
+        raise _LineError(f"{where} is not a number") from None
     low, high, unit = LIMITS[column.rpartition(" ")[2]]
-    # NaN compares false with everything and passes: not recorded.
+    # NaN (not recorded) passes, since all comparisons with it are false.
     if value < low or value > high:
         raise _LineError(f"{where} is outside its limits of {low:g} to {high:g} {unit}")
     return value
@@ -166,7 +166,7 @@ def _stamp_ns(text: str) -> int:
     match = _STAMP.fullmatch(text)
     if match is None:
         raise _LineError(
-            f"column 1 (Time) = {text[:40]!r} is not like 2010-09-03_11:09:58.01_-0700"
+            f"column 1 (Time) = {text[:40]!r} must be like 2010-09-03_11:09:58.01_-0700"
         )
     minute, seconds, fraction, offset = match.groups()
     if int(seconds) >= 60 or minute[:4] not in _YEARS:
@@ -182,5 +182,5 @@ def _minute_ns(minute: str, offset: str) -> int:
     try:
         moment = datetime.strptime(f"{minute}{offset}", "%Y-%m-%d_%H:%M%z")
     except ValueError:
-        raise _LineError(f"column 1 (Time) = {minute!r} is no date and time") from None
+        raise _LineError(f"column 1 (Time) = {minute!r} is not a date and time") from None
     return int(moment.timestamp()) * _NS

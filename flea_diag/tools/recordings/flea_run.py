@@ -1,7 +1,7 @@
-"""One FLEA run as records: SI units, our signs, the truth that its name and motion tell.
+"""One FLEA run as records: SI units, our sign convention, truth from its name and motion.
 
-Which test motor runs is seen in the record (its current moves, the idle one's is flat), not
-in the label; no field of a Scan or of the channel table tells which one it was.
+The test motor in use is determined from the record (its current varies, that of the idle one is
+flat), not from the label; no field of a Scan or of the channel table says which one it was.
 
 Signs, by regression over running means of 0.21 s on the 49 runs without a position fault
 (positive position extends). V = R i + K v, on the 38 whose voltage channel is sound, gives
@@ -31,23 +31,23 @@ from flea_diag.wire.records import NEVER_NS, ChannelInfo, ChannelTable, Scan, Tr
 RATE_HZ = 100.0
 NEWTON_PER_POUND_FORCE = 4.4482216152605
 ACTIVITY_RATIO = 3.0
-"""A driven motor's current moves at least this many times as much as the idle one's."""
+"""Least ratio of the current variation (rms) of the driven motor to that of the idle one."""
 
 POSITION_NOISE_MM = 0.06
 POSITION_RESOLUTION_MM = 0.0036
 STROKE_MM = 100.0
 END_STOP_MM = 0.5
-"""Nearer than this to an end of the stroke counts as standing at the stop."""
+"""Distance to an end of the stroke within which the actuator is at its stop."""
 
 RUN_AWAY_SEARCH = 200
-"""Samples before the end stop in which a run-away can have begun (2 s)."""
+"""Samples before the end stop within which a run-away must have begun (2 s)."""
 SPEED_UP_WINDOW = 15
-"""Samples over which a speed-up is measured (0.15 s)."""
+"""Samples over which an increase of speed is measured (0.15 s)."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """One row: a channel of the Scan, its column (``{}`` is the unit in use) and its factor."""
+    """A channel of the Scan with its column (``{}``: the unit in use) and factor."""
 
     channel: str
     column: str
@@ -76,7 +76,7 @@ CHANNELS = tuple(source.channel for source in SOURCES)
 
 TEST_ACTUATOR = "test actuator"
 MOUNTS = {"load_": "load actuator", "ambient_": "stand"}
-"""Where channels of these names sit; all others sit on the test actuator."""
+"""Prefix of a channel -> its location; all others are on the test actuator."""
 
 
 def _mount(source: Source) -> str:
@@ -85,7 +85,7 @@ def _mount(source: Source) -> str:
 
 @dataclass(frozen=True)
 class Label:
-    """What the name of a run says: the fault, and for a position fault its injection."""
+    """Information in the name of a run: the fault, and for a position fault its parameters."""
 
     fault: str
     time_s: float = math.nan
@@ -101,7 +101,7 @@ _FAULT = {"Nominal": "nominal", "Jam": "jam", "Spall": "spall"}
 
 
 def label_of(name: str) -> Label | None:
-    """Label in the name of a run (without ``.data``), None when there is none that we know."""
+    """Label in the name of a run (without ``.data``); None if there is no known label."""
     match = _NAME.search(name)
     if match is None:
         return None
@@ -121,20 +121,20 @@ def _position_fault(offset_mm: float, scale: float) -> str:
 
 
 def active_motor(data: FleaData) -> str:
-    """Return ``X`` or ``Y``: the test motor whose current moves.
+    """Return ``X`` or ``Y``: the test motor whose current varies.
 
     Raises
     ------
     RecordingError
-        When neither stands out.
+        Neither motor is clearly the driven one.
     """
     activity = {unit: _activity(data.column(f"Motor {unit} Current")) for unit in "XY"}
     idle, driven = sorted(activity, key=lambda unit: activity[unit])
     if not activity[driven] > ACTIVITY_RATIO * activity[idle]:
         raise RecordingError(
-            f"{data.path.name}: cannot tell which test motor runs: the currents of X and Y move "
-            f"by {activity['X']:.3f} A and {activity['Y']:.3f} A (rms), one must move "
-            f"{ACTIVITY_RATIO:g} times as much"
+            f"{data.path.name}: cannot tell which test motor runs: the currents of X and Y vary by "
+            f"{activity['X']:.3f} A and {activity['Y']:.3f} A (rms), their ratio must be at least "
+            f"{ACTIVITY_RATIO:g}"
         )
     return driven
 
@@ -145,12 +145,12 @@ def _activity(current: npt.NDArray[np.float64]) -> float:
 
 
 def find_run_away(position_mm: npt.NDArray[np.float64]) -> int | None:
-    """Sample at which an actuator whose position feedback died begins to run away.
+    """Sample at which an actuator begins to run away after a loss of position feedback.
 
-    The drive saturates at once, so the run-away starts with a kick: of the 2 s before the end
-    stop is reached, the first stretch of 0.15 s in which the speed towards that stop grows by
-    at least 80 % of its greatest growth; the run-away begins where the speed begins to grow.
-    None when the actuator never stands at an end stop.
+    The drive saturates at once, so the run-away begins with a sudden acceleration: within the
+    2 s before the end stop is reached, the first interval of 0.15 s in which the speed towards
+    the stop increases by at least 80 % of its largest increase. The run-away begins where this
+    increase begins. None if the actuator never reaches an end stop.
     """
     at_stop = [np.flatnonzero(position_mm > STROKE_MM - END_STOP_MM)]
     at_stop.append(np.flatnonzero(position_mm < END_STOP_MM))
@@ -173,14 +173,14 @@ def find_run_away(position_mm: npt.NDArray[np.float64]) -> int | None:
 
 
 def _speed(position_mm: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Speed in mm/s over 60 ms about each sample."""
+    """Speed in mm/s over 60 ms around each sample."""
     padded = np.pad(position_mm, 3, mode="edge")
     return np.asarray((padded[6:] - padded[:-6]) * RATE_HZ / 6)
 
 
 @dataclass(frozen=True)
 class FleaRun:
-    """A run ready to be written: what the stages may see, and the truth, which they may not."""
+    """A run ready to be written: input of the stages, and the truth, which they do not read."""
 
     data: FleaData
     unit: str
@@ -191,16 +191,16 @@ class FleaRun:
 
     @classmethod
     def of(cls, data: FleaData, serial: str = "") -> FleaRun:
-        """Find out the motor in use and, from the name, what was wrong and since when.
+        """Determine the motor in use, and fault and onset from the name.
 
-        ``serial`` is the test actuator's number, which the recordings do not tell.
+        ``serial`` is the serial number of the test actuator, which is not recorded.
         """
         label = label_of(data.path.name.removesuffix(".data"))
         onset, onset_from = _onset(data, label)
         return cls(data, active_motor(data), label, onset, onset_from, serial)
 
     def channel_table(self) -> ChannelTable:
-        """Units, ranges and signs; the same for every run, whichever unit is in use."""
+        """Units, ranges and signs; the same for every run and unit."""
         rows = tuple(
             ChannelInfo(
                 source.channel,
@@ -218,7 +218,7 @@ class FleaRun:
         return ChannelTable(int(self.data.stamps_ns[0]), "flea", rows)
 
     def truth(self) -> Truth | None:
-        """Fault, onset found in the record, and what the name says; None without a label."""
+        """Fault, onset and details from name and record; None without a label."""
         if self.label is None:
             return None
         details = [("run", self.data.path.name.removesuffix(".data")), ("test_actuator", self.unit)]
@@ -233,7 +233,7 @@ class FleaRun:
         return Truth(int(stamps[0]), self.label.fault, onset_ns, tuple(details))
 
     def scans(self) -> Iterator[Scan]:
-        """Every line as a Scan, in the order of the file, stamped as recorded."""
+        """Every line as a Scan, in file order, with stamps as recorded."""
         columns = [self._channel(source) for source in SOURCES]
         rows = np.column_stack(columns).tolist()
         for stamp_ns, row in zip(self.data.stamps_ns.tolist(), rows, strict=True):
@@ -248,11 +248,11 @@ class FleaRun:
         return source.factor * values
 
     def _position_mm(self, true_mm: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Reading of the test actuator's own sensor, rebuilt from the fault's onset on.
+        """Reading of the position sensor of the test actuator, reconstructed after the onset.
 
-        That channel was not recorded. Up to the onset it is the load actuator's
-        potentiometer; from then on it is what the controller read, offset + scale * true,
-        with so much of the sensor's own noise that the sum is as noisy as before.
+        This channel was not recorded. Before the onset it is the potentiometer of the load
+        actuator; afterwards it is the reading of the controller, offset + scale * true, with
+        noise added so that the total noise is the same as before.
         """
         if self.label is None or self.onset is None or math.isnan(self.label.time_s):
             return true_mm

@@ -1,4 +1,4 @@
-"""``flea import``: recordings of NASA's FLEA stand to bags, in SI units and our signs."""
+"""``flea import``: recordings of NASA's FLEA stand to bags, in SI units and our sign convention."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
     from flea_diag.tools.recordings.flea_run import FleaRun
 
 NAME = "import"
-SUMMARY = "turn FLEA .data recordings into bags (SI units, truth on its own topic)"
+SUMMARY = "convert FLEA .data recordings to bags (SI units, truth on a topic of its own)"
 EXAMPLES = """\
 examples:
-  flea import FLEA/*.data -o bags              one bag for each run, under bags/
-  flea import run_Low.data -o bags --force     replace the bag of an earlier import
-  flea import FLEA/*_Jam_* -o bags --serial X-1    the actuator's number, for `flea trend`
+  flea import FLEA/*.data -o bags                  one bag per run, below bags/
+  flea import run_Low.data -o bags --force         replace the bag of an earlier import
+  flea import FLEA/*_Jam_* -o bags --serial X-1    with the serial number, for `flea trend`
 """
 
 
 @dataclass(frozen=True)
 class Imported:
-    """What became of one file."""
+    """Result of the import of one file."""
 
     file: str
     bag: str
@@ -51,15 +51,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--serial",
         default="",
-        help="serial number of the test actuator in these recordings, which do not tell it; "
-        "`flea trend` puts bags of one number together",
+        help="serial number of the test actuator (not in the recordings); `flea trend` groups "
+        "bags by it",
     )
-    parser.add_argument("--force", action="store_true", help="replace bags that are there already")
-    parser.add_argument("--json", action="store_true", help="report as JSON on standard output")
+    parser.add_argument("--force", action="store_true", help="replace existing bags")
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Import every file; one that is refused does not stop the others."""
+    """Import all files; a refused file does not stop the others."""
     done: list[Imported] = []
     refused: list[str] = []
     for number, file in enumerate(arguments.files, 1):
@@ -84,12 +84,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def import_run(file: Path, output: Path, force: bool = False, serial: str = "") -> Imported:
-    """Write the bag of one file, under ``output`` and named like the file.
+    """Write the bag of one file, below ``output`` and named like the file.
 
     Raises
     ------
     RecordingError
-        When the file is not usable, or the bag is there already.
+        The file is not usable, or the bag exists.
     """
     from flea_diag.tools.recordings.flea_data import read_flea_data
     from flea_diag.tools.recordings.flea_run import FleaRun
@@ -106,15 +106,17 @@ def _make_room(directory: Path, force: bool) -> None:
         return
     content = sorted(entry.name for entry in directory.iterdir()) if directory.is_dir() else ["?"]
     if not force:
-        raise RecordingError(f"{directory} is there already, --force replaces it")
+        raise RecordingError(f"{directory} exists: use --force to replace it")
     stray = [n for n in content if not n.endswith(".mcap") and not n.endswith("metadata.yaml")]
     if stray:
-        raise RecordingError(f"{directory} holds {stray[0]!r} and is no bag, it is not replaced")
+        raise RecordingError(
+            f"{directory} contains {stray[0]!r}: not a bag, not replaced, choose another -o"
+        )
     shutil.rmtree(directory)
 
 
 def _write(flea_run: FleaRun, directory: Path) -> None:
-    """Write all records; log time never runs back, so that the order of the file is kept."""
+    """Write all records; log times never decrease, so that the order of the file is kept."""
     from flea_diag.wire.bags.bag import BagWriter
 
     with BagWriter(directory, stand="flea", whole_every_s=None) as bag:
@@ -135,7 +137,7 @@ def _imported(flea_run: FleaRun, directory: Path) -> Imported:
     if len(flea_run.data.dropped) > len(warnings):
         warnings.append(f"{flea_run.data.path.name}: {len(flea_run.data.dropped)} lines dropped")
     if flea_run.label is None:
-        warnings.append(f"{flea_run.data.path.name}: the name tells no fault, no truth is written")
+        warnings.append(f"{flea_run.data.path.name}: no fault label in the name, no truth written")
     onset = flea_run.onset
     return Imported(
         file=str(flea_run.data.path),

@@ -1,9 +1,8 @@
-"""Software sensor faults put into recordings after the DAQ, as the paper did.
+"""Sensor faults injected by software into recordings after the DAQ, as in the paper.
 
-A healthy recording goes on being what the actuator did; one channel of it reads something
-else from the onset on. ``ROWS`` is what is drawn from: sizes for each channel and mode, and
-the ladder of severities that shows where each ends. Everything is decided by seeds: the same
-row, run, seed and case give the same reading bit for bit.
+The recording of a healthy actuator is kept; one channel is falsified from the onset on. ``ROWS``
+holds the sizes drawn for each channel and mode, and the ladder of severities that shows its
+detection limit. All draws are seeded: row, run, seed and case determine the readings bit for bit.
 """
 
 from __future__ import annotations
@@ -23,18 +22,18 @@ Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
 CLEAR_S = 8.0
-"""No onset nearer than this to either end of a recording."""
+"""Least distance of an onset from either end of a recording."""
 GAP_S = 0.05
-"""Length of a drop-out: the reading is zero for so long."""
+"""Length of a drop-out, during which the reading is zero."""
 
 
 @dataclass(frozen=True)
 class ChannelFault:
-    """One fault of one channel, plain data.
+    """One sensor fault of one channel.
 
-    ``size`` is in the unit of the channel, of its rate for a drift, a factor for a scaling,
-    standard deviation for noise, the level read for dead, drop-outs per second for a dropout;
-    a stuck sensor, which holds its last value, has none. ``seed`` is that of noise and drop-outs.
+    ``size`` is in the unit of the channel; in units per second for a drift, a factor for a
+    scaling, a standard deviation for noise, the constant reading for dead, drop-outs per second
+    for a dropout; unused for stuck (the last value is held). ``seed`` is for noise and drop-outs.
     """
 
     channel: str
@@ -45,7 +44,7 @@ class ChannelFault:
 
     @property
     def fault(self) -> str:
-        """Fault id of the catalogue: a stuck sensor is a dead one."""
+        """Fault id of the catalogue; a stuck sensor counts as dead."""
         return f"{self.channel}_{'dead' if self.mode == 'stuck' else self.mode}"
 
 
@@ -90,7 +89,7 @@ MODES: dict[str, Callable[[Array, Array, ChannelFault], Array]] = {
     "noise": _noise,
     "dropout": _dropout,
 }
-"""What each mode makes of the true readings from the onset on, and of their age (s)."""
+"""Mode -> reading from the true readings since the onset and the time since then (s)."""
 
 
 def faulted(
@@ -100,14 +99,14 @@ def faulted(
     low: float = -math.inf,
     high: float = math.inf,
 ) -> Array:
-    """Readings of a channel with the fault in them, shape (n,) as ``values`` and ``times_s``.
+    """Readings of a channel with the fault, shape (n,) as ``values`` and ``times_s``.
 
-    ``times_s`` counts from the first scan. What is beyond ``low`` and ``high`` is clipped, as
-    the DAQ would; where nothing was measured (NaN) nothing is made up.
+    ``times_s`` counts from the first scan. Readings are clipped to ``low`` and ``high``, as by
+    the DAQ; unmeasured readings (NaN) stay NaN.
     """
     if injection.mode not in MODES:
         raise ConfigurationError(
-            f"mode {injection.mode!r} is unknown, known are {', '.join(MODES)}"
+            f"mode {injection.mode!r} is unknown: choose one of {', '.join(MODES)}"
         )
     reading = values.copy()
     since = times_s >= injection.onset_s
@@ -123,15 +122,15 @@ def inject(
     low: float = -math.inf,
     high: float = math.inf,
 ) -> tuple[Scan, ...]:
-    """The same scans with the fault in one channel; ``low`` and ``high`` are its range.
+    """Scans with the fault in one channel; ``low`` and ``high`` are its range.
 
     Raises
     ------
     ConfigurationError
-        A mode that is unknown, or a channel that no scan holds.
+        The mode is unknown, or no scan contains the channel.
     """
     if not any(injection.channel in scan.channels for scan in scans):
-        raise ConfigurationError(f"no scan holds the channel {injection.channel!r}")
+        raise ConfigurationError(f"no scan contains the channel {injection.channel!r}")
     first = scans[0].stamp_ns
     holding = [k for k, scan in enumerate(scans) if injection.channel in scan.channels]
     at = [scans[k].channels.index(injection.channel) for k in holding]
@@ -147,9 +146,9 @@ def inject(
 
 @dataclass(frozen=True)
 class InjectionSizes:
-    """Sizes of one channel and mode: drawn between ``low`` and ``high``, either sign or side.
+    """Sizes of one channel and mode, drawn between ``low`` and ``high`` with random sign.
 
-    ``ladder`` are severities from faint to plain, of which some lie below ``low``.
+    ``ladder`` holds severities from small to large, some of them below ``low``.
     """
 
     channel: str
@@ -159,7 +158,7 @@ class InjectionSizes:
     ladder: tuple[float, ...]
 
     def size(self, severity: float, upward: bool) -> float:
-        """Signed size; for a scaling ``severity`` is the distance from one."""
+        """Signed size; for a scaling ``severity`` is the difference from 1."""
         if self.mode == "scaling":
             return 1.0 + severity if upward else 1.0 - severity
         if self.mode in ("bias", "drift"):
@@ -194,7 +193,7 @@ ROWS: tuple[InjectionSizes, ...] = (
     ),
     InjectionSizes("actuator_position", "dropout", 0.5, 3.0, (0.1, 0.2, 0.5, 1.0, 3.0)),
 )
-"""Fixed before any of them was diagnosed; what lies below ``low`` only shows where a row ends."""
+"""Fixed before any evaluation; sizes below ``low`` only serve to find the detection limit."""
 
 
 def row_of(channel: str, mode: str) -> InjectionSizes:
@@ -203,17 +202,17 @@ def row_of(channel: str, mode: str) -> InjectionSizes:
     Raises
     ------
     ConfigurationError
-        Naming what is known.
+        There is none; names the known ones.
     """
     for row in ROWS:
         if (row.channel, row.mode) == (channel, mode):
             return row
     known = ", ".join(f"{row.channel} {row.mode}" for row in ROWS)
-    raise ConfigurationError(f"no sizes for {channel} {mode}, known are {known}")
+    raise ConfigurationError(f"no sizes for {channel} {mode}: choose of {known}")
 
 
 def onsets(times_s: Array, position_m: Array) -> Array:
-    """Times at which a fault may set in: in motion, and well away from either end."""
+    """Possible onset times: in motion, and at least ``CLEAR_S`` from both ends."""
     inside: Bools = (times_s >= times_s[0] + CLEAR_S) & (times_s <= times_s[-1] - CLEAR_S)
     return np.asarray(times_s[inside & (np.abs(speed(times_s, position_m)) > MOVING_M_S)])
 
@@ -221,17 +220,17 @@ def onsets(times_s: Array, position_m: Array) -> Array:
 def draw(
     row: InjectionSizes, onsets_s: Array, seed: int, case: int, severity: float | None = None
 ) -> ChannelFault:
-    """One case of a row: size, side and onset from ``seed``, or the size of a ladder's rung.
+    """One case of a row: size (unless ``severity`` is given), sign and onset drawn by ``seed``.
 
     Raises
     ------
     ConfigurationError
-        No onset is possible: the recording is too short, or hardly moves.
+        No onset is possible: the recording is too short or has too little motion.
     """
     if not len(onsets_s):
         raise ConfigurationError(
-            f"{row.channel} {row.mode}: no onset is possible, the recording must move faster than "
-            f"{MOVING_M_S} m/s at a time {CLEAR_S:g} s or more from both ends"
+            f"{row.channel} {row.mode}: no onset is possible: the recording needs motion faster "
+            f"than {MOVING_M_S} m/s at least {CLEAR_S:g} s from both ends"
         )
     words: Iterable[int] = (seed, ROWS.index(row), case)
     generator = np.random.default_rng(list(words))

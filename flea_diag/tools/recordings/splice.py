@@ -1,9 +1,9 @@
-"""Two recordings as one: a nominal run that becomes a faulty one, the diagnoser not told.
+"""Joins a nominal and a faulty recording into one run, without informing the diagnoser.
 
-The paper's central experiment: control is switched from the healthy actuator to the faulty
-one. The join is where both move in the same direction through the same position at nearly
-the same speed. All readings stay as they were, so that the other unit's temperatures and
-offsets come with it; stamps go on by one period, as if nothing had happened.
+This is the central experiment of the paper: control is switched from the healthy to the faulty
+actuator. The join is where both move in the same direction through the same position at nearly
+the same speed. All readings are kept, including the temperatures and offsets of the other unit;
+stamps continue by one period.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from flea_diag.wire.records import ChannelTable, Record, Scan, Truth
 Array = npt.NDArray[np.float64]
 
 SPEED_WEIGHT_S = 0.05
-"""A difference in speed counts as the way that it makes in this time."""
+"""Time by which a difference in speed is converted to a distance."""
 LARGEST_STEP_M = 1e-3
-"""A join with a larger step of the position is none."""
+"""Largest step of the position at a join."""
 LATEST_SHARE = 0.5
-"""The faulty run is joined at its first half, so that enough of it is left."""
+"""Part of the faulty run in which it may be joined, so that enough of it remains."""
 
 
 @dataclass(frozen=True)
 class Join:
-    """Last scan that is kept of the nominal run, first that is taken of the faulty one."""
+    """Last scan used of the nominal run, first scan used of the faulty run."""
 
     last: int
     first: int
@@ -46,12 +46,12 @@ def splice(
     nominal, faulty
         Records of two runs; only ChannelTable, Truth and Scan are used.
     margin_s
-        Time of the nominal run before which no join is made.
+        Time of the nominal run before which there is no join.
 
     Raises
     ------
     RecordingError
-        Runs without scans, or that nowhere meet.
+        A run has no scans, or the runs have no matching point.
     """
     before, after = _scans(nominal), _scans(faulty)
     join = find_join(before, after, margin_s)
@@ -69,17 +69,17 @@ def splice(
 def _scans(records: Sequence[Record]) -> list[Scan]:
     scans = [record for record in records if isinstance(record, Scan)]
     if len(scans) <= 4 * SPAN:
-        raise RecordingError(f"{len(scans)} scans, a run to be joined needs more")
+        raise RecordingError(f"{len(scans)} scans: too few for a join")
     return scans
 
 
 def find_join(before: Sequence[Scan], after: Sequence[Scan], margin_s: float) -> Join:
-    """Where the step of position, and of speed times a short time, is smallest.
+    """Join with the smallest step of position and speed (weighted by a short time).
 
     Raises
     ------
     RecordingError
-        The runs nowhere pass the same position in the same direction.
+        The runs never pass the same position in the same direction.
     """
     x, v = _motion(before)
     y, w = _motion(after)
@@ -92,8 +92,8 @@ def find_join(before: Sequence[Scan], after: Sequence[Scan], margin_s: float) ->
     cost[~np.isfinite(cost)] = np.inf
     if not cost.size or not np.isfinite(cost).any():
         raise RecordingError(
-            f"the two runs nowhere pass within {1e3 * LARGEST_STEP_M:g} mm of each other in the "
-            "same direction, they cannot be joined"
+            f"the two runs never pass within {1e3 * LARGEST_STEP_M:g} mm of each other in the same "
+            "direction: they cannot be joined"
         )
     row, column = np.unravel_index(int(np.argmin(cost)), cost.shape)
     return Join(int(rows[row]), int(columns[column]))

@@ -1,1 +1,1 @@
-"""``flea replay`` and ``flea trend``: bags through the diagnosis, without ROS."""
+"""``flea replay`` and ``flea trend``: diagnosis of bags without ROS."""

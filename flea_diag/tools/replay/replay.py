@@ -1,4 +1,4 @@
-"""``flea replay``: the diagnosis of a bag, without ROS, repeatable bit for bit."""
+"""``flea replay``: diagnosis of a bag without ROS, reproducible bit for bit."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from flea_diag.wire.records import Record
 
 NAME = "replay"
-SUMMARY = "run the diagnosis over bags, faster than real time and without ROS"
+SUMMARY = "diagnose bags faster than real time, without ROS"
 EXAMPLES = """\
 examples:
-  flea replay bags/run                              the verdict in words
+  flea replay bags/run                              print the verdict
   flea replay bags/run --calibration cal.yaml --json -
-  flea replay bags/* --json results/ -q             one JSON file for each bag
+  flea replay bags/* --json results/ -q             write one JSON file per bag
 """
 
 
@@ -36,24 +36,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--calibration",
         type=Path,
         metavar="FILE",
-        help="calibration (default: the simulated stand)",
+        help="calibration (default: that of the simulated stand)",
     )
     parser.add_argument(
         "--json",
         metavar="OUT",
-        help="file, - for standard output, or a folder for one file per bag; several bags make a "
+        help="JSON file, - for standard output, or a folder for one file per bag; several bags in "
         "list",
     )
-    parser.add_argument("--namespace", help="which stand, where a bag holds several")
-    parser.add_argument("-q", "--quiet", action="store_true", help="no verdict in words")
+    parser.add_argument("--namespace", help="namespace of the stand, if a bag contains several")
+    parser.add_argument("-q", "--quiet", action="store_true", help="do not print the verdict")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replay every bag; one that is refused does not stop the others."""
+    """Replay all bags; a refused bag does not stop the others."""
     from flea_diag.configuration import make_pipeline
 
     _check_names(arguments.json, arguments.bags)
-    # The first pipeline is built before any bag: a wrong calibration is no fault of a bag.
+    # The first pipeline is built before any bag is read: a wrong calibration is refused at once.
     fresh = chain((make_pipeline(arguments.calibration),), _pipelines(arguments.calibration))
     summaries: list[dict[str, Any]] = []
     refused = 0
@@ -80,12 +80,12 @@ def _pipelines(calibration: Path | None) -> Iterator[Pipeline]:
 
 
 def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[str, Any]:
-    """Feed what the stand said in a bag to a fresh pipeline, and summarise what it answers.
+    """Feed the stand's records of a bag to a fresh pipeline, and summarise its output.
 
     Raises
     ------
     RecordingError
-        When there is no bag of ours, or no scan in it.
+        There is no flea_diag bag, or no scan in it.
     """
     from flea_diag.stages.digest import DECISIONS, Digest, decided
     from flea_diag.tools.replay.summary import BULK, summarise, without_values
@@ -96,7 +96,7 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
     recorded, published = (Digest(), Digest(decided)), False
 
     def sent() -> Iterator[Record | ScanBlock]:
-        """What the stand said; what was decided back then goes into digests of its own."""
+        """Records of the stand; recorded decisions only enter a digest of their own."""
         nonlocal published
         for record in reader.blocks((*sources(), *DECISIONS), namespace):
             if isinstance(record, DECISIONS):
@@ -110,7 +110,7 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
     kept = [without_values(each) for each in said if not isinstance(each, BULK)]
     summary = summarise(kept)
     if not summary["scans"]:
-        raise RecordingError(f"{bag}: no scan in it (topic sensors/slow), nothing to diagnose")
+        raise RecordingError(f"{bag}: no scan (topic sensors/slow), nothing to diagnose")
     return {
         **summary,
         "backend": numeric_backend(),
@@ -122,7 +122,7 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
 
 
 def sources() -> tuple[type, ...]:
-    """Records that a diagnosis starts from."""
+    """Record types that are the input of a diagnosis."""
     from flea_diag.wire.records import ChannelTable, Scan, VibrationBlock
 
     return (ChannelTable, VibrationBlock, Scan)
@@ -131,7 +131,7 @@ def sources() -> tuple[type, ...]:
 def diagnosed(
     records: Iterable[Record | ScanBlock], pipeline: Pipeline
 ) -> Iterator[Record | Block]:
-    """Each record, followed by what it caused; at the end what was still held back."""
+    """Each record followed by the resulting records; at the end those still held back."""
     from flea_diag.wire.blocks import ScanBlock
 
     for record in records:
@@ -151,7 +151,7 @@ def _say(summary: dict[str, Any], arguments: argparse.Namespace) -> None:
 
 
 def _check_names(target: str | None, bags: Sequence[Path]) -> None:
-    """In a folder each bag has a file of its own, named like it."""
+    """Refuse bags of equal names that would share one file in a folder."""
     if target is None or not _is_folder(target):
         return
     names = Counter(bag.resolve().name for bag in bags)
@@ -159,7 +159,7 @@ def _check_names(target: str | None, bags: Sequence[Path]) -> None:
     if double is not None:
         raise ConfigurationError(
             f"--json {target}: {names[double]} bags are named {double!r} and would share one file: "
-            "give one file for all (--json results.json)"
+            "write all to one file (--json results.json)"
         )
 
 

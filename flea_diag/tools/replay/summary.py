@@ -1,4 +1,4 @@
-"""A diagnosis in one JSON object, and in words."""
+"""Summary of a diagnosis as one JSON object and as text."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ from flea_diag.wire.records import (
 SCHEMA_VERSION = 1
 _SOUND = (Quality.GOOD, Quality.ABSENT)
 BULK = (Residual, ResidualBlock, VibrationLevel, VibrationBlock)
-"""Records that no summary needs, and of which there are many."""
+"""Frequent record types that a summary does not need."""
 
 
 def without_values(record: Record | Block) -> Record | Block:
-    """What a summary needs of a record: of scans their stamps alone, for a day of them is long."""
+    """The record reduced to what a summary needs: of scans the stamps only, to save memory."""
     if isinstance(record, ScanBlock):
         return ScanBlock(record.stamps_ns, (), np.empty((len(record), 0)))
     return record
 
 
 def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
-    """Summarise a diagnosis from its records: the scans, alone or in blocks, and what they caused.
+    """Summarise a diagnosis from its records: scans, single or in blocks, and results.
 
-    Times are seconds after the first scan. The fields of an episode that stand at the top
-    are those of the first episode; without any, ``outcome`` is the last verdict's.
+    Times are seconds after the first scan. The episode fields at the top level are those of the
+    first episode; without an episode, ``outcome`` is that of the last verdict.
     """
     whole = list(records)
     scans = _stamps_ns(whole)
@@ -86,7 +86,7 @@ def _seconds(stamp_ns: int, start_ns: int) -> float | None:
 
 
 def _by_episode(groups: Sequence[AmbiguityGroup]) -> list[list[AmbiguityGroup]]:
-    """Groups of each episode, in order; number 0 is the time between episodes."""
+    """Groups of each episode, in order; number 0 is between episodes and skipped."""
     parts: dict[int, list[AmbiguityGroup]] = {}
     for group in groups:
         if group.episode > 0:
@@ -115,15 +115,15 @@ def _episode(groups: Sequence[AmbiguityGroup], start_ns: int) -> dict[str, Any]:
 
 
 def _last_evidence(candidate: Candidate) -> str:
-    """What was last held against a fault that is still possible."""
+    """Latest evidence on a possible fault."""
     if not candidate.evidence:
         return candidate.reason
     last = candidate.evidence[-1]
-    return f"{last.source}: saw {last.observed}, expected {last.predicted}: {last.verdict}"
+    return f"{last.source}: observed {last.observed}, predicted {last.predicted}: {last.verdict}"
 
 
 def _steps(groups: Sequence[AmbiguityGroup], start_ns: int) -> list[dict[str, Any]]:
-    """The group each time that its members or its outcome changed."""
+    """The group at each change of its members or its outcome."""
     steps: list[dict[str, Any]] = []
     for group in groups:
         step = {
@@ -136,7 +136,7 @@ def _steps(groups: Sequence[AmbiguityGroup], start_ns: int) -> list[dict[str, An
 
 
 def _settled_ns(groups: Sequence[AmbiguityGroup]) -> int:
-    """Stamp from which on the episode's last outcome and members stood."""
+    """Stamp from which on the final outcome and members of the episode stood."""
 
     def verdict(group: AmbiguityGroup) -> tuple[Outcome, frozenset[str]]:
         return group.outcome, frozenset(candidate.fault for candidate in group.members)
@@ -157,7 +157,7 @@ def _not_observable(last: AmbiguityGroup | None) -> list[dict[str, str]]:
 
 
 def _features(records: Sequence[Record]) -> list[str]:
-    """Features that were answered, and those that a verdict says it rests on."""
+    """Features that were answered, and those on which a verdict is based."""
     names: dict[str, None] = {}
     for record in records:
         if isinstance(record, FeatureValue) and not record.reason:
@@ -168,7 +168,7 @@ def _features(records: Sequence[Record]) -> list[str]:
 
 
 def _data_quality(records: Sequence[Record], start_ns: int) -> dict[str, Any]:
-    """Last state, counters, and every stretch that was not good, of each channel."""
+    """Last state, counters, and all stretches of reduced quality of each channel."""
     channels: dict[str, dict[str, Any]] = {}
     for record in records:
         if isinstance(record, DataQuality):
@@ -189,7 +189,7 @@ def _note(known: dict[str, Any], row: ChannelQuality, since_s: float | None) -> 
 
 
 def in_words(summary: dict[str, Any]) -> str:
-    """Say the summary of a bag in a few lines."""
+    """Summary of a bag in a few lines of text."""
     lines = [f"{summary['bag']}: {summary['outcome'] or 'no verdict'}"]
     for episode in summary["episodes"]:
         lines.append(_episode_words(episode))

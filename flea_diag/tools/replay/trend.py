@@ -1,4 +1,4 @@
-"""``flea trend``: the size of a fault over the episodes and bags of one actuator."""
+"""``flea trend``: fault size over the episodes and bags of one actuator."""
 
 from __future__ import annotations
 
@@ -19,44 +19,46 @@ if TYPE_CHECKING:
     from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Record
 
 NAME = "trend"
-SUMMARY = "the size of a fault with its uncertainty over the bags of one actuator"
+SUMMARY = "estimate the trend of a fault size over the bags of one actuator"
 EXAMPLES = """\
 examples:
-  flea trend bags/2026*                            the verdicts that the bags hold
-  flea trend bags/2026* --calibration cal.yaml     diagnosed anew
-  flea trend bags/* --serial EMA-007               of one actuator alone
+  flea trend bags/2026*                            from the recorded verdicts
+  flea trend bags/2026* --calibration cal.yaml     from a new diagnosis
+  flea trend bags/* --serial EMA-007               of one actuator only
   flea trend bags/* --json trend.json --csv trend.csv
 
-The serial number is that of the test actuator's channels in the channel table, or, where a
-simulated stand has switched to its other unit, that of the unit that has the fault; bags
-without one are kept apart as 'unknown'. In the JSON file `times` (s) and `data` of each trend
-are what progpy's SimResult takes; `sigmas` are the standard errors beside them.
+The serial number is that of the channels of the test actuator in the channel table. After a
+simulated stand has switched to its other unit, it is that of the faulty unit. Bags without a
+serial number are listed as 'unknown'. In the JSON file, `times` (s) and `data` of each trend have
+the format of progpy's SimResult; `sigmas` are the standard errors.
 """
 OF_ACTUATOR = ("motor_current", "motor_voltage", "motor_speed", "actuator_position")
-"""Channels whose serial number is the test actuator's, the first that has one."""
+"""Channels with the serial number of the test actuator; the first one given counts."""
 UNKNOWN = "unknown"
 DAY_S = 86400.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="of whatever actuators")
-    parser.add_argument("--serial", help="only actuators of this serial number")
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="bags of any actuators")
+    parser.add_argument("--serial", help="use only the actuator with this serial number")
     parser.add_argument(
         "--calibration",
         type=Path,
         metavar="FILE",
-        help="diagnose anew with it, whatever the bags hold",
+        help="diagnose the bags again with this calibration, ignoring recorded verdicts",
     )
-    parser.add_argument("--csv", type=Path, metavar="OUT", help="write one line an estimate")
-    parser.add_argument("--json", metavar="OUT", help="write estimates and trends, - for here")
+    parser.add_argument("--csv", type=Path, metavar="OUT", help="write one line per estimate")
+    parser.add_argument(
+        "--json", metavar="OUT", help="write estimates and trends as JSON; - for standard output"
+    )
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """The size of one fault as the last verdict of one episode has it.
+    """Size of one fault by the last verdict of one episode.
 
-    ``outcome`` says whether the fault was isolated or is one of several left.
+    ``outcome`` says whether the fault was isolated or is one of several possible ones.
     """
 
     serial: str
@@ -72,7 +74,7 @@ class Estimate:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Collect the estimates of all bags, tell and write their trends."""
+    """Collect the estimates of all bags, print and write their trends."""
     found: list[Estimate] = []
     refused = 0
     for number, bag in enumerate(arguments.bags, 1):
@@ -91,19 +93,19 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(arguments.json, {"schema_version": 1, "trends": trends})
     if arguments.json != "-":
-        print("\n".join(map(_words, trends)) or "no size was estimated in these bags")
+        print("\n".join(map(_words, trends)) or "no fault size was estimated in these bags")
     if refused == len(arguments.bags):
         return 2
     return IN_PART if refused else 0
 
 
 def estimates(bag: Path, calibration: Path | None = None) -> list[Estimate]:
-    """Sizes that the episodes of a bag ended with.
+    """Sizes at the end of the episodes of a bag.
 
     Raises
     ------
     RecordingError
-        When there is no bag of ours.
+        There is no flea_diag bag.
     """
     from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, ChannelTable, Truth
 
@@ -120,7 +122,7 @@ def estimates(bag: Path, calibration: Path | None = None) -> list[Estimate]:
 
 
 def _said(bag: Path, calibration: Path | None) -> Iterable[Record | Block]:
-    """Channel table, truth and verdicts: those recorded, or new ones."""
+    """Channel table, truth and verdicts, recorded or from a new diagnosis."""
     from flea_diag.configuration import make_pipeline
     from flea_diag.tools.replay.replay import diagnosed, sources
     from flea_diag.wire.bags.bag import BagReader
@@ -131,19 +133,19 @@ def _said(bag: Path, calibration: Path | None) -> Iterable[Record | Block]:
         recorded = [r for _, r in reader.records((ChannelTable, Truth, AmbiguityGroup))]
         if any(isinstance(record, AmbiguityGroup) for record in recorded):
             return recorded
-    # The truth is here for the serial number: no stage consumes it.
+    # The truth is read for the serial number only: no stage consumes it.
     return diagnosed(reader.blocks((*sources(), Truth)), make_pipeline(calibration))
 
 
 def serial_of(table: ChannelTable) -> str:
-    """Serial number of the test actuator, empty where the table tells none."""
+    """Serial number of the test actuator; empty if the table has none."""
     rows = map(table.info, OF_ACTUATOR)
     return next((row.serial for row in rows if row is not None and row.serial), "")
 
 
 def _of_group(group: AmbiguityGroup, serial: str, bag: Path) -> Iterator[Estimate]:
     for member in group.members:
-        # A size without an error, or on a bound (error 0), is no estimate.
+        # A size without standard error, or at a bound (error 0), is not an estimate.
         if math.isfinite(member.size) and member.size_sigma > 0.0:
             yield Estimate(
                 serial,
@@ -160,7 +162,7 @@ def _of_group(group: AmbiguityGroup, serial: str, bag: Path) -> Iterator[Estimat
 
 
 def _parts(found: Sequence[Estimate]) -> list[list[Estimate]]:
-    """Estimates that may be compared: one actuator, one fault, one unit of its size."""
+    """Comparable estimates: one actuator, one fault, one unit of its size."""
     parts: dict[tuple[str, str, str], list[Estimate]] = {}
     for entry in found:
         parts.setdefault((entry.serial, entry.fault, entry.unit), []).append(entry)

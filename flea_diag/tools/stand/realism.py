@@ -1,4 +1,4 @@
-"""``flea realism``: the simulated stand held against recordings of the real one."""
+"""``flea realism``: comparison of the simulated stand with recordings of the real one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NAME = "realism"
 SUMMARY = "compare simulated runs with real recordings of the same motion and load"
 EXAMPLES = """\
 examples:
-  flea realism recordings/*.data                          a table on standard output
+  flea realism recordings/*.data                          print a table
   flea realism recordings/*.data --json out.json --plots pictures
 """
 
@@ -27,13 +27,13 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``flea realism``."""
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN.data", help="FLEA recordings")
-    parser.add_argument("--seed", type=int, default=1, help="of the simulated units (1)")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write every number there")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the simulated units (1)")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write all numbers as JSON")
     parser.add_argument(
         "--plots",
         type=Path,
         metavar="DIR",
-        help="pictures of each run and of the held-out half, needs matplotlib",
+        help="plot each run and the held-out half (needs matplotlib)",
     )
 
 
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def as_text(table: list[Summary]) -> str:
-    """The summaries as words: distance 0.10 is ten per cent off."""
+    """The summaries as a table; a distance of 0.10 is a deviation of 10 %."""
     lines = []
     previous = ("", "")
     for row in table:
@@ -77,8 +77,8 @@ def as_text(table: list[Summary]) -> str:
             f"  {row.statistic:26}{row.real:11.4g}{row.simulated:11.4g}  {row.distance:8.2f}"
             f"  {row.bias:+5.2f}  {row.unit}"
         )
-    lines += ["", "distance: median over runs of |ln(simulated / real)|; bias: with its sign."]
-    lines.append("The simulator was tuned on the tuning half; the held-out half is the report.")
+    lines += ["", "distance: median over runs of |ln(simulated / real)|; bias: the same with sign."]
+    lines.append("The simulator was tuned on the tuning half; the held-out half is the result.")
     return "\n".join(lines).lstrip("\n")
 
 
@@ -92,7 +92,7 @@ def _write(path: Path, rows: list[Comparison], table: list[Summary]) -> None:
 
 
 def _finite(row: dict[str, Any]) -> dict[str, Any]:
-    """JSON knows no NaN: what is not usable is null."""
+    """Row with null instead of NaN, which JSON does not have."""
     return {
         key: None if isinstance(value, float) and not math.isfinite(value) else value
         for key, value in row.items()

@@ -1,4 +1,4 @@
-"""Pictures of ``flea realism``: each run, real beside simulated, and the held-out half."""
+"""Plots of ``flea realism``: each run real and simulated, and overviews of the held-out half."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Pairs = list[tuple["Recording", "Recording"]]
 
 
 class Album:
-    """Collects pairs of a real run and its simulated counterpart and paints them.
+    """Collects and plots pairs of a real run and its simulated counterpart.
 
     Raises
     ------
@@ -43,7 +43,7 @@ class Album:
         self._held_out: Pairs = []
 
     def add(self, real: Recording, simulated: Recording, half: str) -> None:
-        """Paint one run, and keep it for the overview where it was held out."""
+        """Plot one run, and keep it for the overviews if it is held out."""
         if half == "held out":
             self._held_out.append((real, simulated))
         figure, axes = _figure(len(SIGNALS), 2, sharey="row")
@@ -53,7 +53,7 @@ class Album:
         self._save(figure, Path(real.name).stem)
 
     def finish(self) -> None:
-        """Paint the overviews of the held-out half."""
+        """Plot the overviews of the held-out half."""
         for name, paint in OVERVIEWS.items():
             self._save(paint(self._held_out), f"overview_{name}")
 
@@ -87,7 +87,7 @@ def _side(recording: Recording) -> str:
 
 
 def _current(recording: Recording) -> Any:
-    """Smoothed current without its offset, whose sign differs: the real one was flipped."""
+    """Smoothed current without its offset, whose sign differs since the real one was flipped."""
     offset = OFFSET_A if recording.simulated else -OFFSET_A
     return recording.smooth["current"] - offset
 
@@ -192,7 +192,7 @@ def _voltage_clusters(pairs: Pairs) -> Any:
     for column, axis in enumerate(axes[0]):
         for label, some in _by_label(pairs).items():
             if some:
-                # As each was recorded: the real one was flipped, and with it its offset.
+                # As recorded: the real voltage was flipped at import, with its offset.
                 way = 1.0 if column else -1.0
                 values = np.concatenate([way * pair[column].voltage for pair in some])
                 axis.hist(values, bins=np.arange(-30.0, 30.5, 0.5), density=True,

@@ -1,4 +1,4 @@
-"""``flea scenarios``: the paper's 320 scenarios as YAML files, and as bags where asked."""
+"""``flea scenarios``: the 320 scenarios of the paper as YAML files, optionally as bags."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ if TYPE_CHECKING:
     from flea_sim_driver.scenario.scenario import Scenario
 
 NAME = "scenarios"
-SUMMARY = "draw the scenarios of the paper's Table 4, and write them as files or bags"
+SUMMARY = "draw the scenarios of the paper's Table 4 and write them as files, optionally as bags"
 EXAMPLES = """\
 examples:
-  flea scenarios table4 --seed 7 -o scenarios         320 YAML files
-  flea scenarios table4 --seed 7 -o runs --bags       and a bag of each
+  flea scenarios table4 --seed 7 -o scenarios         write 320 YAML files
+  flea scenarios table4 --seed 7 -o runs --bags       and simulate each into a bag
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``flea scenarios``."""
-    parser.add_argument("set", choices=("table4",), help="which set")
-    parser.add_argument("--seed", type=int, default=1, help="of all draws (1)")
+    parser.add_argument("set", choices=("table4",), help="set of scenarios")
+    parser.add_argument("--seed", type=int, default=1, help="seed of all draws (1)")
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, required=True, help="folder to write to"
     )
-    parser.add_argument("--bags", action="store_true", help="also simulate each into DIR/bags")
-    parser.add_argument("--no-vibration", action="store_true", help="bags of slow channels alone")
+    parser.add_argument("--bags", action="store_true", help="simulate each scenario into DIR/bags")
+    parser.add_argument("--no-vibration", action="store_true", help="bags without vibration")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the files; 0 when all are written."""
+    """Write the files; return 0 when all are written."""
     from flea_sim_driver.scenario.table4 import table4
 
     if arguments.seed < 0:
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def write_files(scenarios: tuple[Scenario, ...], folder: Path) -> None:
-    """One YAML file a scenario.
+    """Write one YAML file per scenario.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""``flea simulate``: the simulated stand straight into a bag, without ROS."""
+"""``flea simulate``: a run of the simulated stand into a bag, without ROS."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from flea_sim_driver.scenario.scenario import Scenario
 
 NAME = "simulate"
-SUMMARY = "run a scenario of the simulated stand into a bag, faster than real time"
+SUMMARY = "simulate a scenario of the stand into a bag, faster than real time"
 EXAMPLES = """\
 examples:
-  flea simulate --list                                 scenarios and faults there are
+  flea simulate --list                                 list scenarios and faults
   flea simulate jam -o bags/jam --seed 3
   flea simulate nominal -o bags/short --fault winding_short --at 12 --size 0.3
 """
@@ -29,26 +29,28 @@ ONSET_S = 10.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``flea simulate``."""
-    parser.add_argument("scenario", nargs="?", help="YAML file, or name: see --list")
+    parser.add_argument("scenario", nargs="?", help="YAML file, or name from --list")
     parser.add_argument("-o", "--output", metavar="BAGDIR", type=Path, help="bag to write")
-    parser.add_argument("--seed", type=int, help="seed of units and noise")
-    parser.add_argument("--duration", type=float, metavar="S", help="length in s")
+    parser.add_argument("--seed", type=int, help="seed of the units and of all noise")
+    parser.add_argument("--duration", type=float, metavar="S", help="duration of the run, s")
     parser.add_argument("--fault", help="fault to add, for example jam")
-    parser.add_argument("--at", type=float, metavar="S", help=f"its onset ({ONSET_S:g} s)")
-    parser.add_argument("--size", type=float, help="its size, default: the catalogue's")
-    parser.add_argument("--no-vibration", action="store_true", help="slow channels alone")
+    parser.add_argument("--at", type=float, metavar="S", help=f"onset of --fault ({ONSET_S:g} s)")
     parser.add_argument(
-        "--list", action="store_true", help="list the scenarios that come with flea and the faults"
+        "--size", type=float, help="size of --fault (default: that of the catalogue)"
+    )
+    parser.add_argument("--no-vibration", action="store_true", help="without accelerometers")
+    parser.add_argument(
+        "--list", action="store_true", help="list the installed scenarios and all faults"
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate; 0 when the bag is written."""
+    """Simulate; return 0 when the bag is written."""
     if arguments.list:
         _print_catalogue()
         return 0
     if arguments.scenario is None or arguments.output is None:
-        raise ConfigurationError("simulate: give a scenario and -o BAGDIR, or --list")
+        raise ConfigurationError("simulate: a scenario and -o BAGDIR, or --list, are required")
     from flea_sim_driver.stand import NOMINAL
 
     scenario = configured(arguments)
@@ -65,12 +67,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def configured(arguments: argparse.Namespace) -> Scenario:
-    """The scenario with what the command line says instead.
+    """The scenario with the values given on the command line.
 
     Raises
     ------
     ConfigurationError
-        Unknown scenario or fault, or a value out of its limits.
+        Unknown scenario or fault, or a value outside its limits.
     """
     from flea_sim_driver.scenario.library import find_scenario
     from flea_sim_driver.scenario.scenario_file import overridden
@@ -83,12 +85,12 @@ def configured(arguments: argparse.Namespace) -> Scenario:
 
 
 def _fault(arguments: argparse.Namespace) -> dict[str, Any] | None:
-    """The fault to be added; when and how large belong to it."""
+    """The fault to add, with onset and size; None without --fault."""
     told = _given(onset_s=arguments.at, size=arguments.size)
     if arguments.fault:
         return {"fault": arguments.fault, "onset_s": ONSET_S, **told}
     if told:
-        raise ConfigurationError("simulate: --at and --size are of a fault: name it with --fault")
+        raise ConfigurationError("simulate: --at and --size require --fault")
     return None
 
 
@@ -97,7 +99,7 @@ def _given(**options: Any) -> dict[str, Any]:
 
 
 def write_bag(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
-    """Run a scenario into a bag; the truths that went with it."""
+    """Simulate a scenario into a bag; return its truths."""
     from flea_diag.wire.bags.bag import BagWriter
     from flea_diag.wire.records import Truth
     from flea_sim_driver.stand import Stand
@@ -119,13 +121,15 @@ def _print_catalogue() -> None:
     print("scenarios:")
     for name in scenario_names():
         print(f"  {name}")
-    print("faults (default size, limits, where they act; onset_s, growth_s, on_s, off_s of each):")
+    print(
+        "faults (default size, limits, place, approach; each with onset_s, growth_s, on_s, off_s):"
+    )
     for row in CATALOGUE.values():
         print(
             f"  {row.id:28} {row.default_size:g} ({row.minimum:g} to {row.maximum:g}) "
             f"{row.size_unit}; {' or '.join(row.places)}; {row.approach}"
         )
-    print("failure modes of the paper's Table 1, and how this stand shows them:")
+    print("failure modes of the paper's Table 1, and their simulation on this stand:")
     for mode in FAILURE_MODES:
         shown = f"{' or '.join(mode.faults)}: {mode.how}" if mode.faults else f"not: {mode.reason}"
         print(f"  {mode.component}, {mode.mode} ({mode.approach}): {shown}")

@@ -185,7 +185,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
     large.write_bytes(b"#" * (configuration.LARGEST_YAML_BYTES + 1))
     foreign.write_bytes(b"a: \xff\xfe")
     for path, words in (
-        (large, f"{configuration.LARGEST_YAML_BYTES + 1} bytes, at most"),
+        (large, f"{configuration.LARGEST_YAML_BYTES + 1} bytes, above the limit"),
         (foreign, "not a text file"),
         (tmp_path / "none.yaml", "no such file"),
         (tmp_path, "no such"),

@@ -56,7 +56,7 @@ def test_our_own_bags_are_sound(tmp_path: Path, capsys: pytest.CaptureFixture[st
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"relative_file_paths": ["other.mcap"]}, "names ['other.mcap']"),
+        ({"relative_file_paths": ["other.mcap"]}, "lists ['other.mcap']"),
         ({"topics_with_message_count": []}, "no topics"),
         ({"topics_with_message_count": [{"message_count": 3}]}, "no topics"),
         (
@@ -65,7 +65,7 @@ def test_our_own_bags_are_sound(tmp_path: Path, capsys: pytest.CaptureFixture[st
                     {"topic_metadata": {"name": "/sensors/slow"}, "message_count": 7}
                 ]
             },
-            "7 messages on /sensors/slow, the files hold 300",
+            "7 messages on /sensors/slow, the files have 300",
         ),
     ],
 )
@@ -85,7 +85,7 @@ def test_messages_that_are_not_what_they_say(tmp_path: Path) -> None:
     found = errors(tmp_path / "run")
     assert any(words.startswith("/sensors/slow: unreadable: Scan: malformed") for words in found)
     assert (
-        "/sensors/slow: a stamp before the year 2000, bags need a wall clock (1 messages)" in found
+        "/sensors/slow: stamp before the year 2000: bags need wall-clock time (1 messages)" in found
     )
     assert any(words.startswith("/truth: unreadable") for words in found)
 
@@ -136,14 +136,14 @@ def test_recovering_a_whole_bag_changes_nothing_in_it(tmp_path: Path) -> None:
 
 
 def test_nothing_to_recover(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match=r"no \.mcap file there"):
+    with pytest.raises(RecordingError, match=r"no \.mcap file in this folder"):
         recover(tmp_path, tmp_path / "copy")
     (tmp_path / "x.mcap").write_bytes(b"\x89MCAP0\r\n")
-    with pytest.raises(RecordingError, match="not one whole message"):
+    with pytest.raises(RecordingError, match="no intact message"):
         recover(tmp_path, tmp_path / "copy")
     assert not (tmp_path / "copy").exists()
     bag = write(tmp_path / "run")
-    with pytest.raises(RecordingError, match="is not empty, choose another"):
+    with pytest.raises(RecordingError, match="is not empty: choose another"):
         recover(bag, tmp_path / "run")
 
 

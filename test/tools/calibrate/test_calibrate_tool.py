@@ -147,7 +147,7 @@ def test_the_report_is_there_in_words_and_as_json(bags, tmp_path, capsys):
     for said in ("winding_resistance_ohm", "L/R is far below", "strongly correlated", "limits for"):
         assert said in words
     assert main(arguments) == 2
-    assert "exists already, use --force" in capsys.readouterr().err
+    assert "exists: use --force" in capsys.readouterr().err
     assert main([*arguments, "--force", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["sources"] == [path.name for path in bags[:2]]
 
@@ -201,7 +201,7 @@ def test_a_bag_that_cannot_serve_is_left_out_and_the_status_says_so(bags, tmp_pa
     jammed = bag(tmp_path / "jammed", moved(), fault="jam")
     target = tmp_path / "calibration.yaml"
     assert main(["calibrate", str(jammed), *map(str, bags[:2]), "-o", str(target)]) == 1
-    assert "1 of 3 bags left out" in capsys.readouterr().err
+    assert "1 of 3 bags not used" in capsys.readouterr().err
     assert load_calibration(target).sources == tuple(path.name for path in bags[:2])
 
 
@@ -210,7 +210,7 @@ def test_bags_of_another_actuator_than_described_are_refused(bags, tmp_path, cap
     arguments = [*map(str, bags[:2]), "-o", str(target), "--actuator", "actuator_wing.yaml"]
     assert main(["calibrate", *arguments]) == 2
     told = capsys.readouterr().err
-    assert "is no sensor of actuator" in told
+    assert "is not a sensor of actuator" in told
     assert "--actuator" in told
     assert not target.exists()
 

@@ -144,14 +144,14 @@ def test_duplicate_and_backward_stamps_are_kept_in_the_order_of_the_file(
 
 
 BAD_LINES = [
-    (line(50)[:60] + "\n", r"columns, it must have 20"),
-    (line(50, Motor_X_Current="two"), r"column 8 \(Motor X Current\) = 'two' is no number"),
+    (line(50)[:60] + "\n", r"columns, must be 20"),
+    (line(50, Motor_X_Current="two"), r"column 8 \(Motor X Current\) = 'two' is not a number"),
     (line(50, Measured_Load="5000.0"), r"'5000.0' is outside its limits of -1000 to 1000 lb"),
     (line(50, Motor_X_Voltage="inf"), r"'inf' is outside its limits of -60 to 60 V"),
-    (line(50, stamp="2010-13-03_09:52:47.0_-0700"), r"is no date and time"),
+    (line(50, stamp="2010-13-03_09:52:47.0_-0700"), r"is not a date and time"),
     (line(50, stamp="9010-09-03_09:52:47.0_-0700"), r"outside its limits of the years 1980"),
     (line(50, stamp="2010-09-03_09:52:61.0_-0700"), r"outside its limits of the years 1980"),
-    (line(50, stamp="yesterday"), r"column 1 \(Time\) = 'yesterday' is not like"),
+    (line(50, stamp="yesterday"), r"column 1 \(Time\) = 'yesterday' must be like"),
     ("x" * 2000 + "\n", r"longer than the limit of 1024 bytes"),
 ]
 
@@ -185,8 +185,8 @@ def test_a_file_that_ends_within_its_last_line(tmp_path: Path, cut: int, kept: i
     ("content", "words"),
     [
         (b"", "the file is empty"),
-        (b"hello\nworld\n", r"line 1: 1 columns, it must have 20 \(2 of 2 lines"),
-        (bytes(range(256)) * 40, "this is no FLEA .data file"),
+        (b"hello\nworld\n", r"line 1: 1 columns, must be 20 \(2 of 2 lines"),
+        (bytes(range(256)) * 40, "not a FLEA .data file"),
     ],
 )
 def test_a_foreign_file_is_refused(tmp_path: Path, content: bytes, words: str) -> None:

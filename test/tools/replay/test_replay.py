@@ -241,7 +241,7 @@ def test_two_replays_are_equal(tmp_path: Path) -> None:
 def test_a_bag_without_a_scan_is_refused(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "run") as bag:
         bag.write(r.Truth(at(0), "jam", at(0)))
-    with pytest.raises(RecordingError, match=r"no scan in it \(topic sensors/slow\)"):
+    with pytest.raises(RecordingError, match=r"no scan \(topic sensors/slow\)"):
         replay(tmp_path / "run", Pipeline([Threshold()]))
 
 
