@@ -32,7 +32,8 @@ from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.stages import Stage
 from flea_diag.stages.extractor.extractor import ExtractorParameters, ExtractorStage
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
-from flea_diag.stages.observer.observer import ObserverParameters, ObserverStage
+from flea_diag.stages.observer.observer import ObserverStage
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import Scan, VibrationBlock

@@ -18,7 +18,8 @@ from support.decisions import BAGS
 from flea_diag.stages.digest import digest
 from flea_diag.stages.extractor.extractor import ExtractorStage
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
-from flea_diag.stages.observer.observer import ObserverParameters, ObserverStage
+from flea_diag.stages.observer.observer import ObserverStage
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.evaluate.baselines import Setting, baseline
 from flea_diag.wire.bags.bag import BagReader

@@ -10,7 +10,8 @@ import numpy as np
 from flea_diag import configuration
 from flea_diag.core.calibration.calibration import Calibration, Run
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
-from flea_diag.stages.observer.observer import ObserverParameters, ObserverStage
+from flea_diag.stages.observer.observer import ObserverStage
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.calibrate.calibrate import calibrate
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording

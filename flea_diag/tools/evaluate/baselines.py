@@ -84,7 +84,8 @@ def _structural(setting: Setting) -> Stage:
     from flea_diag.configuration import knowledge, load_calibration
     from flea_diag.core.signatures.structural import without_signs
     from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
-    from flea_diag.stages.observer.observer import ObserverParameters, ObserverStage
+    from flea_diag.stages.observer.observer import ObserverStage
+    from flea_diag.stages.observer.observer_parameters import ObserverParameters
     from flea_diag.stages.pipeline import Pipeline
 
     calibration = load_calibration(setting.calibration or "")

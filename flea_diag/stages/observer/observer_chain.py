@@ -1,0 +1,75 @@
+"""The work on one stream of scans, in its order, with all the state that it needs.
+
+Is the stream in order (``stream_order``), which readings can be used (``channels``), is it still
+the same unit (``unit_change``), what are the residuals and their tests (``residual_stream``),
+which symbols follow (``detection_episode``).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.residuals.residual_rows import INDEX, TEMPERATURES
+from flea_diag.core.sensors.unit_change import UnitChange
+from flea_diag.stages.observer.channels import Channels, Reading
+from flea_diag.stages.observer.detection_episode import Deviation
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
+from flea_diag.stages.observer.residual_stream import ResidualStream, Tested
+from flea_diag.stages.observer.state_estimate import StateEstimate
+from flea_diag.stages.observer.stream_order import StreamOrder
+from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.records import ChannelTable
+
+TEMPERATURE_COLUMNS = np.array([INDEX[name] for name in TEMPERATURES])
+
+
+class ObserverChain:
+    """Everything of the observer that changes with a scan; a deep copy of it is a checkpoint."""
+
+    def __init__(self, calibration: Calibration, parameters: ObserverParameters) -> None:
+        self._calibration = calibration
+        self._parameters = parameters
+        self.order = StreamOrder(round(calibration.period_s * 1e9), parameters.gap_scans)
+        self.episode = Deviation(parameters.rearm_after_s)
+        self._unit = UnitChange()
+        self.begin(0, None)
+
+    def begin(self, stamp_ns: int, table: ChannelTable | None) -> None:
+        """Begin a stream: nothing of an earlier one is used any more."""
+        c, p = self._calibration, self._parameters
+        distrust = f"disagrees with current and motion by more than {c.voltage_limit_v:.1f} V"
+        self.channels = Channels(c.channels, distrust, p.observer_backend)
+        estimate = StateEstimate(c, p.state_observer, p.observer_seed, p.observer_backend)
+        self.stream = ResidualStream(c, estimate, p.warm_up_s, stamp_ns, p.observer_backend)
+        if table is not None:
+            self.take_ranges(table)
+        self.episode.forget()
+        self._unit.forget()
+
+    def take_ranges(self, table: ChannelTable) -> None:
+        """Use the ranges of a channel table."""
+        self.channels.take_ranges(table)
+        self.stream.take_ranges(table)
+
+    def leading(self, block: ScanBlock) -> int:
+        """How many scans of a block may be followed as one."""
+        return min(self.order.leading(block.stamps_ns), self.stream.leading(block.stamps_ns))
+
+    def follow(self, block: ScanBlock) -> tuple[int, Tested]:
+        """Take scans in order: the first that causes more than residuals (or n), and results."""
+        self.order.follow(block.stamps_ns)
+        reading = self.channels.read(block)
+        changed, tested = self.examine(block, reading)
+        happens = self.episode.follow(block.stamps_ns, tested.results)
+        first = min(changed, tested.voltage.lost_at, happens, self.other_unit(reading))
+        return first, tested
+
+    def other_unit(self, reading: Reading) -> int:
+        """The first scan with which another unit is in use, or n."""
+        return self._unit.follow(reading.usable.take(TEMPERATURE_COLUMNS, axis=1))
+
+    def examine(self, block: ScanBlock, reading: Reading) -> tuple[int, Tested]:
+        """The first scan with which a channel changes, or n; then residuals and tests of all."""
+        tested = self.stream.step(block.stamps_ns, reading.usable, self.episode.is_open)
+        return self.channels.judge(block.stamps_ns, reading, tested.voltage.trusted), tested

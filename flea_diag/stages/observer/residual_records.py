@@ -1,0 +1,42 @@
+"""Residual records: the residuals that a stand has limits for, with their tests."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.residuals.residual_rows import RESIDUALS, ResidualRow
+from flea_diag.stages.observer.regressor_table import REGRESSOR_NAMES
+from flea_diag.stages.observer.residual_stream import Tested
+from flea_diag.wire.blocks import ResidualBlock, ScanBlock
+
+
+class ResidualRecords:
+    """Makes the records of one stand."""
+
+    def __init__(self, calibration: Calibration) -> None:
+        self._columns = np.array(
+            [j for j, row in enumerate(RESIDUALS) if _is_tested(row, calibration)]
+        )
+        self._names = tuple(RESIDUALS[j].name for j in self._columns)
+
+    def block(self, scans: ScanBlock, tested: Tested) -> ResidualBlock:
+        """One record for each of these scans."""
+        results = tested.results
+        return ResidualBlock(
+            scans.stamps_ns,
+            self._names,
+            tested.residuals.values.take(self._columns, axis=1),
+            results.z.take(self._columns, axis=1),
+            results.k.take(self._columns, axis=1),
+            REGRESSOR_NAMES,
+            tested.regressors,
+            *tested.told,
+        )
+
+
+def _is_tested(row: ResidualRow, calibration: Calibration) -> bool:
+    """Whether this stand has limits for a residual."""
+    if row.gate == "sensor":
+        return any(limit.has(row.name) for limit in calibration.sensors)
+    return calibration.limit(row.name) is not None

@@ -1,0 +1,85 @@
+"""Every test on the residuals of a stream: Z-tests, mean-shift tests, tests of single sensors."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.detection.detection import Detector, TestResults
+from flea_diag.core.detection.mean_shift_test import ShiftTest
+from flea_diag.core.residuals.residual import UNIT_PARAMETERS
+from flea_diag.core.residuals.residual_rows import (
+    INNOVATION_INDEX,
+    RESIDUAL_INDEX,
+    RESIDUALS,
+    SENSOR_COLUMNS,
+    ResidualRows,
+)
+from flea_diag.stages.observer.lost_scans import THERMAL_COLUMNS
+from flea_diag.stages.observer.warm_up import Offsets
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
+INNOVATION_ROWS = list(INNOVATION_INDEX.values())
+
+
+class ResidualTests:
+    """Tests of one stream, with the limits of a calibration.
+
+    ``estimates``: whether a state observer runs; without one no innovation is tested.
+    """
+
+    def __init__(self, calibration: Calibration, estimates: bool, backend: str) -> None:
+        c = calibration
+        limits = [limit for limit in c.limits if estimates or limit.name not in INNOVATION_INDEX]
+        thermal = c.tolerance.thermal_rate_k_per_s
+        self._tolerance = c.tolerance
+        self._z_tests = Detector(limits, c.tolerances(), thermal, backend)
+        self._mean_shift = ShiftTest(c.shifts, c.tolerances(), backend)
+        self._disabled: list[int] = []
+
+    def step(
+        self, residuals: ResidualRows, sensors: tuple[Array, Array], alone: Flags
+    ) -> TestResults:
+        """Results after each of n scans.
+
+        ``sensors``: statistics, shape (n, sensor tests), and limits of the tests of single
+        sensors. ``alone``, shape (n,): where nothing corroborates the voltage.
+        """
+        residuals.values[:, self._disabled] = np.nan
+        results = self._z_tests.step(residuals)
+        results.z[:, SENSOR_COLUMNS], results.k[:, SENSOR_COLUMNS] = sensors
+        # The zero of a voltage that nothing corroborates is data quality, not a symptom;
+        # what alternates with the motion (direction-normalised) still is one.
+        results.z[alone, ELECTRICAL] = np.nan
+        self._mean_shift.step(residuals, results, alone)
+        return results
+
+    def forget(self, columns: list[int]) -> None:
+        """Empty the windows of these residuals."""
+        self._z_tests.forget(columns)
+
+    def disable_thermal(self) -> None:
+        """Test no thermal residual until the episode is closed."""
+        self._disabled = THERMAL_COLUMNS
+
+    def turn(self, opened: bool) -> None:
+        """An episode has opened: innovations are frozen. Or closed: every test is armed again."""
+        if not opened:
+            self._disabled = []
+        self._z_tests.forget(INNOVATION_ROWS if opened else range(len(RESIDUALS)))
+        self._mean_shift.turn(opened)
+
+    def adopt(self, offsets: Offsets) -> None:
+        """The unit's offsets are known: move the windows along and narrow what units differ by."""
+        tolerance = {name: getattr(self._tolerance, name) for name in UNIT_PARAMETERS}
+        change = dict.fromkeys(UNIT_PARAMETERS, 0.0)
+        for name, (by, sigma) in offsets.items():
+            change[name], tolerance[name] = by, sigma
+        self._mean_shift.adopt(list(change.values()))
+        self._z_tests.adopt(list(change.values()), list(tolerance.values()))
+        # How an innovation moves with a parameter is known in size alone.
+        self._z_tests.forget(INNOVATION_ROWS)

@@ -1,0 +1,61 @@
+"""Each sensor by itself, over a stream of scans of which some may be missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.residuals.residual_rows import CHANNELS
+from flea_diag.core.sensors.position_step import SPAN
+from flea_diag.core.sensors.sensor_tests import SensorTests
+from flea_diag.wire.records import ChannelTable
+
+Array = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
+
+
+class SensorValidation:
+    """Sensor tests of one stream; a missing scan is an empty row to them, so no step spans it."""
+
+    def __init__(self, calibration: Calibration, backend: str) -> None:
+        self._tests = SensorTests(calibration.sensors, CHANNELS, backend)
+        self._period_ns = round(calibration.period_s * 1e9)
+        self.k = self._tests.k
+        """Limit of each test, NaN where the calibration has none."""
+
+    def take_ranges(self, table: ChannelTable) -> None:
+        """Use the ranges of a channel table: a reading at the end of its range is clipped."""
+        for row in table.channels:
+            self._tests.bound(row.name, row.minimum, row.maximum)
+
+    def interrupt(self) -> None:
+        """There is a gap before the next scan."""
+        self._tests.interrupt()
+
+    @property
+    def stuck(self) -> Mapping[str, int]:
+        """Number of held readings of each channel."""
+        return self._tests.stuck
+
+    def step(self, before_ns: int, stamps_ns: Stamps, rows: Array) -> tuple[Array, Array]:
+        """Usable readings, shape (n, channels), and test statistics, shape (n, sensor tests).
+
+        ``before_ns`` is the stamp of the scan before these.
+        """
+        if len(rows) == 1 and int(stamps_ns[0]) - before_ns < 1.5 * self._period_ns:
+            return self._tested(rows)
+        apart = (stamps_ns - np.append(before_ns, stamps_ns[:-1])) / self._period_ns
+        places = np.cumsum(np.clip(np.rint(apart), 1, 2 * SPAN).astype(np.int64)) - 1
+        if places[-1] + 1 == len(rows):
+            return self._tested(rows)
+        whole = np.full((int(places[-1]) + 1, rows.shape[1]), np.nan)
+        whole[places] = rows
+        usable, z = self._tested(whole)
+        return usable[places], z[places]
+
+    def _tested(self, rows: Array) -> tuple[Array, Array]:
+        results = self._tests.step(rows)
+        return results.usable, results.z
