@@ -69,7 +69,7 @@ class WindowedMeans:
         return means
 
     def room(self, count: int) -> tuple[tuple[Array, Flags, Array], int, int, Counts]:
-        """Memory in which ``window_loops`` puts so many rows, no more than the longest window.
+        """Memory in which ``z_test_loops`` puts so many rows, no more than the longest window.
 
         Stores of values and of validity, and the sums; where in them the rows begin; rows of
         this lap until now; how many rows in a row were valid.

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.detection.mean_shift import ShiftLimit
+from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.observers.observer_noise import ObserverNoise
@@ -86,7 +86,7 @@ class Calibration(Frozen):
     observer_noise: ObserverNoise = field(default_factory=ObserverNoise)
     sensors: tuple[SensorLimit, ...] = ()
     covariance: tuple[CovarianceBlock, ...] = ()
-    shifts: tuple[ShiftLimit, ...] = ()
+    shifts: tuple[MeanShiftLimit, ...] = ()
 
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
@@ -314,7 +314,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "bad_stretches": _stretches,
     "sensors": lambda value: tuple(SensorLimit.from_mapping(entry) for entry in _list(value)),
     "covariance": _covariance,
-    "shifts": lambda value: tuple(ShiftLimit.from_mapping(entry) for entry in _list(value)),
+    "shifts": lambda value: tuple(MeanShiftLimit.from_mapping(entry) for entry in _list(value)),
     "observer_noise": _numbers_of(ObserverNoise, [f.name for f in fields(ObserverNoise)]),
 }
 LATER = ("observer_noise", "sensors", "covariance", "shifts")

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import BadStretch, Run
 from flea_diag.core.calibration.identification import Identified
-from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, LevelShift, ShiftLimit, limit_of
+from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanShiftLimit, limit_of
 from flea_diag.core.detection.mean_shift_test import SHIFTING
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.residuals.plausibility import ENTER_SAMPLES, usable
@@ -118,7 +118,7 @@ def limits(
 
 def shift_limits(
     traces: Sequence[Trace], false_alarms_per_hour: float, period_s: float
-) -> tuple[ShiftLimit, ...]:
+) -> tuple[MeanShiftLimit, ...]:
     """Limits of what a level changes by within a recording, of each residual that units differ in.
 
     They share ``SHIFT_SHARE`` of the rate of false alarms.
@@ -138,7 +138,7 @@ def shift_limits(
 def _shifts(row: ResidualRow, column: int, entry: Trace) -> Array:
     gated = row.gate == "moving"
     use = entry.moving[:, None] | (not gated)
-    return LevelShift([gated]).step(entry.values[:, [column], None], use)[:, 0, :, 0]
+    return MeanShift([gated]).step(entry.values[:, [column], None], use)[:, 0, :, 0]
 
 
 def _gated(row: ResidualRow, index: int, entry: Trace) -> tuple[Array, Array]:

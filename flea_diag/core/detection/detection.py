@@ -20,7 +20,7 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.detection.symbols import Test
 from flea_diag.core.detection.window_limit import ResidualLimit
-from flea_diag.core.detection.z_test import WindowTests
+from flea_diag.core.detection.z_test import ZTests
 from flea_diag.core.residuals.residual_rows import RESIDUALS, ResidualRows
 from flea_diag.core.residuals.thermal import CORRECTION_S
 
@@ -85,7 +85,7 @@ class Detector:
         named = {limit.name: limit for limit in limits}
         compiled = backends.chosen(backend) == "numba"
         self._groups = tuple(
-            WindowTests(gate, named, np.array(tolerance), extra, compiled)
+            ZTests(gate, named, np.array(tolerance), extra, compiled)
             for gate in ("moving", "always")
         )
 

@@ -40,7 +40,7 @@ _ROOM = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class ShiftLimit(Frozen):
+class MeanShiftLimit(Frozen):
     """Scatter of the shift of one residual over ``window`` samples, and its limit in sigmas."""
 
     name: str
@@ -49,7 +49,7 @@ class ShiftLimit(Frozen):
     k: float
 
     @classmethod
-    def from_mapping(cls, value: Any) -> ShiftLimit:
+    def from_mapping(cls, value: Any) -> MeanShiftLimit:
         """Limit from its plain mapping.
 
         Raises
@@ -74,7 +74,7 @@ class ShiftLimit(Frozen):
         return asdict(self)
 
 
-class LevelShift:
+class MeanShift:
     """Shifts of residuals side by side, constant memory; scans singly or in blocks, the same bits.
 
     ``columns`` of each shift together: the residual, and what its level may follow in a healthy
@@ -127,7 +127,7 @@ class LevelShift:
         return shifts
 
     def room(self, count: int) -> tuple[Array, Counts, Array, Array, Flags, Counts]:
-        """What ``shift_loops`` renews, with room for so many scans.
+        """What ``mean_shift_test_loops`` renews, with room for so many scans.
 
         Sums up to each scan that is still looked back at, where they end, the last shifts, the
         earlier levels that are frozen, and whether they are; then how few samples make a level.
@@ -177,7 +177,7 @@ class LevelShift:
 
 def limit_of(
     name: str, window: int, shifts: Sequence[Array], least_k: float, guard: float
-) -> ShiftLimit | None:
+) -> MeanShiftLimit | None:
     """Limit of one window from its shifts in nominal recordings, None where too few have any.
 
     The limit is ``least_k`` sigmas, and at least ``guard`` times the largest shift seen.
@@ -190,4 +190,4 @@ def limit_of(
     if not sigma > 0.0:
         return None
     largest = max(float(np.abs(column).max()) for column in known)
-    return ShiftLimit(name, window, sigma, max(least_k, guard * largest / sigma))
+    return MeanShiftLimit(name, window, sigma, max(least_k, guard * largest / sigma))

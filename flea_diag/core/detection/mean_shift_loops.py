@@ -1,4 +1,4 @@
-"""``shift_test.ShiftTest`` as a loop, for numba to compile: the same bits as in numpy."""
+"""``mean_shift_test.MeanShiftTest`` as a loop, for numba to compile: the same bits as in numpy."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
 
 
-def level_loops(
+def mean_shift_loops(
     row: Array, sums: Array, end: int, least: int, frozen: Array, is_frozen: bool, last: Array
 ) -> None:
-    """``level_shift.LevelShift`` for one residual in one scan, whose sum is put at ``end``."""
+    """``mean_shift.MeanShift`` for one residual in one scan, whose sum is put at ``end``."""
     for c in range(len(row)):
         sums[end, c] = sums[end - 1, c] + row[c]
     for w, window in enumerate(SHIFT_WINDOWS):
@@ -34,7 +34,7 @@ def level_loops(
             last[w, c] = mean - earlier if known else math.nan
 
 
-def shift_loops(
+def mean_shift_test_loops(
     rows: tuple[Array, Array, Flags], tests: tuple[Counts, Counts, Flags],
     unit: tuple[Array, Array], memory: tuple[Array, Counts, Array, Array, Flags, Counts],
     limits: tuple[Array, Array], z: Array, shifts: Array,
@@ -62,7 +62,7 @@ def shift_loops(
                 store[t, 0], last[t] = 0.0, math.nan
                 ends[t], is_frozen[t] = 1, False
             elif moving[i] or not gated[t]:
-                level_loops(row, store[t], ends[t], least[t], frozen[t], is_frozen[t], last[t])
+                mean_shift_loops(row, store[t], ends[t], least[t], frozen[t], is_frozen[t], last[t])
                 ends[t] += 1
             for w in range(len(SHIFT_WINDOWS)):
                 unit_variance = 0.0
@@ -74,5 +74,5 @@ def shift_loops(
     return beyond
 
 
-SHIFTS = (shift_loops, level_loops)
+MEAN_SHIFT_LOOPS = (mean_shift_test_loops, mean_shift_loops)
 """What ``backend.exact`` takes: the function, and what it calls."""

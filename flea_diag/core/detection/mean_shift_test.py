@@ -1,4 +1,4 @@
-"""The tests of ``level_shift`` on a stream of residuals, beside those against the calibration.
+"""The tests of ``mean_shift`` on a stream of residuals, beside those against the calibration.
 
 A voltage that nothing corroborates has a zero that wanders: by itself its shift says nothing.
 A current that reads b too much moves the electrical relation by -R b and the mechanical one by
@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.detection.detection import TestResults
-from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, LevelShift, ShiftLimit
-from flea_diag.core.detection.mean_shift_loops import SHIFTS
+from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanShiftLimit
+from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS
 from flea_diag.core.residuals.residual_rows import (
     RESIDUAL_INDEX,
     RESIDUALS,
@@ -38,11 +38,11 @@ SHIFTING = tuple(RESIDUALS[j].name for j in SPREAD_ROWS)
 """Residuals in which units differ: there a run knows its own level better than the calibration."""
 
 
-class ShiftTest:
+class MeanShiftTest:
     """Runs every test that the calibration has a limit for."""
 
     def __init__(
-        self, limits: Sequence[ShiftLimit], tolerance: Sequence[float], backend: str = "auto"
+        self, limits: Sequence[MeanShiftLimit], tolerance: Sequence[float], backend: str = "auto"
     ) -> None:
         self._compiled = backends.chosen(backend) == "numba"
         self._change = np.zeros(len(tolerance))
@@ -55,7 +55,7 @@ class ShiftTest:
         self._columns = np.array([RESIDUAL_INDEX[name] for name in names], dtype=int)
         self._places = np.array([SPREAD_ROWS.index(RESIDUAL_INDEX[n]) for n in names], dtype=int)
         self._gated = np.array([RESIDUALS[j].gate == "moving" for j in self._columns], dtype=bool)
-        self._level = LevelShift(self._gated.tolist(), 1 + len(tolerance))
+        self._level = MeanShift(self._gated.tolist(), 1 + len(tolerance))
         # What has no limit is never beyond it.
         self._variance, self._k = np.full((2, len(names), len(SHIFT_WINDOWS)), np.nan)
         for limit in limits:
@@ -101,7 +101,7 @@ class ShiftTest:
     def _follow(self, rows: ResidualRows) -> tuple[Array, Array, bool]:
         """``_z`` in one compiled loop."""
         z, shifts = np.empty((2, len(rows), *self._k.shape))
-        beyond = backends.exact(*SHIFTS)(
+        beyond = backends.exact(*MEAN_SHIFT_LOOPS)(
             (rows.values, rows.spread, rows.moving),
             (self._columns, self._places, self._gated),
             (self._change, self._tolerance),

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit
-from flea_diag.core.detection.z_test_loops import WINDOWS
+from flea_diag.core.detection.z_test_loops import Z_TEST_LOOPS
 from flea_diag.core.residuals.residual_rows import (
     RESIDUALS,
     SPREAD_ROWS,
@@ -25,7 +25,7 @@ REGION_EDGES = np.array(SPEED_REGIONS_M_S)
 THERMAL = ("motor_temperature", "nut_temperature", "ambient_temperature")
 
 
-class WindowTests:
+class ZTests:
     """Residuals that are gated alike share one ring of rows: values, |speed|, spreads.
 
     At rest a gated group takes nothing in and keeps the verdict of the last scan in motion.
@@ -100,7 +100,7 @@ class WindowTests:
 
     def _follow(self, rows: ResidualRows, speeds: Array, results: Array) -> None:
         """All of it in compiled loops, in pieces that the memory has room for."""
-        loops = backends.exact(*WINDOWS)
+        loops = backends.exact(*Z_TEST_LOOPS)
         spread = self._spreading.start, len(self._spread), self._tolerance
         for start in range(0, len(rows), self._windows[-1]):
             piece = slice(start, start + self._windows[-1])

@@ -1,4 +1,4 @@
-"""``detection.WindowTests`` as loops, for numba to compile: the same bits as in numpy.
+"""``z_test.ZTests`` as loops, for numba to compile: the same bits as in numpy.
 
 One call takes what some thirty calls of numpy take, which is what a scan that comes alone
 spends its time on. Sums run in the order of numpy's, and no flag of the compiler lets them be
@@ -87,7 +87,7 @@ def nearest_loops(
 def row_loops(
     values: Array, speed_m_s: float, spreads: Array, columns: Counts, places: Counts, row: Array
 ) -> None:
-    """``detection.WindowTests.table`` for one scan."""
+    """``z_test.ZTests.table`` for one scan."""
     row[len(columns)] = 0.0 if math.isnan(speed_m_s) else abs(speed_m_s)
     for c in range(len(columns)):
         row[c] = values[columns[c]]
@@ -98,7 +98,7 @@ def row_loops(
             at += 1
 
 
-def window_loops(
+def z_test_loops(
     rows: tuple[Array, Array, Array], moving: Flags, gated: bool, columns: Counts, places: Counts,
     memory: tuple[Array, Flags, Array], start: int, lap: int, counts: tuple[Counts, Counts],
     bounds: Array, spread: tuple[int, int, Array], held: Array, results: Array,
@@ -122,5 +122,5 @@ def window_loops(
                 results[part, i, columns[c]] = held[part, c]
 
 
-WINDOWS = (window_loops, row_loops, push_loops, sum_loops, nearest_loops)
+Z_TEST_LOOPS = (z_test_loops, row_loops, push_loops, sum_loops, nearest_loops)
 """What ``backend.exact`` takes: the function, and what it calls."""

@@ -24,7 +24,7 @@ SPEED = STATES.index("speed_m_s")
 _FIRST = INNOVATION_COLUMNS.start
 
 
-def told_loops(
+def output_loops(
     innovations: tuple[Array, Counts, Flags], testable: Flags, frozen: bool, channels: Counts,
     told: tuple[Array, Array, Array], values: Array,
 ) -> None:  # fmt: skip

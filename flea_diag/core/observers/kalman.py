@@ -11,7 +11,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.observers.state_filter import FilterModel, Health, Innovation
+from flea_diag.core.observers.state_filter import ConsistencyMonitor, FilterModel, Innovation
 
 Array = npt.NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class KalmanFilter:
     def __init__(self, model: FilterModel, mean: Array, covariance: Array) -> None:
         self._x = np.array(mean, dtype=float)
         self._P = np.array(covariance, dtype=float)
-        self._health = Health()
+        self._consistency = ConsistencyMonitor()
         self.diverged = False
         self.adopt(model)
 
@@ -72,7 +72,7 @@ class KalmanFilter:
         if used.any() and math.isfinite(nis):
             self._correct(residual, used)
         if not frozen:
-            self.diverged = self._health.step(nis, len(r))
+            self.diverged = self._consistency.step(nis, len(r))
         row = (prediction, residual, sigma, self._x, (nis, math.inf))
         return Innovation(np.concatenate(row), len(H), len(r), self.diverged)
 

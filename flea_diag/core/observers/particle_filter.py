@@ -27,7 +27,7 @@ from flea_diag.core.observers import normal_table
 from flea_diag.core.observers.gaussian import square_root
 from flea_diag.core.observers.particle_kernel import Views, pack, step_numpy, unpack
 from flea_diag.core.observers.particle_loops import STEP
-from flea_diag.core.observers.state_filter import FilterModel, Health, Innovation
+from flea_diag.core.observers.state_filter import ConsistencyMonitor, FilterModel, Innovation
 from flea_diag.core.observers.track_loops import TRACK
 from flea_diag.errors import ConfigurationError
 
@@ -112,7 +112,7 @@ class ParticleFilter:
         self._width = 3 * p + n + 2
         self._row = np.zeros(self._width)
         self._row[3 * p : -2] = mean
-        self._health = Health()
+        self._consistency = ConsistencyMonitor()
         self.diverged = False
         self._tracked: tuple[Flags, Array | Views, Array | Views] | None = None
         self.adopt(model)
@@ -120,7 +120,7 @@ class ParticleFilter:
     def __deepcopy__(self, memo: dict[int, Any]) -> ParticleFilter:
         """One that goes on by itself; model, matrices and tables are only read, and shared."""
         twin = copy(self)
-        for name in ("_bits", "_cloud", "_x", "_new", "_u", "_row", "_health"):
+        for name in ("_bits", "_cloud", "_x", "_new", "_u", "_row", "_consistency"):
             setattr(twin, name, deepcopy(getattr(self, name), memo))
         return twin
 
@@ -187,7 +187,7 @@ class ParticleFilter:
             told.mean[:] = self.mean  # not what the correction would have made of it
             return told
         measured = self._pattern.measured
-        self.diverged = self._health.step(row.item(-2), measured)
+        self.diverged = self._consistency.step(row.item(-2), measured)
         return Innovation(row, len(y), measured, self.diverged)
 
     def track(
@@ -236,7 +236,7 @@ class ParticleFilter:
 
     def watch(self, nis: list[float], measured: list[int]) -> list[bool]:
         """Whether the track was lost, scan by scan."""
-        lost = [self._health.step(*each) for each in zip(nis, measured, strict=True)]
+        lost = [self._consistency.step(*each) for each in zip(nis, measured, strict=True)]
         self.diverged = lost[-1]
         return lost
 

@@ -1,8 +1,8 @@
-"""What every state filter of the observer is: a model, ``predict``, ``update``, health.
+"""What every state filter of the observer is: a model, ``predict``, ``update``, consistency.
 
 A filter tracks the states of a model whose measurement is linear, y = H x + D u + h + noise,
-and whose noise is Gaussian; the transition may be anything. Health is an output like any
-other: a filter that has lost its track says so.
+and whose noise is Gaussian; the transition may be anything. A filter that has
+lost its track says so (``ConsistencyMonitor``).
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Innovation:
         self.measured = measured
         """How many channels were measured."""
         self.diverged = diverged
-        """The filter has lost its track; see ``Health``."""
+        """The filter has lost its track; see ``ConsistencyMonitor``."""
 
     @property
     def prediction(self) -> Array:
@@ -164,8 +164,10 @@ MEMORY = 50
 """Scans over which that mean reaches back."""
 
 
-class Health:
-    """Watches the normalised innovation squared (Bar-Shalom et al. 2001, section 5.4).
+class ConsistencyMonitor:
+    """Consistency of a filter by its normalised innovation squared, NIS.
+
+    See Bar-Shalom et al. 2001, section 5.4.
 
     An exponential mean of NIS / channels, which is 1 for a filter that knows its own error.
     Model and reality always differ somewhat; ``LOST`` times is lost.

@@ -31,7 +31,7 @@ NAMES = (
     *POSITIONS,
     *(f"{channel}_{test}" for test in TESTS for channel in RESOLUTIONS),
 )
-"""Residuals that these tests fill, in the order of ``Tested.z``."""
+"""Residuals that these tests fill, in the order of ``SensorTestResults.z``."""
 
 
 def channel_of(name: str) -> str:
@@ -40,7 +40,7 @@ def channel_of(name: str) -> str:
 
 
 @dataclass(slots=True)
-class Tested:
+class SensorTestResults:
     """Outcome for a block of n rows.
 
     ``usable``: the readings without those withheld, shape (n, channels). ``z``, shape
@@ -117,7 +117,7 @@ class SensorTests:
         for guard in self._guards:
             guard.interrupt()
 
-    def step(self, rows: Array) -> Tested:
+    def step(self, rows: Array) -> SensorTestResults:
         """Test n >= 1 rows, shape (n, channels), one after the other."""
         count, columns = len(rows), len(self._columns)
         recent = np.empty((len(self._recent) + count, columns))
@@ -135,7 +135,7 @@ class SensorTests:
         if anywhere or self._busy:
             self._watch(recent, odd, usable, z)
         self._scan += count
-        return Tested(usable, z, self.k)
+        return SensorTestResults(usable, z, self.k)
 
     def _look(
         self,

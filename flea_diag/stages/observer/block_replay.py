@@ -10,7 +10,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 
 from flea_diag.stages.observer.observer_chain import ObserverChain
-from flea_diag.stages.observer.residual_stream import Tested
+from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.wire.blocks import ScanBlock
 
 LEAST_SCANS, MOST_SCANS = 16, 1024
@@ -54,7 +54,7 @@ class BlockReplay:
 
     def take(
         self, chain: ObserverChain, block: ScanBlock
-    ) -> tuple[ObserverChain, int, Tested | None]:
+    ) -> tuple[ObserverChain, int, StreamOutput | None]:
         """Follow the leading scans that cause residuals and nothing else.
 
         Returns
@@ -67,14 +67,14 @@ class BlockReplay:
         if self._checkpoint is None or self._checkpoint.scans >= MOST_SCANS:
             self._checkpoint = Checkpoint(deepcopy(chain))
         part = block.part(slice(count))
-        quiet, tested = chain.follow(part)
+        quiet, output = chain.follow(part)
         if quiet == count:
             self._most = min(2 * self._most, MOST_SCANS)
             self._checkpoint.take(part)
-            return chain, quiet, tested
+            return chain, quiet, output
         self._most = LEAST_SCANS
         chain, self._checkpoint = self._checkpoint.restored(), None
         if not quiet:
             return chain, 0, None
-        _, tested = chain.follow(block.part(slice(quiet)))
-        return chain, quiet, tested
+        _, output = chain.follow(block.part(slice(quiet)))
+        return chain, quiet, output

@@ -25,7 +25,7 @@ SENSOR_DEAD = "sensor dead, others read: "
 """Before the reason of a channel that falls silent alone."""
 
 
-class Reading(NamedTuple):
+class ChannelReadings(NamedTuple):
     """What n scans say of ``CHANNELS``, shape (n, channels), NaN = not measured.
 
     ``raw`` as it was read; ``usable`` is NaN where a value is out of its range, too; ``steady``
@@ -63,7 +63,7 @@ class Channels:
             monitor.minimum, monitor.maximum = ranges.get(monitor.channel, (-math.inf, math.inf))
         self._look()
 
-    def read(self, block: ScanBlock) -> Reading:
+    def read(self, block: ScanBlock) -> ChannelReadings:
         """What n scans say of ``CHANNELS``; one that only repeats the last one, nothing."""
         layout = block.channels
         if layout != self._layout:
@@ -74,7 +74,7 @@ class Channels:
             self._layout = layout
         raw = np.empty((len(block), len(CHANNELS)))
         if self._compiled and self._glance(block.values, raw):
-            return Reading(raw, raw, None)
+            return ChannelReadings(raw, raw, None)
         raw.fill(np.nan)
         raw[:, self._to] = block.values.take(self._from, axis=1)
         stale = self._stale.find(raw)
@@ -83,9 +83,9 @@ class Channels:
         steady = (raw > self._low) & (raw < self._high)
         steady |= np.isnan(raw) & self._lacking
         if steady.all():
-            return Reading(raw, raw, None)
+            return ChannelReadings(raw, raw, None)
         inside = (raw >= self._least) & (raw <= self._most)
-        return Reading(raw, np.where(inside, raw, np.nan), steady)
+        return ChannelReadings(raw, np.where(inside, raw, np.nan), steady)
 
     def _glance(self, values: Array, raw: Array) -> bool:
         """Fill ``raw`` in; whether that is all there is to do, as for most scans it is."""
@@ -102,7 +102,9 @@ class Channels:
             monitor.counters["stale"] += read[column]
         raw[stale] = np.nan
 
-    def judge(self, stamps_ns: npt.NDArray[np.int64], reading: Reading, trusted: Flags) -> int:
+    def judge(
+        self, stamps_ns: npt.NDArray[np.int64], reading: ChannelReadings, trusted: Flags
+    ) -> int:
         """Follow the channels through n scans; the first that changes what is to be said, or n.
 
         ``trusted`` is what a cross-check of several channels says of the voltage.

@@ -77,10 +77,10 @@ class ObserverStage:
         -------
         How many that are, and their residuals. What causes more is left to ``handle``.
         """
-        self._chain, quiet, tested = self._replay.take(self._chain, block)
-        if tested is None:
+        self._chain, quiet, output = self._replay.take(self._chain, block)
+        if output is None:
             return 0, ()
-        return quiet, (self._records.block(block.part(slice(quiet)), tested),)
+        return quiet, (self._records.block(block.part(slice(quiet)), output),)
 
     def _scan(self, scan: Scan) -> tuple[Record, ...]:
         chain = self._chain
@@ -98,22 +98,22 @@ class ObserverStage:
         if chain.other_unit(reading) == 0:
             return self._go_over(block, scan.stamp_ns)
         learns, was_open = chain.stream.learns, chain.episode.is_open
-        changed, tested = chain.examine(block, reading)
-        found = chain.episode.step(scan.stamp_ns, tested.results)
+        changed, output = chain.examine(block, reading)
+        found = chain.episode.step(scan.stamp_ns, output.results)
         if chain.episode.is_open != was_open:
             chain.stream.turn(opened=not was_open)
         learned = learns and not chain.stream.learns
         is_due = changed == 0 or learned or chain.order.is_due(scan.stamp_ns)
         quality = (self._quality(scan.stamp_ns),) if is_due else ()
-        return (*taken_over, *quality, *self._records.block(block, tested).records(), *found)
+        return (*taken_over, *quality, *self._records.block(block, output).records(), *found)
 
     def _go_over(self, block: ScanBlock, stamp_ns: int) -> tuple[Record, ...]:
         """Another unit is in use: what was found on the last one ends, and all begins anew."""
         chain = self._chain
         closed = chain.episode.close(stamp_ns, ANOTHER_UNIT)
         chain.begin(stamp_ns, self._table)
-        _, tested = chain.examine(block, chain.channels.read(block))
-        residuals = self._records.block(block, tested).records()
+        _, output = chain.examine(block, chain.channels.read(block))
+        residuals = self._records.block(block, output).records()
         return (self._quality(stamp_ns), *residuals, closed)
 
     def _quality(self, stamp_ns: int) -> DataQuality:

@@ -12,10 +12,10 @@ import numpy as np
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.residual_rows import INDEX, TEMPERATURES
 from flea_diag.core.sensors.unit_change import UnitChange
-from flea_diag.stages.observer.channels import Channels, Reading
+from flea_diag.stages.observer.channels import ChannelReadings, Channels
 from flea_diag.stages.observer.detection_episode import Deviation
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
-from flea_diag.stages.observer.residual_stream import ResidualStream, Tested
+from flea_diag.stages.observer.residual_stream import ResidualStream, StreamOutput
 from flea_diag.stages.observer.state_estimate import StateEstimate
 from flea_diag.stages.observer.stream_order import StreamOrder
 from flea_diag.wire.blocks import ScanBlock
@@ -56,20 +56,20 @@ class ObserverChain:
         """How many scans of a block may be followed as one."""
         return min(self.order.leading(block.stamps_ns), self.stream.leading(block.stamps_ns))
 
-    def follow(self, block: ScanBlock) -> tuple[int, Tested]:
+    def follow(self, block: ScanBlock) -> tuple[int, StreamOutput]:
         """Take scans in order: the first that causes more than residuals (or n), and results."""
         self.order.follow(block.stamps_ns)
         reading = self.channels.read(block)
-        changed, tested = self.examine(block, reading)
-        happens = self.episode.follow(block.stamps_ns, tested.results)
-        first = min(changed, tested.voltage.lost_at, happens, self.other_unit(reading))
-        return first, tested
+        changed, output = self.examine(block, reading)
+        happens = self.episode.follow(block.stamps_ns, output.results)
+        first = min(changed, output.voltage.lost_at, happens, self.other_unit(reading))
+        return first, output
 
-    def other_unit(self, reading: Reading) -> int:
+    def other_unit(self, reading: ChannelReadings) -> int:
         """The first scan with which another unit is in use, or n."""
         return self._unit.follow(reading.usable.take(TEMPERATURE_COLUMNS, axis=1))
 
-    def examine(self, block: ScanBlock, reading: Reading) -> tuple[int, Tested]:
+    def examine(self, block: ScanBlock, reading: ChannelReadings) -> tuple[int, StreamOutput]:
         """The first scan with which a channel changes, or n; then residuals and tests of all."""
-        tested = self.stream.step(block.stamps_ns, reading.usable, self.episode.is_open)
-        return self.channels.judge(block.stamps_ns, reading, tested.voltage.trusted), tested
+        output = self.stream.step(block.stamps_ns, reading.usable, self.episode.is_open)
+        return self.channels.judge(block.stamps_ns, reading, output.voltage.trusted), output

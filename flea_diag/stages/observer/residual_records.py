@@ -7,7 +7,7 @@ import numpy as np
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.residual_rows import RESIDUALS, ResidualRow
 from flea_diag.stages.observer.regressor_table import REGRESSOR_NAMES
-from flea_diag.stages.observer.residual_stream import Tested
+from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 
 
@@ -20,18 +20,18 @@ class ResidualRecords:
         )
         self._names = tuple(RESIDUALS[j].name for j in self._columns)
 
-    def block(self, scans: ScanBlock, tested: Tested) -> ResidualBlock:
+    def block(self, scans: ScanBlock, output: StreamOutput) -> ResidualBlock:
         """One record for each of these scans."""
-        results = tested.results
+        results = output.results
         return ResidualBlock(
             scans.stamps_ns,
             self._names,
-            tested.residuals.values.take(self._columns, axis=1),
+            output.residuals.values.take(self._columns, axis=1),
             results.z.take(self._columns, axis=1),
             results.k.take(self._columns, axis=1),
             REGRESSOR_NAMES,
-            tested.regressors,
-            *tested.told,
+            output.regressors,
+            *output.estimate,
         )
 
 

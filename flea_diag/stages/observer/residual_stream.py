@@ -22,7 +22,7 @@ from flea_diag.stages.observer.regressor_table import RegressorTable
 from flea_diag.stages.observer.residual_tests import ResidualTests
 from flea_diag.stages.observer.sensor_validation import SensorValidation
 from flea_diag.stages.observer.speed_trust import SpeedTrust
-from flea_diag.stages.observer.state_estimate import StateEstimate, Told
+from flea_diag.stages.observer.state_estimate import ObserverOutput, StateEstimate
 from flea_diag.stages.observer.voltage_trust import VOLTAGE_COLUMNS, VoltageTrust, VoltageVerdict
 from flea_diag.stages.observer.warm_up import Offsets, WarmUp
 from flea_diag.wire.records import ChannelTable, UnitOffset
@@ -34,14 +34,14 @@ _IS_PREDICTED = np.array([name in PREDICTED for name in CHANNELS])
 
 
 @dataclass(slots=True)
-class Tested:
+class StreamOutput:
     """What n scans gave."""
 
     residuals: ResidualRows
     results: TestResults
     regressors: Array
     voltage: VoltageVerdict
-    told: Told
+    estimate: ObserverOutput
 
 
 class ResidualStream:
@@ -116,7 +116,7 @@ class ResidualStream:
         """An episode has opened or closed."""
         self._tests.turn(opened)
 
-    def step(self, stamps_ns: Stamps, rows: Array, frozen: bool) -> Tested:
+    def step(self, stamps_ns: Stamps, rows: Array, frozen: bool) -> StreamOutput:
         """Take n scans, rows of usable values; ``frozen`` stops thermal corrections."""
         before_ns, self._last_ns = self._last_ns, int(stamps_ns[-1])
         rows, sensors = self._sensors.step(before_ns, stamps_ns, rows)
@@ -138,7 +138,7 @@ class ResidualStream:
 
     def _follow(
         self, stamps_ns: Stamps, rows: Array, sensors: Array, frozen: bool, read: bool = True
-    ) -> Tested:
+    ) -> StreamOutput:
         residuals = self._bank.step(rows, frozen)
         residuals.values[:, SENSOR_COLUMNS] = sensors
         alone = np.empty(len(rows), dtype=bool)
@@ -148,7 +148,7 @@ class ResidualStream:
             self._tests.forget(VOLTAGE_COLUMNS)
         # A filter bridges what was not read by itself.
         seen = rows if read else np.where(_IS_PREDICTED, np.nan, rows)
-        told = self._estimate.step(seen, voltage.usable, frozen, residuals.values)
+        estimate = self._estimate.step(seen, voltage.usable, frozen, residuals.values)
         voltage.leave_out(residuals)
         self._speed.leave_out(residuals)
         if self._lost.leave_out(residuals, read):
@@ -156,7 +156,7 @@ class ResidualStream:
         self._learn(residuals, int(stamps_ns[0]))
         regressors = self._regressors.rows(rows, residuals)
         results = self._tests.step(residuals, (sensors, self._sensors.k), alone)
-        return Tested(residuals, results, regressors, voltage, told)
+        return StreamOutput(residuals, results, regressors, voltage, estimate)
 
     def _learn(self, residuals: ResidualRows, stamp_ns: int) -> None:
         """Go on with the offsets of this unit once the warm-up has fixed them."""

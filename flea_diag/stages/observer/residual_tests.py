@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.detection import Detector, TestResults
-from flea_diag.core.detection.mean_shift_test import ShiftTest
+from flea_diag.core.detection.mean_shift_test import MeanShiftTest
 from flea_diag.core.residuals.residual import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import (
     INNOVATION_INDEX,
@@ -38,7 +38,7 @@ class ResidualTests:
         thermal = c.tolerance.thermal_rate_k_per_s
         self._tolerance = c.tolerance
         self._z_tests = Detector(limits, c.tolerances(), thermal, backend)
-        self._mean_shift = ShiftTest(c.shifts, c.tolerances(), backend)
+        self._mean_shift = MeanShiftTest(c.shifts, c.tolerances(), backend)
         self._disabled: list[int] = []
 
     def step(

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.observers import innovation_residual
-from flea_diag.core.observers.innovation_loops import told_loops
+from flea_diag.core.observers.innovation_loops import output_loops
 from flea_diag.core.observers.observer_block import PREDICTED, Innovations
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.residuals.parameters import ActuatorParameters
@@ -29,7 +29,7 @@ NONE = "none"
 _VOLTAGE, _COMMAND = INDEX["motor_voltage"], INDEX["commanded_voltage"]
 
 
-class Told(NamedTuple):
+class ObserverOutput(NamedTuple):
     """What the estimates of n scans add to their residuals, columns in the order of their names.
 
     ``estimates`` are predictions from earlier scans, ``sigmas`` what each reading is expected
@@ -72,12 +72,12 @@ class StateEstimate:
 
     def step(
         self, rows: Array, voltage_usable: npt.NDArray[np.bool_], frozen: bool, values: Array
-    ) -> Told:
+    ) -> ObserverOutput:
         """Take rows of ``CHANNELS`` and fill the innovations among their residuals ``values``."""
         observer, count = self._observer, len(rows)
         if observer is None:
             nothing = np.empty((count, 0))
-            return Told((), nothing, nothing, nothing)
+            return ObserverOutput((), nothing, nothing, nothing)
         if self._frozen and not frozen:
             observer.interrupt()
         self._frozen = frozen
@@ -100,17 +100,19 @@ class StateEstimate:
         # A frozen filter follows nothing, so it has no track to lose.
         health[:, 0], health[:, 2] = found.ess, found.diverged & (not frozen)
         np.divide(found.nis, np.maximum(found.measured, 1), out=health[:, 1])
-        return Told(self._channels, found.predictions.take(self._at, axis=1), sigmas, health)
+        return ObserverOutput(
+            self._channels, found.predictions.take(self._at, axis=1), sigmas, health
+        )
 
     def _follow(
         self, found: Innovations, testable: npt.NDArray[np.bool_], frozen: bool, values: Array
-    ) -> Told:
+    ) -> ObserverOutput:
         """The same in one compiled loop."""
         count = len(testable)
         estimates, sigmas = np.empty((2, count, len(self._at)))
         told = estimates, sigmas, np.empty((count, 3))
-        backends.exact(told_loops)(tuple(found), testable, frozen, self._at, told, values)
-        return Told(self._channels, *told)
+        backends.exact(output_loops)(tuple(found), testable, frozen, self._at, told, values)
+        return ObserverOutput(self._channels, *told)
 
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Go on with other parameters (the offsets of this unit, once they are learned)."""

@@ -10,8 +10,8 @@ from flea_diag.core.detection.mean_shift import (
     LEAST_ALWAYS,
     REFERENCE,
     SHIFT_WINDOWS,
-    LevelShift,
-    ShiftLimit,
+    MeanShift,
+    MeanShiftLimit,
     limit_of,
 )
 
@@ -19,7 +19,7 @@ WINDOW = SHIFT_WINDOWS[0]
 
 
 def shifts(values: np.ndarray, use: np.ndarray | None = None, block: int = 100_000) -> np.ndarray:
-    level = LevelShift()
+    level = MeanShift()
     use = np.ones(len(values), dtype=bool) if use is None else use
     values, use = values[:, None, None], use[:, None]
     parts = range(0, len(values), block)
@@ -39,7 +39,7 @@ def test_a_shift_is_the_mean_of_the_window_less_that_of_what_came_before():
 
 @pytest.mark.parametrize(("gated", "least"), [(True, LEAST), (False, LEAST_ALWAYS)])
 def test_a_level_that_counts_at_rest_needs_more_samples(gated, least):
-    level = LevelShift([gated])
+    level = MeanShift([gated])
     found = level.step(np.zeros((1000, 1, 1)), np.ones((1000, 1), dtype=bool))[:, 0, 0, 0]
     assert np.flatnonzero(np.isfinite(found))[0] == least + WINDOW - 1
 
@@ -75,7 +75,7 @@ def test_after_a_missing_value_a_new_level_begins():
 
 
 def test_a_frozen_level_does_not_follow_the_fault():
-    level, use = LevelShift(), np.ones((1000, 1), dtype=bool)
+    level, use = MeanShift(), np.ones((1000, 1), dtype=bool)
     level.step(np.zeros((1000, 1, 1)), use)
     level.freeze()
     for _ in range(5):
@@ -87,7 +87,7 @@ def test_a_frozen_level_does_not_follow_the_fault():
 
 def test_limit_is_the_quantile_or_what_was_seen_whichever_is_more():
     calm = [np.array([np.nan, 1.0, -1.0]), np.array([1.0, 1.0])]
-    assert limit_of("r", WINDOW, calm, 5.0, 1.25) == ShiftLimit("r", WINDOW, 1.0, 5.0)
+    assert limit_of("r", WINDOW, calm, 5.0, 1.25) == MeanShiftLimit("r", WINDOW, 1.0, 5.0)
     loud = limit_of("r", WINDOW, [np.array([0.0, 0.0, 0.0, 20.0]), np.zeros(4)], 1.0, 1.25)
     assert loud is not None
     assert loud.k * loud.sigma == pytest.approx(25.0)
@@ -98,7 +98,7 @@ def test_limit_is_the_quantile_or_what_was_seen_whichever_is_more():
     "change", [{"window": 17}, {"sigma": 0.0}, {"k": float("nan")}, {"k": True}, {"more": 1}]
 )
 def test_a_limit_that_makes_no_sense_is_refused(change):
-    plain = ShiftLimit("parity_electrical", WINDOW, 0.3, 5.0).to_mapping()
-    assert ShiftLimit.from_mapping(plain).to_mapping() == plain
+    plain = MeanShiftLimit("parity_electrical", WINDOW, 0.3, 5.0).to_mapping()
+    assert MeanShiftLimit.from_mapping(plain).to_mapping() == plain
     with pytest.raises(ValueError, match=r"limit of shifts|window|sigma|k ="):
-        ShiftLimit.from_mapping({**plain, **change})
+        MeanShiftLimit.from_mapping({**plain, **change})

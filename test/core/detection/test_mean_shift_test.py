@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from flea_diag.core.detection import detection
-from flea_diag.core.detection.mean_shift import ShiftLimit
-from flea_diag.core.detection.mean_shift_test import ShiftTest
+from flea_diag.core.detection.mean_shift import MeanShiftLimit
+from flea_diag.core.detection.mean_shift_test import MeanShiftTest
 from flea_diag.core.residuals.residual import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import (
     RESIDUAL_INDEX,
@@ -23,7 +23,7 @@ UNITS = len(UNIT_PARAMETERS)
 ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
 MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
 PLACE = SPREAD_ROWS.index(ELECTRICAL)
-LIMIT = ShiftLimit("parity_electrical", 200, 0.2, 5.0)
+LIMIT = MeanShiftLimit("parity_electrical", 200, 0.2, 5.0)
 VOLTAGE = UNIT_PARAMETERS.index("voltage_offset_v")
 
 
@@ -38,7 +38,7 @@ def rows(volts: np.ndarray, spread: np.ndarray | None = None) -> ResidualRows:
 
 
 def step(
-    test: ShiftTest, made: ResidualRows, alone: bool = False, force: float = math.nan
+    test: MeanShiftTest, made: ResidualRows, alone: bool = False, force: float = math.nan
 ) -> detection.TestResults:
     """``force``: what the mechanical relation's own test says, in sigmas; its limit is 6."""
     results = detection.TestResults.untested(len(made))
@@ -48,7 +48,7 @@ def step(
 
 
 def test_a_step_at_rest_deviates_with_the_shift_as_its_statistic():
-    results = step(ShiftTest([LIMIT], [0.0] * UNITS), rows(np.repeat([3.0, 4.5], [800, 300])))
+    results = step(MeanShiftTest([LIMIT], [0.0] * UNITS), rows(np.repeat([3.0, 4.5], [800, 300])))
     deviating = results.deviating()
     assert not deviating[:800].any()
     assert set(np.flatnonzero(deviating.any(axis=0))) == {ELECTRICAL}
@@ -61,7 +61,7 @@ def test_what_a_healthy_unit_may_differ_by_widens_the_limit():
     moved = np.zeros((1100, UNITS))
     moved[800:, 0] = 1.0
     volts = np.repeat([3.0, 4.5], [800, 300])
-    results = step(ShiftTest([LIMIT], [1.0] + [0.0] * (UNITS - 1)), rows(volts, moved))
+    results = step(MeanShiftTest([LIMIT], [1.0] + [0.0] * (UNITS - 1)), rows(volts, moved))
     assert not results.deviating().any()
 
 
@@ -70,7 +70,7 @@ def test_an_offset_that_is_learned_is_no_shift():
     spread[:, VOLTAGE] = -1.0
     change = [0.0] * UNITS
     change[VOLTAGE] = 2.0
-    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    test = MeanShiftTest([LIMIT], [0.0] * UNITS)
     step(test, rows(np.full(600, 3.0), spread))
     test.adopt(change)
     assert not step(test, rows(np.full(600, 1.0), spread)).deviating().any()
@@ -78,14 +78,14 @@ def test_an_offset_that_is_learned_is_no_shift():
 
 @pytest.mark.parametrize("alone", [True, False])
 def test_the_zero_of_a_voltage_alone_says_nothing(alone):
-    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    test = MeanShiftTest([LIMIT], [0.0] * UNITS)
     step(test, rows(np.zeros(800)), alone)
     found = step(test, rows(np.full(300, 2.0)), alone).deviating()
     assert bool(found.any()) is not alone
 
 
 def test_in_an_open_episode_the_level_before_it_counts_and_not_what_follows():
-    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    test = MeanShiftTest([LIMIT], [0.0] * UNITS)
     step(test, rows(np.repeat([0.0, 2.0], [800, 200])))
     test.turn(opened=True)
     later = step(test, rows(np.full(3000, 2.0)))
@@ -108,7 +108,7 @@ def test_in_an_open_episode_the_level_before_it_counts_and_not_what_follows():
 def test_a_voltage_alone_is_heard_where_the_force_says_the_same_of_the_current(
     volts, force, called
 ):
-    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    test = MeanShiftTest([LIMIT], [0.0] * UNITS)
     step(test, rows(np.zeros(800)), alone=True, force=force)
     found = step(test, rows(np.full(200, volts)), alone=True, force=force)
     expected = {ELECTRICAL, MECHANICAL} if called else set()
@@ -126,7 +126,7 @@ def test_a_voltage_alone_is_heard_where_the_force_says_the_same_of_the_current(
 @pytest.mark.parametrize("alone", [True, False])
 def test_in_an_episode_that_something_else_opened_a_shift_says_nothing(alone):
     """A jam may come with another unit, whose winding has another resistance."""
-    test = ShiftTest([LIMIT], [0.0] * UNITS)
+    test = MeanShiftTest([LIMIT], [0.0] * UNITS)
     step(test, rows(np.zeros(800)), alone)
     test.turn(opened=True)
     found = step(test, rows(np.full(300, 2.0)), alone, force=-9.0)
@@ -145,8 +145,10 @@ def test_compiled_gives_the_bits_of_numpy(block):
         draw.random(6000) > 0.2,
     )
     made.values[[40, 41, 2500], ELECTRICAL] = np.nan
-    limits = [ShiftLimit(RESIDUALS[j].name, w, 0.2, 0.5) for j in SPREAD_ROWS for w in (200, 400)]
-    tests = [ShiftTest(limits[1:], [0.1] * UNITS, backend) for backend in ("numpy", "numba")]
+    limits = [
+        MeanShiftLimit(RESIDUALS[j].name, w, 0.2, 0.5) for j in SPREAD_ROWS for w in (200, 400)
+    ]
+    tests = [MeanShiftTest(limits[1:], [0.1] * UNITS, backend) for backend in ("numpy", "numba")]
     counted = False
     for start in range(0, 6000, block):
         part = slice(start, start + block)
@@ -169,7 +171,7 @@ def test_compiled_gives_the_bits_of_numpy(block):
 @pytest.mark.parametrize("opener", [MECHANICAL, ELECTRICAL])
 def test_where_forces_alone_opened_an_episode_the_circuit_of_another_unit_says_nothing(opener):
     """The drag may be that of a unit just switched in, whose winding is another, too."""
-    test = ShiftTest([LIMIT, ShiftLimit("parity_mechanical", 200, 2.0, 5.0)], [0.0] * UNITS)
+    test = MeanShiftTest([LIMIT, MeanShiftLimit("parity_mechanical", 200, 2.0, 5.0)], [0.0] * UNITS)
     made = rows(np.zeros(1000))
     made.moving[:] = True
     made.values[800:, opener] = 40.0

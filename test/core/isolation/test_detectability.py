@@ -8,7 +8,7 @@ import pytest
 
 from flea_diag import configuration
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.detection.mean_shift import ShiftLimit
+from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
 from flea_diag.core.isolation.detectability import least_constants, unseen
 from flea_diag.stages.isolator.quantitative_isolation import Weighing
@@ -72,5 +72,5 @@ def test_the_least_offset_is_that_of_the_finest_test():
     limits = (ResidualLimit("parity_mechanical", windows, (1.0,) * 3),)
     stand = replace(whole(), limits=limits, shifts=())
     assert least_constants(stand) == {"parity_mechanical": 9.0}
-    shifts = (ShiftLimit("parity_mechanical", 400, 1.0, 5.0),)
+    shifts = (MeanShiftLimit("parity_mechanical", 400, 1.0, 5.0),)
     assert least_constants(replace(stand, shifts=shifts)) == {"parity_mechanical": 5.0}

@@ -9,7 +9,7 @@ from support.linear_actuator import START, model, sharpened, simulated
 
 from flea_diag.core.observers.kalman import KalmanFilter
 from flea_diag.core.observers.observer_model import LinearModel
-from flea_diag.core.observers.state_filter import LOST, Health
+from flea_diag.core.observers.state_filter import LOST, ConsistencyMonitor
 
 
 def scalar(q: float, r: float) -> LinearModel:
@@ -122,17 +122,17 @@ def test_scan_without_any_reading_only_predicts() -> None:
     np.testing.assert_allclose(told.prediction, given.H @ given.A @ np.ones(3) + given.h)
 
 
-def test_health_forgives_one_outlier_and_not_a_lost_track() -> None:
-    health = Health()
-    assert not health.step(1e12, 2)
+def test_consistency_forgives_one_outlier_and_not_a_lost_track() -> None:
+    monitor = ConsistencyMonitor()
+    assert not monitor.step(1e12, 2)
     for _ in range(20):
-        assert not health.step(2.0, 2)
-    steps = next(k for k in range(1000) if health.step(4.0 * LOST * 2, 2))
+        assert not monitor.step(2.0, 2)
+    steps = next(k for k in range(1000) if monitor.step(4.0 * LOST * 2, 2))
     assert steps < 50
-    assert not all(health.step(2.0, 2) for _ in range(500))
+    assert not all(monitor.step(2.0, 2) for _ in range(500))
 
 
-def test_health_takes_what_is_no_number_for_lost() -> None:
-    health = Health()
-    assert [health.step(np.nan, 2) for _ in range(100)][-1]
-    assert not [health.step(2.0, 2) for _ in range(500)][-1]
+def test_consistency_takes_what_is_no_number_for_lost() -> None:
+    monitor = ConsistencyMonitor()
+    assert [monitor.step(np.nan, 2) for _ in range(100)][-1]
+    assert not [monitor.step(2.0, 2) for _ in range(500)][-1]
