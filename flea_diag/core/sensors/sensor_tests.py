@@ -72,7 +72,8 @@ class SensorTests:
         self._low = np.full(len(self._limits), -math.inf)
         self._high = np.full(len(self._limits), math.inf)
         self._guards = [ReadingGuard(limit) for limit in self._limits]
-        self._busy = False
+        self._watched: set[int] = set()
+        """Channels that leapt or stood still until now."""
         self._noise = NoiseTest(self._limits, backend)
         self._recent = np.full((2 * SPAN - 1, len(self._limits)), np.nan)
         self._positions = [self._names.index(name) for name in POSITIONS if name in self._names]
@@ -132,7 +133,7 @@ class SensorTests:
         z[:] = self._calm
         z[:, self._places["noise"]] = self._noise.step(inside)
         z[:, self._step_places] = steps / self._sizes
-        if anywhere or self._busy:
+        if anywhere or self._watched:
             self._watch(recent, odd, usable, z)
         self._scan += count
         return SensorTestResults(usable, z, self.k)
@@ -161,13 +162,13 @@ class SensorTests:
 
     def _watch(self, recent: Array, odd: Flags, usable: Array, z: Array) -> None:
         """Follow the channels that leap or stand still, or did until now."""
-        count, anywhere = len(odd), np.any(odd, axis=0).tolist()
-        for index, guard in enumerate(self._guards):
-            if anywhere[index] or guard.busy:
-                rests = self._rests(index, recent)[-count:].tolist()
-                readings = recent[-count - 2 :, index].tolist()
-                self._follow(index, readings, odd[:, index].tolist(), rests, usable, z)
-        self._busy = any(guard.busy for guard in self._guards)
+        count = len(odd)
+        self._watched.update(np.flatnonzero(np.any(odd, axis=0)).tolist())
+        for index in sorted(self._watched):
+            rests = self._rests(index, recent)[-count:].tolist()
+            readings = recent[-count - 2 :, index].tolist()
+            self._follow(index, readings, odd[:, index].tolist(), rests, usable, z)
+        self._watched = {index for index in self._watched if self._guards[index].busy}
 
     def _rests(self, index: int, recent: Array) -> Flags:
         """Where a reading rightly stands still, of the last rows: an encoder's at rest."""

@@ -65,7 +65,7 @@ class ResidualStream:
         self._estimate = estimate
         self._speed = SpeedTrust(self._bank.has_encoder)
         self._lost = LostScans()
-        self._warm_up = WarmUp(c, warm_up_s, start_ns)
+        self._warm_up: WarmUp | None = WarmUp(c, warm_up_s, start_ns)
         self._regressors = RegressorTable(c.parameters)
         self._tests = ResidualTests(c, estimate.runs, backend)
         self.offsets: tuple[UnitOffset, ...] = ()
@@ -79,7 +79,7 @@ class ResidualStream:
 
     def leading(self, stamps_ns: Stamps) -> int:
         """How many of these scans may come in one block."""
-        return self._warm_up.leading(stamps_ns)
+        return self._warm_up.leading(stamps_ns) if self._warm_up else len(stamps_ns)
 
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
@@ -99,7 +99,7 @@ class ResidualStream:
                          for o in offsets})  # fmt: skip
             self.offsets = offsets
         if within:
-            self._warm_up.end()
+            self._warm_up = None
             self._tests.disable_thermal()
 
     @property
@@ -110,7 +110,7 @@ class ResidualStream:
     @property
     def learns(self) -> bool:
         """Whether this is the warm-up."""
-        return self._warm_up.lasts
+        return self._warm_up is not None
 
     def turn(self, opened: bool) -> None:
         """An episode has opened or closed."""
@@ -153,14 +153,15 @@ class ResidualStream:
         self._speed.leave_out(residuals)
         if self._lost.leave_out(residuals, read):
             self._estimate.interrupt()
-        self._learn(residuals, int(stamps_ns[0]))
+        if self._warm_up is not None:
+            self._learn(self._warm_up, residuals, int(stamps_ns[0]))
         regressors = self._regressors.rows(rows, residuals)
         results = self._tests.step(residuals, (sensors, self._sensors.k), alone)
         return StreamOutput(residuals, results, regressors, voltage, estimate)
 
-    def _learn(self, residuals: ResidualRows, stamp_ns: int) -> None:
+    def _learn(self, warm_up: WarmUp, residuals: ResidualRows, stamp_ns: int) -> None:
         """Go on with the offsets of this unit once the warm-up has fixed them."""
-        found = self._warm_up.step(residuals, stamp_ns, self._voltage.lost)
+        found = warm_up.step(residuals, stamp_ns, self._voltage.lost)
         if found is None:
             return
         self._adopt(found)
@@ -171,7 +172,7 @@ class ResidualStream:
 
     def _adopt(self, offsets: Offsets) -> None:
         """Go on with these offsets, and learn no others."""
-        self._warm_up.end()
+        self._warm_up = None
         moved = {name: getattr(self._p, name) + by for name, (by, _) in offsets.items()}
         self._p = replace(self._p, **moved)
         self._bank.adopt(self._p)

@@ -33,19 +33,8 @@ class WarmUp:
             for residual, name in LEARNED.items()
         }
 
-    @property
-    def lasts(self) -> bool:
-        """Whether offsets are still being learned."""
-        return bool(self._learning)
-
-    def end(self) -> None:
-        """Learn nothing more."""
-        self._learning = {}
-
     def leading(self, stamps_ns: Stamps) -> int:
         """How many of these scans may come in one block: the warm-up ends with a single one."""
-        if not self._learning:
-            return len(stamps_ns)
         over = np.append(stamps_ns >= self._ends_ns, True)
         return int(over.argmax())  # the first: stamps may jump back after it
 
@@ -54,8 +43,6 @@ class WarmUp:
 
         The zero of a voltage that is not trusted is not learned.
         """
-        if not self._learning:
-            return None
         if stamp_ns >= self._ends_ns:
             return {
                 LEARNED[residual]: learning.offset()
