@@ -16,10 +16,10 @@ EARLIER_LEVEL = "its earlier level"
 """Ends the ``test`` of a Detection that held a residual against the same run before it."""
 STREAM = "sensors/slow"
 """The stream of scans, as ``data_quality`` counts it beside the channels."""
-STARVING = "starved: more than half of the scans are lost or come too late to be used"
-"""Reason of a stream of which too little is left to be tested."""
-DRIVER_DEAD = "driver dead: scans come, and no channel of them has a new value"
-"""Reason of a stream of which all channels that read have fallen silent."""
+STARVING = "starved: more than half of the scans lost or too late"
+"""Reason of a stream that has too few scans left to test."""
+DRIVER_DEAD = "DAQ frozen: scans arrive, values do not change or are missing"
+"""Reason of a stream on which no channel delivers new values any more."""
 
 
 class Outcome(str, Enum):

@@ -32,12 +32,12 @@ _UNTESTED[2] = 0.0
 
 
 class TestResults:
-    """The test nearest to its limit of each residual after each scan, shape (n, residuals).
+    """For each residual and scan the test nearest to its limit, shape (n, residuals).
 
-    ``z`` and its limit ``k``, NaN where nothing was tested, and the ``window`` of so many samples
-    behind it, 0 where there is none. ``table``, shape (3, n, residuals), holds the three.
-    ``shift`` is by how much that mean lies above this run's earlier level, in the residual's
-    unit, NaN where it was held against the calibration.
+    ``z``: statistic, and ``k``: its limit, NaN where nothing was tested. ``window``: samples of
+    the mean, 0 where there is none. ``table``, shape (3, n, residuals), holds the three.
+    ``shift``: mean minus the earlier level of this run, in the unit of the residual; NaN for a
+    test against the calibration.
     """
 
     __slots__ = ("k", "shift", "table", "window", "z")
@@ -49,16 +49,16 @@ class TestResults:
 
     @classmethod
     def untested(cls, scans: int = 1) -> TestResults:
-        """No test has been made yet."""
+        """Results before any test."""
         return cls(_UNTESTED.repeat(scans, axis=1))
 
     def deviating(self) -> npt.NDArray[np.bool_]:
-        """Which residuals are beyond their limits; an untested one is not."""
+        """Which residuals exceed their limits; an untested one does not."""
         beyond: npt.NDArray[np.bool_] = np.abs(self.z) > self.k
         return beyond
 
     def test(self, index: int) -> tuple[float, Test]:
-        """Statistic after the first scan, and which test's it is."""
+        """Statistic after the first scan, and the test that it belongs to."""
         z, k, window = self.table[:, 0, index].tolist()
         return z, (window, k)
 
@@ -99,18 +99,18 @@ class Detector:
         return results
 
     def adopt(self, change: Sequence[float], tolerance: Sequence[float]) -> None:
-        """Go on with unit parameters that changed by ``change`` and a narrower spread.
+        """Use unit parameters changed by ``change``, with standard deviations ``tolerance``.
 
-        What the windows hold is moved along, r + (dr/dp) dp, so that nothing is forgotten.
+        Residuals in the windows are corrected by r + (dr/dp) dp, so that no sample is lost.
         """
         for group in self._groups:
             group.adopt(np.array(change), np.array(tolerance))
 
     def forget(self, columns: Sequence[int]) -> None:
-        """Drop the windows of some residuals, whose channel turned out to be bad."""
+        """Empty the windows of some residuals, whose channel turned out to be bad."""
         for group in self._groups:
             group.forget(columns)
 
     def clear(self) -> None:
-        """Drop every window (re-arming)."""
+        """Empty every window (re-arming)."""
         self.forget(range(len(RESIDUALS)))

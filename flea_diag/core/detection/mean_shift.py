@@ -1,4 +1,4 @@
-"""Relations held against themselves: how the level of a residual changes within a run.
+"""Mean-shift test: change of the level of a residual within a run.
 
 What healthy units differ by, a zero that nothing corroborates or a resistance that nobody
 measured, stays what it is throughout a run. So the mean of the last w samples less the mean
@@ -32,16 +32,16 @@ Counts = npt.NDArray[np.int64]
 SHIFT_WINDOWS = (200, 400)
 WINDOWS = np.array(SHIFT_WINDOWS)
 REFERENCE, LEAST = 2000, 300
-"""Most and fewest samples that an earlier level is the mean of."""
+"""Most and fewest samples of the mean that is the earlier level."""
 LEAST_ALWAYS = 600
-"""Fewest of a relation that also counts at rest: strokes and rests in turn make its level."""
+"""Fewest for a residual that is also tested at rest: strokes and rests alternate in its level."""
 _KEPT = REFERENCE + max(SHIFT_WINDOWS) + 1
 _ROOM = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class MeanShiftLimit(Frozen):
-    """Scatter of the shift of one residual over ``window`` samples, and its limit in sigmas."""
+    """Sigma of the mean shift of one residual over ``window`` samples, and its limit in sigmas."""
 
     name: str
     window: int
@@ -100,7 +100,7 @@ class MeanShift:
         self._last[each], self._is_frozen[each] = np.nan, False
 
     def freeze(self) -> None:
-        """From now on every window is held against the earlier level of now."""
+        """Compare every window with the present earlier level from now on."""
         for each, end in enumerate(self._ends.tolist()):
             self._frozen[each] = self._earlier(each, end - 1 - WINDOWS)
         self._is_frozen[:] = True

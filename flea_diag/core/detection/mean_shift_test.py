@@ -1,6 +1,6 @@
-"""The tests of ``mean_shift`` on a stream of residuals, beside those against the calibration.
+"""Mean-shift tests on a stream of residuals, besides the Z-tests against the calibration.
 
-A voltage that nothing corroborates has a zero that wanders: by itself its shift says nothing.
+The zero of an uncorroborated voltage drifts: its shift alone is no evidence.
 A current that reads b too much moves the electrical relation by -R b and the mechanical one by
 K b, so the load cell is a witness: where the two deviate in opposite directions, their common
 distance from zero is held against the limit that the shift alone would have, and both deviate.
@@ -31,11 +31,11 @@ Flags = npt.NDArray[np.bool_]
 ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
 MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
 CIRCUIT = {ELECTRICAL, RESIDUAL_INDEX["parity_electrical_dn"]}
-"""Relations of the winding, by which a drag that comes with another unit must not be judged."""
+"""Relations of the winding; not used for a drag that may come with a change of unit."""
 WITNESS = 2.0
-"""Sigmas of the mechanical relation from which on it is a witness."""
+"""Least deviation of the mechanical relation, in sigmas, that makes it a witness."""
 SHIFTING = tuple(RESIDUALS[j].name for j in SPREAD_ROWS)
-"""Residuals in which units differ: there a run knows its own level better than the calibration."""
+"""Residuals in which units differ: the run's own level is a better reference than calibration."""
 
 
 class MeanShiftTest:
@@ -50,24 +50,24 @@ class MeanShiftTest:
         self._open = False
         self._fired: list[int] = []
         self._openers: list[int] = []
-        """Columns whose shift has just counted, and those by which an episode was opened."""
+        """Columns whose shift has just exceeded its limit, and those that opened the episode."""
         names = list(dict.fromkeys(limit.name for limit in limits))
         self._columns = np.array([RESIDUAL_INDEX[name] for name in names], dtype=int)
         self._places = np.array([SPREAD_ROWS.index(RESIDUAL_INDEX[n]) for n in names], dtype=int)
         self._gated = np.array([RESIDUALS[j].gate == "moving" for j in self._columns], dtype=bool)
         self._level = MeanShift(self._gated.tolist(), 1 + len(tolerance))
-        # What has no limit is never beyond it.
+        # A NaN limit is never exceeded.
         self._variance, self._k = np.full((2, len(names), len(SHIFT_WINDOWS)), np.nan)
         for limit in limits:
             at = names.index(limit.name), SHIFT_WINDOWS.index(limit.window)
             self._variance[at], self._k[at] = limit.sigma**2, limit.k
 
     def adopt(self, change: Sequence[float]) -> None:
-        """The unit's parameters changed by so much: levels go on as if they had not."""
+        """Set the change of the unit's parameters; levels are corrected for it."""
         self._change = np.array(change)
 
     def turn(self, opened: bool) -> None:
-        """An episode has opened: the level before it is the one that counts. Or closed."""
+        """An episode has opened: freeze the level before it. Or closed: start a new level."""
         self._open, self._openers = opened, self._fired if opened else []
         self._level.freeze() if opened else self._level.clear()
 

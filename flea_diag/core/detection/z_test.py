@@ -1,4 +1,4 @@
-"""Tests on the windowed means of residuals that are gated alike; see ``detection``."""
+"""Z-tests on windowed means of residuals with a common gate; see ``detection``."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ THERMAL = ("motor_temperature", "nut_temperature", "ambient_temperature")
 
 
 class ZTests:
-    """Residuals that are gated alike share one ring of rows: values, |speed|, spreads.
+    """Z-tests of the residuals of one gate, on one ring of rows: values, |speed|, spreads.
 
-    At rest a gated group takes nothing in and keeps the verdict of the last scan in motion.
-    Results are rows of z, its limit and the window behind it (``detection.TestResults``).
+    A gated group takes no samples at rest and keeps the results of the last scan in motion.
+    Results are z, its limit and its window (``detection.TestResults``).
     """
 
     def __init__(
@@ -77,12 +77,12 @@ class ZTests:
                 self._bounds[2, :, window, column] = bound.k
 
     def _based(self) -> None:
-        """What every window's variance holds whatever its samples were."""
+        """Part of each variance that does not depend on the samples in the window."""
         unit = np.square(self._fixed * self._tolerance).sum(axis=1)
         self._bounds[1] = self._own + (self._extra + unit)
 
     def step(self, rows: ResidualRows, speeds: Array, results: Array) -> None:
-        """Take the rows in; of each residual the test nearest to its limit goes into ``results``.
+        """Take rows; the test of each residual nearest to its limit goes into ``results``.
 
         ``speeds`` has shape (n,), ``results`` (3, n, ``RESIDUALS``).
         """
@@ -99,7 +99,7 @@ class ZTests:
         results[:, :, self._columns] = found.take(np.cumsum(taken), axis=1)
 
     def _follow(self, rows: ResidualRows, speeds: Array, results: Array) -> None:
-        """All of it in compiled loops, in pieces that the memory has room for."""
+        """The same as compiled loops, in pieces that fit the memory."""
         loops = backends.exact(*Z_TEST_LOOPS)
         spread = self._spreading.start, len(self._spread), self._tolerance
         for start in range(0, len(rows), self._windows[-1]):
@@ -130,18 +130,18 @@ class ZTests:
         table[:, :count] = rows.values.take(self._columns, axis=1)
         table[:, count] = np.abs(speeds)
         table[:, count + 1 :] = rows.spread.take(self._places, axis=1).reshape(len(rows), -1)
-        # A missing speed only matters to what needs it; the region then falls to slow.
+        # A missing speed matters only to residuals that need it; the region defaults to slow.
         loose = table[:, count:]
         loose[np.isnan(loose)] = 0.0
         return table
 
     def _judge(self, table: Array) -> Array:
-        """Results after each row of the ring, shape (3, n, residuals of the group)."""
+        """Results after each row, shape (3, n, residuals of the group)."""
         count = len(self._columns)
         means = self._means.push(table)
         statistic, (centre, variance, k) = self._moments(means, count)
         z = (statistic - centre) / np.sqrt(variance)
-        # An untested window has no z: it is farthest from its limit.
+        # A window without z ranks last.
         nearest = np.fmax(np.abs(z) / k, -1.0).argmax(axis=1)
         pick = np.arange(len(table))[:, None], nearest, self._order
         return np.stack((z[pick], k[pick], self._lengths[nearest]))
@@ -158,7 +158,7 @@ class ZTests:
         return statistic, bounds
 
     def adopt(self, change: Array, tolerance: Array) -> None:
-        """Move the parity residuals in the windows along with the unit's parameters."""
+        """Correct the parity residuals in the windows for changed unit parameters."""
         self._tolerance = tolerance
         self._based()
         start = len(self._columns) + 1

@@ -1,4 +1,4 @@
-"""The signals that fault models are made of, from scans: values of ``REGRESSORS``."""
+"""Regressors of the fault models, computed from the signals of scans."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _IN_ORDER = itemgetter(*REGRESSORS)
 def regressors(
     p: ActuatorParameters, s: Signals, expected: Mapping[str, Value]
 ) -> tuple[Value, ...]:
-    """Values in the order of ``REGRESSORS``; ``elapsed_s`` is 0, whoever has an onset sets it.
+    """Values in the order of ``REGRESSORS``; ``elapsed_s`` is 0; it needs an onset.
 
-    ``expected`` holds what each of ``TEMPERATURES`` should read (degC).
+    ``expected``: predicted reading of each of ``TEMPERATURES``, degC.
     """
     current = s.current_a - p.current_offset_a
     force = motor_force_n(p, s.current_a)

@@ -1,4 +1,4 @@
-"""What is said of the state observer's innovations, for numba to compile: the same bits.
+"""Output of the state observer as a loop, for numba to compile: the same bits as in numpy.
 
 In numpy it is ``stages.state_estimate.StateEstimate`` with ``innovation_residual.normalised``.
 """

@@ -1,7 +1,7 @@
-"""What the state observer reads of many scans, and what it says of them.
+"""Input and output of the state observer for n scans.
 
-The compiled loop (``track_loops.track_loops``) and the loop in Python fill rows of the same
-numbers, so that everything after them is told once: ``Innovations`` of n scans.
+The compiled loop (``track_loops.track_loops``) and the loop in Python fill the same rows, so that
+all later steps exist once, on ``Innovations``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Flags = npt.NDArray[np.bool_]
 PREDICTED = (*MOVED, "motor_temperature", "nut_temperature")
 """Channels that the observer predicts, in the order of its innovations."""
 ABSURD = 1.0e6
-"""No channel of a test stand reads so much in SI units: not a measurement."""
+"""No channel of a test stand reaches this value in SI units: not a measurement."""
 VOLTAGE, SPEED = MOVED.index("motor_voltage"), MOVED.index("motor_speed")
 
 MOTION = np.array([INDEX[name] for name in MOVED])
@@ -34,9 +34,9 @@ DEGC = np.array(
 
 P, ALL = len(MOVED), len(PREDICTED)
 HEATED = 3 * P + len(STATES) + 2
-"""Where the two temperatures begin in a raw row, after the numbers of a filter's innovation."""
+"""Start of the two temperatures in a raw row, after the filter's innovation."""
 RAW = HEATED + 8
-"""Numbers of a raw row: for each temperature prediction, residual, sigma and estimate."""
+"""Length of a raw row; each temperature has prediction, residual, sigma and estimate."""
 _HEAT = HEATED + 4 * np.arange(2)
 ORDER = np.concatenate(
     [
@@ -62,7 +62,7 @@ class Scans(NamedTuple):
 
     @classmethod
     def empty(cls, count: int) -> Scans:
-        """Room for so many scans."""
+        """Uninitialised arrays for ``count`` scans."""
         y, held = np.empty((2, count, len(MOTION)))
         return cls(np.empty((count, len(INPUTS))), y, held, np.empty((count, len(DEGC))))
 
@@ -99,7 +99,7 @@ class Innovations(NamedTuple):
         return cls(table, measured + seen.sum(axis=1), diverged)
 
     def scan(self, number: int) -> Innovation:
-        """The one of a single scan."""
+        """Innovation of one scan."""
         measured, diverged = self.measured.item(number), self.diverged.item(number)
         return Innovation(self.table[number], ALL, measured, diverged)
 

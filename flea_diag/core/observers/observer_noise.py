@@ -1,4 +1,4 @@
-"""How much of what the observer sees is noise: one frozen value, learned from nominal runs."""
+"""Noise model of the state observer, learned from nominal runs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ObserverNoise:
-    """One standard deviation of everything that the observer takes for noise.
+    """Standard deviations of process and measurement noise.
 
     ``voltage_v`` is of the measured voltage as an input, ``voltage_sample_v`` of one raw PWM
     sample, ``voltage_walk_v`` how far the mean voltage wanders in one scan where nothing

@@ -36,7 +36,7 @@ Flags = npt.NDArray[np.bool_]
 
 PROPOSALS = ("optimal", "bootstrap")
 PATTERNS = 256
-"""How many patterns of missing channels are kept ready; beyond, all are made anew."""
+"""Most patterns of missing channels in the cache; beyond, it is cleared."""
 
 
 class _Pattern(NamedTuple):
@@ -118,7 +118,7 @@ class ParticleFilter:
         self.adopt(model)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> ParticleFilter:
-        """One that goes on by itself; model, matrices and tables are only read, and shared."""
+        """An independent copy; model, matrices and tables are read-only and shared."""
         twin = copy(self)
         for name in ("_bits", "_cloud", "_x", "_new", "_u", "_row", "_consistency"):
             setattr(twin, name, deepcopy(getattr(self, name), memo))
@@ -133,14 +133,14 @@ class ParticleFilter:
         self._heed(np.zeros((len(self._x), len(self._x))))
 
     def _heed(self, noise: Array) -> None:
-        """Take a covariance of process noise as the one of the coming step."""
+        """Use this covariance of process noise for the next step."""
         self._noise = noise
         self._root = square_root(noise) if self._blind else noise
         self._pattern = self._patterned(np.zeros(len(self._model.channels)))
 
     @property
     def mean(self) -> Array:
-        """Estimated states, shape (n,), free of the scatter of the last draw."""
+        """Estimated states, shape (n,), without the scatter of the last draw."""
         mean: Array = self._row[3 * len(self._model.channels) : -2]
         return mean
 
@@ -160,7 +160,7 @@ class ParticleFilter:
     def predict(self, u: Array) -> None:
         """Move every particle by one period under the inputs ``u``, shape (m,)."""
         if self._pending:
-            # A scan without any measurement: its noise has not been drawn yet.
+            # The last scan had no measurement: its process noise has not been drawn yet.
             self.update(np.full(len(self._model.channels), np.nan))
         self._u[:] = u
         self._pending = True
@@ -184,7 +184,7 @@ class ParticleFilter:
         self._x, self._new = self._new, self._x
         self._pending = False
         if frozen:
-            told.mean[:] = self.mean  # not what the correction would have made of it
+            told.mean[:] = self.mean  # without the correction
             return told
         measured = self._pattern.measured
         self.diverged = self._consistency.step(row.item(-2), measured)
@@ -235,7 +235,7 @@ class ParticleFilter:
         return done, end
 
     def watch(self, nis: list[float], measured: list[int]) -> list[bool]:
-        """Whether the track was lost, scan by scan."""
+        """Whether the track is lost, for each scan."""
         lost = [self._consistency.step(*each) for each in zip(nis, measured, strict=True)]
         self.diverged = lost[-1]
         return lost
@@ -243,7 +243,7 @@ class ParticleFilter:
     def _prepared(
         self, u: Array, y: Array, held: Array
     ) -> tuple[Flags, Array | Views, Array | Views]:
-        """What ``track_loops`` needs for scans that miss what this one misses."""
+        """Input of ``track_loops`` for scans with the missing channels of this one."""
         noise = self._model.process_noise(u)
         if noise is not self._noise:
             self._heed(noise)

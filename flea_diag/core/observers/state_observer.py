@@ -44,11 +44,11 @@ Flags = npt.NDArray[np.bool_]
 FILTERS = ("optimal", "bootstrap", "kalman")
 SAMPLINGS = ("mean", "instant_pwm")
 START_SIGMA = {"voltage_v": 10.0, "mean_speed_m_s": 0.1, "speed_m_s": 0.1005, "position_m": 0.001}
-"""What is known of the states before the first scan; a scan's last speed is about its mean one."""
+"""Prior of the states before the first scan; the last speed of a scan is near its mean speed."""
 MEAN, LAST = STATES.index("mean_speed_m_s"), STATES.index("speed_m_s")
 UNKNOWN_POSITION_M = 0.1
 WARMED_K = 0.5
-"""Change of the winding's temperature at which its resistance is renewed."""
+"""Change of the winding temperature at which the resistance is updated."""
 
 
 class StateObserver:
@@ -190,7 +190,7 @@ class StateObserver:
         return Innovations(table, measured, lost)
 
     def _read(self, rows: Array) -> tuple[Scans, npt.NDArray[np.int64]]:
-        """What the filter takes, and how many channels of motion each scan has measured."""
+        """Input of the filter, and the number of motion channels measured in each scan."""
         p, driving = self._model.parameters, self._model.driving
         command = p.drive_offset_v, p.drive_gain
         if not self._compiled:
@@ -236,20 +236,20 @@ class StateObserver:
         self._end(end | (WARMED if abs(self._motor.estimate_degc - cold) > warmed else 0))
 
     def _end(self, end: int) -> None:
-        """What the scan just taken calls for before the next."""
+        """Work that the last scan requires before the next one."""
         if end & LOST:
-            # Nothing of what was predicted fits in any way: begin again with the next scan.
+            # The prediction does not fit at all: restart with the next scan.
             self.interrupt()
         if end & WARMED:
             rise = self._motor.estimate_degc - self._model.parameters.reference_temperature_degc
             self._renew(replace(self._model, winding_rise_k=rise))
 
     def adopt(self, parameters: ActuatorParameters) -> None:
-        """Go on with other parameters (the offsets of this unit, once they are learned)."""
+        """Use other parameters (the learned offsets of this unit)."""
         self._renew(replace(self._model, parameters=parameters))
 
     def interrupt(self) -> None:
-        """A gap in the stream: start anew with the next scan, but keep the temperatures."""
+        """A gap in the stream: restart with the next scan, but keep the temperatures."""
         self._filter = None
 
     def _renew(self, model: DrivenModel) -> None:
@@ -259,7 +259,7 @@ class StateObserver:
             self._filter.adopt(model)
 
     def _started(self, y: Array, u: Array) -> Filter:
-        """A filter at the first scan: what is known of any, and what its readings add to that."""
+        """A filter at the first scan: the prior, corrected by the readings of that scan."""
         p, noise = self._model.parameters, self._model.noise
         current = float(np.nan_to_num(y[0]))
         voltage = p.voltage_offset_v + self._model.resistance_ohm * (current - p.current_offset_a)
@@ -272,7 +272,7 @@ class StateObserver:
             voltage, sigma["voltage_v"] = u[0], noise.voltage_v
         covariance = np.diag([sigma[name] ** 2 for name in STATES])
         covariance[LAST, MEAN] = covariance[MEAN, LAST] = covariance[MEAN, MEAN]
-        # Particles drawn from so little knowledge would all miss what the first scan says.
+        # Particles drawn from so wide a prior would all miss the first readings.
         known = KalmanFilter(self._model, np.array([voltage, 0.0, 0.0, position]), covariance)
         known.update(y)
         if self._kind == "kalman":

@@ -1,9 +1,9 @@
-"""Whether a voltage channel is to be trusted, where no second source corroborates it.
+"""Plausibility of a voltage channel that no second source corroborates.
 
-A voltage that disagrees with current and motion by more than any healthy unit or winding
-fault could explain is a bad channel. It is judged on the smoothed electrical residual:
-implausible samples are left out at once, ``ENTER_SAMPLES`` of them in a row make a bad stretch, and
-the channel is trusted again only after ``CLEAN_SAMPLES`` plausible ones.
+A voltage that disagrees with current and motion by more than any healthy unit or winding fault
+can explain is a bad channel. The test uses the smoothed electrical residual: implausible samples
+are dropped at once, ``ENTER_SAMPLES`` of them in a row make the channel bad, and
+``CLEAN_SAMPLES`` plausible ones make it good again.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CLEAN_SAMPLES = 1000
 
 
 class VoltagePlausibility:
-    """Streams the electrical residual (V) of one recording."""
+    """Tests the electrical residual (V) of one stream."""
 
     def __init__(self, limit_v: float) -> None:
         self._limit_v = limit_v
@@ -30,7 +30,7 @@ class VoltagePlausibility:
         self.bad = False
 
     def step(self, residual_v: float) -> bool:
-        """Whether this sample may be used."""
+        """Whether this sample is usable."""
         if math.isnan(residual_v):
             return not self.bad
         if abs(residual_v) > self._limit_v:
@@ -45,7 +45,7 @@ class VoltagePlausibility:
         return not self.bad
 
     def follow(self, residual_v: Array) -> tuple[Flags, Flags]:
-        """``step`` for many samples: which may be used, and whether each came to a bad channel."""
+        """``step`` for n samples: which are usable, and whether the channel was bad before each."""
         if len(residual_v) == 1:
             before = self.bad
             return np.array([self.step(float(residual_v[0]))]), np.array([before])
@@ -62,5 +62,5 @@ class VoltagePlausibility:
 
 
 def usable(residual_v: Array, limit_v: float) -> Flags:
-    """Which samples of a whole recording may be used, shape as given."""
+    """Which samples of a whole recording are usable, shape as given."""
     return VoltagePlausibility(limit_v).follow(residual_v)[0]

@@ -1,8 +1,8 @@
-"""From scans to every residual: parity relations and thermal models.
+"""Residual bank: parity relations and thermal models evaluated on a stream of scans.
 
-``residual_rows.RESIDUALS`` is the whole set. The bank keeps what streaming needs (the last rows,
-thermal states) and nothing of detection. It takes one row or many, in Python or compiled, to the
-same last bit.
+``residual_rows.RESIDUALS`` is the whole set. The bank keeps the state that streaming needs (last
+rows, thermal states), none of detection. One row or many, in Python or compiled, give the same
+bits.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Flags = npt.NDArray[np.bool_]
 
 
 class ResidualBank:
-    """Streams scans into residuals, constant memory."""
+    """Computes residuals from a stream of scans, constant memory."""
 
     def __init__(
         self,
@@ -104,11 +104,11 @@ class ResidualBank:
         return ResidualRows(values, spread, Signals(*columns), moving)
 
     def adopt(self, parameters: ActuatorParameters) -> None:
-        """Go on with other parameters (the offsets of this unit, once they are learned)."""
+        """Use other parameters (the learned offsets of this unit)."""
         self._p, self._record = parameters, as_record(parameters)
 
     def interrupt(self) -> None:
-        """A gap in the stream: smooth and predict anew, keep the temperatures."""
+        """A gap in the stream: restart smoothing, keep the temperatures."""
         self._smoother.clear()
         self._still = 0
 

@@ -1,8 +1,8 @@
-"""The residuals that there are, one row each, and the table of their values.
+"""All residuals, one row each, and the table of their values.
 
 A new residual is a row of ``RESIDUALS`` here and, for a parity relation, a row in
-``residual.PARITIES``. What forms them is ``residual_bank``; what a sensor shows by itself is in
-``sensor_tests``: its rows are here, and filled in there.
+``residual.PARITIES``. ``residual_bank`` computes them; rows of single sensors are filled by
+``sensor_tests``.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class ResidualRow:
 
     ``gate`` is "moving" where the excitation of motion is needed, "always" where not, and
     "sensor" where ``sensor_tests`` judge it. ``windows`` are the numbers of samples over which
-    it is averaged before a test. What does not isolate detects, but makes no symbol.
+    it is averaged before a test. A row with ``isolates`` False detects, but makes no symbol.
     """
 
     name: str
@@ -98,13 +98,13 @@ SPREAD_ROWS = tuple(RESIDUAL_INDEX[row.name] for row in PARITIES if row.sensitiv
 
 @dataclass(slots=True)
 class ResidualRows:
-    """All residuals of n scans; NaN where one cannot be formed.
+    """All residuals of n scans; NaN where one cannot be computed.
 
-    Not frozen: cross-checks of channels take out what is not to be used.
+    Not frozen: cross-checks of channels drop unusable values.
 
     ``values`` has shape (n, residuals), order of ``RESIDUALS``, ``moving`` (n,), and
     ``spread`` (n, ``SPREAD_ROWS``, unit parameters): d r / d theta of healthy units.
-    ``moving`` is also what stands under a push that moves any healthy unit.
+    ``moving`` includes a standstill under a force that moves any healthy unit.
     """
 
     values: Array
@@ -116,6 +116,6 @@ class ResidualRows:
         return len(self.values)
 
     def leave_out(self, scans: Flags, columns: list[int]) -> None:
-        """These residuals are not to be used in these scans."""
+        """Drop these residuals in these scans."""
         for column in columns:
             self.values[scans, column] = np.nan

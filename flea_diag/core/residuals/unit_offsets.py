@@ -1,10 +1,10 @@
 """Learn the offsets of this unit's current and voltage channels in the first seconds.
 
-Healthy units, and one unit on two days, differ in the zero of these channels by more than
-the faults that are to be found; a zero is not a fault. The first seconds of a recording fix
-it: Bayesian least squares on the mechanical relation (current) and on the electrical one
-(voltage), with the unit spread as the prior and wide priors for friction, so that a jam that
-is there from the start is not learned away. After that nothing is learned any more.
+The zero of these channels differs between healthy units, and between two days of one unit, by
+more than the faults to be found; a zero is not a fault. It is estimated in the first seconds of
+a stream by Bayesian least squares on the mechanical relation (current) and on the electrical one
+(voltage). The unit spread is the prior; wide priors for friction keep a jam that is present at
+start from being learned as an offset. Nothing is learned afterwards.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from flea_diag.core.residuals.residual import UNIT_PARAMETERS
 
 Array = npt.NDArray[np.float64]
 
-# Friction, mass, resistance and back-EMF are free here: only the offsets are wanted.
+# Friction, mass, resistance and back-EMF are nuisance parameters: only offsets are kept.
 _WIDE = {
     "coulomb_friction_n": 300.0,
     "viscous_friction_n_s_per_m": 5000.0,
@@ -47,14 +47,14 @@ class OffsetLearning:
         if not known.any():
             return
         s, r = sensitivities[known], residuals[known]
-        # Accumulated, not summed: one after the other, however many come at once.
+        # Accumulated in order, so that blocks and single samples give the same bits.
         outer = s[:, :, None] * s[:, None, :] / variance
         self._information = np.add.accumulate((self._information, *outer))[-1]
         # A residual r at the calibrated value wants the parameter moved by -r / (dr/dp).
         self._vector = np.subtract.accumulate((self._vector, *(s * r[:, None] / variance)))[-1]
 
     def offset(self) -> tuple[float, float]:
-        """What to add to the calibrated offset, and its standard deviation."""
+        """Correction of the calibrated offset, and its standard deviation."""
         covariance = np.linalg.inv(self._information)
         mean = covariance @ self._vector
         return float(mean[self._at]), float(covariance[self._at, self._at] ** 0.5)

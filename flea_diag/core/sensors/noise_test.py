@@ -20,14 +20,14 @@ from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, RESOLUTIONS, Sen
 Array = npt.NDArray[np.float64]
 
 UNIT_LOG = 0.3
-"""A healthy sensor of another unit may be louder by this factor (logarithm)."""
+"""Logarithm of the factor by which a healthy sensor of another unit may be noisier."""
 QUIETER_LOG = 1.0
-"""The same downwards: what is quieter than that reads nothing any more."""
+"""The same downwards: a sensor quieter than this no longer measures."""
 WARM_UP_SCANS = 600
 LARGEST_BASELINE = 0.7
-"""How much louder than any nominal recording this unit's own first seconds may be (logarithm)."""
+"""Most extra noise learned from this unit's first seconds, over nominal (logarithm)."""
 CLIP_LOG = 2.0
-"""No single sample counts as louder than the loudest level by more than this (logarithm)."""
+"""Cap of one sample's excess over the highest nominal level (logarithm)."""
 
 
 LENGTHS = np.array(NOISE_WINDOWS)
@@ -54,7 +54,7 @@ class NoiseTest:
         self._sums = np.zeros((len(NOISE_WINDOWS), 2 * count), dtype=np.int64)
         self._first = np.zeros(2 * count, dtype=np.int64)
         self._scans = 0
-        # Until its first seconds are over, this unit may be as loud as one ever is.
+        # During its first seconds a unit may be as noisy as any unit.
         self._ceiling = self._loudest + UNIT_LOG + LARGEST_BASELINE
 
     def step(self, recent: Array) -> Array:
@@ -62,7 +62,7 @@ class NoiseTest:
         left, count = WARM_UP_SCANS - self._scans, len(recent) - 3
         left = min(left if left > 0 else count, self._rows.most)
         if left < count:
-            # What was learned holds from the next row on, in a block as row by row.
+            # A learned level applies from the next row on, in blocks and row by row alike.
             parts = recent[: left + 3], recent[left:]
             return np.concatenate([self.step(part) for part in parts])
         found = self._follow(recent, count) if self._compiled else self._judged(recent, count)
@@ -70,7 +70,7 @@ class NoiseTest:
         return found
 
     def _follow(self, recent: Array, count: int) -> Array:
-        """All of it in one compiled loop."""
+        """The same as one compiled loop."""
         found = np.empty((count, len(self._resolution)))
         backends.exact(noise_loops)(
             recent,
@@ -98,7 +98,7 @@ class NoiseTest:
         return self._z(sums[:, :, : logs.shape[1]], sums[:, :, logs.shape[1] :])
 
     def _z(self, total: npt.NDArray[np.int64], samples: npt.NDArray[np.int64]) -> Array:
-        """Z of each channel, that of the window farther from nominal; shape (n, channels)."""
+        """Statistic of each channel from the window farther from nominal, shape (n, channels)."""
         mean = 1e-6 * total / np.maximum(samples, 1)
         # Half of the window must have been measured.
         beyond = ((mean > self._ceiling) | (mean < self._floor)) & (2 * samples >= WINDOWS)
@@ -110,7 +110,7 @@ class NoiseTest:
         return found
 
     def _learn(self, count: int) -> None:
-        """How much louder this unit is than any nominal recording, in its first seconds."""
+        """Learn the excess noise of this unit over nominal in its first seconds."""
         if self._scans >= WARM_UP_SCANS:
             return
         self._first += self._rows.last(count).sum(axis=0)

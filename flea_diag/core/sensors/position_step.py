@@ -1,4 +1,4 @@
-"""A sudden step of a position: no mass makes one, so a sensor does.
+"""Step of a position: a mass cannot step, so the sensor did.
 
 Three estimates of the step between two scans are held against each other, and the smallest
 counts, if all agree in sign: the difference of straight lines through ``SPAN`` scans before
@@ -18,7 +18,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 SPAN = 6
-"""Scans on either side of a step; so many scans after it, it is known."""
+"""Scans on either side of a step; it is known this many scans later."""
 _OUT = np.arange(SPAN) + 0.5
 _LINE = np.linalg.pinv(np.stack((np.ones(SPAN), _OUT), axis=1))
 LEVEL, SLOPE = tuple(_LINE[0].tolist()), tuple(_LINE[1].tolist())
@@ -39,9 +39,9 @@ def position_steps(values: Array) -> Array:
 
 
 def step_of(x: Any, least: Any, most: Any) -> Any:
-    """The step of 2 SPAN readings, numbers or columns alike and to the same last bit.
+    """Step of 2 SPAN readings; numbers and columns give the same bits.
 
-    ``least`` and ``most`` of two of them are chosen by; numba compiles these lines, too.
+    ``least`` and ``most`` are the minimum and maximum of two such; numba compiles this as well.
     """
     step, bend = 0.0, 0.0
     for k in range(SPAN):

@@ -6,16 +6,16 @@ import math
 from dataclasses import dataclass, field
 
 ABSENT_SAMPLES = 50
-"""So many values in a row that cannot be used make a channel bad (absent: it never had one)."""
+"""Consecutive unusable values that make a channel bad (absent if it never had a usable one)."""
 BEYOND_BOUNDS = 1e9
-"""No quantity of an actuator is larger in SI units; squares and sums of such stay finite."""
+"""No quantity of an actuator is larger in SI units; squares and sums below it stay finite."""
 SATURATED_SAMPLES = 10
 COUNTERS = ("samples", "missing", "stale", "out_of_range", "saturated", "implausible")
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelState:
-    """What is said of a channel; ``since_ns`` is when this state began."""
+    """State of a channel; ``since_ns`` is the stamp at which it began."""
 
     quality: str
     since_ns: int
@@ -35,9 +35,10 @@ class ChannelMonitor:
     _at_limit: int = 0
 
     def step(self, stamp_ns: int, value: float, trusted: bool, distrust: str) -> float:
-        """Judge one value; returns it, or NaN where it cannot be used.
+        """Judge one value; returns it, or NaN where it is unusable.
 
-        ``trusted`` is what a cross-check of several channels says, ``distrust`` its words.
+        ``trusted`` is the result of a cross-check of several channels, ``distrust`` the reason to
+        report where it fails.
         """
         self.counters["samples"] += 1
         used = self._range(value)
@@ -54,19 +55,19 @@ class ChannelMonitor:
 
     @property
     def reads(self) -> bool:
-        """Whether one more value inside the range would change nothing but a counter."""
+        """Whether another value inside the range would only change a counter."""
         return self.state.quality == "good" and self._unusable == self._at_limit == 0
 
     @property
     def lacks(self) -> bool:
-        """Whether one more missing value would change nothing but counters."""
+        """Whether another missing value would only change counters."""
         known = self.counters["samples"] > self.counters["missing"]
         if self.state.quality == "absent":
             return not known
         return self.state.quality == "bad" and self._unusable >= ABSENT_SAMPLES
 
     def pass_over(self, scans: int) -> None:
-        """Count so many more values of the kind that changes nothing else."""
+        """Count ``scans`` more values that change only counters."""
         self.counters["samples"] += scans
         if self.state.quality != "good":
             self.counters["missing"] += scans
@@ -74,7 +75,7 @@ class ChannelMonitor:
 
     @property
     def silent(self) -> bool:
-        """Whether a channel that once read has long had no usable value."""
+        """Whether a channel that had usable values has long had none."""
         known = self.counters["samples"] > self.counters["missing"]
         return known and self._unusable >= ABSENT_SAMPLES
 
@@ -94,5 +95,5 @@ class ChannelMonitor:
         if not trusted:
             return "bad", distrust
         if self._at_limit >= SATURATED_SAMPLES:
-            return "saturated", f"at the limit of its range, {self.minimum!r} to {self.maximum!r}"
+            return "saturated", f"at the limit of its range ({self.minimum!r} to {self.maximum!r})"
         return "good", ""

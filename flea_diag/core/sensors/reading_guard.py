@@ -1,8 +1,8 @@
-"""Leaps and held readings of one channel, and what of it is not to be used meanwhile.
+"""Jumps and held readings of one channel; affected readings are withheld.
 
-A reading that leaps farther than its sensor ever does in a scan is withheld until it has stayed
-there for ``HOLD`` scans; one that repeats oftener than chance allows is withheld for as long as
-it is held. So a drop-out reaches neither a derivative nor a mean.
+A reading that jumps by more than the sensor's nominal reach is withheld until it has stayed at
+the new level for ``HOLD`` scans. A reading that repeats more often than chance allows is withheld
+while it repeats. A drop-out thus reaches no derivative and no mean.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from flea_diag.core.sensors.position_step import SPAN
 from flea_diag.core.sensors.sensor_limits import DROPOUT_SCANS, SensorLimit
 
 HOLD = 10
-"""Scans after which a reading that leapt is taken for what the sensor now says."""
+"""Scans after which a reading that jumped is accepted as the new level."""
 STUCK_SCANS = 50
-"""A reading that is held for so long is stuck; a shorter time is a drop-out."""
+"""A reading held for this many scans is stuck; held for less it is a drop-out."""
 
 
 def stuck_scans(limit: SensorLimit) -> int:
@@ -25,7 +25,7 @@ def stuck_scans(limit: SensorLimit) -> int:
 
 
 class ReadingGuard:
-    """Leaps and held readings of one channel."""
+    """Detects jumps and held readings of one channel."""
 
     def __init__(self, limit: SensorLimit) -> None:
         self._limit = limit
@@ -41,25 +41,25 @@ class ReadingGuard:
 
     @property
     def busy(self) -> bool:
-        """Whether anything is withheld, counted or still to be seen in a step."""
+        """Whether a jump, a hold or a counted drop-out is still of effect."""
         return bool(self.run or self._away or self.events or self._calm)
 
     @property
     def disturbed(self) -> bool:
-        """Whether a leap lies within what a test of steps looks back over."""
+        """Whether a jump lies within the window of the step test."""
         return self._calm > 0 or self._away > 0
 
     def wake(self, before: float, last: float) -> None:
-        """Readings before the next one, where nothing was odd about them."""
+        """Set the two readings before the next one, if none of them was unusual."""
         if not self.busy:
             self._last, self._speed = last, last - before
 
     def take(
         self, scan: int, value: float, at_end: bool, rests: bool = False
     ) -> tuple[bool, float]:
-        """Judge one reading: whether it is withheld, and by how much it has leapt for good.
+        """Judge one reading: whether it is withheld, and the size of a confirmed jump (else 0).
 
-        While the actuator ``rests`` a reading that is held says nothing either way.
+        While the actuator ``rests`` a held reading is not counted.
         """
         while self.events and self.events[0] <= scan - DROPOUT_SCANS:
             self.events.popleft()
@@ -82,7 +82,7 @@ class ReadingGuard:
         return bool(least) and self.run >= least
 
     def _leap(self, change: float) -> float:
-        """Follow a reading that leapt; its step, once it has stayed away for long enough."""
+        """Track a reading that jumped; its step once it has stayed at the new level, else 0."""
         leaps, leapt = abs(change) > self._limit.reach, 0.0
         self._calm = max(self._calm - 1, 0)
         if leaps and self._away and change * self._leapt < 0.0:

@@ -1,7 +1,7 @@
-"""Each sensor against its own nominal behaviour: noise, held readings, drop-outs, sudden steps.
+"""Tests of single sensors against their nominal behaviour: noise, holds, drop-outs, steps.
 
-Tests of single sensors, which no plant fault can move; the limits are those of
-``sensor_limits``. Rows come one by one or in blocks, with the same outcome to the last bit.
+No plant fault affects these tests. The limits are those of ``sensor_limits``. Rows come one by
+one or in blocks, with identical results.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 TWICE = 1.5
-"""Limit of the count of drop-outs: the second one is beyond it."""
+"""Limit of the number of drop-outs: the second one exceeds it."""
 TESTS = ("noise", "stuck", "dropout")
 NAMES = (
     *POSITIONS,
@@ -35,16 +35,16 @@ NAMES = (
 
 
 def channel_of(name: str) -> str:
-    """Channel that one of ``NAMES`` is about."""
+    """Channel that one of ``NAMES`` tests."""
     return next(channel for channel in RESOLUTIONS if name.startswith(channel))
 
 
 @dataclass(slots=True)
 class SensorTestResults:
-    """Outcome for a block of n rows.
+    """Results for a block of n rows.
 
-    ``usable``: the readings without those withheld, shape (n, channels). ``z``, shape
-    (n, len(NAMES)), is NaN where there is no such test; beyond ``k`` it deviates.
+    ``usable``: readings without the withheld ones, shape (n, channels). ``z``: test statistics,
+    shape (n, len(NAMES)), NaN where there is no test; ``k``: their limits, shape (len(NAMES),).
     """
 
     usable: Array
@@ -57,7 +57,7 @@ class SensorTests:
 
     Parameters
     ----------
-    limits : nominal behaviour; a channel without one is let through untested
+    limits : nominal behaviour; a channel without one is not tested
     channels : names of the columns of a row
     """
 
@@ -73,13 +73,13 @@ class SensorTests:
         self._high = np.full(len(self._limits), math.inf)
         self._guards = [ReadingGuard(limit) for limit in self._limits]
         self._watched: set[int] = set()
-        """Channels that leapt or stood still until now."""
+        """Channels in which a jump, a hold or a drop-out is still of effect."""
         self._noise = NoiseTest(self._limits, backend)
         self._recent = np.full((2 * SPAN - 1, len(self._limits)), np.nan)
         self._positions = [self._names.index(name) for name in POSITIONS if name in self._names]
         self._scan = 0
         self.stuck = dict.fromkeys(self._names, 0)
-        """Readings of each channel that were held longer than chance allows."""
+        """Number of readings of each channel held longer than chance allows."""
         self._places = {
             test: np.array([NAMES.index(f"{name}_{test}") for name in self._names], dtype=int)
             for test in TESTS
@@ -107,13 +107,13 @@ class SensorTests:
         return k
 
     def bound(self, channel: str, low: float, high: float) -> None:
-        """Range of a channel: a reading that stands at its end is clipped, not held nor quiet."""
+        """Set the range of a channel: a reading at its end is clipped, neither held nor quiet."""
         if channel in self._names:
             index = self._names.index(channel)
             self._low[index], self._high[index] = low, high
 
     def interrupt(self) -> None:
-        """A gap in the stream: nothing is compared across it."""
+        """A gap in the stream: no test spans it."""
         self._recent[:] = np.nan
         for guard in self._guards:
             guard.interrupt()
@@ -161,7 +161,7 @@ class SensorTests:
         return bool(odd.any())
 
     def _watch(self, recent: Array, odd: Flags, usable: Array, z: Array) -> None:
-        """Follow the channels that leap or stand still, or did until now."""
+        """Step through the channels with a jump or a hold, now or until now."""
         count = len(odd)
         self._watched.update(np.flatnonzero(np.any(odd, axis=0)).tolist())
         for index in sorted(self._watched):
@@ -171,13 +171,13 @@ class SensorTests:
         self._watched = {index for index in self._watched if self._guards[index].busy}
 
     def _rests(self, index: int, recent: Array) -> Flags:
-        """Where a reading rightly stands still, of the last rows: an encoder's at rest."""
+        """Rows in which a constant reading is correct: the encoder speed at rest."""
         if self._names[index] != SPEED:
             return np.zeros(len(recent), dtype=bool)
         return at_rest(recent[:, self._positions])
 
     def _own_steps(self, recent: Array) -> list[Array]:
-        """Steps of each position; what two of them show alike is motion, an impact for one."""
+        """Step of each position; the part that two of them share is motion, e.g. an impact."""
         steps = [position_steps(recent[:, index]) for _, index in self._steps]
         if len(steps) != len(POSITIONS):
             return steps
@@ -194,7 +194,7 @@ class SensorTests:
         usable: Array,
         z: Array,
     ) -> None:
-        """Scan by scan, while a channel leaps or stands still; two readings come before."""
+        """Judge a channel scan by scan; ``readings`` begins two scans earlier."""
         guard, limit, column = self._guards[index], self._limits[index], self._columns[index]
         stuck, dropout = (self._places[test][index] for test in TESTS[1:])
         step = next((place for place, at in self._steps if at == index), None)

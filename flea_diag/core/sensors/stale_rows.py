@@ -1,4 +1,4 @@
-"""Rows that a driver sends once more instead of reading its sensors: frozen, with new stamps."""
+"""Stale rows: a frozen driver repeats its last values under new timestamps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 LEAST_CHANNELS = 3
-"""So many channels with noise of their own never repeat themselves all at once."""
+"""This many noisy channels never repeat all at once by chance."""
 
 
 class StaleRows:
@@ -17,12 +17,12 @@ class StaleRows:
 
     def __init__(self, channels: int) -> None:
         self.last = np.full(channels, np.nan)
-        """The last row; nothing is equal to NaN, so the first has no predecessor."""
+        """The last row; NaN equals nothing, so the first row is never stale."""
 
     def find(self, rows: Array) -> Flags | None:
-        """Which of n >= 1 rows say what the one before says; None where none does.
+        """Which of n >= 1 rows repeat the row before, shape (n,); None where none does.
 
-        In every channel that either of them reads, and so that chance will not do.
+        A row is stale when all channels repeat, at least ``LEAST_CHANNELS`` of them measured.
         """
         before = np.concatenate((self.last[None], rows[:-1]))
         self.last = rows[-1].copy()

@@ -1,8 +1,8 @@
-"""Whether the stand has gone over to another unit: thermocouples that step together.
+"""Detects a change of the unit under test: several thermocouples step together.
 
-Heat takes minutes, a fault of one sensor moves one reading, so two temperatures that step
-within the same tenth of a second have one cause: they come from other thermocouples, those of
-another unit. Its offsets are its own and are learned anew; none of this is a fault.
+Heating takes minutes, and a sensor fault moves one reading. Two temperatures that step within
+the same tenth of a second therefore come from the thermocouples of another unit. This is no
+fault; the offsets of the new unit are learned from the start.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 BEFORE, AFTER = 100, 12
-"""Scans that a step is measured between: medians, for thermocouples spike."""
+"""Scans before and after a step; medians of them, because thermocouples spike."""
 LENGTH = BEFORE + AFTER
 PERIOD = 4
-"""Every so many scans are judged."""
+"""Interval of the test in scans."""
 LIMIT = 6.0
-"""Of a step in its standard errors; 3.6 is the most that two channels reach at once in the
-public recordings of the FLEA, 0.16 million scans."""
+"""Limit of a step in standard errors; two channels at once reach at most 3.6 in the public
+recordings of the FLEA, 0.16 million scans."""
 LEAST_STEP_K = 0.3
 TOGETHER = 2
-"""So many channels must step."""
+"""Number of channels that must step."""
 MEDIAN_ERROR = np.sqrt(np.pi / 2.0 * (1.0 / BEFORE + 1.0 / AFTER))
-"""Standard error of a difference of medians of normal noise, in its sigma."""
+"""Standard error of a difference of medians of normal noise, in sigmas of the noise."""
 MAD_SIGMA = 1.4826
 MEANS_APART = np.repeat([-1.0 / BEFORE, 1.0 / AFTER], [BEFORE, AFTER])
-"""Weights of a window's scans in the mean after a step less that before it."""
+"""Weights of a window for the mean after a step minus the mean before it."""
 
 
 class UnitChange:
-    """Follows temperatures, shape (n, channels); NaN is not judged."""
+    """Tests a stream of temperatures, shape (n, channels), degC; NaN is not tested."""
 
     def __init__(self) -> None:
         self.forget()
@@ -45,9 +45,9 @@ class UnitChange:
         self._count = 0
 
     def follow(self, temperatures: Array) -> int:
-        """Take n scans; the first with which another unit is seen to be in use, or n."""
+        """Take n scans; the first at which another unit is detected, or n."""
         n = len(temperatures)
-        # Whichever way scans are dealt into blocks, the same ones are judged.
+        # The same scans are tested whatever the block lengths.
         first = (-self._count - 1) % PERIOD
         self._count += n
         self._rows.append(temperatures)
@@ -57,7 +57,7 @@ class UnitChange:
         self._rows = [rows[1 - LENGTH :]]
         if len(rows) < LENGTH:
             return n
-        # Where the window begins that ends with the first scan that is due.
+        # Start of the window that ends with the first scan that is due.
         begins = len(rows) - n + first + 1 - LENGTH
         if begins < 0:
             begins %= PERIOD
@@ -68,9 +68,9 @@ class UnitChange:
 
 
 def _together(windows: Array) -> Flags:
-    """Whether enough channels step at the end of each window, shape (m, scans, channels)."""
+    """Whether enough channels step at the end of each of m windows, (m, scans, channels)."""
     seen = _enough(np.abs(MEANS_APART @ windows) > 0.5 * LEAST_STEP_K)
-    # Means are cheap, but a spike moves them: medians of those few windows decide.
+    # Means are cheap but sensitive to spikes: the medians of these few windows decide.
     if seen.any():
         seen[seen] = _surely(windows[seen])
     return seen

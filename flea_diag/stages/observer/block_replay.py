@@ -1,7 +1,7 @@
-"""Scans in blocks, as fast as a replay wants them, with what single scans would cause.
+"""Scans in blocks for a fast replay, with the results of single scans.
 
-A block is followed whole. Where something happens in it, the observer goes back to its last
-checkpoint, follows the quiet scans once more, and leaves the eventful one to be taken alone.
+A block is processed as a whole. If it holds an event, the observer goes back to its last
+checkpoint, repeats the quiet scans, and leaves the scan with the event to be taken alone.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.wire.blocks import ScanBlock
 
 LEAST_SCANS, MOST_SCANS = 16, 1024
-"""Scans that are worth a block, and that one may hold."""
+"""Fewest scans that are worth a block, and most scans of one."""
 
 
 @dataclass
 class Checkpoint:
     """State to which the observer can go back, and the quiet blocks since then.
 
-    A copy of the state takes as long as two scans, and short blocks come between those of
-    vibration: so it is made now and then, and what has passed since is followed once more.
+    Copying the state costs as much as two scans, and blocks between vibration are short: a copy
+    is made now and then, and the blocks since then are repeated.
     """
 
     chain: ObserverChain
@@ -30,36 +30,36 @@ class Checkpoint:
     scans: int = 0
 
     def take(self, block: ScanBlock) -> None:
-        """One more quiet block."""
+        """Add a quiet block."""
         self.blocks.append(block)
         self.scans += len(block)
 
     def restored(self) -> ObserverChain:
-        """The state at the end of the last quiet block; the checkpoint is used up."""
+        """The state after the last quiet block; uses the checkpoint up."""
         for block in self.blocks:
             self.chain.follow(block)
         return self.chain
 
 
 class BlockReplay:
-    """Follows leading quiet scans; after an event blocks start small: it seldom comes alone."""
+    """Takes leading quiet scans; blocks start small after an event, for events cluster."""
 
     def __init__(self) -> None:
         self._most = LEAST_SCANS
         self._checkpoint: Checkpoint | None = None
 
     def forget(self) -> None:
-        """The state changes otherwise than by a block: there is no way back across that."""
+        """Drop the checkpoint: the state changes in another way than by a block."""
         self._checkpoint = None
 
     def take(
         self, chain: ObserverChain, block: ScanBlock
     ) -> tuple[ObserverChain, int, StreamOutput | None]:
-        """Follow the leading scans that cause residuals and nothing else.
+        """Take the leading scans that cause residuals and nothing else.
 
         Returns
         -------
-        The state after them, how many they are, and what they gave (None: there are none).
+        The state after them, their number, and their output (None if there are none).
         """
         count = chain.leading(block.part(slice(self._most)))
         if count < min(LEAST_SCANS, len(block)):

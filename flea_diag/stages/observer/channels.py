@@ -1,4 +1,4 @@
-"""The channels of a stand, each judged by itself: what can be used of a scan, and why not."""
+"""Quality of each channel by itself: which readings are usable, and why others are not."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 VOLTAGE = INDEX["motor_voltage"]
-SENSOR_DEAD = "sensor dead, others read: "
-"""Before the reason of a channel that falls silent alone."""
+SENSOR_DEAD = "sensor dead, other channels valid: "
+"""Prefix of the reason where one channel fails while others deliver values."""
 
 
 class ChannelReadings(NamedTuple):
-    """What n scans say of ``CHANNELS``, shape (n, channels), NaN = not measured.
+    """Readings of n scans in the order of ``CHANNELS``, shape (n, channels), NaN = not measured.
 
-    ``raw`` as it was read; ``usable`` is NaN where a value is out of its range, too; ``steady``
-    whether each value leaves its channel as it is, None where all of them do.
+    ``raw``: as received. ``usable``: also NaN where a value is out of range. ``steady``: whether a
+    value leaves the state of its channel unchanged; None where all of them do.
     """
 
     raw: Array
@@ -40,8 +40,8 @@ class ChannelReadings(NamedTuple):
 class Channels:
     """Monitors of the channels that a calibration knows.
 
-    Channels that just go on as they are, reading well or not at all, are counted together;
-    their monitors hear of it when something changes.
+    Scans that change no channel's state are counted together; the monitors get the count when
+    something changes.
     """
 
     def __init__(self, known: Iterable[str], distrust: str, backend: str = "auto") -> None:
@@ -64,7 +64,7 @@ class Channels:
         self._look()
 
     def read(self, block: ScanBlock) -> ChannelReadings:
-        """What n scans say of ``CHANNELS``; one that only repeats the last one, nothing."""
+        """Readings of n scans; a scan that repeats the one before in all channels has none."""
         layout = block.channels
         if layout != self._layout:
             places = {INDEX[name]: k for k, name in enumerate(layout) if name in INDEX}
@@ -88,7 +88,7 @@ class Channels:
         return ChannelReadings(raw, np.where(inside, raw, np.nan), steady)
 
     def _glance(self, values: Array, raw: Array) -> bool:
-        """Fill ``raw`` in; whether that is all there is to do, as for most scans it is."""
+        """Fill ``raw``; whether every channel is steady, which ends the work for most scans."""
         places, bounds = (self._from, self._to), (self._low, self._high, self._lacking)
         steady: bool = backends.exact(glance_loops)(
             values, places, bounds, LEAST_CHANNELS, self._stale.last, raw
@@ -96,7 +96,7 @@ class Channels:
         return steady
 
     def _leave_out(self, raw: Array, stale: Flags) -> None:
-        """Count what was not read anew, and take it for not measured."""
+        """Count repeated readings as stale and set them to not measured."""
         read = np.count_nonzero(~np.isnan(raw[stale]), axis=0).tolist()
         for column, monitor in self._monitors.items():
             monitor.counters["stale"] += read[column]
@@ -105,9 +105,9 @@ class Channels:
     def judge(
         self, stamps_ns: npt.NDArray[np.int64], reading: ChannelReadings, trusted: Flags
     ) -> int:
-        """Follow the channels through n scans; the first that changes what is to be said, or n.
+        """Update the channel states over n scans; the first scan that changes one, or n.
 
-        ``trusted`` is what a cross-check of several channels says of the voltage.
+        ``trusted``, shape (n,), is the result of the cross-check of the voltage.
         """
         rows, steady = reading.raw, reading.steady
         believed = bool(trusted.all())
@@ -137,7 +137,7 @@ class Channels:
         values: Array,
         trusted: Flags,
     ) -> int:
-        """Value by value; the first that changes the state, or their number."""
+        """Update one channel value by value; the first that changes its state, or their number."""
         before, first = monitor.state.quality, len(values)
         columns = zip(stamps_ns.tolist(), values.tolist(), trusted.tolist(), strict=True)
         for number, (stamp_ns, value, believed) in enumerate(columns):
@@ -147,14 +147,14 @@ class Channels:
         return first
 
     def _count(self) -> None:
-        """Tell the monitors what they have not been told one by one."""
+        """Add the scans counted together to the monitors."""
         if self._steady_scans:
             for monitor in self._monitors.values():
                 monitor.pass_over(self._steady_scans)
             self._steady_scans = 0
 
     def _look(self) -> None:
-        """Bounds inside which each channel goes on as it is."""
+        """Update the bounds within which a value leaves its channel's state unchanged."""
         self._least, self._most = np.full((2, len(CHANNELS)), np.nan)
         self._low, self._high = np.full((2, len(CHANNELS)), np.nan)
         self._lacking = np.array([column not in self._monitors for column in range(len(CHANNELS))])
@@ -167,12 +167,12 @@ class Channels:
 
     @property
     def driver_dead(self) -> bool:
-        """Whether every channel that ever read has fallen silent; one alone is a sensor."""
+        """Whether all channels that ever had values have stopped; one alone is a sensor fault."""
         read = [m for m in self._monitors.values() if m.state.quality != "absent"]
         return len(read) > 1 and all(monitor.silent for monitor in read)
 
     def states(self, stuck: Mapping[str, int]) -> tuple[ChannelQuality, ...]:
-        """State and counters of every channel, as they are now; ``stuck`` is counted elsewhere."""
+        """State and counters of every channel; ``stuck`` is counted by the sensor tests."""
         self._count()
         alone = "" if self.driver_dead else SENSOR_DEAD
         return tuple(

@@ -1,7 +1,7 @@
-"""Scans that were lost: what a kernel is given in their place, and what that is not good for.
+"""Lost scans: interpolated rows for the smoothing kernel, and the residuals they invalidate.
 
-A kernel knows no time: without them it would read a lost scan as a faster motion. They fill
-memories, and nothing is told of them.
+The kernel assumes a constant period: without them a lost scan would read as a faster motion.
+Interpolated rows fill the memories of kernel and filters; no record is made of them.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ FINE_COLUMNS = [RESIDUAL_INDEX["parity_speed"]]
 SPARSE_COLUMNS = [*(RESIDUAL_INDEX[row.name] for row in PARITIES), *INNOVATION_INDEX.values()]
 THERMAL_COLUMNS = [RESIDUAL_INDEX[name] for name in TEMPERATURES]
 MOST_FILLED = KERNEL_LENGTH // 2
-"""Lost scans in a kernel; with more of them it averages less noise than any limit counts on."""
+"""Most lost scans in a kernel; beyond, it averages less noise than the limits assume."""
 
 
 class LostScans:
-    """Fills what is lost between the last scans and the next."""
+    """Interpolation between the last scans before a loss and the first after it."""
 
     def __init__(self) -> None:
         self._wait = 0
@@ -43,13 +43,13 @@ class LostScans:
         self._rows: list[Array] = []
 
     def remember(self, rows: Array) -> None:
-        """Scans that came."""
+        """Keep the last two received scans."""
         self._rows = [*self._rows, *rows[-2:]][-2:]
 
     def filled(self, count: int, row: Array) -> Array | None:
-        """So many rows before this one, on the parabola through their neighbours.
+        """``count`` rows before this one, on the parabola through their neighbours.
 
-        None where a single scan is all there is before it: no line goes through that.
+        None with fewer than two scans before it: no parabola is defined.
         """
         if len(self._rows) < 2:
             return None
@@ -58,11 +58,11 @@ class LostScans:
         return parabola(steps[:, None], count + 1, (*self._rows, row))
 
     def leave_out(self, residuals: ResidualRows, read: bool) -> bool:
-        """Leave out what a line through lost scans would say otherwise than readings do.
+        """Drop residuals that interpolated rows would falsify; whether filters must restart.
 
-        A reading that was not smoothed has no value there; two sensors of the same speed agree
-        better than any line; a kernel with few readings is noisier than its limits know. Then a
-        filter cannot bridge most of what it should have read, either: whether that is so.
+        Unsmoothed readings have no value in a lost scan; two sensors of the same speed agree
+        better than any interpolation; a kernel with few readings is noisier than its limits
+        assume, and then a filter cannot bridge the loss either.
         """
         if not self._wait:
             return False

@@ -1,7 +1,7 @@
-"""Scans in; Residual, DataQuality, Detection and Symbols out. The verdict tells it of the past.
+"""Observer stage: scans in; Residual, DataQuality, Detection and Symbols out.
 
-What is done with a scan, and in which order, is ``observer_chain``; quiet scans may come in
-blocks (``block_replay``). This stage takes the records in and makes those that go out.
+``observer_chain`` does the work on a scan; ``block_replay`` takes quiet scans in blocks; after a
+restart the last verdict supplies the state of the run (``takeover``).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from flea_diag.wire.records import (
 
 
 class ObserverStage:
-    """The detector of the diagnosis; see the module's first lines."""
+    """Detection of the diagnosis; records in, records out."""
 
     consumes: tuple[type, ...] = (ChannelTable, Scan, AmbiguityGroup)
     takes_blocks = True
@@ -59,7 +59,7 @@ class ObserverStage:
         return (*quality, *opened)
 
     def _take_over(self) -> tuple[bool, tuple[Record, ...]]:
-        """Whether the verdict ends the warm-up, and the episode that it knows to be open."""
+        """Whether the verdict ends the warm-up, and the Detection of an episode that is open."""
         chain = self._chain
         past = takeover(self._verdict, self._table, chain.order.first_ns)
         if past is None or not chain.stream.learns:
@@ -75,7 +75,7 @@ class ObserverStage:
 
         Returns
         -------
-        How many that are, and their residuals. What causes more is left to ``handle``.
+        How many they are, and their residuals. All others are left to ``handle``.
         """
         self._chain, quiet, output = self._replay.take(self._chain, block)
         if output is None:
@@ -108,7 +108,7 @@ class ObserverStage:
         return (*taken_over, *quality, *self._records.block(block, output).records(), *found)
 
     def _go_over(self, block: ScanBlock, stamp_ns: int) -> tuple[Record, ...]:
-        """Another unit is in use: what was found on the last one ends, and all begins anew."""
+        """Another unit is in use: close the episode of the last one and start a new stream."""
         chain = self._chain
         closed = chain.episode.close(stamp_ns, ANOTHER_UNIT)
         chain.begin(stamp_ns, self._table)
@@ -117,7 +117,7 @@ class ObserverStage:
         return (self._quality(stamp_ns), *residuals, closed)
 
     def _quality(self, stamp_ns: int) -> DataQuality:
-        """State and counters of the stream and of every channel, which go out now."""
+        """Report state and counters of the stream and of every channel."""
         chain = self._chain
         stream = chain.order.say(stamp_ns)
         if chain.channels.driver_dead:
@@ -126,7 +126,7 @@ class ObserverStage:
         return DataQuality(stamp_ns, (stream, *channels), chain.stream.offsets)
 
     def finish(self) -> tuple[Record, ...]:
-        """The input has ended: what was counted and not yet said."""
+        """The input has ended: report counters that have changed."""
         order = self._chain.order
         if not order.unsaid or order.last_ns is None:
             return ()

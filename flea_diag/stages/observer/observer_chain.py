@@ -1,8 +1,8 @@
-"""The work on one stream of scans, in its order, with all the state that it needs.
+"""Processing chain of the observer on one stream of scans, with all of its state.
 
-Is the stream in order (``stream_order``), which readings can be used (``channels``), is it still
-the same unit (``unit_change``), what are the residuals and their tests (``residual_stream``),
-which symbols follow (``detection_episode``).
+Order of the stream (``stream_order``), usable readings (``channels``), change of the unit
+(``unit_change``), residuals and their tests (``residual_stream``), symbols of the open episode
+(``detection_episode``).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TEMPERATURE_COLUMNS = np.array([INDEX[name] for name in TEMPERATURES])
 
 
 class ObserverChain:
-    """Everything of the observer that changes with a scan; a deep copy of it is a checkpoint."""
+    """All state of the observer that a scan changes; a deep copy of it is a checkpoint."""
 
     def __init__(self, calibration: Calibration, parameters: ObserverParameters) -> None:
         self._calibration = calibration
@@ -36,7 +36,7 @@ class ObserverChain:
         self.begin(0, None)
 
     def begin(self, stamp_ns: int, table: ChannelTable | None) -> None:
-        """Begin a stream: nothing of an earlier one is used any more."""
+        """Start a new stream; only counters of the stream order are kept."""
         c, p = self._calibration, self._parameters
         distrust = f"disagrees with current and motion by more than {c.voltage_limit_v:.1f} V"
         self.channels = Channels(c.channels, distrust, p.observer_backend)
@@ -57,7 +57,7 @@ class ObserverChain:
         return min(self.order.leading(block.stamps_ns), self.stream.leading(block.stamps_ns))
 
     def follow(self, block: ScanBlock) -> tuple[int, StreamOutput]:
-        """Take scans in order: the first that causes more than residuals (or n), and results."""
+        """Take scans in order: the first that causes more than residuals (or n), and the output."""
         self.order.follow(block.stamps_ns)
         reading = self.channels.read(block)
         changed, output = self.examine(block, reading)
@@ -66,10 +66,10 @@ class ObserverChain:
         return first, output
 
     def other_unit(self, reading: ChannelReadings) -> int:
-        """The first scan with which another unit is in use, or n."""
+        """The first scan at which another unit is in use, or n."""
         return self._unit.follow(reading.usable.take(TEMPERATURE_COLUMNS, axis=1))
 
     def examine(self, block: ScanBlock, reading: ChannelReadings) -> tuple[int, StreamOutput]:
-        """The first scan with which a channel changes, or n; then residuals and tests of all."""
+        """The first scan at which a channel changes its state, or n; residuals and tests of all."""
         output = self.stream.step(block.stamps_ns, reading.usable, self.episode.is_open)
         return self.channels.judge(block.stamps_ns, reading, output.voltage.trusted), output

@@ -1,6 +1,6 @@
-"""One stream of scans from its start: residuals, what is left out of them, and their tests.
+"""Residuals of one stream of scans and their tests, in the order of ``ResidualStream._follow``.
 
-The order of work is that of ``ResidualStream._follow``; each step is a file of its own.
+Each step is a file of its own.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _IS_PREDICTED = np.array([name in PREDICTED for name in CHANNELS])
 
 @dataclass(slots=True)
 class StreamOutput:
-    """What n scans gave."""
+    """Residuals, test results, regressors, voltage trust and estimates of n scans."""
 
     residuals: ResidualRows
     results: TestResults
@@ -69,7 +69,7 @@ class ResidualStream:
         self._regressors = RegressorTable(c.parameters)
         self._tests = ResidualTests(c, estimate.runs, backend)
         self.offsets: tuple[UnitOffset, ...] = ()
-        """What was learned of this unit, once it was."""
+        """Learned offsets of this unit; empty until the warm-up is over."""
         self._period_ns = round(c.period_s * 1e9)
         self._last_ns = start_ns
 
@@ -89,10 +89,10 @@ class ResidualStream:
         self._estimate.interrupt()
 
     def recall(self, offsets: tuple[UnitOffset, ...], within: bool) -> None:
-        """Take over in mid-run what was learned of this unit, and learn it no more.
+        """Take over the offsets learned earlier in this run, which ends the warm-up.
 
-        Within an episode nothing is learned anew, and temperatures are left out: their nodes
-        have begun at the readings, wrong or not.
+        ``within`` an episode nothing is learned, and thermal residuals are disabled until it is
+        closed: the thermal nodes have started at readings that may be faulty.
         """
         if offsets:
             self._adopt({o.parameter: (o.value - getattr(self._p, o.parameter), o.sigma)
@@ -104,7 +104,7 @@ class ResidualStream:
 
     @property
     def stuck(self) -> Mapping[str, int]:
-        """Readings of each channel that were held."""
+        """Number of held readings of each channel."""
         return self._sensors.stuck
 
     @property
@@ -117,7 +117,7 @@ class ResidualStream:
         self._tests.turn(opened)
 
     def step(self, stamps_ns: Stamps, rows: Array, frozen: bool) -> StreamOutput:
-        """Take n scans, rows of usable values; ``frozen`` stops thermal corrections."""
+        """Take n scans, rows of usable values, SI; ``frozen`` stops corrections of estimates."""
         before_ns, self._last_ns = self._last_ns, int(stamps_ns[-1])
         rows, sensors = self._sensors.step(before_ns, stamps_ns, rows)
         lost = round((int(stamps_ns[0]) - before_ns) / self._period_ns) - 1
@@ -127,7 +127,7 @@ class ResidualStream:
         return self._follow(stamps_ns, rows, sensors, frozen)
 
     def _fill(self, before_ns: int, count: int, row: Array, frozen: bool) -> None:
-        """Follow rows in place of so many lost ones, or begin anew where there are none."""
+        """Process interpolated rows in place of lost ones; restart where interpolation fails."""
         filled = self._lost.filled(count, row)
         if filled is None:
             self.interrupt()
@@ -146,7 +146,7 @@ class ResidualStream:
         voltage = self._voltage.judge(residuals, alone)
         if voltage.lost_at == 0:
             self._tests.forget(VOLTAGE_COLUMNS)
-        # A filter bridges what was not read by itself.
+        # The filter predicts through missing scans by itself.
         seen = rows if read else np.where(_IS_PREDICTED, np.nan, rows)
         estimate = self._estimate.step(seen, voltage.usable, frozen, residuals.values)
         voltage.leave_out(residuals)
@@ -160,7 +160,7 @@ class ResidualStream:
         return StreamOutput(residuals, results, regressors, voltage, estimate)
 
     def _learn(self, warm_up: WarmUp, residuals: ResidualRows, stamp_ns: int) -> None:
-        """Go on with the offsets of this unit once the warm-up has fixed them."""
+        """Adopt the offsets of this unit once the warm-up has estimated them."""
         found = warm_up.step(residuals, stamp_ns, self._voltage.lost)
         if found is None:
             return
@@ -171,7 +171,7 @@ class ResidualStream:
         )
 
     def _adopt(self, offsets: Offsets) -> None:
-        """Go on with these offsets, and learn no others."""
+        """Use these offsets in every part; ends the warm-up."""
         self._warm_up = None
         moved = {name: getattr(self._p, name) + by for name, (by, _) in offsets.items()}
         self._p = replace(self._p, **moved)

@@ -1,8 +1,8 @@
-"""The state observer in the observer stage: estimates and health out, innovations as residuals.
+"""State observer of the observer stage: estimates and filter health, innovations as residuals.
 
-Until a detection the filter corrects itself with every scan. From then on it is frozen: it
-predicts what a healthy actuator would do under the measured voltage and load, so that a faulty
-sensor does not smear. Once the episode is closed it begins anew.
+Until a detection the filter corrects its state with every scan. From then on it is frozen: it
+predicts a healthy actuator under the measured voltage and load, so that a faulty sensor does not
+corrupt the estimate. It restarts when the episode is closed.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ _VOLTAGE, _COMMAND = INDEX["motor_voltage"], INDEX["commanded_voltage"]
 
 
 class ObserverOutput(NamedTuple):
-    """What the estimates of n scans add to their residuals, columns in the order of their names.
+    """Output of the state observer for n scans, columns in the order of ``channels``.
 
-    ``estimates`` are predictions from earlier scans, ``sigmas`` what each reading is expected
-    to scatter by about them, both of shape (n, channels); ``health``, shape (n, 3), is the
-    effective sample size (inf without particles), the normalised innovation squared per channel
-    (1 expected), and 1 for a lost track.
+    ``estimates``: one-step predictions; ``sigmas``: expected standard deviations of the readings
+    about them; both of shape (n, channels) in the units of the channels. ``health``, shape (n, 3):
+    effective sample size (inf without particles), normalised innovation squared per channel
+    (1 expected), and 1 while the filter has lost track, else 0.
     """
 
     channels: tuple[str, ...]
@@ -45,7 +45,7 @@ class ObserverOutput(NamedTuple):
 
 
 class StateEstimate:
-    """A particle or Kalman filter over the scans of one stream, or nothing at all."""
+    """A particle or Kalman filter on the scans of one stream, or no filter at all."""
 
     def __init__(self, calibration: Calibration, kind: str, seed: int, backend: str) -> None:
         self._channels = tuple(name for name in PREDICTED if name in calibration.channels)
@@ -67,7 +67,7 @@ class StateEstimate:
 
     @property
     def runs(self) -> bool:
-        """Whether anything is estimated."""
+        """Whether a filter runs."""
         return self._observer is not None
 
     def step(
@@ -85,8 +85,8 @@ class StateEstimate:
             rows = rows.copy()
             rows[~voltage_usable, _VOLTAGE] = math.nan
         found = observer.follow(rows, frozen)
-        # A mean voltage that no command corroborates is an input on trust: its own error would
-        # read as an innovation. Raw PWM is a measurement among others.
+        # A mean voltage that no command corroborates is an input: its own error would appear as
+        # an innovation. Raw PWM is a measurement.
         testable = ~np.isnan(rows[:, _COMMAND]) | self._pwm
         if self._compiled:
             return self._follow(found, testable, frozen, values)
@@ -97,7 +97,7 @@ class StateEstimate:
         sigmas = found.sigmas.take(self._at, axis=1)
         sigmas[sigmas == 0.0] = math.nan
         health = np.empty((count, 3))
-        # A frozen filter follows nothing, so it has no track to lose.
+        # A frozen filter does not track, so it cannot lose track.
         health[:, 0], health[:, 2] = found.ess, found.diverged & (not frozen)
         np.divide(found.nis, np.maximum(found.measured, 1), out=health[:, 1])
         return ObserverOutput(
@@ -107,7 +107,7 @@ class StateEstimate:
     def _follow(
         self, found: Innovations, testable: npt.NDArray[np.bool_], frozen: bool, values: Array
     ) -> ObserverOutput:
-        """The same in one compiled loop."""
+        """The same as one compiled loop."""
         count = len(testable)
         estimates, sigmas = np.empty((2, count, len(self._at)))
         told = estimates, sigmas, np.empty((count, 3))
@@ -115,7 +115,7 @@ class StateEstimate:
         return ObserverOutput(self._channels, *told)
 
     def adopt(self, parameters: ActuatorParameters) -> None:
-        """Go on with other parameters (the offsets of this unit, once they are learned)."""
+        """Use other parameters (the learned offsets of this unit)."""
         if self._observer is not None:
             self._observer.adopt(parameters)
 

@@ -1,7 +1,7 @@
-"""Whether scans come in order and without a gap: what was late, twice or lost is counted.
+"""Order of a stream of scans: late, duplicate and lost scans are counted, gaps are found.
 
-Of the samples that came, those were used that are neither late, duplicate, crowded nor
-elsewhere. ``lost`` never came; ``jumps`` are stamps that leapt for good.
+Used are the samples that are not late, duplicate, crowded or elsewhere. ``lost`` counts scans
+that never arrived, ``jumps`` lasting jumps of the timestamps.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ from flea_diag.wire.records import STARVING, STREAM, ChannelQuality, Quality
 Stamps = npt.NDArray[np.int64]
 
 BACK_NS = 1_000_000_000
-"""A stamp that is older than the stream by more than this is of another clock."""
+"""A stamp further back than this comes from another clock."""
 AHEAD_NS = 60_000_000_000
-"""So is one that is farther ahead; nobody can tell what was lost in between, if anything."""
+"""So does a stamp further ahead than this; the number of lost scans is then unknown."""
 FOLLOWERS = 10
-"""Scans in a row that a leap of the stamps needs to be believed. One wrong stamp ends no
-episode, and of two sources the one that was first is used for as long as it goes on."""
+"""Consecutive scans on a new time base before it is followed. A single wrong stamp ends no
+episode; of two sources, the first is used as long as it delivers."""
 ACCOUNTED = 100
-"""Scans used last, whose spacing tells whether a stream is starved."""
+"""Most recent scans, whose spacing shows whether the stream is starved."""
 STARVED = 2 * ACCOUNTED
-"""Periods beyond which they are too sparse. A stop of the source alone never makes them so."""
+"""Limit of their span in periods. A pause of the source alone does not exceed it."""
 SAY_NS = 1_000_000_000
-"""Counters that grow are said no oftener than this."""
+"""Shortest interval between reports of growing counters."""
 WORDS = {
     "lost": "lost",
-    "late": "too late to be used",
-    "duplicate": "twice",
-    "crowded": "less than half a period from another (a second source?)",
-    "elsewhere": "of another clock (a second source, or one that was set)",
-    "jumps": "leaps of the stamps followed",
+    "late": "too late, not used",
+    "duplicate": "duplicate",
+    "crowded": "less than half a period from another scan (second source?)",
+    "elsewhere": "on another time base (second source, or clock set)",
+    "jumps": "timestamp jumps followed",
 }
-"""Counters beside ``samples``, and what each of them counts."""
+"""Counters besides ``samples``, and how a report names them."""
 
 
 class Place(Enum):
-    """How a scan follows on the one before."""
+    """Position of a scan relative to the one before."""
 
     NEXT = "next"
     AFTER_GAP = "after a gap"
@@ -50,7 +50,7 @@ class Place(Enum):
 
 
 class StreamOrder:
-    """Stamps of one stream of scans, with what was counted on it over all its restarts."""
+    """Timestamps of one stream of scans, and its counters over all restarts."""
 
     def __init__(self, period_ns: int, gap_scans: int) -> None:
         self._period_ns = period_ns
@@ -58,7 +58,7 @@ class StreamOrder:
         self._counters = dict.fromkeys(("samples", *WORDS), 0)
         self._seen: deque[int] = deque(maxlen=2 + BACK_NS // period_ns)
         self._places: deque[int] = deque([0], maxlen=1 + ACCOUNTED)
-        """Periods from the first scan to each of the last ones, stops left out."""
+        """Periods from the first scan to each of the most recent ones, without pauses."""
         self._elsewhere_ns = 0
         self._followers = 0
         self._said_ns = 0
@@ -91,7 +91,7 @@ class StreamOrder:
         return Place.RESTART
 
     def _pass_over(self, stamp_ns: int) -> Place:
-        """What comes after its turn: it, or its neighbour, was here, or it was thought lost."""
+        """Count a scan out of turn: duplicate, crowded, or late (until now counted as lost)."""
         apart_ns = min((abs(stamp_ns - seen_ns) for seen_ns in self._seen), default=0)
         if apart_ns == 0:
             self._counters["duplicate"] += 1
@@ -99,13 +99,13 @@ class StreamOrder:
             self._counters["crowded"] += 1
         else:
             self._counters["late"] += 1
-            # What is older than the stream was never thought lost.
+            # A scan older than the stream was never counted as lost.
             self._counters["lost"] -= self.first_ns is not None and stamp_ns > self.first_ns
             self._seen.append(stamp_ns)
         return Place.PASSED_OVER
 
     def _leapt(self, stamp_ns: int) -> Place:
-        """A stamp of another clock; followed once so many of them came without any of the old."""
+        """A stamp on another time base; followed after ``FOLLOWERS`` of them in a row."""
         follows = 0 < stamp_ns - self._elsewhere_ns <= BACK_NS
         self._followers = self._followers + 1 if self._followers and follows else 1
         self._elsewhere_ns = stamp_ns
@@ -117,15 +117,14 @@ class StreamOrder:
         first_ns, ahead = self.first_ns, stamp_ns > (self.last_ns or 0)
         place = self._begin(stamp_ns)
         if ahead:
-            # What was learned and found still holds; only smoothing starts anew.
+            # Learned offsets and the open episode remain valid; only smoothing restarts.
             self.first_ns, place = first_ns, Place.AFTER_GAP
         return place
 
     def leading(self, stamps_ns: Stamps) -> int:
-        """How many of these scans follow on one another and on the stream, with nothing to say.
+        """How many of these scans are in order, without a loss and without a report that is due.
 
-        A scan before which some were lost is left to ``step``, and so is the one with which
-        counters are to be said.
+        A scan after a loss is left to ``step``, and so is one with which counters are reported.
         """
         if self.last_ns is None or self.starved:
             return 0
@@ -136,7 +135,7 @@ class StreamOrder:
         return int(wrong.argmax()) if wrong.any() else len(stamps_ns)
 
     def follow(self, stamps_ns: Stamps) -> None:
-        """Take scans that ``leading`` has found to be in order."""
+        """Take scans that are in order according to ``leading``."""
         self._followers = 0
         self._counters["samples"] += len(stamps_ns)
         place = self._places[-1]
@@ -145,7 +144,7 @@ class StreamOrder:
         self._seen.extend(stamps_ns[-(self._seen.maxlen or 0) :].tolist())
 
     def _ahead(self, stamps_ns: Stamps) -> tuple[Stamps, npt.NDArray[np.float64]]:
-        """How far each scan is after the one before, and how many are missing between them."""
+        """Time since the scan before, and number of scans missing in between."""
         ahead_ns = stamps_ns - np.append(self.last_ns or 0, stamps_ns[:-1])
         return ahead_ns, np.rint(ahead_ns / self._period_ns) - 1.0
 
@@ -154,16 +153,16 @@ class StreamOrder:
 
     @property
     def starved(self) -> bool:
-        """Whether more than half of the scans of the last seconds could not be used."""
+        """Whether more than half of the recent scans are lost or unusable."""
         return self._places[-1] - self._places[0] > STARVED
 
     @property
     def unsaid(self) -> bool:
-        """Whether something beside good scans was counted since ``say``."""
+        """Whether a fault counter has changed since the last report."""
         return self._faults() != self._said
 
     def is_due(self, stamp_ns: int) -> bool:
-        """Whether that is to be said with this scan."""
+        """Whether changed counters are to be reported with this scan."""
         return self.unsaid and bool(self._is_long_said(np.array([stamp_ns]))[0])
 
     def _is_long_said(self, stamps_ns: Stamps) -> npt.NDArray[np.bool_]:
@@ -171,7 +170,7 @@ class StreamOrder:
         return (since_ns < 0) | (since_ns >= SAY_NS)
 
     def say(self, stamp_ns: int) -> ChannelQuality:
-        """The stream as a row of DataQuality that goes out now."""
+        """Report the stream: its row of DataQuality; counters are then up to date."""
         self._said, self._said_ns = self._faults(), stamp_ns
         return self.state()
 
