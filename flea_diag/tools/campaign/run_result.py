@@ -66,6 +66,8 @@ class RunResult:
         What was decided, with and without the words; equal runs are equal on equal backends.
     detail
         File with the whole replay summary, relative to the evaluation's folder.
+    date, commit
+        Day and commit of the diagnosis; empty in lines of before there were such.
     """
 
     id: str
@@ -101,6 +103,8 @@ class RunResult:
     decision_digest: str = ""
     backend: str = ""
     detail: str = ""
+    date: str = ""
+    commit: str = ""
     schema_version: int = SCHEMA_VERSION
 
     @property

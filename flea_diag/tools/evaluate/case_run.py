@@ -18,6 +18,7 @@ from flea_diag.tools.campaign.case import Case
 from flea_diag.tools.campaign.run_result import NOMINAL, RunResult
 from flea_diag.tools.campaign.run_trace import RunTrace, write_trace
 from flea_diag.tools.motion import moving_s
+from flea_diag.tools.origin import commit, today
 from flea_diag.tools.peak_memory import forget_peak, peak_bytes
 from flea_diag.tools.replay.summary import BULK, summarise
 from flea_diag.wire.blocks import Block, ScanBlock
@@ -173,6 +174,8 @@ def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dic
         decision_digest=summary["decision_digest"],
         backend=numeric_backend(),
         detail=f"{DETAILS}/{case.configuration}/{case.id.replace('/', '.')}{case.fold}.json",
+        date=today(),
+        commit=commit(),
         duration_s=summary["duration_s"],
         **told,
         **verdict,
