@@ -20,14 +20,14 @@ def today() -> str:
 
 @cache
 def commit(root: Path = ROOT) -> str:
-    """Commit of the source, ``-dirty`` where files differ from it; else ``version 0.1.0``.
+    """Commit of the source, ``+`` where files differ from it; else ``version 0.1.0``.
 
     An installed package has no commit, not even where its environment lies inside a repository.
     """
     top = _git(root, "rev-parse", "--show-toplevel")
     if not top or Path(top).resolve() != root.resolve():
         return f"version {__version__}"
-    return _git(root, "describe", "--always", "--dirty", "--abbrev=9", "--exclude=*")
+    return _git(root, "describe", "--always", "--dirty=+", "--abbrev=9", "--exclude=*")
 
 
 def _git(root: Path, *arguments: str) -> str:
