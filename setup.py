@@ -11,10 +11,12 @@ and then knows of no data files.
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 from pathlib import Path
 
 from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
 
 PACKAGE = "flea_diag"
 SHARE = f"share/{PACKAGE}"
@@ -84,9 +86,25 @@ def readme() -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
+class BuildWithCommit(build_py):
+    """The modules, and beside them the commit that they are built from, where git knows one."""
+
+    def run(self) -> None:
+        """Build, then note the commit for what is measured with the installed package."""
+        super().run()
+        if Path(".git").exists():
+            command = ["git", "describe", "--always", "--dirty=+", "--abbrev=9", "--exclude=*"]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            Path(self.build_lib, PACKAGE, "commit.txt").write_text(done.stdout, encoding="utf-8")
+
+
 # colcon asks with --dry-run and reads the arguments of setup() back as Python literals, which a
-# version specifier is not.
-PYTHON = {} if "--dry-run" in sys.argv else {"python_requires": ">=3.10"}
+# version specifier and a class are not.
+PYTHON = (
+    {}
+    if "--dry-run" in sys.argv
+    else {"python_requires": ">=3.10", "cmdclass": {"build_py": BuildWithCommit}}
+)
 
 setup(
     name=PACKAGE,

@@ -18,6 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
+from summary import Figure, bench_parser, share, write_summary
 from support.live import Peer, Process, node
 
 from flea_diag.configuration import load_features
@@ -68,6 +69,7 @@ class Asker:
 
 def main() -> None:
     """Run the stand and the extractor, ask, and print what came of it."""
+    arguments = bench_parser(__doc__).parse_args()
     features = load_features("feature_table.yaml").features
     stand = node("flea_sim_driver.daq_node", "-p", f"duration_s:={RUN_S}",
                  "-p", "wait_for_subscribers:=2")  # fmt: skip
@@ -86,18 +88,18 @@ def main() -> None:
                 lambda: time.monotonic() > ends_s or daq.child.poll() is not None, RUN_S
             )
             took_s = time.monotonic() - begun_s
-            share = (cpu_s(extractor.child.pid) - spent_s) / took_s
-    report(asker.waits, share)
+            used = (cpu_s(extractor.child.pid) - spent_s) / took_s
+    write_summary("answer", report(asker.waits, used), arguments.json)
 
 
-def report(waits: list[tuple[float, str, FeatureValue]], share: float) -> None:
+def report(waits: list[tuple[float, str, FeatureValue]], used: float) -> list[Figure]:
     """Quantiles of the waits, and the worst of each feature."""
     ordered = sorted(wait for wait, _, _ in waits)
     n = len(ordered)
     within = sum(wait <= BUDGET_S for wait in ordered)
     low, high = wilson(within, n)
     given = sum(value.reason == "" for _, _, value in waits)
-    print(f"{n} requests, {given} with a value; extractor {share:.1%} of a core")
+    print(f"{n} requests, {given} with a value; extractor {used:.1%} of a core")
     print(
         f"from request to answer: median {median(ordered) * 1e3:.1f} ms, "
         f"95 % {ordered[int(0.95 * n)] * 1e3:.1f} ms, worst {ordered[-1] * 1e3:.1f} ms"
@@ -107,6 +109,12 @@ def report(waits: list[tuple[float, str, FeatureValue]], share: float) -> None:
         of_it = [(wait, value.cost_ms) for wait, feature, value in waits if feature == name]
         waited, cost = (median(column) for column in zip(*of_it, strict=True))
         print(f"  {name:40s}{len(of_it):5d}{waited * 1e3:8.1f} ms, computing {cost:6.2f} ms")
+    spread = ordered[0] * 1e3, ordered[-1] * 1e3
+    return [
+        Figure("from request to answer over DDS, median", median(ordered) * 1e3, "ms", n, *spread),
+        share("answered within 150 ms", within, n),
+        Figure("CPU of the extractor", 100.0 * used, "% of a core"),
+    ]
 
 
 def cpu_s(pid: int) -> float:

@@ -23,6 +23,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 import numpy as np
 from bench_scan import recording
 from bench_stand import cpu_s
+from summary import Figure, bench_parser, write_summary
 from support.live import Peer, Process, node
 
 from flea_diag.nodes.run.domain import reserved_domain
@@ -108,6 +109,7 @@ def joined(peer: Peer, name: str, heard: np.ndarray, numbers: dict[int, int]) ->
 
 def main() -> None:
     """Print latency and CPU of both, and their ratios."""
+    arguments = bench_parser(__doc__).parse_args()
     with tempfile.TemporaryDirectory() as folder:
         bag = recording(Path(folder), SECONDS)
         records = [record for _, record in BagReader(bag).records((ChannelTable, Scan))]
@@ -118,6 +120,12 @@ def main() -> None:
         print(f"{name:12s}{latency * 1e6:14.0f}{cpu * 1e6:18.0f}")
     ratios = [mine / plain for plain, mine in zip(*found.values(), strict=True)]
     print(f"{'ratio':12s}{ratios[0]:14.2f}{ratios[1]:18.2f}   (limit {LIMIT})")
+    figures = [
+        Figure(f"diagnoser, {what}", ratio, "x", SECONDS * 100 - SETTLE, seed="21",
+               against="an empty rclpy node, same scans")
+        for what, ratio in zip(("latency", "CPU a scan"), ratios, strict=True)
+    ]  # fmt: skip
+    write_summary("chain", figures, arguments.json)
 
 
 if __name__ == "__main__":

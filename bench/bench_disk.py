@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
 import numpy as np
 from rosbags.highlevel import AnyReader
+from summary import Figure, bench_parser, share, write_summary
 from support import lossy
 
 from flea_diag.errors import RecordingError
@@ -88,7 +89,10 @@ def refused(place: Path) -> bool:
 
 def main() -> int:
     """Print the counts; exit status 1 where anything is not as it should be."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
+    parser = bench_parser(__doc__)
+    parser.add_argument("count", nargs="?", type=int, default=50, help="disks of each kind")
+    arguments = parser.parse_args()
+    count = arguments.count
     random, results = np.random.default_rng(FIRST_SEED), []
     for number in range(count):
         records = lossy.nominal(FIRST_SEED + number % RUNS, vibration=True)
@@ -108,6 +112,15 @@ def main() -> int:
         with disk(100, "ro") as place:
             silent += not refused(place)
     print(f"read-only: {count - silent} of {count} refused in one line")
+    seed = f"{FIRST_SEED} to {FIRST_SEED + RUNS - 1}"
+    figures = (
+        share("full disks: one error, bag opens", len(full), count, seed=seed),
+        share("full disks: no fault called in the replay", count - len(called), count, seed=seed),
+        Figure("full disks: lost of the run, median", float(np.median(lost_s)), "s", len(full),
+               min(lost_s), max(lost_s), seed=seed),
+        share("read-only disks: refused in one line", count - silent, count),
+    )  # fmt: skip
+    write_summary("disk", figures, arguments.json)
     return int(len(full) < count or bool(called) or silent > 0)
 
 

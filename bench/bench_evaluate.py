@@ -14,6 +14,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from summary import Figure, bench_parser, write_summary
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 LEAST = 1.8
@@ -48,6 +50,7 @@ def evaluated(campaign: Path, folder: Path, jobs: int) -> tuple[float, float, fl
 
 def main() -> None:
     """Print both, and what the second worker gives."""
+    arguments = bench_parser(__doc__).parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         campaign = folder / "medium.yaml"
@@ -60,6 +63,12 @@ def main() -> None:
     bound = (own_1 + shared_1) / (own_2 + shared_2 / 2.0)
     print(f"ratio: wall {wall_1 / wall_2:.2f}, bound by CPU time {bound:.2f} (at least {LEAST}); "
           f"load {os.getloadavg()[0]:.1f}")  # fmt: skip
+    one = "one worker, 12 runs of 30 s"
+    figures = (
+        Figure("two workers, by the clock", wall_1 / wall_2, "x", against=one, seed="12"),
+        Figure("two workers, by CPU time", bound, "x", against=one, seed="12"),
+    )
+    write_summary("evaluate", figures, arguments.json)
 
 
 if __name__ == "__main__":

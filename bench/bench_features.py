@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from scipy import signal, stats
+from summary import Figure, bench_parser, write_summary
 
 from flea_diag.configuration import load_features
 from flea_diag.core.choice.feature_choice import FeatureChooser
@@ -71,14 +72,20 @@ def rivals_s() -> dict[str, float]:
     return best
 
 
-def features() -> None:
+def features() -> list[Figure]:
     """Every feature on both accelerometers, and those that scipy has."""
+    figures = []
     found, rivals = costs_s(ROUNDS, both=True), rivals_s()
     print(f"{'1 s x 6 axes, 20 kHz':32s}{'us':>9s}{'of std':>9s}   scipy")
     for name, spent in found.items():
         rival = ""
         if name in rivals:
             rival = f"{RIVALS[name][0]} {rivals[name] * 1e6:.0f} us, {rivals[name] / spent:.1f} x"
+            figures.append(
+                Figure(
+                    f"{name}, faster", rivals[name] / spent, "x", ROUNDS, against=RIVALS[name][0]
+                )
+            )
         print(f"{name:32s}{spent * 1e6:9.0f}{spent / found['std']:9.1f}   {rival}")
     table = load_features("feature_table.yaml").features
     some = min(cpu_s(lambda: compute_all(table, bench_window())) for _ in range(ROUNDS))
@@ -86,9 +93,15 @@ def features() -> None:
     print(f"{'learned table, shared FFT':32s}{some * 1e6:9.0f}{some / found['std']:9.1f}")
     whole = library_s()
     print(f"{'whole library, shared FFT':32s}{whole * 1e6:9.0f}{whole / found['std']:9.1f}")
+    against = "one standard deviation of the same window"
+    return [
+        *figures,
+        Figure("cost of the learned table", some / found["std"], "x", ROUNDS, against=against),
+        Figure("cost of the whole library", whole / found["std"], "x", ROUNDS, against=against),
+    ]
 
 
-def lazy() -> None:
+def lazy() -> list[Figure]:
     """Lazy over always, on diagnosed runs; what choosing the features took, beside it."""
     planned: list[float] = []
     choose = FeatureChooser.next
@@ -106,12 +119,21 @@ def lazy() -> None:
     print(f"{len(runs)} runs of 22 s, {fmean(len(r.features) for r in runs):.1f} features each")
     print(f"lazy {lazy_s * 1e3:.1f} ms, always {eager_s * 1e3:.1f} ms: {lazy_s / eager_s:.2%}")
     print(f"choosing {sum(planned) / len(runs):.2f} ms a run, features alone and trees included")
-    print(f"slowest answer {max(r.answer_ms for r in runs):.1f} ms (budget 150 ms)")
+    slowest_ms = max(r.answer_ms for r in runs)
+    print(f"slowest answer {slowest_ms:.1f} ms (budget 150 ms)")
+    n, seed = len(runs), f"{SEEDS.start} to {SEEDS.stop - 1}"
+    return [
+        Figure("CPU of vibration on demand", 100.0 * lazy_s / eager_s, "%", n, seed=seed,
+               against="all features of the table every second"),
+        Figure("features computed a run", fmean(len(r.features) for r in runs), "", n, seed=seed),
+        Figure("choosing them, a run", sum(planned) / n, "ms", n, seed=seed),
+        Figure("slowest answer", slowest_ms, "ms", n, seed=seed, against="a budget of 150 ms"),
+    ]  # fmt: skip
 
 
 if __name__ == "__main__":
+    options = bench_parser(__doc__).parse_args()
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     print(f"{len(AXES)} axes: {', '.join(AXES)}")
-    features()
-    lazy()
+    write_summary("features", [*features(), *lazy()], options.json)

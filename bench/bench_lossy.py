@@ -7,18 +7,18 @@ python bench/bench_lossy.py 4 dropped --live     through a relay node over DDS
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
+from summary import bench_parser, share, write_summary
 from support import lossy
 
 
 def main() -> int:
     """One line for each disturbance, and one for each run that is not as it should be."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = bench_parser(__doc__)
     parser.add_argument("count", nargs="?", type=int, default=50, help="units, each a run")
     parser.add_argument("names", nargs="*", metavar="DISTURBANCE", help="default: all")
     parser.add_argument("--seed", type=int, default=5000, help="of the first unit (default 5000)")
@@ -28,10 +28,18 @@ def main() -> int:
     unknown = [name for name in names if name not in lossy.DISTURBANCES]
     if unknown:
         parser.error(f"{unknown[0]!r} is no disturbance, choose of {', '.join(lossy.DISTURBANCES)}")
-    wrong, count = 0, args.count
+    wrong, count, figures = 0, args.count, []
     for name in names:
         run = live if args.live else lossy.passed
         runs = [run(name, seed) for seed in range(args.seed, args.seed + count)]
+        figures.append(
+            share(
+                f"{name}: no fault called, counters exact",
+                sum(not (run.called or run.miscounted) for run in runs),
+                count,
+                seed=f"{args.seed} to {args.seed + count - 1}",
+            )
+        )
         called = [run for run in runs if run.called]
         miscounted = [run for run in runs if run.miscounted]
         wrong += len(called) + len(miscounted)
@@ -46,6 +54,7 @@ def main() -> int:
                 print("        and so without the disturbance")
         for run in miscounted:
             print(f"    seed {run.seed}: {', '.join(run.miscounted)}")
+    write_summary("lossy", figures, args.json)
     return min(wrong, 1)
 
 

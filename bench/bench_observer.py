@@ -20,6 +20,7 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
+from summary import Figure, bench_parser, write_summary
 
 from flea_diag.configuration import load_yaml
 from flea_diag.core.bond_graph.actuator import actuator
@@ -246,6 +247,7 @@ def observer_steps() -> dict[str, float]:
 
 def main() -> None:
     """Print both comparisons and what is missing for more."""
+    arguments, figures = bench_parser(__doc__).parse_args(), []
     on_one_core()
     if not HAVE_PROGPY:
         print("no ratios against progpy: it is not installed (pip install progpy==1.9)")
@@ -266,9 +268,21 @@ def main() -> None:
             if HAVE_PROGPY:
                 ratio = float(np.median([run[base][0] / run[name][0] for run in runs]))
             print(f"{name:28s}{cost * 1e6:10.1f}{ratio:10.1f}{error:15.3f}")
+            what, steps = f"{name}; {title}", STEPS * len(runs)
+            figures.append(
+                Figure(
+                    f"RMSE, {what}", error, "x", steps, against="the Kalman filter's", seed="1 to 3"
+                )
+            )
+            if HAVE_PROGPY:
+                figures.append(
+                    Figure(f"speed, {what}", ratio, "x", steps, against=base, seed="1 to 3")
+                )
     print("\none scan of StateObserver, N = 200, all channels")
     for backend, cost in observer_steps().items():
         print(f"{backend:28s}{cost * 1e6:10.1f} us")
+        figures.append(Figure(f"one scan of the state observer, {backend}", cost * 1e6, "us", 1900))
+    write_summary("observer", figures, arguments.json)
 
 
 if __name__ == "__main__":

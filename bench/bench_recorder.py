@@ -10,7 +10,6 @@ reported by DDS are counted as well.
 
 from __future__ import annotations
 
-import argparse
 import os
 import signal
 import sys
@@ -23,6 +22,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
 import numpy as np
 from bench_stand import cpu_s
+from summary import Figure, bench_parser, share, write_summary
 from support.live import Process, node
 
 from flea_diag.nodes.run.domain import reserved_domain
@@ -73,18 +73,25 @@ def missing(bag: Path, kind: type, seconds: float) -> tuple[int, int, int]:
 
 def main() -> None:
     """Print what the recorder cost and what it lost."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = bench_parser(__doc__)
     parser.add_argument("--for", dest="seconds", type=float, default=600.0)
-    seconds = parser.parse_args().seconds
+    arguments = parser.parse_args()
+    seconds = arguments.seconds
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "bag"
-        share, memory = recorded(bag, seconds)
+        used, memory = recorded(bag, seconds)
         size_mb = sum(path.stat().st_size for path in bag.iterdir()) / 1e6
-        print(f"{seconds:.0f} s: {100.0 * share:.1f} % of a core (limit {100.0 * LIMIT:.0f} %)")
+        print(f"{seconds:.0f} s: {100.0 * used:.1f} % of a core (limit {100.0 * LIMIT:.0f} %)")
         print(f"{memory:.0f} MB of memory, {size_mb:.0f} MB of bag; load {os.getloadavg()[0]:.1f}")
+        figures = [
+            Figure("CPU of the recorder", 100.0 * used, "% of a core"),
+            Figure("memory of the recorder, peak", memory, "MB"),
+        ]
         for kind in RATES_HZ:
             held, lost, longest = missing(bag, kind, seconds)
             print(f"{kind.__name__:15s} {held} recorded, {lost} lost, {longest} at most in a row")
+            figures.append(share(f"{kind.__name__} recorded", held, held + lost))
+    write_summary("recorder", figures, arguments.json)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from bench_scan import KINDS, pipeline, recording
+from summary import Figure, bench_parser, write_summary
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 SECONDS = 120
@@ -60,6 +61,7 @@ def compared(bag: Path, kind: str, backend: str) -> tuple[float, float]:
 
 def main() -> None:
     """Print times real time of both recordings, with each state observer."""
+    arguments, figures = bench_parser(__doc__).parse_args(), []
     with tempfile.TemporaryDirectory() as folder:
         runs = {
             "nominal": recording(Path(folder), SECONDS),
@@ -71,6 +73,12 @@ def main() -> None:
                 quick, slow = compared(bag, kind, backend)
                 what = f"{kind}, {backend}"
                 print(f"{name:14s}{what:20s}{quick:14.0f}{slow:10.0f}{quick / slow:8.1f}")
+                figures += [
+                    Figure(f"{name}, {what}", quick, "x real time", TURNS, seed="21"),
+                    Figure(f"{name}, {what}", quick / slow, "x", TURNS, seed="21",
+                           against="the same scan by scan"),
+                ]  # fmt: skip
+    write_summary("replay", figures, arguments.json)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ scans, by default a tenth of a day at 100 Hz.
 
 from __future__ import annotations
 
-import argparse
 import os
 import resource
 import subprocess
@@ -19,6 +18,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+from summary import Figure, bench_parser, write_summary
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 DAY_SCANS = 8_640_000
@@ -115,9 +115,9 @@ def resident_mb() -> float:
 
 def main() -> None:
     """Print cost and memory."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = bench_parser(__doc__)
     parser.add_argument("--scans", type=int, default=DAY_SCANS // 10)
-    arguments = parser.parse_args()
+    arguments, figures = parser.parse_args(), []
     with tempfile.TemporaryDirectory() as folder:
         bag = recording(Path(folder))
         print(f"{'state observer':20s}{'us a scan, live':>18s}{'in blocks':>12s}{'ratio':>8s}")
@@ -126,9 +126,22 @@ def main() -> None:
             ratio = singly / in_blocks
             name = f"{kind}, {backend}"
             print(f"{name:20s}{singly * 1e6:18.1f}{in_blocks * 1e6:12.1f}{ratio:8.1f}")
+            pieces = SECONDS * 100 // BLOCK - 1
+            figures += [
+                Figure(f"one scan, {name}", singly * 1e6, "us", pieces, seed="21"),
+                Figure(f"one scan, {name}", ratio, "x", pieces, seed="21",
+                       against="the same in blocks"),
+            ]  # fmt: skip
         print(f"\nresident memory over {arguments.scans} scans (a day has {DAY_SCANS})")
-        for fed, size in memory(bag, arguments.scans):
+        seen = memory(bag, arguments.scans)
+        for fed, size in seen:
             print(f"{fed:10d} scans {size:8.1f} MB")
+    sizes = [size for _, size in seen]
+    figures.append(
+        Figure(f"resident memory over {arguments.scans} scans", sizes[-1], "MB", len(sizes),
+               min(sizes), max(sizes), seed="21")
+    )  # fmt: skip
+    write_summary("scan", figures, arguments.json)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
 
+from summary import Figure, bench_parser, share, write_summary
 from support.simulated_faults import Judged, judged, table
 
 from flea_diag.tools.interval import wilson
@@ -23,22 +24,24 @@ WORKERS = 2
 
 def main() -> int:
     """Run and print; seeds from ``FIRST_SEED`` on."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 8
     known = list(table()["faults"])
-    rows = sys.argv[2:] or known
+    parser = bench_parser(__doc__)
+    parser.add_argument("count", nargs="?", type=int, default=8, help="seeds a row")
+    parser.add_argument("rows", nargs="*", metavar="ROW", help="default: all")
+    arguments = parser.parse_args()
+    count, rows = arguments.count, arguments.rows or known
     unknown = [row for row in rows if row not in known]
     if unknown:
         sys.exit(f"{unknown[0]!r} is no row, choose of {', '.join(known)}")
     pairs = list(product(rows, range(FIRST_SEED, FIRST_SEED + count)))
     with ProcessPoolExecutor(WORKERS) as pool:
         found = list(pool.map(judged, *zip(*pairs, strict=True), chunksize=4))
-    for row in rows:
-        report([each for each in found if each.row == row])
-    report(found, "all")
+    figures = [report([each for each in found if each.row == row]) for row in rows]
+    write_summary("simulated_faults", [*figures, report(found, "all")], arguments.json)
     return 0
 
 
-def report(runs: list[Judged], name: str = "") -> None:
+def report(runs: list[Judged], name: str = "") -> Figure:
     """One line of counts, and one for each miss."""
     right = [run for run in runs if run.right]
     low, high = wilson(len(right), len(runs))
@@ -48,12 +51,11 @@ def report(runs: list[Judged], name: str = "") -> None:
         f"{name or runs[0].row:24s} {len(right):3d} of {len(runs):3d} right  "
         f"[{100 * low:.1f}, {100 * high:.1f}] %  median delay {middle}"
     )
-    if name:
-        return
     for run in runs:
-        if not run.right:
+        if not (run.right or name):
             words = "early " if run.early else ""
             print(f"    seed {run.seed}: {words}{run.outcome} {', '.join(run.group[:6])}")
+    return share(name or runs[0].row, len(right), len(runs), seed=f"{FIRST_SEED} and on")
 
 
 if __name__ == "__main__":

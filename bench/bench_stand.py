@@ -11,6 +11,7 @@ needs root and chrt).
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -24,6 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
+from summary import Figure, bench_parser, write_summary
 from support.live import Peer, Process, node
 
 from flea_diag.nodes.run.domain import reserved_domain
@@ -58,24 +60,29 @@ def into_a_bag(*, vibration: bool) -> float:
         return time.process_time() - begin
 
 
-def bags() -> None:
+def bags() -> list[Figure]:
     """Print what bags cost with this backend."""
+    figures = []
     with tempfile.TemporaryDirectory() as folder:  # compile and import before the clock runs
         write_bag(nominal(1.0, vibration=True), Path(folder) / "bag")
     backend = "numba" if hasattr(integrator(), "py_func") else "plain Python"
     for vibration, limit_s in LIMITS_S.items():
-        took = median(into_a_bag(vibration=vibration) for _ in range(REPEATS))
+        times = [into_a_bag(vibration=vibration) for _ in range(REPEATS)]
+        took = median(times)
         what = "scans and 2 x 3 axes of 20 kHz" if vibration else "scans alone"
         print(
             f"{backend:12} {RUN_S:.0f} s of {what:30} {took:6.3f} s of one core (limit {limit_s} s)"
         )
+        name = f"{RUN_S:.0f} s of {what} into a bag, {backend}"
+        figures.append(Figure(name, took, "s of CPU", REPEATS, min(times), max(times)))
+    return figures
 
 
-def live() -> None:
+def live(fifo: bool) -> list[Figure]:
     """Print how the DAQ keeps its pace, and what that costs."""
     command = node("flea_sim_driver.daq_node", "-p", f"duration_s:={LIVE_S}",
                    "-p", "wait_for_subscribers:=1")  # fmt: skip
-    if "--fifo" in sys.argv:
+    if fifo:
         command = ["chrt", "--fifo", "20", *command]
     with reserved_domain() as domain, Peer(domain) as peer:
         peer.bus.subscribe(Scan, peer.records.append)
@@ -93,6 +100,12 @@ def live() -> None:
         f"live         {scans / took:6.1f} scans/s, jitter p99 {told[-1]['jitter_p99_ms']} ms "
         f"(limit 2 ms), {100.0 * spent / took:.1f} % of one core (limit 15 %)"
     )
+    priority = "real-time priority" if fifo else "usual priority"
+    return [
+        Figure(f"DAQ live, 99 % of the scans within, {priority}",
+               float(told[-1]["jitter_p99_ms"]), "ms", scans),
+        Figure(f"DAQ live, CPU, {priority}", 100.0 * spent / took, "% of a core"),
+    ]  # fmt: skip
 
 
 def cpu_s(pid: int) -> float:
@@ -101,13 +114,32 @@ def cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+def bags_with(disabled: str) -> list[Figure]:
+    """``bags`` in a process of its own, compiled or not."""
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": disabled}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bags.json"
+        command = [sys.executable, __file__, "--bags", "--json", str(path)]
+        subprocess.run(command, check=True, env=environment)
+        return [Figure(**row) for row in json.loads(path.read_text(encoding="utf-8"))["figures"]]
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
+    parser = bench_parser(__doc__)
+    parser.add_argument("--bags", action="store_true", help="bags alone, with this backend")
+    parser.add_argument("--live", action="store_true", help="the live DAQ alone")
+    parser.add_argument("--fifo", action="store_true", help="real-time priority for the live DAQ")
+    arguments = parser.parse_args()
+    figures = []
+    if arguments.bags:
+        figures += bags()
+    elif not arguments.live:
+        figures += bags_with("0") + bags_with("1")
+    if not arguments.bags:
+        figures += live(arguments.fifo)
+    write_summary("stand", figures, arguments.json)
+
+
 if __name__ == "__main__":
-    if "--bags" in sys.argv:
-        bags()
-    elif "--live" in sys.argv:
-        live()
-    else:
-        for disabled in ("0", "1"):
-            environment = {**os.environ, "NUMBA_DISABLE_JIT": disabled}
-            subprocess.run([sys.executable, __file__, "--bags"], check=True, env=environment)
-        live()
+    main()

@@ -16,6 +16,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))
 
+from summary import Figure, bench_parser, write_summary
 from support.browser import Browser, chromium, missing
 from support.live import Peer, Process, node
 
@@ -52,7 +53,7 @@ def sample(pid: int, browser: Browser) -> tuple[float, float, float, float]:
     return share, resident_mb(pid), browser.heap_bytes() / 1e6, rate
 
 
-def measure(domain: int, folder: Path) -> None:
+def measure(domain: int, folder: Path) -> list[Figure]:
     """Run the stand and print the figures."""
     journal = f"journal:={folder / 'alarms.sqlite'}"
     web = node("flea_diag.nodes.operator.web", "-p", f"port:={PORT}", "-p", journal)
@@ -70,10 +71,10 @@ def measure(domain: int, folder: Path) -> None:
         peer.listen(Detection, AmbiguityGroup)
         browser.open(f"http://127.0.0.1:{PORT}/")
         with Process(daq, domain):
-            report(peer, browser, server.child.pid)
+            return report(peer, browser, server.child.pid)
 
 
-def report(peer: Peer, browser: Browser, pid: int) -> None:
+def report(peer: Peer, browser: Browser, pid: int) -> list[Figure]:
     """Latency of the detection, then samples until the time is over."""
     flag = peer.find(lambda r: isinstance(r, Detection) and r.detected, 60.0)
     peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.outcome is Outcome.ISOLATED, 60.0)
@@ -101,15 +102,26 @@ def report(peer: Peer, browser: Browser, pid: int) -> None:
         f"{heaps[0]:.1f} -> {heaps[-1]:.1f} MB; {statistics.median(rates):.1f} frames/s "
         f"(worst {min(rates):.1f}), loaded anew {loads} times"
     )
+    n = len(settled)
+    return [
+        Figure("detection on the page, after its scan", latency_ms, "ms"),
+        Figure("CPU of the server", 100.0 * statistics.mean(shares), "% of a core", n,
+               100.0 * min(shares), 100.0 * max(shares)),
+        Figure("memory of the server", residents[-1], "MB", n, min(residents), max(residents)),
+        Figure("memory of the page", heaps[-1], "MB", n, min(heaps), max(heaps)),
+        Figure("frames a second", statistics.median(rates), "1/s", n, min(rates), max(rates)),
+    ]  # fmt: skip
 
 
 def main() -> int:
     """Measure; the exit status."""
+    arguments = bench_parser(__doc__).parse_args()
     if missing():
         print(missing(), file=sys.stderr)
         return 2
     with reserved_domain() as domain, tempfile.TemporaryDirectory() as folder:
-        measure(domain, Path(folder))
+        figures = measure(domain, Path(folder))
+    write_summary("web", figures, arguments.json)
     return 0
 
 

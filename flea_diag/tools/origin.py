@@ -10,6 +10,8 @@ from pathlib import Path
 from flea_diag import __version__
 
 ROOT = Path(__file__).resolve().parents[2]
+NOTE = "flea_diag/commit.txt"
+"""Written when the package is built from a repository."""
 LIMIT_S = 10.0
 
 
@@ -20,21 +22,25 @@ def today() -> str:
 
 @cache
 def commit(root: Path = ROOT) -> str:
-    """Commit of the source, ``+`` where files differ from it; else ``version 0.1.0``.
+    """Commit of the source, with ``+`` where files differ from it; else ``version 0.1.0``.
 
-    An installed package has no commit, not even where its environment lies inside a repository.
+    That of the repository whose root this is, or the one that the installed package was built
+    from. An environment that lies inside another repository does not count.
     """
-    top = _git(root, "rev-parse", "--show-toplevel")
-    if not top or Path(top).resolve() != root.resolve():
-        return f"version {__version__}"
-    return _git(root, "describe", "--always", "--dirty=+", "--abbrev=9", "--exclude=*")
+    note = root / NOTE
+    if (root / ".git").exists():
+        found = _described(root)
+    else:
+        found = note.read_text(encoding="utf-8").strip() if note.is_file() else ""
+    return found or f"version {__version__}"
 
 
-def _git(root: Path, *arguments: str) -> str:
-    """What git prints, empty where there is no git or no repository."""
-    command = ["git", "-C", str(root), *arguments]
+def _described(root: Path) -> str:
+    """What git says, empty where there is no git."""
+    command = ["git", "-C", str(root)]
+    command += ["describe", "--always", "--dirty=+", "--abbrev=9", "--exclude=*"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
+    return done.stdout.strip()

@@ -10,7 +10,8 @@ from flea_diag.tools.campaign.run_result import KINDS, RunResult
 from flea_diag.tools.score.score import component_right, confusion, once, right_share, scores, share
 from flea_diag.tools.score.severity import ladder
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+"""2 added dates, commits and the seed of each part; `flea diff` reads the lines, of both."""
 LISTED = 200
 """So many runs that are not right are named in the summary; the lines have them all."""
 
@@ -38,11 +39,15 @@ def summarise(campaign: Campaign, results: Iterable[RunResult]) -> dict[str, Any
     Real, simulated, injected and spliced runs are never added up.
     """
     known = tuple(results)
+    seeds = {source.name: getattr(source, "seed", None) for source in campaign.sources}
     parts = []
     for configuration in dict.fromkeys(result.configuration for result in known):
         for kind in KINDS:
             chosen = [r for r in known if (r.kind, r.configuration) == (kind, configuration)]
-            parts += [_part(configuration, kind, source, part) for source, part in _sources(chosen)]
+            parts += [
+                {"seed": seeds.get(source), **_part(configuration, kind, source, part)}
+                for source, part in _sources(chosen)
+            ]
     lost = [
         {"source": part["source"], "row": row["row"], "percent": row["percent"]}
         for part in parts
@@ -54,6 +59,8 @@ def summarise(campaign: Campaign, results: Iterable[RunResult]) -> dict[str, Any
     return {
         "schema_version": SCHEMA_VERSION,
         "campaign": campaign.name,
+        "dates": sorted({result.date for result in known if result.date}),
+        "commits": sorted({result.commit for result in known if result.commit}),
         "runs": len(known),
         "failed": sum(1 for result in known if result.failure),
         "limit_percent": campaign.limit_percent,
