@@ -1,0 +1,135 @@
+"""Keeps the result of an evaluation or of a bench for docs/results.
+
+scripts/keep results/table4 --as table4 --title "Table 4" \\
+    --developed-on "seeds 50001 and 50002" --scored-on "seed 55, 320 runs"
+scripts/keep results/bench/scan.json --as scan --title "One scan"
+
+FROM is the folder of `flea evaluate` or the JSON of `scripts/bench --json`. Then run scripts/results.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from kept import FOLDER, Kept, Origin, Row, write_kept
+
+OF_AN_EVALUATION = 2
+"""Oldest version of an evaluation's summary that says when and from what it was made."""
+
+
+def main() -> int:
+    """Convert and write; 2 where that is refused."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("source", type=Path, metavar="FROM")
+    parser.add_argument("--as", dest="name", required=True, help="name of the kept file")
+    parser.add_argument("--title", required=True, help="heading of its table")
+    parser.add_argument("--developed-on", default="", help="runs that the method was tuned on")
+    parser.add_argument("--scored-on", default="", help="runs behind the figures")
+    parser.add_argument("--note", action="append", default=[], help="a sentence above the table")
+    parser.add_argument("--folder", type=Path, default=FOLDER, help="default: docs/results/kept")
+    arguments = parser.parse_args()
+    try:
+        kept = converted(arguments)
+    except (OSError, ValueError, KeyError) as error:
+        print(f"keep: {arguments.source}: {error}", file=sys.stderr)
+        return 2
+    write_kept(arguments.folder / f"{arguments.name}.json", kept)
+    return 0
+
+
+def converted(arguments: argparse.Namespace) -> Kept:
+    """The kept form of whichever of the two it is.
+
+    Raises
+    ------
+    ValueError
+        Neither of the two, or a summary without its origin.
+    """
+    source: Path = arguments.source
+    evaluation = source.is_dir()
+    path = source / "summary.json" if evaluation else source
+    content = json.loads(path.read_text(encoding="utf-8"))
+    make = of_evaluation if evaluation else of_bench
+    return make(content, arguments)
+
+
+def of_evaluation(summary: dict[str, Any], arguments: argparse.Namespace) -> Kept:
+    """Rows of all parts, each part's false alarms after them."""
+    version = summary["schema_version"]
+    if version < OF_AN_EVALUATION or not summary["dates"]:
+        raise ValueError(
+            f"schema_version is {version}, and its lines have no date or commit: evaluate anew"
+        )
+    if not arguments.scored_on:
+        raise ValueError("say with --scored-on what these runs are")
+    parts = summary["parts"]
+    seeds = sorted({str(part["seed"]) for part in parts if part["seed"] is not None})
+    return Kept(
+        arguments.title,
+        f"flea evaluate {summary['campaign']}.yaml",
+        Origin(
+            summary["dates"][-1],
+            ", ".join(summary["commits"]),
+            ", ".join(seeds),
+            arguments.developed_on,
+            arguments.scored_on,
+        ),
+        tuple(row for part in parts for row in rows_of(part, len(parts) > 1)),
+        notes=tuple(arguments.note),
+    )
+
+
+def rows_of(part: dict[str, Any], several: bool) -> Iterator[Row]:
+    """Rows of one part, all of them together, and its false alarms."""
+    before = f"{part['source']}, {part['configuration']}: " if several else ""
+    for row in part["rows"]:
+        times = row["scores"]["detection_time_s"]
+        cells = {"detected after, median": f"{times['median']:.2f} s"} if times else {}
+        yield Row(before + row["row"], row["right"], row["count"], cells=cells)
+    whole = part["scores"]
+    yield Row(f"{before}all", whole["right"]["right"], whole["right"]["count"])
+    alarms = whole["false_alarms_per_hour"]
+    yield Row(f"{before}false alarms", events=alarms["alarms"], hours=alarms["hours"])
+
+
+def of_bench(summary: dict[str, Any], arguments: argparse.Namespace) -> Kept:
+    """Figures of a bench; its load and backend describe the machine."""
+    figures = summary["figures"]
+    return Kept(
+        arguments.title,
+        f"scripts/bench {summary['name']}",
+        Origin(
+            summary["date"],
+            summary["commit"],
+            developed_on=arguments.developed_on,
+            scored_on=arguments.scored_on,
+        ),
+        tuple(of_figure(figure) for figure in figures),
+        machine=f"{summary['cores']} cores, load average {summary['load']}, {summary['backend']}",
+        notes=tuple(arguments.note),
+    )
+
+
+def of_figure(figure: dict[str, Any]) -> Row:
+    """One figure as a row."""
+    return Row(
+        figure["name"],
+        value=figure["value"],
+        unit=figure["unit"],
+        n=str(figure["n"]),
+        low=figure["low"],
+        high=figure["high"],
+        against=figure["against"],
+        origin={"seed": figure["seed"]} if figure["seed"] else {},
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

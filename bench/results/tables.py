@@ -1,0 +1,90 @@
+"""Kept results as tables in Markdown; intervals are computed here, from counts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from kept import Kept, Row
+
+from flea_diag.tools.interval import rate_interval, wilson
+
+ORIGIN = ("date", "commit", "seed", "developed on", "scored on")
+
+
+def markdown(kept: Kept) -> str:
+    """Title, origin, notes and the table of one file."""
+    lines = [f"## {kept.title}", "", said_of(kept), "", *(f"{note}\n" for note in kept.notes)]
+    return "\n".join([*lines, *table(columns(kept))]) + "\n"
+
+
+def said_of(kept: Kept) -> str:
+    """How it was measured, and whether that was for this state."""
+    made = f"Measured with `{kept.made_by}`."
+    if kept.machine:
+        made += f" Machine: {kept.machine}."
+    if kept.carried_over:
+        made += " Carried over from an earlier state; the commit is the one that stated it."
+    return made
+
+
+def columns(kept: Kept) -> dict[str, list[str]]:
+    """Header -> cells; a column in which nothing stands is left out."""
+    rows = kept.rows
+    more = dict.fromkeys(name for row in rows for name in row.cells)
+    interval = "95 % interval" if all(row.value is None for row in rows) else "range"
+    origins = [kept.origin_of(row) for row in rows]
+    found = {
+        "row": [row.name for row in rows],
+        "result": [result(row) for row in rows],
+        "n": [count(row) for row in rows],
+        interval: [spread(row) for row in rows],
+        "compared with": [row.against for row in rows],
+        **{name: [row.cells.get(name, "") for row in rows] for name in more},
+        **{
+            name: [getattr(origin, name.replace(" ", "_")) for origin in origins]
+            for name in ORIGIN
+        },
+    }
+    return {name: cells for name, cells in found.items() if any(cells)}
+
+
+def result(row: Row) -> str:
+    """What was measured, in one cell."""
+    if row.right is not None and row.count:
+        return f"{row.right} of {row.count}, {100.0 * row.right / row.count:.1f} %"
+    if row.events is not None and row.hours:
+        return f"{row.events} in {row.hours:g} h"
+    if row.value is not None:
+        return f"{row.value:g} {row.unit}".strip()
+    return row.text
+
+
+def count(row: Row) -> str:
+    """How many runs, or how long, stand behind a result."""
+    if row.n:
+        return row.n
+    if row.count is not None:
+        return str(row.count)
+    return f"{row.hours:g} h" if row.hours is not None else ""
+
+
+def spread(row: Row) -> str:
+    """Wilson's interval of a share, the exact one of a rate, or the range that was measured."""
+    if row.right is not None and row.count:
+        low, high = wilson(row.right, row.count)
+        return f"{100.0 * low:.1f} to {100.0 * high:.1f} %"
+    if row.events is not None and row.hours:
+        low, high = rate_interval(row.events, row.hours)
+        return f"{low:.2g} to {high:.2g} an hour"
+    if row.low is not None and row.high is not None:
+        return f"{row.low:g} to {row.high:g}"
+    return ""
+
+
+def table(cells: dict[str, Sequence[str]]) -> list[str]:
+    """Lines of a table."""
+    lines = [f"| {' | '.join(cells)} |", "|" + "---|" * len(cells)]
+    return [
+        *lines,
+        *(f"| {' | '.join(each)} |" for each in zip(*cells.values(), strict=True)),
+    ]
