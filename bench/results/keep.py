@@ -1,10 +1,10 @@
 """Keeps the result of an evaluation or of a bench for docs/results.
 
-scripts/keep results/table4 --as table4 --title "Table 4" \\
-    --developed-on "seeds 50001 and 50002" --scored-on "seed 55, 320 runs"
+scripts/keep results/table4 --as table4 --title "Table 4" --scored-on "seed 55, once"
 scripts/keep results/bench/scan.json --as scan --title "One scan"
 
-FROM is the folder of `flea evaluate` or the JSON of `scripts/bench --json`. Then run scripts/results.
+FROM is the folder of `flea evaluate` or the JSON of `scripts/bench --json`. Run scripts/results
+afterwards, and commit what it wrote.
 """
 
 from __future__ import annotations

@@ -11,7 +11,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
 
 SCHEMA_VERSION = 1
 ROOT = Path(__file__).resolve().parents[2]
@@ -101,10 +100,9 @@ def write_kept(path: Path, kept: Kept) -> None:
     """Write a table; what is empty is left out."""
     empty = {each.name: each.default for each in fields(Row)}
     rows = [
-        {key: value for key, value in asdict(row).items() if value and value != empty[key]
-         or value == 0 and value is not None and not isinstance(value, bool)}
+        {key: value for key, value in asdict(row).items() if value not in ({}, empty.get(key))}
         for row in kept.rows
-    ]  # fmt: skip
+    ]
     content = {"schema_version": kept.schema_version, **asdict(kept), "rows": rows}
     path.parent.mkdir(parents=True, exist_ok=True)
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)

@@ -41,8 +41,7 @@ def columns(kept: Kept) -> dict[str, list[str]]:
         "compared with": [row.against for row in rows],
         **{name: [row.cells.get(name, "") for row in rows] for name in more},
         **{
-            name: [getattr(origin, name.replace(" ", "_")) for origin in origins]
-            for name in ORIGIN
+            name: [getattr(origin, name.replace(" ", "_")) for origin in origins] for name in ORIGIN
         },
     }
     return {name: cells for name, cells in found.items() if any(cells)}

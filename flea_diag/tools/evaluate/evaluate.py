@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=400,
         metavar="N",
-        help="runs drawn in the report, those that are wrong first (default: 400, about 30 MB)",
+        help="runs to draw, wrong ones first (default: 400, about 70 kB each)",
     )
     parser.add_argument("--force", action="store_true", help="begin anew, forget earlier results")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
@@ -165,21 +165,20 @@ def _report(
     results: Sequence[RunResult],
     summary: dict[str, Any],
     folder: Path,
-    drawn: int,
+    most: int,
 ) -> None:
-    """The page for people: every run a line, and drawn."""
+    """The pages for people: a report of all runs, and a drawing of each beside its details."""
     from datetime import datetime, timezone
 
     from flea_diag.tools.campaign.run_trace import read_trace
-    from flea_diag.tools.score.report import page
+    from flea_diag.tools.score.report import drawing, drawing_of, neighbours, page, to_draw
 
+    kept = [r for r in results if r.failure or (r.detail and read_trace(folder / r.detail))]
+    chosen = to_draw(kept, most)
+    for result, before, after in neighbours(chosen):
+        if trace := read_trace(folder / result.detail):
+            write_text(folder / drawing_of(result), drawing(result, trace, before, after))
     made = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
-    text = page(
-        f"Evaluation: {campaign.name}",
-        made,
-        results,
-        summary,
-        lambda result: read_trace(folder / result.detail) if result.detail else None,
-        drawn,
-    )
+    drawn = {result.key for result in chosen}
+    text = page(f"Evaluation: {campaign.name}", made, results, summary, drawn)
     write_text(folder / REPORT_FILE, text)
