@@ -65,6 +65,10 @@ class Browser:
         feature = {"name": "prefers-color-scheme", "value": name}
         self._command("Emulation.setEmulatedMedia", features=[feature])
 
+    def media(self, name: str) -> None:
+        """Show the page as on ``screen`` or as for ``print``; empty: as the browser does."""
+        self._command("Emulation.setEmulatedMedia", media=name)
+
     def open(self, url: str) -> None:
         """Load a page, and watch its answer from the first moment."""
         self._command("Page.addScriptToEvaluateOnNewDocument", source=WATCH)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -12,12 +14,12 @@ from support import browser as browsers
 
 from flea_diag.tools.campaign.campaign import Campaign
 from flea_diag.tools.campaign.run_result import RunResult
-from flea_diag.tools.score.report import page, to_draw
+from flea_diag.tools.score.report import drawing, drawing_of, neighbours, page, to_draw
 from flea_diag.tools.score.report_charts import WIDTH, group_steps, strip, symbol_matrix, time_axis
 from flea_diag.tools.score.report_tables import report_tables
 from flea_diag.tools.score.summary import summarise
 
-VOID = {"meta", "br", "link"}
+VOID = {"meta", "br", "link", "wbr"}
 
 TRACE: dict[str, Any] = {
     "duration_s": 20.0,
@@ -76,12 +78,9 @@ class Balanced(HTMLParser):
         super().__init__()
         self.open: list[str] = []
         self.addresses: list[str] = []
-        self.anchors: set[str] = set()
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        named = dict(attrs)
         self.addresses += [v for k, v in attrs if k in ("src", "href") and v]
-        self.anchors |= {named["id"]} if named.get("id") else set()  # type: ignore[arg-type]
         if tag not in VOID:
             self.open.append(tag)
 
@@ -92,34 +91,130 @@ class Balanced(HTMLParser):
         assert self.open.pop() == tag
 
 
+LONG = "real/BatchProfile_sine14_2010_09_10_15_07_55_Position_t+10.37_o+0.00_s+0.00_Low"
+
+
 @pytest.fixture(scope="module")
-def made() -> str:
+def runs() -> list[RunResult]:
     pytest.importorskip("jinja2", reason="the report needs Jinja2, which is not installed")
-    results = [result(f"run {k}", right=k != 1) for k in range(5)]
-    results.append(result("<script>alert(1)</script>", failure="no scan in it & more"))
-    return page("Title", "today", results, summarise(Campaign(), results), lambda _: TRACE)
+    made = [result(f"run {k}", right=k != 1, detail=f"runs/run {k}.json") for k in range(5)]
+    return [*made, result("<script>alert(1)</script>", failure="no scan in it & more")]
 
 
-def test_the_markup_is_whole_and_asks_for_nothing_from_outside(made: str) -> None:
+@pytest.fixture(scope="module")
+def made(runs: list[RunResult]) -> str:
+    return page("Title", "today", runs, summarise(Campaign(), runs), {r.key for r in runs[:5]})
+
+
+@pytest.fixture(scope="module")
+def drawn(runs: list[RunResult]) -> str:
+    return drawing(runs[1], TRACE, "", drawing_of(runs[0]))
+
+
+def addresses(text: str) -> list[str]:
+    """Addresses in sound markup that asks for nothing from elsewhere."""
     parser = Balanced()
-    parser.feed(made)
+    parser.feed(text)
     assert parser.open == []
-    assert all(address.startswith("#") for address in parser.addresses)
-    assert {address[1:] for address in parser.addresses} <= parser.anchors
-    assert not re.search(r"https?://|@import|url\(", made)
+    assert not re.search(r"https?://|@import|url\(", text)
+    return parser.addresses
 
 
-def test_it_fits_a_phone(made: str, tmp_path: Path) -> None:
+def test_the_markup_is_whole_and_leads_to_the_drawings_alone(made: str, drawn: str) -> None:
+    assert addresses(made) == [f"runs/run%20{k}.html" for k in range(5)]
+    assert addresses(drawn) == ["../report.html", "../runs/run%200.html"]
+
+
+def test_each_drawing_leads_to_its_neighbours(runs: list[RunResult]) -> None:
+    found = [(before, after) for _, before, after in neighbours(runs[:3])]
+    first, second, third = (drawing_of(each) for each in runs[:3])
+    assert found == [("", second), (first, third), (second, "")]
+
+
+def crowded() -> tuple[list[RunResult], str]:
+    """Runs with names and groups as long as they come, of eight diagnosers, and their report."""
+    group = tuple(f"actuator_position_fault_{k}" for k in range(17))
+    results = [
+        result("x", group=group, outcome="INDISTINGUISHABLE", configuration=f"diagnoser_{k % 8}",
+               truth="actuator_position_scaling", detail="runs/x.json", cpu_s=12.34,
+               isolation_time_s=11.5, failure="no scan in it, " * 30 if k == 9 else "")
+        for k in range(40)
+    ]  # fmt: skip
+    results = [replace(each, id=f"{LONG}_{k}", fold="A") for k, each in enumerate(results)]
+    text = page("Crowded", "today", results, summarise(Campaign(), results),
+                {each.key for each in results})  # fmt: skip
+    return results, text
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[browsers.Browser]:
     if browsers.missing():
         pytest.skip(browsers.missing())
+    with browsers.chromium() as found:
+        yield found
+
+
+OVERFLOW = "document.documentElement.scrollWidth - innerWidth"
+TABLE = "document.querySelector('table.sortable')"
+
+
+@pytest.mark.parametrize(("width", "highest"), [(1300, 100), (820, 170)])
+def test_the_table_of_runs_fits_its_window_with_rows_of_a_few_lines(
+    width: int, highest: int, tmp_path: Path, browser: browsers.Browser
+) -> None:
+    (tmp_path / "report.html").write_text(crowded()[1], encoding="utf-8")
+    browser.size(width, 1000)
+    browser.open((tmp_path / "report.html").as_uri())
+    assert browser.run(OVERFLOW) <= 0
+    assert browser.run(f"{TABLE}.scrollWidth - {TABLE}.parentElement.clientWidth") <= 0
+    assert browser.run(f"Math.max(...[...{TABLE}.tBodies[0].rows].map(r => r.offsetHeight))") <= (
+        highest
+    )
+    assert browser.run(f"{TABLE}.tBodies[0].rows[0].cells[0].offsetWidth") >= 160
+
+
+def test_nothing_is_cut_on_paper(tmp_path: Path, browser: browsers.Browser) -> None:
+    (tmp_path / "report.html").write_text(crowded()[1], encoding="utf-8")
+    browser.open((tmp_path / "report.html").as_uri())
+    browser.media("print")
+    browser.size(703, 1000)  # 210 mm less two margins of 12 mm, at 96 dots an inch
+    assert browser.run(f"{TABLE}.getBoundingClientRect().right - innerWidth") <= 0
+    browser.media("")
+
+
+def test_the_report_grows_by_less_than_a_kilobyte_a_run() -> None:
+    pytest.importorskip("jinja2", reason="the report needs Jinja2, which is not installed")
+    results, text = crowded()
+    assert len(text.encode()) < 40_000 + 1000 * len(results)
+
+
+def test_a_drawing_fits_a_phone(
+    drawn: str, made: str, tmp_path: Path, browser: browsers.Browser
+) -> None:
+    for name, text in (("report.html", made), ("drawing.html", drawn)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        browser.size(390, 844)
+        browser.open((tmp_path / name).as_uri())
+        browser.run("document.querySelectorAll('details').forEach(d => { d.open = true; })")
+        assert browser.run(OVERFLOW) <= 0
+    heights = browser.run("[...document.querySelectorAll('svg.strip')].map(s => s.clientHeight)")
+    assert set(heights) == {64}
+    assert browser.run("document.querySelectorAll('.estimate').length") > 0
+
+
+def test_a_heading_sorts_the_runs(made: str, tmp_path: Path, browser: browsers.Browser) -> None:
     (tmp_path / "report.html").write_text(made, encoding="utf-8")
-    with browsers.chromium(390, 844) as phone:
-        phone.open((tmp_path / "report.html").as_uri())
-        phone.run("document.querySelectorAll('details').forEach(d => { d.open = true; })")
-        assert phone.run("document.documentElement.scrollWidth <= innerWidth")
-        heights = phone.run("[...document.querySelectorAll('svg.strip')].map(s => s.clientHeight)")
-        assert set(heights) == {64}
-        assert phone.run("document.querySelectorAll('.estimate').length") > 0
+    browser.size(1300, 1000)
+    browser.open((tmp_path / "report.html").as_uri())
+    judged = f"[...{TABLE}.tBodies[0].rows].map(r => r.cells[2].textContent)"
+    wrong, right = "✗ wrong", "✓ right"
+    assert browser.run(judged) == [right, wrong, right, right, right, wrong]
+    browser.run(f"{TABLE}.tHead.rows[0].cells[2].firstElementChild.click()")
+    once = browser.run(judged)
+    browser.run(f"{TABLE}.tHead.rows[0].cells[2].firstElementChild.click()")
+    assert sorted([once, browser.run(judged)]) == sorted(
+        [[right] * 4 + [wrong] * 2, [wrong] * 2 + [right] * 4]
+    )
 
 
 def test_names_from_files_are_shown_not_run(made: str) -> None:
@@ -157,13 +252,13 @@ def test_two_diagnosers_of_the_same_runs_stand_side_by_side() -> None:
     assert injected["title"].endswith("recorded runs with a software fault put in")
 
 
-def test_only_residuals_near_their_limits_are_drawn(made: str) -> None:
-    assert ">parity<" in made
-    assert "quiet" not in made
+def test_only_residuals_near_their_limits_are_drawn(drawn: str) -> None:
+    assert ">parity<" in drawn
+    assert "quiet" not in drawn
 
 
-def test_the_estimate_lies_over_its_signal_with_its_band(made: str) -> None:
-    signals = made.partition("<h3>Signals")[2]
+def test_the_estimate_lies_over_its_signal_with_its_band(drawn: str) -> None:
+    signals = drawn.partition("<h3>Signals")[2]
     assert "bands of two standard deviations" in signals.partition("</h3>")[0]
     assert signals.count('class="estimate"') == signals.count('class="middle"') > 0
 
