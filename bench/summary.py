@@ -42,7 +42,7 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Summary:
+class BenchSummary:
     """One run of a bench; ``load`` is the machine's load average, over ``cores`` cores."""
 
     name: str
@@ -74,7 +74,7 @@ def write_summary(name: str, figures: Iterable[Figure], path: Path | None) -> No
     """Write the summary of a bench to ``path``, or nothing where none is given."""
     if path is None:
         return
-    summary = Summary(
+    summary = BenchSummary(
         name,
         today(),
         commit(ROOT),

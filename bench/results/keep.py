@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from kept import FOLDER, Kept, Origin, Row, write_kept
+from kept import FOLDER, KeptResult, KeptRow, Origin, write_kept
 
 OF_AN_EVALUATION = 2
 """Oldest version of an evaluation's summary that says when and from what it was made."""
@@ -44,7 +44,7 @@ def main() -> int:
     return 0
 
 
-def converted(arguments: argparse.Namespace) -> Kept:
+def converted(arguments: argparse.Namespace) -> KeptResult:
     """The kept form of whichever of the two it is.
 
     Raises
@@ -60,7 +60,7 @@ def converted(arguments: argparse.Namespace) -> Kept:
     return make(content, arguments)
 
 
-def of_evaluation(summary: dict[str, Any], arguments: argparse.Namespace) -> Kept:
+def of_evaluation(summary: dict[str, Any], arguments: argparse.Namespace) -> KeptResult:
     """Rows of all parts, each part's false alarms after them."""
     version = summary["schema_version"]
     if version < OF_AN_EVALUATION or not summary["dates"]:
@@ -71,7 +71,7 @@ def of_evaluation(summary: dict[str, Any], arguments: argparse.Namespace) -> Kep
         raise ValueError("say with --scored-on what these runs are")
     parts = summary["parts"]
     seeds = sorted({str(part["seed"]) for part in parts if part["seed"] is not None})
-    return Kept(
+    return KeptResult(
         arguments.title,
         f"flea evaluate {summary['campaign']}.yaml",
         Origin(
@@ -86,23 +86,23 @@ def of_evaluation(summary: dict[str, Any], arguments: argparse.Namespace) -> Kep
     )
 
 
-def rows_of(part: dict[str, Any], several: bool) -> Iterator[Row]:
+def rows_of(part: dict[str, Any], several: bool) -> Iterator[KeptRow]:
     """Rows of one part, all of them together, and its false alarms."""
     before = f"{part['source']}, {part['configuration']}: " if several else ""
     for row in part["rows"]:
         times = row["scores"]["detection_time_s"]
         cells = {"detected after, median": f"{times['median']:.2f} s"} if times else {}
-        yield Row(before + row["row"], row["right"], row["count"], cells=cells)
+        yield KeptRow(before + row["row"], row["right"], row["count"], cells=cells)
     whole = part["scores"]
-    yield Row(f"{before}all", whole["right"]["right"], whole["right"]["count"])
+    yield KeptRow(f"{before}all", whole["right"]["right"], whole["right"]["count"])
     alarms = whole["false_alarms_per_hour"]
-    yield Row(f"{before}false alarms", events=alarms["alarms"], hours=alarms["hours"])
+    yield KeptRow(f"{before}false alarms", events=alarms["alarms"], hours=alarms["hours"])
 
 
-def of_bench(summary: dict[str, Any], arguments: argparse.Namespace) -> Kept:
+def of_bench(summary: dict[str, Any], arguments: argparse.Namespace) -> KeptResult:
     """Figures of a bench; its load and backend describe the machine."""
     figures = summary["figures"]
-    return Kept(
+    return KeptResult(
         arguments.title,
         f"scripts/bench {summary['name']}",
         Origin(
@@ -117,9 +117,9 @@ def of_bench(summary: dict[str, Any], arguments: argparse.Namespace) -> Kept:
     )
 
 
-def of_figure(figure: dict[str, Any]) -> Row:
+def of_figure(figure: dict[str, Any]) -> KeptRow:
     """One figure as a row."""
-    return Row(
+    return KeptRow(
         figure["name"],
         value=figure["value"],
         unit=figure["unit"],

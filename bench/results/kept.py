@@ -33,7 +33,7 @@ class Origin:
 
 
 @dataclass(frozen=True)
-class Row:
+class KeptRow:
     """One row of a table; ``cells`` are further columns in words, ``origin`` its own origin."""
 
     name: str
@@ -53,24 +53,24 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Kept:
+class KeptResult:
     """One table. ``carried_over``: stated earlier and not measured anew at this state."""
 
     title: str
     made_by: str
     origin: Origin
-    rows: tuple[Row, ...]
+    rows: tuple[KeptRow, ...]
     carried_over: bool = False
     machine: str = ""
     notes: tuple[str, ...] = ()
     schema_version: int = SCHEMA_VERSION
 
-    def origin_of(self, row: Row) -> Origin:
+    def origin_of(self, row: KeptRow) -> Origin:
         """Origin of one row: its own words first, else those of the file."""
         return Origin(**{**asdict(self.origin), **row.origin})
 
 
-def read_kept(path: Path) -> Kept:
+def read_kept(path: Path) -> KeptResult:
     """The table in a file.
 
     Raises
@@ -86,8 +86,8 @@ def read_kept(path: Path) -> Kept:
     if found != SCHEMA_VERSION:
         raise ValueError(f"{path}: schema_version is {found!r}, must be {SCHEMA_VERSION}")
     try:
-        rows = tuple(Row(**row) for row in content.pop("rows"))
-        kept = Kept(**{**content, "rows": rows, "notes": tuple(content.get("notes", ())),
+        rows = tuple(KeptRow(**row) for row in content.pop("rows"))
+        kept = KeptResult(**{**content, "rows": rows, "notes": tuple(content.get("notes", ())),
                        "origin": Origin(**content["origin"])})  # fmt: skip
         for row in rows:
             kept.origin_of(row)
@@ -96,9 +96,9 @@ def read_kept(path: Path) -> Kept:
     return kept
 
 
-def write_kept(path: Path, kept: Kept) -> None:
+def write_kept(path: Path, kept: KeptResult) -> None:
     """Write a table; what is empty is left out."""
-    empty = {each.name: each.default for each in fields(Row)}
+    empty = {each.name: each.default for each in fields(KeptRow)}
     rows = [
         {key: value for key, value in asdict(row).items() if value not in ({}, empty.get(key))}
         for row in kept.rows

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Page:
+class ResultPage:
     """One page: its kept results in their order."""
 
     name: str
@@ -25,7 +25,7 @@ class Headline:
 
 
 PAGES = (
-    Page(
+    ResultPage(
         "real",
         "Real recordings",
         "54 public recordings of the FLEA stand: slow channels, no accelerometers. A run is right "
@@ -37,7 +37,7 @@ PAGES = (
         ("real", "switch", "injections", "injection_ladders", "injection_recordings",
          "injection_bound"),
     ),
-    Page(
+    ResultPage(
         "table4",
         "Table 4 on the simulated stand",
         "The fault scenarios of Narasimhan et al. 2010, Table 4, on simulated units that are drawn "
@@ -45,7 +45,7 @@ PAGES = (
         "runs are never added up.",
         ("table4", "table4_fresh", "table4_wide", "table4_slow", "severity", "nominal_10h", "live"),
     ),
-    Page(
+    ResultPage(
         "vibration",
         "Vibration",
         "Simulated accelerometers, two of three axes at 20 kHz. Units, motions, loads, resonances, "
@@ -55,21 +55,21 @@ PAGES = (
         "classifier](../sizes.svg)",
         ("features_alone", "diagnosis_study", "pits", "monitor", "weak_drags", "vibration_cost"),
     ),
-    Page(
+    ResultPage(
         "realism",
         "The simulated stand against the real one",
         "Every second recording of a label tuned the simulator; the others are compared here.",
         ("realism",),
     ),
-    Page(
+    ResultPage(
         "performance",
         "Performance",
         "Ratios within one run travel from machine to machine; absolute times hold for the machine "
         "and its load at the time.",
-        ("replay", "scan", "observer", "features", "stand", "speed", "filters", "chain",
+        ("speed", "scan", "observer", "features", "stand", "filters", "chain",
          "processes"),
     ),
-    Page(
+    ResultPage(
         "reliability",
         "Reliability",
         "Disturbed, interrupted and damaged input, full disks, killed processes and long runs, all "
@@ -89,7 +89,8 @@ HEADLINES = (
     Headline("Vibration: the whole diagnosis of four faults", "diagnosis_study", "all: diagnosis"),
     Headline("Vibration: features alone, four faults", "features_alone",
              "spall, jam, ball_nut_friction, accelerometer_2_fault"),
-    Headline("Replay, particle filter, numba", "replay", "nominal, particle, numba"),
+    Headline("Replay with the particle filter, numba", "speed",
+             "replay: particle (default), numba"),
     Headline("Verdict back within 1.5 s of a killed node's return", "kill",
              "verdict back within 1.5 s of the node's return"),
     Headline("24 h with faults that come and go: none missed", "soak",

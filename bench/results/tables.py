@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from kept import Kept, Row
+from kept import KeptResult, KeptRow
 
 from flea_diag.tools.interval import rate_interval, wilson
 
 ORIGIN = ("date", "commit", "seed", "developed on", "scored on")
 
 
-def markdown(kept: Kept) -> str:
+def markdown(kept: KeptResult) -> str:
     """Title, origin, notes and the table of one file."""
     lines = [f"## {kept.title}", "", said_of(kept), "", *(f"{note}\n" for note in kept.notes)]
     return "\n".join([*lines, *table(columns(kept))]) + "\n"
 
 
-def said_of(kept: Kept) -> str:
+def said_of(kept: KeptResult) -> str:
     """How it was measured, and whether that was for this state."""
     made = f"Measured with `{kept.made_by}`."
     if kept.machine:
@@ -27,7 +27,7 @@ def said_of(kept: Kept) -> str:
     return made
 
 
-def columns(kept: Kept) -> dict[str, list[str]]:
+def columns(kept: KeptResult) -> dict[str, list[str]]:
     """Header -> cells; a column in which nothing stands is left out."""
     rows = kept.rows
     more = dict.fromkeys(name for row in rows for name in row.cells)
@@ -47,7 +47,7 @@ def columns(kept: Kept) -> dict[str, list[str]]:
     return {name: cells for name, cells in found.items() if any(cells)}
 
 
-def result(row: Row) -> str:
+def result(row: KeptRow) -> str:
     """What was measured, in one cell."""
     if row.right is not None and row.count:
         return f"{row.right} of {row.count}, {100.0 * row.right / row.count:.1f} %"
@@ -58,7 +58,7 @@ def result(row: Row) -> str:
     return row.text
 
 
-def count(row: Row) -> str:
+def count(row: KeptRow) -> str:
     """How many runs, or how long, stand behind a result."""
     if row.n:
         return row.n
@@ -67,7 +67,7 @@ def count(row: Row) -> str:
     return f"{row.hours:g} h" if row.hours is not None else ""
 
 
-def spread(row: Row) -> str:
+def spread(row: KeptRow) -> str:
     """Wilson's interval of a share, the exact one of a rate, or the range that was measured."""
     if row.right is not None and row.count:
         low, high = wilson(row.right, row.count)

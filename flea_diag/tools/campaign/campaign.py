@@ -1,8 +1,8 @@
-"""What a campaign file says: which runs, which truth is right to be answered how.
+"""A campaign file: the runs, and the answer that is right for each truth.
 
-Frozen values, read from YAML and checked: unknown keys, wrong types and sizes beyond a limit are
-refused by name. Files are found from the campaign's own folder or, where they are not there,
-from the folder that the environment variable FLEA_DATA_DIR names.
+Values are read from YAML and checked: unknown keys, wrong types and sizes beyond a limit are
+refused by name. Files are looked for in the campaign's own folder, then in the folder that the
+environment variable FLEA_DATA_DIR names.
 """
 
 from __future__ import annotations
@@ -22,58 +22,58 @@ HYBRID = "hybrid"
 CLASSIFIER = "feature_classifier"
 """The configuration that needs a network."""
 HALVES = "halves"
-"""Calibration by the recordings themselves: each half of the nominal runs scores the other."""
+"""Cross-calibration: each half of the nominal recordings calibrates for the other half."""
 
 LARGEST_LIST = 10_000
 
 
 @dataclass(frozen=True)
-class Row:
-    """One row of a table of runs: a fault, how often, and between which sizes."""
+class FaultRow:
+    """One row of a drawn source: a fault, its number of runs, and its range of sizes."""
 
     title: str = parameter("", "name of the row")
     fault: str = parameter("", "id of the catalogue, empty: nominal")
-    cases: int = parameter(1, "how many runs", minimum=1, maximum=LARGEST_LIST)
+    cases: int = parameter(1, "number of runs", minimum=1, maximum=LARGEST_LIST)
     low: float = parameter(0.0, "smallest size")
     high: float = parameter(0.0, "largest size; 0: the catalogue's default")
-    either_sign: bool = parameter(False, "every second draw or so is negative")
-    switched: bool = parameter(False, "control is switched to a unit that has the fault")
+    either_sign: bool = parameter(False, "the sign of the size is drawn as well")
+    switched: bool = parameter(False, "the fault comes with a switch to a faulty unit")
     sizes: tuple[float, ...] = field(default=())
-    """A ladder: these sizes in turn instead of draws between low and high."""
+    """A ladder of sizes, used in turn, instead of draws between low and high."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """Runs of the simulated stand, drawn as those of the paper's Table 4."""
+    """Runs of the simulated stand, drawn like the scenarios of the paper's Table 4."""
 
     name: str = parameter("drawn", "first part of the names of the runs")
     seed: int = parameter(1, "of all draws", minimum=0, maximum=2**31)
-    times: int = parameter(1, "so many times the cases of each row", minimum=1, maximum=1000)
+    times: int = parameter(1, "multiplies the cases of each row", minimum=1, maximum=1000)
     duration_s: float = parameter(40.0, "length", unit="s", minimum=10.0, maximum=86400.0)
     earliest_onset_s: float = parameter(12.0, "of a fault", unit="s", minimum=0.0)
     latest_onset_s: float = parameter(18.0, "of a fault", unit="s", minimum=0.0)
     unit_spread: float = parameter(1.0, "scale of all spreads", minimum=0.0, maximum=3.0)
     vibration: bool = parameter(True, "sample the accelerometers")
-    voltage: str = parameter("mean", "how it is sampled", choices=("mean", "instant_pwm"))
+    voltage: str = parameter("mean", "how the voltage is sampled", choices=("mean", "instant_pwm"))
     spread: Mapping[str, float] = field(default_factory=dict)
-    """Standard deviations between units, relative, where they are not the stand's own."""
-    rows: tuple[Row, ...] = ()
+    """Relative standard deviations between units that replace those of the stand."""
+    rows: tuple[FaultRow, ...] = ()
 
 
 @dataclass(frozen=True)
 class Scenarios:
-    """Runs of the simulated stand by scenario: names of shipped ones, or YAML files."""
+    """Runs of the simulated stand by scenario: names of shipped scenarios, or YAML files."""
 
     name: str = parameter("scenarios", "first part of the names of the runs")
     seed: int = parameter(1, "of the first run of each scenario", minimum=0, maximum=2**31)
-    times: int = parameter(1, "runs of each, with seeds that follow", minimum=1, maximum=1000)
+    times: int = parameter(1, "runs of each, with consecutive seeds", minimum=1, maximum=1000)
     vibration: bool = parameter(True, "sample the accelerometers")
     files: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Recordings:
-    """Recorded runs: bags, folders of bags, FLEA .data files; ``*`` stands for anything."""
+    """Recorded runs: bags, folders of bags, FLEA .data files; ``*`` matches anything."""
 
     name: str = parameter("recordings", "first part of the names of the runs")
     files: tuple[str, ...] = ()
@@ -81,24 +81,24 @@ class Recordings:
 
 @dataclass(frozen=True)
 class Injections:
-    """Software faults put into recorded nominal runs, after their DAQ."""
+    """Software faults injected into recorded nominal runs, after the DAQ."""
 
     name: str = parameter("injections", "first part of the names of the runs")
     seed: int = parameter(1, "of all draws", minimum=0, maximum=2**31)
     cases: int = parameter(60, "of each row or rung", minimum=1, maximum=LARGEST_LIST)
-    ladder: bool = parameter(False, "a ladder of severities in place of drawn sizes")
+    ladder: bool = parameter(False, "a ladder of sizes instead of drawn sizes")
     files: tuple[str, ...] = ()
     rows: tuple[str, ...] = ()
-    """Channel and mode (``motor_current bias``); all that there are where none is named."""
+    """Channel and mode (``motor_current bias``); empty: all."""
 
 
 @dataclass(frozen=True)
 class Switches:
-    """A recorded nominal run that becomes a faulty one of the same motion and load."""
+    """A recorded nominal run that switches to a faulty one of the same motion and load."""
 
     name: str = parameter("switches", "first part of the names of the runs")
     margin_s: float = parameter(
-        12.0, "of the switch from the start of the nominal run", unit="s", minimum=0.0
+        12.0, "least time from the start of the nominal run to the switch", unit="s", minimum=0.0
     )
     nominal: tuple[str, ...] = ()
     faulty: tuple[str, ...] = ()
@@ -121,29 +121,29 @@ class Campaign:
 
     name: str = parameter("campaign", "for people")
     calibration: str = parameter(
-        "", "a file; empty: the simulated stand's; halves: of the recordings themselves"
+        "", "a file; empty: the simulated stand's; halves: cross-calibration"
     )
     classifier: str = parameter(
         "", "network that `flea features train` made, for the configuration feature_classifier"
     )
     limit_percent: float = parameter(
-        0.0, "share of right runs below which a row is lost", minimum=0.0, maximum=100.0
+        0.0, "least share of right runs in each row", minimum=0.0, maximum=100.0
     )
     configurations: tuple[str, ...] = (HYBRID,)
     learn_from: tuple[str, ...] = ()
-    """Nominal bags that limit checks learn from, where the runs themselves teach none."""
+    """Nominal bags for baselines that learn, where the runs themselves are not used."""
     expect: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Truth -> faults that a right group may hold, where that is not the truth alone."""
+    """Truth -> faults that a right group may hold, if not the truth alone."""
     sources: tuple[Source, ...] = ()
     folder: Path = Path()
 
     def expected(self, truth: str) -> tuple[str, ...]:
-        """Faults that a right final group may hold; empty: no alarm is right."""
+        """Faults that a right final group may hold; empty: no alarm is expected."""
         return expected_of(truth, self.expect)
 
 
 def expected_of(truth: str, expect: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
-    """What ``expect`` says of a truth, else that truth alone, and of a healthy run nothing."""
+    """Entry of ``expect`` for a truth, else the truth alone; empty for a nominal run."""
     return expect.get(truth, () if truth == NOMINAL else (truth,))
 
 
@@ -153,7 +153,7 @@ def load_campaign(path: Path) -> Campaign:
     Raises
     ------
     ConfigurationError
-        Naming the file, the key, the value and what it must be.
+        Naming the file, the key, the value and its limit.
     """
     if path.is_dir():
         source = Recordings(name=path.resolve().name, files=(str(path.resolve()),))
@@ -171,7 +171,7 @@ def _shipped(name: Path) -> Path:
 
 
 def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Campaign:
-    """Campaign of what a YAML file held; see ``load_campaign``."""
+    """Campaign from the content of a YAML file; see ``load_campaign``."""
     from flea_diag.core.schema import version
 
     version(content, where, SCHEMA_VERSION)
@@ -183,7 +183,7 @@ def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Ca
     names = [source.name for source in made]
     double = sorted({name for name in names if names.count(name) > 1})
     if double:
-        raise ConfigurationError(f"{where}: two sources are named {double[0]!r}, give each its own")
+        raise ConfigurationError(f"{where}: two sources are named {double[0]!r}, rename one")
     return replace(
         campaign,
         configurations=_texts(content.get("configurations", [HYBRID]), f"{where}: configurations"),
@@ -223,10 +223,10 @@ def _source(content: Any, where: str) -> Source:
     return source
 
 
-def _row(content: Any, where: str) -> Row:
+def _row(content: Any, where: str) -> FaultRow:
     values = dict(_mapping(content, where))
     sizes = values.pop("sizes", [])
-    row: Row = build(Row, values, where)
+    row: FaultRow = build(FaultRow, values, where)
     if not isinstance(sizes, list) or not all(isinstance(s, (int, float)) for s in sizes):
         raise ConfigurationError(f"{where}: sizes = {sizes!r} must be a list of numbers")
     if row.high < row.low:

@@ -1,7 +1,7 @@
-"""A campaign as a list of runs: each a frozen recipe from which its records are made anew.
+"""A campaign as a list of runs, each a frozen recipe for its records.
 
-Drawing the list is cheap and depends on the campaign alone, so that a campaign that was
-interrupted goes on with the same runs, in whatever process or on whatever machine.
+The list depends on the campaign alone, so that an interrupted campaign continues with the same
+runs in any process and on any machine.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from flea_diag.tools.campaign.campaign import (
     HYBRID,
     Campaign,
     Drawn,
+    FaultRow,
     Injections,
     Recordings,
-    Row,
     Scenarios,
     Switches,
 )
-from flea_diag.tools.campaign.recording_set import RecordingSet, Run
+from flea_diag.tools.campaign.recording_set import RecordedRun, RecordingSet
 from flea_diag.tools.campaign.run_result import NOMINAL
 
 PROFILE = re.compile(r"BatchProfile_([a-z]+\d\d)_")
@@ -36,11 +36,11 @@ PROFILE = re.compile(r"BatchProfile_([a-z]+\d\d)_")
 
 @dataclass(frozen=True)
 class Recipe:
-    """How the records of a run are made; fields that a kind does not need stay empty.
+    """How the records of a run are made; fields that do not apply stay empty.
 
-    ``recording`` is a bag. ``faulty`` is the bag that it becomes, in a switch. ``fault`` is
-    the channel and mode of an injection, case ``number`` of ``seed``; ``size`` is the rung of
-    a ladder, None where the size is drawn.
+    ``recording`` is a bag. ``faulty`` is the bag that a switch changes to. ``fault`` is the
+    channel and mode of an injection, case ``number`` of ``seed``; ``size`` is the size of a
+    ladder, None where it is drawn.
     """
 
     scenario: dict[str, Any] = field(default_factory=dict)
@@ -55,10 +55,10 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Case:
-    """One line to be: a run, the row that it counts in, a configuration, its calibration.
+    """One run to be evaluated: its row, its configuration and its calibration.
 
-    ``learned_from`` are the nominal bags behind the calibration, ``classifier`` is a network, for
-    baselines that learn.
+    For baselines that learn: ``learned_from`` are the nominal bags behind the calibration,
+    ``classifier`` is a trained network.
     """
 
     id: str
@@ -73,7 +73,7 @@ class Case:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What tells it from the others; equal to the key of its result."""
+        """Unique key of the run, equal to the key of its result."""
         return self.id, self.configuration, self.fold
 
 
@@ -83,7 +83,7 @@ def plan(campaign: Campaign, recordings: RecordingSet) -> tuple[Case, ...]:
     Raises
     ------
     ConfigurationError
-        A row or scenario that cannot be run, no recording where a pattern looks for some.
+        A row or scenario cannot be run, or a pattern matches no recording.
     """
     once = [case for source in campaign.sources for case in _of(source, campaign, recordings)]
     if not once:
@@ -106,7 +106,7 @@ def plan(campaign: Campaign, recordings: RecordingSet) -> tuple[Case, ...]:
 
 
 def _taught(campaign: Campaign, recordings: RecordingSet) -> tuple[str, ...]:
-    """Nominal bags for baselines that learn, of a campaign whose own runs teach none."""
+    """Nominal bags for baselines that learn, unless the campaign cross-calibrates."""
     if campaign.calibration == HALVES:
         return ()
     runs = recordings.matching(campaign.learn_from, campaign.folder)
@@ -114,10 +114,10 @@ def _taught(campaign: Campaign, recordings: RecordingSet) -> tuple[str, ...]:
 
 
 def plan_sha256(campaign: Campaign, cases: Sequence[Case]) -> str:
-    """Digest of what is run and what is right: results of another plan are not mixed in."""
+    """Digest of the runs and of what is right: guards against mixing results of two plans."""
     content = [{**asdict(case), "calibration": ""} for case in cases]
     for row in content:
-        del row["classifier"]  # a file, as the calibration; where it lies tells no runs apart
+        del row["classifier"]  # a path, like the calibration: not part of the plan
     text = json.dumps([content, {k: list(v) for k, v in campaign.expect.items()}], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -169,7 +169,7 @@ def _drawn(source: Drawn, campaign: Campaign) -> Iterator[Case]:
         yield Case(name, "simulated", row.title, recipe, calibration=_calibration(campaign))
 
 
-def _table_row(row: Row, times: int) -> Any:
+def _table_row(row: FaultRow, times: int) -> Any:
     from flea_sim_driver.scenario import table4
 
     return table4.Row(
@@ -242,7 +242,7 @@ def _injected(source: Injections, campaign: Campaign, recordings: RecordingSet) 
             yield from _folded(Case(name, "injected", title, recipe), run, recordings)
 
 
-def _folded(case: Case, run: Run, recordings: RecordingSet) -> Iterator[Case]:
+def _folded(case: Case, run: RecordedRun, recordings: RecordingSet) -> Iterator[Case]:
     """The case with each calibration that may score the run."""
     for fold, calibration in recordings.calibrations(run):
         yield replace(
@@ -255,7 +255,7 @@ def _folded(case: Case, run: Run, recordings: RecordingSet) -> Iterator[Case]:
 
 def _spliced(source: Switches, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
     """Every faulty run that has a nominal one of the same motion and load."""
-    nominal: dict[str, Run] = {}
+    nominal: dict[str, RecordedRun] = {}
     for run in recordings.matching(source.nominal, campaign.folder):
         if run.truth == NOMINAL:
             nominal[_profile(run.name)] = run

@@ -1,4 +1,4 @@
-"""From a recipe to the records that a stand would have sent, truth among them."""
+"""The records of a recipe, as a stand would have sent them, with their truth."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from flea_diag.tools.motion import POSITION
 from flea_diag.wire.records import ChannelTable, Record, Scan, Truth, VibrationBlock
 
 SENT = (ChannelTable, Truth, VibrationBlock, Scan)
-"""What comes from a stand, and from its truth; a diagnosis in a bag is left out."""
+"""Records of a stand and its truth; a diagnosis that a bag holds is left out."""
 
 
 def records_of(recipe: Recipe) -> Iterator[Record]:
-    """Records of a run in the order in which the stages would get them.
+    """Records of a run in the order in which the stages receive them.
 
     Raises
     ------
     FleaError
-        A recording or scenario that cannot be used.
+        A recording or scenario cannot be used.
     """
     if recipe.scenario:
         return _simulated(recipe)
@@ -34,7 +34,7 @@ def records_of(recipe: Recipe) -> Iterator[Record]:
 
 
 def _simulated(recipe: Recipe) -> Iterator[Record]:
-    """The simulated stand, each record through the bytes that would go over the wire."""
+    """The simulated stand; each record is encoded and decoded as on the wire."""
     from flea_diag.wire.messages.codec import decode, encode
     from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
     from flea_sim_driver.stand import Stand
@@ -57,7 +57,7 @@ def _spliced(recipe: Recipe) -> tuple[Record, ...]:
 
 
 def _injected(recipe: Recipe) -> Iterable[Record]:
-    """A recorded run with one channel read wrongly from a time on at which it moves."""
+    """A recorded run with a software fault in one channel from a time in motion on."""
     from flea_diag.tools.recordings import injection
 
     records = list(_read(recipe.recording))

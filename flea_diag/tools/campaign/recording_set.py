@@ -1,7 +1,7 @@
-"""The recordings of a campaign: found, imported where they are FLEA files, and calibrated on.
+"""The recordings of a campaign: found, imported if they are FLEA files, and used to calibrate.
 
-With ``calibration: halves`` the nominal runs, ordered by name, are dealt into A and B. Each
-half calibrates once; a nominal run is only ever scored with the half that it is not in.
+With ``calibration: halves`` the nominal runs, ordered by name, are dealt into halves A and B.
+Each half calibrates once; a nominal run is scored only with the half that it does not belong to.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ FOLDS = ("A", "B")
 
 
 @dataclass(frozen=True)
-class Run:
-    """One recording: the bag it is or will be, the file it comes from, and its truth."""
+class RecordedRun:
+    """One recording: its bag, the file that it comes from, and its truth."""
 
     name: str
     bag: Path
@@ -40,7 +40,7 @@ class Run:
 
     @property
     def imported(self) -> bool:
-        """Whether the bag is made from a FLEA file."""
+        """Whether the bag is imported from a FLEA file."""
         return self.bag != self.file
 
 
@@ -50,28 +50,28 @@ class RecordingSet:
     Parameters
     ----------
     campaign
-        Whose sources are looked through.
+        Its sources name the recordings.
     output
         Folder of the evaluation: imported bags and calibrations are kept there.
 
     Raises
     ------
     ConfigurationError
-        A pattern that fits nothing.
+        A pattern matches nothing.
     """
 
     def __init__(self, campaign: Campaign, output: Path) -> None:
         self._campaign = campaign
         self._output = output
-        self._known: dict[Path, Run] = {}
+        self._known: dict[Path, RecordedRun] = {}
         for source in campaign.sources:
             if isinstance(source, Recordings | Injections | Switches):
                 for key in LISTS:
                     self.matching(getattr(source, key, ()), campaign.folder)
 
-    def matching(self, patterns: Sequence[str], folder: Path) -> tuple[Run, ...]:
-        """Runs that fit one of the patterns, ordered by name."""
-        found: dict[str, Run] = {}
+    def matching(self, patterns: Sequence[str], folder: Path) -> tuple[RecordedRun, ...]:
+        """Runs that match one of the patterns, ordered by name."""
+        found: dict[str, RecordedRun] = {}
         for pattern in patterns:
             for path in _paths(pattern, folder):
                 run = self._known.get(path) or self._run(path)
@@ -79,24 +79,26 @@ class RecordingSet:
                 found[run.name] = run
         return tuple(found[name] for name in sorted(found))
 
-    def _run(self, path: Path) -> Run:
+    def _run(self, path: Path) -> RecordedRun:
         if path.suffix == ".data":
             from flea_diag.tools.recordings.flea_run import label_of
 
             name = path.name.removesuffix(".data")
             label = label_of(name)
-            return Run(name, self._output / "bags" / name, path, label.fault if label else "")
+            return RecordedRun(
+                name, self._output / "bags" / name, path, label.fault if label else ""
+            )
         truth, simulated = _told(path)
-        return Run(path.name, path, path, truth, simulated)
+        return RecordedRun(path.name, path, path, truth, simulated)
 
     @property
-    def halves(self) -> tuple[tuple[Run, ...], tuple[Run, ...]]:
-        """The nominal runs, dealt out in turn."""
+    def halves(self) -> tuple[tuple[RecordedRun, ...], tuple[RecordedRun, ...]]:
+        """The nominal runs, dealt into two halves by turns."""
         nominal = sorted((r for r in self._known.values() if r.truth == NOMINAL), key=_by_name)
         return tuple(nominal[::2]), tuple(nominal[1::2])
 
-    def calibrations(self, run: Run) -> Iterator[tuple[str, str]]:
-        """Folds that may score a run, each with the file of its calibration."""
+    def calibrations(self, run: RecordedRun) -> Iterator[tuple[str, str]]:
+        """Folds that may score a run, each with its calibration file."""
         if self._campaign.calibration != HALVES:
             path = self._campaign.folder / self._campaign.calibration
             yield "", str(path) if path.is_file() else self._campaign.calibration
@@ -114,12 +116,12 @@ class RecordingSet:
         return self._output / "calibrations" / f"{fold}.yaml"
 
     def prepare(self) -> None:
-        """Import what is no bag yet, and calibrate; what is there already is kept.
+        """Import FLEA files and calibrate; bags and calibrations that exist are kept.
 
         Raises
         ------
         ConfigurationError, CalibrationError
-            Too few nominal runs for two halves.
+            There are too few nominal runs for two halves.
         """
         imported = [run for run in self._known.values() if run.imported]
         for number, run in enumerate(imported, 1):
@@ -129,7 +131,7 @@ class RecordingSet:
             for fold, half in zip(FOLDS, self.halves, strict=True):
                 self._calibrate(fold, half)
 
-    def _import(self, run: Run) -> None:
+    def _import(self, run: RecordedRun) -> None:
         from flea_diag.tools.recordings.importer import import_run
 
         if (run.bag / "metadata.yaml").is_file():
@@ -137,9 +139,9 @@ class RecordingSet:
         try:
             import_run(run.file, run.bag.parent, force=True)
         except FleaError as error:
-            warn(f"{error}; its runs will fail")
+            warn(f"{error}; runs that need this recording will fail")
 
-    def _calibrate(self, fold: str, half: Sequence[Run]) -> None:
+    def _calibrate(self, fold: str, half: Sequence[RecordedRun]) -> None:
         from flea_diag.tools.calibrate import calibrate as tool
         from flea_diag.tools.calibrate.nominal_recording import read_nominal
 
@@ -147,25 +149,25 @@ class RecordingSet:
             return
         if len(half) < 2:
             raise ConfigurationError(
-                f"{self._campaign.name}: {len(half)} nominal recordings in half {fold}, each half "
-                "needs 2 at least: name more, or give a calibration file"
+                f"{self._campaign.name}: half {fold} has {len(half)} nominal recordings, each half "
+                "needs at least 2: name more, or give a calibration file"
             )
         recordings, _ = read_nominal([run.bag for run in half])
         made = tool.calibrate(recordings, "actuator.yaml", tool.FALSE_ALARMS_PER_HOUR)
         tool.write_calibration(self._file_of(fold), made)
 
 
-def _by_name(run: Run) -> str:
+def _by_name(run: RecordedRun) -> str:
     return run.name
 
 
 def _paths(pattern: str, folder: Path) -> list[Path]:
-    """Files and bags that fit a pattern, below the campaign's folder or the data folder.
+    """Files and bags that match a pattern in the campaign's folder or the data folder.
 
     Raises
     ------
     ConfigurationError
-        Nothing fits.
+        Nothing matches.
     """
     data = os.environ.get(DATA_FOLDER, "")
     for place in (folder, Path(data)) if data else (folder,):
@@ -175,13 +177,13 @@ def _paths(pattern: str, folder: Path) -> list[Path]:
         if recordings:
             return recordings
     if pattern.startswith("/"):
-        raise ConfigurationError(f"no recording fits {pattern!r}: neither a bag nor a .data file")
-    where = f"{folder} or {data}" if data else f"{folder}; {DATA_FOLDER} names no data folder"
-    raise ConfigurationError(f"no recording fits {pattern!r} in {where}")
+        raise ConfigurationError(f"no recording matches {pattern!r}: no bag, no .data file")
+    where = f"{folder} or {data}" if data else f"{folder}; {DATA_FOLDER} is not set"
+    raise ConfigurationError(f"no recording matches {pattern!r} in {where}")
 
 
 def _recordings(path: Path) -> Iterator[Path]:
-    """The path itself where it is a recording, else those directly below it."""
+    """The path itself if it is a recording, else the recordings directly below it."""
     refuse_closed(path)
     if path.suffix in (".data", ".mcap") or (path / "metadata.yaml").is_file():
         yield path
@@ -191,7 +193,7 @@ def _recordings(path: Path) -> Iterator[Path]:
 
 
 def _told(bag: Path) -> tuple[str, bool]:
-    """First fault that a bag's truth tells, and whether a simulator made it."""
+    """First fault in a bag's truth, and whether the bag is simulated."""
     from flea_diag.wire.bags.bag import read_bag
     from flea_diag.wire.records import ChannelTable, Truth
 

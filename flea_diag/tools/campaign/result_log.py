@@ -1,4 +1,4 @@
-"""The lines of an evaluation on disk: appended one by one, read back after whatever stopped it."""
+"""The results of an evaluation on disk: appended line by line, read back after any interruption."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ class ResultLog:
     Parameters
     ----------
     folder
-        Made where it is missing.
+        Created if it does not exist.
     plan_sha256
         Digest of the campaign's plan.
 
     Attributes
     ----------
     done
-        Results that an earlier run of the same plan has left, by key.
+        Results of earlier runs of the same plan, by key.
 
     Raises
     ------
     ConfigurationError
-        The folder holds the results of another plan, or cannot be written.
+        The folder holds results of another plan, or cannot be written.
     """
 
     def __init__(self, folder: Path, plan_sha256: str) -> None:
@@ -51,7 +51,7 @@ class ResultLog:
             raise ConfigurationError(f"cannot write {self.path}: {error.strerror}") from error
 
     def add(self, result: RunResult) -> None:
-        """Keep a result; it is with the system when this returns."""
+        """Append a result; it is flushed to the operating system."""
         self._file.write(result.to_line() + "\n")
         self._file.flush()
         self.done[result.key] = result
@@ -65,12 +65,12 @@ class ResultLog:
 
 @contextmanager
 def held(folder: Path) -> Iterator[None]:
-    """Hold a folder against a second evaluation, by which every run would be made twice.
+    """Lock a folder: a second evaluation would make every run twice.
 
     Raises
     ------
     ConfigurationError
-        Another process has it, or it cannot be made.
+        Another process holds it, or it cannot be created.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

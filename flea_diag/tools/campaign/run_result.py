@@ -1,8 +1,7 @@
-"""One line of an evaluation: what was wrong, what was said, when, and at what price.
+"""One result of an evaluation: truth, verdict, times and cost.
 
-A line is written once a run has ended and never changed. JSON knows no NaN, so what is not
-known is null. Times are seconds after the first scan of the run, stamps are those of the
-records.
+A result is written when its run has ended and never changed. Unknown values are null. Times are
+seconds after the first scan of the run; stamps are those of the records.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from flea_diag.wire.records import BY_DESIGN
 
 SCHEMA_VERSION = 1
 KINDS = ("real", "simulated", "injected", "spliced")
-"""Where the signals come from: recorded; simulated; recorded, with a software fault put in;
+"""Where the signals come from: recorded; simulated; recorded with an injected software fault;
 two recordings joined. Kinds are never added up in one figure."""
 
 NOMINAL = "nominal"
@@ -29,29 +28,29 @@ class RunResult:
     Parameters
     ----------
     id
-        Name of the run in its campaign: equal runs of two evaluations have equal names.
+        Name of the run; equal runs of two evaluations have equal names.
     kind
         One of ``KINDS``.
     row
-        Row of the table that the run counts in (``Current Bias``).
+        Row of the table to which the run belongs (``Current Bias``).
     configuration
         Name of the diagnoser's configuration or of the baseline.
     fold
-        Which half calibrated (``A``, ``B``), empty where no split was made.
+        Half that calibrated (``A``, ``B``); empty without cross-calibration.
     truth, onset_s, size, size_unit
-        What ``truth`` said; ``nominal`` has no onset.
+        From the topic ``truth``; ``nominal`` has no onset.
     expected
-        Faults that a right final group may hold, stated by the campaign; empty: no alarm.
+        Faults that a right final group may hold, from the campaign; empty: no alarm.
     failure
-        Why the run could not be diagnosed; empty when it could. All below is then empty.
+        Why the run could not be diagnosed, else empty. With a failure all below is empty.
     outcome, group, probabilities, words
-        The final verdict: of the last episode, or of the end where there was none.
+        Final verdict: of the last episode, or at the end of a run without episodes.
     detected_stamp_ns, isolated_stamp_ns
-        Start of the last episode, and when its group took its final value.
+        Start of the last episode, and time of its final group.
     detection_time_s, isolation_time_s
-        The same after the onset; None when the run is nominal or was not detected.
+        The same relative to the onset; None if nominal or not detected.
     detection_motion_s
-        How much of the detection time the actuator moved.
+        Part of the detection time in which the actuator moved.
     alarms_s
         Start of every episode.
     false_alarms
@@ -59,15 +58,15 @@ class RunResult:
     nominal_s
         Time before the onset, or the whole of a nominal run.
     features_computed, features_skipped
-        Vibration features that were paid for, and how many of the table were not.
+        Vibration features that were computed, and the number of those that were not.
     cpu_s, peak_memory_bytes
-        Processor time of the diagnosis alone; largest resident set of the process meanwhile.
+        Processor time of the diagnosis alone; peak resident memory of the process.
     digest, decision_digest, backend
-        What was decided, with and without the words; equal runs are equal on equal backends.
+        Digests of the decisions, with and without wording; reproducible on equal backends.
     detail
-        File with the whole replay summary, relative to the evaluation's folder.
+        File with the complete replay summary, relative to the evaluation's folder.
     date, commit
-        Day and commit of the diagnosis; empty in lines of before there were such.
+        Day and source commit of the diagnosis; empty in results of older versions.
     """
 
     id: str
@@ -109,12 +108,12 @@ class RunResult:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What tells the lines of one evaluation apart."""
+        """Unique key of the result within its evaluation."""
         return self.id, self.configuration, self.fold
 
     @property
     def faulty(self) -> bool:
-        """Whether something was wrong."""
+        """Whether the run has a fault."""
         return self.truth != NOMINAL
 
     @property
@@ -126,8 +125,8 @@ class RunResult:
     def right(self) -> bool:
         """Whether this is the answer that the campaign expects.
 
-        No alarm where none is expected. Else: detected, no alarm before the onset, the truth
-        in the final group, and nobody in it who is not expected.
+        No alarm if none is expected. Else: detected, no alarm before the onset, the truth in
+        the final group, and no fault in it that is not expected.
         """
         if self.failure:
             return False
@@ -143,16 +142,16 @@ class RunResult:
 
     @property
     def by_design(self) -> bool:
-        """Whether the group is too large, and the verdict says that it is the smallest there is.
+        """Whether the group is too large and the verdict says that it cannot be split further.
 
-        The truth is in it, and what the relations that were left could tell they told.
+        The truth is in the group, and the residuals that remained were evaluated.
         """
         found = self.detected and not self.false_alarms and self.truth in self.group
         return found and not self.right and BY_DESIGN in self.words
 
     @property
     def unseen(self) -> bool:
-        """Whether a fault that was to be found is one that the verdict says it cannot show."""
+        """Whether the expected fault is not detected and the verdict lists it as not observable."""
         silent = not self.alarms_s and not self.failure
         return silent and bool(self.expected) and self.truth in self.not_observable
 
@@ -165,12 +164,12 @@ _TUPLES = tuple(entry.name for entry in fields(RunResult) if str(entry.type).sta
 
 
 def from_mapping(content: Any, where: str) -> RunResult:
-    """Result of what a line held.
+    """Result from the content of a line.
 
     Raises
     ------
     RecordingError
-        When it is no result of this version.
+        The line is no result of this version.
     """
     if not isinstance(content, dict) or content.get("schema_version") != SCHEMA_VERSION:
         raise RecordingError(f"{where}: no run result of version {SCHEMA_VERSION}: evaluate anew")

@@ -1,6 +1,6 @@
-"""Other ways to diagnose the same recordings, one row each, for comparison with ours.
+"""Baselines and ablations that diagnose the same recordings, for comparison.
 
-Baselines are methods that others use; ablations are ours with one part left out.
+A baseline is another method; an ablation is the hybrid diagnosis without one of its parts.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ACCELEROMETER = "accelerometer"
 
 @dataclass(frozen=True)
 class Setting:
-    """What a diagnoser may learn from: a calibration, the nominal bags that made it, a network."""
+    """What a diagnoser learned from: a calibration, its nominal bags, a network."""
 
     calibration: Path | None = None
     nominal: tuple[Path, ...] = ()
@@ -32,7 +32,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Baseline:
-    """One way to diagnose; ``make`` gives a fresh stage."""
+    """One diagnoser; ``make`` gives a new stage."""
 
     name: str
     summary: str
@@ -40,14 +40,14 @@ class Baseline:
 
 
 class WithoutVibration:
-    """A stage that does not hear of vibration, as on a stand without accelerometers."""
+    """A stage that receives no vibration, as on a stand without accelerometers."""
 
     def __init__(self, stage: Any) -> None:
         self._stage = stage
         self.consumes = tuple(kind for kind in stage.consumes if kind is not VibrationBlock)
 
     def handle(self, record: Record) -> tuple[Record, ...]:
-        """What the stage makes of this record, were there no accelerometers."""
+        """Output of the stage, without accelerometers."""
         if isinstance(record, VibrationBlock):
             return ()
         if isinstance(record, ChannelTable):
@@ -57,12 +57,12 @@ class WithoutVibration:
         return caused
 
     def handle_block(self, block: ScanBlock) -> tuple[Record | Block, ...]:
-        """Scans are heard as they are."""
+        """Scans pass unchanged."""
         caused: tuple[Record | Block, ...] = self._stage.handle_block(block)
         return caused
 
     def finish(self) -> tuple[Record, ...]:
-        """The input has ended."""
+        """End of the input."""
         held: tuple[Record, ...] = self._stage.finish()
         return held
 
@@ -105,7 +105,7 @@ def _limits(setting: Setting) -> Stage:
 
     if not setting.nominal:
         raise ConfigurationError(
-            "limit checks learn from nominal bags and none is named: give some as `learn_from` "
+            "limit checks need nominal bags to learn from: name some under `learn_from` "
             "in the campaign"
         )
     known = knowledge(load_calibration(setting.calibration or ""))
@@ -119,8 +119,8 @@ def _classifier(setting: Setting) -> Stage:
 
     if setting.classifier is None:
         raise ConfigurationError(
-            "the feature-only classifier needs a network and none is named: make one with "
-            "`flea features train`, and name it as `classifier` in the campaign"
+            "the feature-only classifier needs a network: train one with `flea features train`, "
+            "and name it under `classifier` in the campaign"
         )
     return FeatureClassifierStage(read_classifier(setting.classifier), FLEA_SCREW.orders())
 
@@ -142,14 +142,14 @@ def _channel_limits(bags: Sequence[Path]) -> dict[str, tuple[float, float]]:
 BASELINES: dict[str, Baseline] = {
     row.name: row
     for row in (
-        Baseline("hybrid", "everything, as `flea replay` runs it", _hybrid()),
-        Baseline("without_vibration", "ours, deaf to accelerometers", _without_vibration),
+        Baseline("hybrid", "the whole method, as `flea replay` runs it", _hybrid()),
+        Baseline("without_vibration", "hybrid, without accelerometers", _without_vibration),
         Baseline(
             "without_gating",
-            "ours, symbols held against all quadrants, likelihoods at once",
+            "hybrid, symbols compared in all quadrants, likelihoods at once",
             _hybrid(gating=False),
         ),
-        Baseline("without_likelihood", "ours, signs and features alone", _hybrid(likelihood=False)),
+        Baseline("without_likelihood", "hybrid, signs and features", _hybrid(likelihood=False)),
         Baseline(
             "paper",
             "the paper's isolation: signs, then its literal tree over its Table 3",
@@ -168,9 +168,9 @@ def baseline(name: str) -> Baseline:
     Raises
     ------
     ConfigurationError
-        No such row; the message lists those there are.
+        No such row; the message lists all.
     """
     if name not in BASELINES:
         known = ", ".join(BASELINES)
-        raise ConfigurationError(f"no way to diagnose is called {name!r}, there are: {known}")
+        raise ConfigurationError(f"configuration {name!r} is unknown, choose of: {known}")
     return BASELINES[name]

@@ -1,7 +1,7 @@
-"""Runs of a campaign over several processes: here, or on a Dask cluster.
+"""Runs of a campaign in several processes, local or on a Dask cluster.
 
-Both give results in the order in which they are ready, and both outlive a worker: its runs are
-made again. A run that takes its worker down twice, the second time alone, is a failed line.
+Results come in the order of completion. If a worker dies, its runs are repeated; a run whose
+worker dies twice, the second time alone, is a failed line.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from flea_diag.tools.extra import require
 from flea_diag.tools.workers import worker_pool
 
 Work = Callable[[Case], RunResult]
-DIED = "its process died: killed, out of memory, or a crash in a library"
+DIED = "the process died: killed, out of memory, or a crash in a library"
 
 
 def run_all(cases: Sequence[Case], work: Work, jobs: int) -> Iterator[RunResult]:
@@ -31,20 +31,20 @@ def run_all(cases: Sequence[Case], work: Work, jobs: int) -> Iterator[RunResult]
         yield from _until_it_breaks(rest, work, jobs, suspects)
         if not suspects:
             return
-        for case in suspects:  # one of them broke the pool: which, each alone will show
+        for case in suspects:  # one of them broke the pool; each alone shows which
             yield from _alone(case, work)
 
 
 def _until_it_breaks(
     cases: Iterator[Case], work: Work, jobs: int, suspects: list[Case]
 ) -> Iterator[RunResult]:
-    """Results until all are done, or a worker has died: who was at work then is a suspect."""
+    """Results until all are done or a worker dies; runs in progress are then suspects."""
     with worker_pool(jobs) as pool:
         running: dict[Future[RunResult], Case] = {}
         try:
             while True:
                 for case in islice(cases, 2 * jobs - len(running)):
-                    suspects.append(case)  # a pool that is broken by now takes none
+                    suspects.append(case)  # a broken pool refuses it
                     running[pool.submit(work, case)] = suspects.pop()
                 if not running:
                     return
@@ -71,25 +71,25 @@ def _alone(case: Case, work: Work) -> Iterator[RunResult]:
 
 
 def failed(case: Case, reason: str) -> RunResult:
-    """The line of a run that nothing is known of."""
+    """The line of a run that could not be diagnosed."""
     return RunResult(case.id, case.kind, case.row, case.configuration, case.fold, failure=reason)
 
 
 # --- Dask ---------------------------------------------------------------------------------
 
 TRIES = 3
-"""Workers that a run may lose before it is itself held to be the reason."""
+"""Workers that may die during a run before the run itself is blamed."""
 
 
 def run_on_dask(
     cases: Sequence[Case], work: Work, address: str, timeout_s: float = 10.0
 ) -> Iterator[RunResult]:
-    """Results of all cases from the workers of a cluster, which see the same files.
+    """Results of all cases from a cluster; its workers need the same files.
 
     Raises
     ------
     ConfigurationError
-        Dask is not installed, or nobody answers at the address.
+        Dask is not installed, or no scheduler answers at the address.
     """
     require("dask", "--dask")
     import distributed
@@ -98,7 +98,7 @@ def run_on_dask(
         client = distributed.Client(address, timeout=timeout_s)
     except (OSError, ValueError, TimeoutError) as error:
         raise ConfigurationError(
-            f"--dask {address}: no scheduler answers there ({error}); start one with "
+            f"--dask {address}: no scheduler answers ({error}); start one with "
             "`dask scheduler` and workers with `dask worker ADDRESS`"
         ) from error
     with client:

@@ -1,4 +1,4 @@
-"""One run of a campaign: its records through a fresh diagnoser, and what came of it as a line."""
+"""One run of a campaign: its records through a new diagnoser, and the result as one line."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Expect = Mapping[str, tuple[str, ...]]
 
 @dataclass
 class Diagnosis:
-    """What a stage said of a run, and the truth that it was not told."""
+    """Records that a stage produced in a run, and the truth that it did not receive."""
 
     kept: list[Record | Block] = field(default_factory=list)
     truths: list[Truth] = field(default_factory=list)
@@ -56,7 +56,7 @@ class Diagnosis:
         return NEVER_NS
 
     def take(self, records: Iterable[Record | Block]) -> None:
-        """Keep what is scored, and of all of it what can be drawn."""
+        """Keep what is scored, and a trace of what is drawn."""
         for record in records:
             self.trace.add(record)
             if not isinstance(record, BULK):
@@ -64,7 +64,7 @@ class Diagnosis:
 
 
 def run_case(case: Case, expect: Expect, folder: Path) -> RunResult:
-    """Diagnose one run; what fails, whatever it is, becomes a failed line."""
+    """Diagnose one run; any error becomes a failed line."""
     try:
         forget_peak()
         done = diagnose(_records(case), _stage(case))
@@ -74,7 +74,7 @@ def run_case(case: Case, expect: Expect, folder: Path) -> RunResult:
         return result
     except FleaError as error:
         reason = str(error)
-    except Exception as error:  # a defect of ours: the campaign goes on, the line names the place
+    except Exception as error:  # a defect: the campaign continues, the line names the place
         place = traceback.extract_tb(error.__traceback__)[-1]
         reason = f"{type(error).__name__}: {error} ({Path(place.filename).name}:{place.lineno})"
     return RunResult(
@@ -84,7 +84,7 @@ def run_case(case: Case, expect: Expect, folder: Path) -> RunResult:
         case.configuration,
         case.fold,
         expected=(),
-        failure=reason or "failed without a word",
+        failure=reason or "failed without a message",
     )
 
 
@@ -104,7 +104,7 @@ def _stage(case: Case) -> Stage:
 
 
 def diagnose(records: Iterable[Record], stage: Stage) -> Diagnosis:
-    """Feed a stage what a stand sent; truth is kept aside and goes into no stage."""
+    """Feed a stage the records of a stand; no stage receives the truth."""
     done = Diagnosis()
     clock = time.process_time
     by_block = getattr(stage, "handle_block", None)
@@ -125,7 +125,7 @@ def diagnose(records: Iterable[Record], stage: Stage) -> Diagnosis:
 
 
 def in_blocks(records: Iterable[Record]) -> Iterator[Record | ScanBlock]:
-    """The same records, scans that follow on one another as blocks."""
+    """The same records, with consecutive scans joined into blocks."""
     for kind, part in groupby(records, key=_layout):
         if kind is None:
             yield from part
@@ -145,10 +145,10 @@ def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dic
 
     summary = summarise(done.kept)
     if not summary["scans"]:
-        raise RecordingError("no scan in it (topic sensors/slow), nothing to diagnose")
+        raise RecordingError("no scan (topic sensors/slow): nothing to diagnose")
     if not done.truths:
-        # Taken for healthy it would count as right, or as a false alarm; nobody knows which.
-        raise RecordingError("no truth in it, nothing to score by: flea replay diagnoses it")
+        # Assumed healthy, it would count as right or as a false alarm.
+        raise RecordingError("no truth, so it cannot be scored: diagnose it with flea replay")
     start_ns = done.start_ns
     last = next((r for r in reversed(done.kept) if isinstance(r, AmbiguityGroup)), None)
     truth = _first_fault(done.truths)
@@ -184,7 +184,7 @@ def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dic
 
 
 def _told(truth: Truth | None, expect: Expect, start_ns: int) -> dict[str, Any]:
-    """Fields that say what was so; no truth of a fault: nothing was wrong."""
+    """Fields of the truth; without a fault the run is nominal."""
     if truth is None:
         return {"truth": NOMINAL, "onset_s": None, "expected": expected_of(NOMINAL, expect)}
     details = dict(truth.details)
@@ -210,7 +210,7 @@ def _number(text: str | None) -> float | None:
 
 
 def _verdict(summary: dict[str, Any], onset_s: float | None, start_ns: int) -> dict[str, Any]:
-    """Fields that say when what was said; times against the onset where there is one."""
+    """Fields of the verdict; times relative to the onset if there is one."""
     episodes = summary["episodes"]
     alarms = tuple(episode["detected_at_s"] for episode in episodes)
     quiet_s = summary["duration_s"] if onset_s is None else onset_s

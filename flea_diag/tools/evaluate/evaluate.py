@@ -1,4 +1,4 @@
-"""``flea evaluate``: a campaign of runs, replayed, scored and written down."""
+"""``flea evaluate``: replays the runs of a campaign, scores them and writes a report."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from flea_diag.tools.evaluate.case_pool import Work
 
 NAME = "evaluate"
-SUMMARY = "run a campaign of recordings and scenarios, and score what the diagnosis says"
+SUMMARY = "diagnose the recordings and scenarios of a campaign, and score the results"
 EXAMPLES = """\
 examples:
-  flea evaluate small.yaml -o results/small          a campaign that comes with flea
-  flea evaluate table4.yaml -o results/table4 -j 4   on four processes; Ctrl-C and go on later
+  flea evaluate small.yaml -o results/small          a campaign that is installed with flea
+  flea evaluate table4.yaml -o results/table4 -j 4   four processes; Ctrl-C stops, it can resume
   flea evaluate bags/ -o results/bags                every bag of a folder
   flea evaluate real.yaml -o results/real --dask tcp://10.0.0.5:8786
 
-A campaign goes on where it was stopped when the same command is given again; runs that failed
-are tried again. Real recordings are looked for from the campaign's folder and from the folder
-that FLEA_DATA_DIR names.
-Exit status: 0 done, 1 done and a row fell below the campaign's limit or a run failed,
+The same command resumes a campaign that was interrupted, and repeats runs that failed.
+Recordings are looked for in the campaign's folder, then in the folder that FLEA_DATA_DIR names.
+FOLDER holds report.html, summary.json, results.jsonl, and the details of each run below runs.
+Exit status: 0 all rows meet the campaign's limit, 1 a row is below it or a run failed,
 2 refused, 130 interrupted.
 """
 SUMMARY_FILE = "summary.json"
@@ -49,8 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FOLDER", help="results (default: evaluations/NAME)"
     )
-    parser.add_argument("-j", "--jobs", type=int, help="processes (default: one a core)")
-    parser.add_argument("--dask", metavar="ADDRESS", help="run on the Dask cluster there")
+    parser.add_argument("-j", "--jobs", type=int, help="processes (default: one per core)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="run on the Dask cluster at ADDRESS")
     parser.add_argument(
         "--drawn",
         type=int,
@@ -58,19 +58,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="runs to draw, wrong ones first (default: 400, about 70 kB each)",
     )
-    parser.add_argument("--force", action="store_true", help="begin anew, forget earlier results")
+    parser.add_argument("--force", action="store_true", help="delete earlier results, start again")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run what is not done yet, score all that is; 0 when every row holds."""
+    """Run what is not done yet and score all results; 0 if every row meets its limit."""
     from flea_diag.tools.campaign.campaign import load_campaign
     from flea_diag.tools.campaign.case import plan, plan_sha256
     from flea_diag.tools.campaign.recording_set import RecordingSet
     from flea_diag.tools.campaign.result_log import ResultLog, held
     from flea_diag.tools.evaluate.case_run import run_case
 
-    # The report is made at the very end: what it needs is missed now, not after hours.
+    # Checked now, not when the report is written after hours.
     require("evaluate", "evaluate")
     jobs = _jobs(arguments.jobs)
     campaign = load_campaign(arguments.campaign)
@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
                     _keep(results, log, _bar(len(cases), len(left), arguments.quiet))
             except KeyboardInterrupt:
                 _score(campaign, done, folder, arguments.drawn, quiet=True)
-                warn(f"{len(done)} of {len(cases)} runs are kept; the same command goes on")
+                warn(f"{len(done)} of {len(cases)} runs are done; the same command resumes")
                 raise
             return _score(campaign, done, folder, arguments.drawn, quiet=arguments.quiet)
 
@@ -102,17 +102,17 @@ def _jobs(given: int | None) -> int:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     jobs = given if given is not None else cores or 1
     if not 1 <= jobs <= 1024:
-        raise ConfigurationError(f"-j {jobs}: from 1 to 1024 processes")
+        raise ConfigurationError(f"-j {jobs}: must be from 1 to 1024")
     return jobs
 
 
 def _begin_anew(folder: Path) -> None:
-    """Forget results and calibrations; imported bags stay. A folder of others is refused."""
+    """Delete results and calibrations, keep imported bags; refuse any other folder."""
     from flea_diag.tools.campaign.result_log import PLAN, RESULTS
     from flea_diag.tools.evaluate.case_run import DETAILS
 
     if folder.exists() and not (folder / PLAN).exists() and any(folder.iterdir()):
-        raise ConfigurationError(f"{folder} holds no evaluation, --force does not empty it")
+        raise ConfigurationError(f"{folder} holds no evaluation: --force does not delete it")
     for name in (DETAILS, "calibrations"):
         shutil.rmtree(folder / name, ignore_errors=True)
     for name in (RESULTS, PLAN, SUMMARY_FILE, REPORT_FILE):
@@ -126,7 +126,7 @@ def _results(left: Sequence[Case], work: Work, jobs: int, dask: str | None) -> I
 
 
 def _bar(count: int, left: int, quiet: bool) -> Any:
-    """Progress with rate and time left, where somebody can see it."""
+    """Progress bar with rate and time left, on a terminal only."""
     from tqdm import tqdm
 
     shown = None if not quiet else True
@@ -139,7 +139,7 @@ def _keep(results: Iterator[RunResult], log: ResultLog, bar: Any) -> None:
         for result in results:
             log.add(result)
             wrong += not result.right
-            bar.set_postfix_str(f"{wrong} not right", refresh=False)
+            bar.set_postfix_str(f"{wrong} wrong", refresh=False)
             bar.update()
             if result.failure:
                 bar.write(f"flea: {result.id}: {result.failure}", file=sys.stderr)
@@ -167,7 +167,7 @@ def _report(
     folder: Path,
     most: int,
 ) -> None:
-    """The pages for people: a report of all runs, and a drawing of each beside its details."""
+    """Write the report, and each drawing beside the details of its run."""
     from datetime import datetime, timezone
 
     from flea_diag.tools.campaign.run_trace import read_trace

@@ -1,4 +1,4 @@
-"""What was decided of one run, from an evaluation or a replay, and how two of them differ."""
+"""The decision of one run, from an evaluation or a replay, and how two decisions differ."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flea_diag.wire.bags.bag_layout import refuse_closed
 LARGEST_JSON_BYTES = 64 << 20
 
 Episode = Mapping[str, Any]
-"""One episode of a replay's summary, of which ``_episodes`` has made sure what is in it."""
+"""One episode of a replay's summary, checked by ``_episodes``."""
 ABSENT: Episode = {}
 
 
@@ -39,18 +39,18 @@ class Decision:
 
     @property
     def verdict(self) -> tuple[Any, ...]:
-        """What must be equal for two runs to be decided alike."""
+        """What must be equal for two decisions to be equal."""
         said = [(e["outcome"], sorted(e["ambiguity_group"])) for e in self.episodes]
         return self.outcome, self.group, self.alarms_s, said, bool(self.failure)
 
     def same_numbers(self, other: Decision) -> bool:
-        """Whether both rest on the same numbers; a file of before has no digest of them alone."""
+        """Whether both have the same numbers; older files have only the digest with wording."""
         if self.decision_digest and other.decision_digest:
             return self.decision_digest == other.decision_digest
         return self.digest == other.digest
 
     def words(self) -> str:
-        """The verdict in a few words."""
+        """The verdict in one line."""
         if self.failure:
             return f"failed: {self.failure}"
         members = ", ".join(self.group)
@@ -66,7 +66,7 @@ def read_decisions(path: Path) -> dict[str, Decision]:
     Raises
     ------
     RecordingError
-        There is neither, or it cannot be read.
+        The path is neither, or cannot be read.
     """
     refuse_closed(path)
     if path.is_dir() or path.suffix == ".jsonl":
@@ -75,7 +75,7 @@ def read_decisions(path: Path) -> dict[str, Decision]:
             found = _of_files(sorted(path.glob("*.json")))
             if found:
                 return found
-            raise RecordingError(f"{path}: no {RESULTS} and no replay's JSON in it")
+            raise RecordingError(f"{path}: holds neither {RESULTS} nor JSON files of flea replay")
         return {each.name: each for each in _of_results(read_results(path), folder)}
     return _of_files([path])
 
@@ -130,7 +130,7 @@ def _of_summary(summary: Any, path: Path) -> Decision:
 
 
 def _episodes(summary: Mapping[str, Any]) -> tuple[Episode, ...]:
-    """What is compared of each episode; older files lack evidence and steps."""
+    """The compared part of each episode; older files lack evidence and steps."""
     return tuple(
         {
             "outcome": str(row["outcome"]),
@@ -150,19 +150,19 @@ def _episodes(summary: Mapping[str, Any]) -> tuple[Episode, ...]:
 
 @contextmanager
 def _shaped(path: Path) -> Iterator[None]:
-    """JSON of another shape is refused, wherever it differs."""
+    """Refuse JSON of another shape."""
     try:
         yield
     except (TypeError, KeyError, ValueError, AttributeError) as error:
         raise RecordingError(
-            f"{path}: not the JSON of a replay ({error!r}): make it with flea replay --json"
+            f"{path}: not the JSON of a replay ({error!r}): write it with flea replay --json"
         ) from error
 
 
 def _json(path: Path) -> Any:
     try:
         if path.stat().st_size > LARGEST_JSON_BYTES:
-            raise RecordingError(f"{path}: larger than {LARGEST_JSON_BYTES} bytes, it is not read")
+            raise RecordingError(f"{path}: larger than the limit of {LARGEST_JSON_BYTES} bytes")
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise RecordingError(f"{path}: cannot be read as JSON: {error}") from error
@@ -172,7 +172,7 @@ def _json(path: Path) -> Any:
 
 
 def differences(a: Decision, b: Decision) -> list[str]:
-    """Lines that say what changed, when, and by which evidence."""
+    """What changed, when, and by which evidence."""
     lines = [f"{a.words()}  ->  {b.words()}"]
     for number, (one, other) in enumerate(zip_longest(a.episodes, b.episodes, fillvalue=ABSENT), 1):
         lines += [f"episode {number}: {line}" for line in _of_episodes(one, other)]
@@ -181,7 +181,7 @@ def differences(a: Decision, b: Decision) -> list[str]:
 
 def _of_episodes(a: Episode, b: Episode) -> Iterator[str]:
     if ABSENT in (a, b):
-        yield f"in {'A' if a else 'B'} alone, {_opened(a or b)}"
+        yield f"in {'A' if a else 'B'} only, {_opened(a or b)}"
         return
     if _opened(a) != _opened(b):
         yield f"{_opened(a)}  ->  {_opened(b)}"
@@ -193,21 +193,21 @@ def _of_episodes(a: Episode, b: Episode) -> Iterator[str]:
 
 
 def _opened(episode: Episode) -> str:
-    by = episode["detected_by"] or "what is not known"
+    by = episode["detected_by"] or "an unknown residual"
     return f"detected at {episode['detected_at_s']} s by {by}"
 
 
 def _parting(a: Any, b: Any) -> str:
-    """Where the two groups first go different ways."""
+    """The step at which the two groups first differ."""
     for one, other in zip(a, b, strict=False):
         if (one["outcome"], one["members"]) != (other["outcome"], other["members"]):
             return (
-                f"they part at {one['at_s']} s ({_step(one)}) and {other['at_s']} s "
+                f"they differ at {one['at_s']} s ({_step(one)}) and {other['at_s']} s "
                 f"({_step(other)})"
             )
     longer, which = (a, "A") if len(a) > len(b) else (b, "B")
     rest = longer[min(len(a), len(b)) :]
-    return f"{which} goes on at {rest[0]['at_s']} s ({_step(rest[0])})" if rest else ""
+    return f"{which} continues at {rest[0]['at_s']} s ({_step(rest[0])})" if rest else ""
 
 
 def _step(step: Mapping[str, Any]) -> str:
@@ -218,5 +218,5 @@ def _step(step: Mapping[str, Any]) -> str:
 
 def _held(episode: Episode, fault: str) -> str:
     if fault in episode["ambiguity_group"]:
-        return f"kept it ({episode['kept'].get(fault, 'no reason written')})"
-    return f"dropped it ({episode['dropped'].get(fault, 'never considered')})"
+        return f"kept it ({episode['kept'].get(fault, 'no reason recorded')})"
+    return f"dropped it ({episode['dropped'].get(fault, 'never in the group')})"

@@ -1,4 +1,4 @@
-"""``flea diff``: which decisions changed between two evaluations or replays, when and why."""
+"""``flea diff``: decisions that changed between two evaluations or replays, when and why."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ if TYPE_CHECKING:
     from flea_diag.tools.score.decision import Decision
 
 NAME = "diff"
-SUMMARY = "say which decisions changed between two evaluations or two replays, and by what"
+SUMMARY = "list the decisions that changed between two evaluations or two replays, and why"
 EXAMPLES = """\
 examples:
   flea diff results/before results/after        folders of flea evaluate
   flea diff before.json after.json              files of flea replay --json
   flea diff before after --json changes.json
 
-Exit status: 0 all decided alike, 1 something changed, 2 it could not be compared.
+Exit status: 0 all decisions equal, 1 a decision changed, 2 refused.
 """
 CHANGED = 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    what = "folder of flea evaluate, or JSON of flea replay"
+    what = "folder of flea evaluate, or JSON file of flea replay"
     parser.add_argument("a", type=Path, metavar="A", help=what)
     parser.add_argument("b", type=Path, metavar="B", help="the same, later")
-    parser.add_argument("--json", metavar="OUT", help="write the changes there, - for the terminal")
-    parser.add_argument("-q", "--quiet", action="store_true", help="the exit status alone")
+    parser.add_argument("--json", metavar="OUT", help="write the changes to OUT (- for stdout)")
+    parser.add_argument("-q", "--quiet", action="store_true", help="exit status only")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare; 0 alike, 1 changed."""
+    """Compare; 0 if equal, 1 if changed."""
     from flea_diag.tools.score.decision import read_decisions
     from flea_diag.tools.terminal import write_json
 
@@ -45,11 +45,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def compare(a: dict[str, Decision], b: dict[str, Decision]) -> dict[str, Any]:
-    """Every run that is decided otherwise, or is in one of the two alone."""
+    """Runs whose decision changed, and runs that are in one of the two only."""
     from flea_diag.tools.score.decision import differences
 
     both = [name for name in a if name in b]
-    # Digests of two backends differ in last bits.
+    # Digests of two backends differ in the last bits.
     alike = [
         name
         for name in both
@@ -83,7 +83,7 @@ _BETTER = {(False, True): " (now right)", (True, False): " (NO LONGER RIGHT)"}
 
 
 def words(report: dict[str, Any]) -> str:
-    """The comparison in lines, the changes first."""
+    """The comparison as lines, changes first."""
     lines = []
     for change in report["changed"]:
         lines.append(f"{change['run']}{_BETTER.get(tuple(change['right']), '')}")

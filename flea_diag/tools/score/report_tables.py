@@ -7,7 +7,7 @@ from typing import Any
 
 KINDS = {
     "real": "recorded runs",
-    "injected": "recorded runs with a software fault put in",
+    "injected": "recorded runs with an injected software fault",
     "spliced": "recorded runs switched to another unit",
     "simulated": "simulated runs",
 }
@@ -98,12 +98,12 @@ _SHARES = (
     ("false positives", "false_positives"),
     ("false negatives", "false_negatives"),
     ("detection accuracy", "detection_accuracy"),
-    ("not observable, as the verdict says", "unseen"),
+    ("listed as not observable", "unseen"),
 )
 _SPREADS = (
     ("detection time", "detection_time_s", "s"),
     ("isolation time", "isolation_time_s", "s"),
-    ("processor time a run", "cpu_s", "s"),
+    ("processor time of a run", "cpu_s", "s"),
 )
 _VALUES = (
     ("classification errors, summed", "classification_errors", ""),

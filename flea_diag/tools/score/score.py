@@ -1,7 +1,7 @@
 """The metrics of the diagnosis competitions (DXC), for single faults.
 
 A diagnosis is a set of candidates with weights that sum to one; a candidate is a set of faults,
-here of one, or of none where nothing was said. Sources: T. Kurtoglu et al., First International
+here of one fault, or empty without a detection. Sources: T. Kurtoglu et al., First International
 Diagnosis Competition, DX-09; A. Feldman et al., Int. J. PHM 1 (2010).
 """
 
@@ -21,7 +21,7 @@ Candidates = Sequence[tuple[frozenset[str], float]]
 
 
 def candidates(result: RunResult) -> Candidates:
-    """Final candidates with their weights; equal ones where the diagnosis gave none."""
+    """Final candidates with their weights; equal weights if the diagnosis gave none."""
     if not result.group:
         return ((NONE, 1.0),)
     weights = result.probabilities or (0.0,) * len(result.group)
@@ -35,17 +35,17 @@ def candidates(result: RunResult) -> Candidates:
 
 
 def truth_of(result: RunResult) -> frozenset[str]:
-    """What was wrong, as a set."""
+    """The true faults, as a set."""
     return frozenset((result.truth,)) if result.faulty else NONE
 
 
 def classification_errors(diagnosis: Candidates, truth: frozenset[str]) -> float:
-    """Weighted size of the difference between what was said and what was so."""
+    """Weighted size of the difference between diagnosis and truth."""
     return sum(weight * len(faults ^ truth) for faults, weight in diagnosis)
 
 
 def utility(diagnosis: Candidates, truth: frozenset[str], components: int) -> float:
-    """1 for the exact answer; less for what was missed and for what was blamed wrongly."""
+    """1 for the exact answer; less for missed and for wrongly blamed faults."""
     return sum(weight * _utility(faults, truth, components) for faults, weight in diagnosis)
 
 
@@ -69,12 +69,12 @@ def components() -> Mapping[str, str]:
 
 
 def component_of(fault: str) -> str:
-    """Component that a fault belongs to, itself where the catalogue does not know it."""
+    """Component of a fault; the fault itself if the catalogue does not list it."""
     return components().get(fault, fault)
 
 
 def component_right(result: RunResult) -> bool:
-    """Whether the final group names the right component alone, in whatever mode."""
+    """Whether the final group names the right component only, in any mode."""
     if not result.faulty:
         return result.right
     blamed = {component_of(fault) for fault in result.group}
@@ -83,20 +83,20 @@ def component_right(result: RunResult) -> bool:
 
 
 def missed(result: RunResult) -> bool:
-    """False negative: a faulty run that was to be detected, and never was after the onset.
+    """False negative: a faulty run that is not detected after its onset.
 
-    What the verdict says it cannot show is counted apart.
+    Faults that the verdict lists as not observable are counted separately.
     """
     return result.faulty and bool(result.expected) and not (result.detected or result.unseen)
 
 
 def by_component(diagnosis: Candidates) -> Candidates:
-    """The same candidates as sets of components."""
+    """The candidates as sets of components."""
     return tuple((frozenset(map(component_of, faults)), weight) for faults, weight in diagnosis)
 
 
 def once(results: Sequence[RunResult]) -> tuple[RunResult, ...]:
-    """Each run once: of its folds the first that is not right, else the first."""
+    """Each run once: its first fold that is not right, else its first fold."""
     found: dict[tuple[str, str], RunResult] = {}
     for result in results:
         key = result.id, result.configuration
@@ -118,63 +118,83 @@ def share(right: int, count: int) -> dict[str, Any]:
 
 
 def right_share(runs: Sequence[RunResult]) -> dict[str, Any]:
-    """Share of right answers among runs whose fault the stand can show."""
+    """Share of right answers among runs whose fault is observable."""
     counted = [result for result in runs if not result.unseen]
     return share(sum(result.right for result in counted), len(counted))
 
 
 def scores(results: Sequence[RunResult]) -> dict[str, Any]:
-    """All metrics of runs of one kind; each run once, times as medians and means."""
+    """All metrics of runs of one kind, each run once; times as means, medians and worst."""
     every = once(results)
     runs = [result for result in every if not result.failure]
-    faulty = [result for result in runs if result.faulty]
-    sought = [result for result in faulty if result.expected]
-    expected = [result for result in sought if not result.unseen]
-    unseen = len(sought) - len(expected)
-    false = sum(1 for result in runs if result.false_alarms)
-    absent = sum(1 for result in runs if missed(result))
-    either = sum(1 for result in runs if result.false_alarms or missed(result))
-    grouped = [result for result in faulty if result.detected]
-    blame = [(candidates(result), truth_of(result)) for result in runs]
-    # The single positions and modes of a sensor are one component; all there are, once.
-    f = len(set(components().values()))
     return {
         "runs": len(runs),
         "failed": len(every) - len(runs),
         "right": right_share(every),
-        "unseen": share(unseen, len(sought)),
-        "component_right": share(
-            sum(component_right(result) for result in expected), len(expected)
-        ),
-        "false_positives": share(false, len(runs)),
-        "false_negatives": share(absent, len(expected)),
-        "detection_accuracy": share(len(runs) - unseen - either, len(runs) - unseen),
-        "detection_time_s": _spread([r.detection_time_s for r in grouped]),
-        "detection_motion_s": _spread([r.detection_motion_s for r in grouped]),
-        "isolation_time_s": _spread([r.isolation_time_s for r in grouped]),
-        "classification_errors": _rounded(
-            sum(classification_errors(said, truth) for said, truth in blame)
-        ),
-        "utility": _mean(
-            [
-                utility(by_component(said), frozenset(map(component_of, truth)), f)
-                for said, truth in blame
-            ]
-        ),
-        "group_size": _mean([float(len(r.group)) for r in grouped]),
-        "features_computed": _mean([float(len(r.features_computed)) for r in runs]),
-        "features_skipped": _mean([float(r.features_skipped) for r in runs]),
-        "cpu_s": _spread([r.cpu_s for r in runs]),
-        "times_real_time": _rounded(
-            sum(r.duration_s for r in runs) / max(sum(r.cpu_s for r in runs), 1e-9)
-        ),
-        "peak_memory_mb": _mean([r.peak_memory_bytes / 1e6 for r in runs]),
+        **_shares(runs),
+        **_times(runs),
+        **_diagnoses(runs),
+        **_costs(runs),
         "false_alarms_per_hour": false_alarm_rate(runs),
     }
 
 
+def _shares(runs: Sequence[RunResult]) -> dict[str, Any]:
+    """Shares of runs; faults listed as not observable count as ``unseen`` only."""
+    sought = [result for result in runs if result.faulty and result.expected]
+    expected = [result for result in sought if not result.unseen]
+    unseen = len(sought) - len(expected)
+    found = sum(1 for result in expected if component_right(result))
+    false = sum(1 for result in runs if result.false_alarms)
+    absent = sum(1 for result in runs if missed(result))
+    wrong = sum(1 for result in runs if result.false_alarms or missed(result))
+    return {
+        "unseen": share(unseen, len(sought)),
+        "component_right": share(found, len(expected)),
+        "false_positives": share(false, len(runs)),
+        "false_negatives": share(absent, len(expected)),
+        "detection_accuracy": share(len(runs) - unseen - wrong, len(runs) - unseen),
+    }
+
+
+def _times(runs: Sequence[RunResult]) -> dict[str, Any]:
+    """Times of the runs that were detected."""
+    detected = [result for result in runs if result.faulty and result.detected]
+    return {
+        "detection_time_s": _spread([result.detection_time_s for result in detected]),
+        "detection_motion_s": _spread([result.detection_motion_s for result in detected]),
+        "isolation_time_s": _spread([result.isolation_time_s for result in detected]),
+        "group_size": _mean([float(len(result.group)) for result in detected]),
+    }
+
+
+def _diagnoses(runs: Sequence[RunResult]) -> dict[str, Any]:
+    """Metrics that compare the weighted candidates with the truth."""
+    diagnoses = [(candidates(result), truth_of(result)) for result in runs]
+    # All positions and modes of a sensor are one component.
+    count = len(set(components().values()))
+    errors = [classification_errors(said, truth) for said, truth in diagnoses]
+    utilities = [
+        utility(by_component(said), frozenset(map(component_of, truth)), count)
+        for said, truth in diagnoses
+    ]
+    return {"classification_errors": _rounded(sum(errors)), "utility": _mean(utilities)}
+
+
+def _costs(runs: Sequence[RunResult]) -> dict[str, Any]:
+    """Features, processor time and memory."""
+    recorded_s, cpu_s = sum(r.duration_s for r in runs), sum(r.cpu_s for r in runs)
+    return {
+        "features_computed": _mean([float(len(r.features_computed)) for r in runs]),
+        "features_skipped": _mean([float(r.features_skipped) for r in runs]),
+        "cpu_s": _spread([r.cpu_s for r in runs]),
+        "times_real_time": _rounded(recorded_s / max(cpu_s, 1e-9)),
+        "peak_memory_mb": _mean([r.peak_memory_bytes / 1e6 for r in runs]),
+    }
+
+
 def false_alarm_rate(runs: Sequence[RunResult]) -> dict[str, Any]:
-    """Episodes while nothing was wrong, for each hour of it, with an exact interval."""
+    """Episodes per hour of healthy running, with an exact interval."""
     events = sum(result.false_alarms for result in runs)
     hours = sum(result.nominal_s for result in runs) / 3600.0
     low, high = rate_interval(events, hours)

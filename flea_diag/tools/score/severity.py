@@ -11,13 +11,13 @@ from flea_diag.tools.interval import half_point, increasing
 from flea_diag.tools.score.score import once, share
 
 BINS = 5
-"""Steps that sizes that were drawn are put in; sizes of a ladder are their own steps."""
+"""Steps into which drawn sizes are grouped; each size of a ladder is a step."""
 LADDER_SIZES = 12
-"""A row with more different sizes than this was drawn, not laid out as a ladder."""
+"""A row with more different sizes than this was drawn."""
 
 
 def severity(result: RunResult) -> float | None:
-    """How strong a fault was: the magnitude of its size, for a scaling its distance from one."""
+    """Severity of a fault: the magnitude of its size, for a scaling its distance from one."""
     if result.size is None:
         return None
     scaling = result.truth.endswith("_scaling")
@@ -25,9 +25,9 @@ def severity(result: RunResult) -> float | None:
 
 
 def ladder(results: Sequence[RunResult]) -> dict[str, Any] | None:
-    """Steps of one row with shares and intervals, and where the share passes 50 %.
+    """Steps of one row with shares and intervals, and the size at which 50 % are right.
 
-    None where the row knows no sizes, or only one.
+    None if the row has fewer than two sizes.
     """
     pairs = [(severity(r), r) for r in once(results) if not r.failure]
     sized = sorted(((s, r) for s, r in pairs if s is not None), key=lambda pair: pair[0])
@@ -46,7 +46,7 @@ def ladder(results: Sequence[RunResult]) -> dict[str, Any] | None:
 
 
 def _where(rising: Sequence[float]) -> str:
-    """What is known of the size at which half of the runs are right."""
+    """Where the size lies at which half of the runs are right."""
     if rising[0] >= 0.5:
         return "below the smallest size"
     return "between two sizes" if rising[-1] >= 0.5 else "above the largest size"

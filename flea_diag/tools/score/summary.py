@@ -1,4 +1,4 @@
-"""The summary of an evaluation: every kind of run by itself, and row by row beside the paper."""
+"""The summary of an evaluation: each kind of run by itself, row by row, with the paper's rates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flea_diag.tools.score.severity import ladder
 SCHEMA_VERSION = 2
 """2 added dates, commits and the seed of each part; `flea diff` reads the lines, of both."""
 LISTED = 200
-"""So many runs that are not right are named in the summary; the lines have them all."""
+"""At most so many wrong runs are named in the summary; the lines have all."""
 
 PAPER: dict[str, tuple[int, int]] = {
     "Nominal": (133, 134),
@@ -130,13 +130,13 @@ def _named(result: RunResult) -> dict[str, Any]:
 
 
 def _why(result: RunResult) -> str:
-    """In which of the ways a run can fail it did."""
+    """Why a run is not right."""
     if result.failure:
         return "failed"
     if result.false_alarms:
         return "false alarm"
     if not result.expected:
-        return "alarm where none is expected" if result.alarms_s else f"said {result.outcome}"
+        return "alarm, none expected" if result.alarms_s else f"outcome {result.outcome}"
     if not result.detected:
         return "not detected"
     if result.truth in result.group:
@@ -145,13 +145,13 @@ def _why(result: RunResult) -> str:
 
 
 def tables(summary: dict[str, Any]) -> str:
-    """The summary in words, one table for each kind, source and configuration."""
+    """The summary as text, one table for each kind, source and configuration."""
     lines = [f"{summary['campaign']}: {summary['runs']} runs, {summary['failed']} failed"]
     for part in summary["parts"]:
         lines += ["", *_table(part)]
     for row in summary["lost_rows"]:
         lines.append(
-            f"lost: {row['source']}, {row['row']}: {row['percent']} % is below the limit of "
+            f"below the limit: {row['source']}, {row['row']}: {row['percent']} % right, limit "
             f"{summary['limit_percent']} %"
         )
     return "\n".join(lines)
@@ -169,7 +169,7 @@ def _table(part: dict[str, Any]) -> list[str]:
     alarms = whole["false_alarms_per_hour"]
     lines.append(f"  {'all':28} {_counted(total)}")
     lines.append(
-        f"  accuracy of detection {whole['detection_accuracy']['percent']} %, false alarms "
+        f"  detection accuracy {whole['detection_accuracy']['percent']} %, false alarms "
         f"{alarms['alarms']} in {alarms['hours']} h ({alarms['low']} to {alarms['high']} per "
         f"hour), classification errors {whole['classification_errors']}, utility "
         f"{whole['utility']}, group {whole['group_size']}, features {whole['features_computed']} "
@@ -197,7 +197,7 @@ def _line(row: dict[str, Any]) -> str:
     times = [row["scores"][key] for key in ("detection_time_s", "isolation_time_s")]
     after = ", ".join(f"{each['median']:.2f} s" for each in times if each)
     if row["unseen"]["right"]:
-        after += f"{row['unseen']['right']} not observable, as the verdict says"
+        after += f"{row['unseen']['right']} listed as not observable"
     if row["by_design"]:
-        after += f"; {row['by_design']} more in a group that is the smallest there is, by design"
+        after += f"; {row['by_design']} more in a group that cannot be split, by design"
     return f"{row['row']:28} {_counted(row)} {inside:>10} {paper:>8}  {after}"

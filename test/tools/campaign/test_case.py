@@ -116,7 +116,7 @@ def test_an_injection_moves_one_channel_from_its_onset_on(bags: Path, tmp_path: 
 @pytest.mark.parametrize(
     ("source", "words"),
     [
-        ({"kind": "recordings", "files": "nowhere/*.data"}, "no recording fits 'nowhere/"),
+        ({"kind": "recordings", "files": "nowhere/*.data"}, "no recording matches 'nowhere/"),
         ({"kind": "injections", "files": "{bags}/*Jam*"}, "no nominal recording to inject"),
         ({"kind": "injections", "files": "{bags}/*", "rows": ["x y"]}, "'x y' is unknown"),
         ({**DRAWN, "rows": [{"fault": "rust"}]}, "unknown fault 'rust'"),

@@ -69,7 +69,7 @@ def test_a_table_without_signs_keeps_what_is_connected(cell: FaultSignature, sym
 
 
 def test_limit_checks_without_nominal_bags_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match="learn from nominal bags and none is named"):
+    with pytest.raises(ConfigurationError, match="need nominal bags to learn from"):
         baseline("limit_checks").make(Setting(Path("")))
 
 

@@ -192,7 +192,7 @@ def test_a_recording_without_its_truth_is_not_taken_for_healthy(
             bag.write(record[1])
     out = tmp_path / "out"
     assert main(["evaluate", str(tmp_path / "run"), "-o", str(out), "-j", "1", "-q"]) == 1
-    assert "flea: run/run: no truth in it, nothing to score by" in capsys.readouterr().err
+    assert "flea: run/run: no truth, so it cannot be scored" in capsys.readouterr().err
     (line,) = read_results(out)
     assert not line.right
 

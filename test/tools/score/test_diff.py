@@ -66,7 +66,7 @@ def test_a_change_is_named_with_its_time_and_evidence(
     assert main(["diff", a, b, "--json", str(tmp_path / "c.json")]) == 1
     said = capsys.readouterr().out
     assert f"{fault}: A dropped it ({reason}); B kept it (residual x" in said
-    assert f"they part at {replayed['episodes'][0]['steps'][-1]['at_s']} s" in said
+    assert f"they differ at {replayed['episodes'][0]['steps'][-1]['at_s']} s" in said
     report = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
     assert [change["run"] for change in report["changed"]] == ["winding_short"]
 

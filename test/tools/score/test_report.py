@@ -249,7 +249,7 @@ def test_two_diagnosers_of_the_same_runs_stand_side_by_side() -> None:
     assert [cell["right"] for cell in jam["cells"]] == ["1", "0"]
     assert [cell["count"] for cell in whole["cells"]] == ["1", "1"]
     assert injected["configurations"] == ["hybrid"]
-    assert injected["title"].endswith("recorded runs with a software fault put in")
+    assert injected["title"].endswith("recorded runs with an injected software fault")
 
 
 def test_only_residuals_near_their_limits_are_drawn(drawn: str) -> None:

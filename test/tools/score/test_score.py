@@ -154,7 +154,7 @@ def test_a_summary_never_adds_real_and_simulated_up() -> None:
         "s/j/4": "group too large",
         "s/j/5": "failed",
     }
-    assert "lost: s, Jam" in tables(summary)
+    assert "below the limit: s, Jam" in tables(summary)
 
 
 def test_a_group_that_nothing_splits_by_design_is_counted_apart_and_is_not_right() -> None:
@@ -191,4 +191,4 @@ def test_what_the_verdict_says_it_cannot_show_is_counted_apart() -> None:
     summary = summarise(campaign, (unseen,))
     assert summary["lost_rows"] == []
     assert summary["parts"][0]["not_right"] == []
-    assert "1 not observable, as the verdict says" in tables(summary)
+    assert "1 listed as not observable" in tables(summary)
