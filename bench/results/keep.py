@@ -18,6 +18,7 @@ from typing import Any
 
 from kept import FOLDER, KeptResult, KeptRow, Origin, write_kept
 
+TIMES = ("us", "ms", "s", "s of CPU")
 OF_AN_EVALUATION = 2
 """Oldest version of an evaluation's summary that says when and from what it was made."""
 
@@ -33,6 +34,7 @@ def main() -> int:
     parser.add_argument("--developed-on", default="", help="runs that the method was tuned on")
     parser.add_argument("--scored-on", default="", help="runs behind the figures")
     parser.add_argument("--note", action="append", default=[], help="a sentence above the table")
+    parser.add_argument("--ratios", action="store_true", help="a bench: leave out absolute times")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="default: docs/results/kept")
     arguments = parser.parse_args()
     try:
@@ -101,7 +103,8 @@ def rows_of(part: dict[str, Any], several: bool) -> Iterator[KeptRow]:
 
 def of_bench(summary: dict[str, Any], arguments: argparse.Namespace) -> KeptResult:
     """Figures of a bench; its load and backend describe the machine."""
-    figures = summary["figures"]
+    figures, left_out = summary["figures"], TIMES if arguments.ratios else ()
+    machine = f"{summary['cores']} cores, load average {summary['load']:.1f}"
     return KeptResult(
         arguments.title,
         f"scripts/bench {summary['name']}",
@@ -111,8 +114,8 @@ def of_bench(summary: dict[str, Any], arguments: argparse.Namespace) -> KeptResu
             developed_on=arguments.developed_on,
             scored_on=arguments.scored_on,
         ),
-        tuple(of_figure(figure) for figure in figures),
-        machine=f"{summary['cores']} cores, load average {summary['load']}, {summary['backend']}",
+        tuple(of_figure(figure) for figure in figures if figure["unit"] not in left_out),
+        machine=f"{machine}, {summary['backend']}",
         notes=tuple(arguments.note),
     )
 

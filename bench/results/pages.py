@@ -66,7 +66,7 @@ PAGES = (
         "Performance",
         "Ratios within one run travel from machine to machine; absolute times hold for the machine "
         "and its load at the time.",
-        ("speed", "scan", "observer", "features", "stand", "filters", "chain",
+        ("speed", "scan", "observer", "features", "filters", "chain",
          "processes"),
     ),
     ResultPage(
@@ -81,10 +81,10 @@ PAGES = (
 HEADLINES = (
     Headline("Real recordings, jam: detected, final group {ball_nut_friction, jam}", "real", "jam"),
     Headline("Real recordings, nominal: no alarm", "real", "nominal"),
-    Headline("Real recordings that become jammed ones", "switch", "jam"),
-    Headline("Sensor faults put into real recordings: right sensor", "injections", "all"),
-    Headline("The paper's Table 4, simulated", "table4", "all"),
-    Headline("The same on a fresh seed", "table4_fresh", "all"),
+    Headline("Real recordings that switch to a jammed unit: jam found", "switch", "jam"),
+    Headline("Software faults injected into real recordings: right sensor", "injections", "all"),
+    Headline("Table 4 of the paper, simulated", "table4", "all"),
+    Headline("Rows of Table 4 on a fresh seed, this state", "table4_fresh", "all"),
     Headline("False alarms, simulated healthy running", "table4", "false alarms, healthy running"),
     Headline("Vibration: the whole diagnosis of four faults", "diagnosis_study", "all: diagnosis"),
     Headline("Vibration: features alone, four faults", "features_alone",

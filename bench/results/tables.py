@@ -31,7 +31,9 @@ def columns(kept: KeptResult) -> dict[str, list[str]]:
     """Header -> cells; a column in which nothing stands is left out."""
     rows = kept.rows
     more = dict.fromkeys(name for row in rows for name in row.cells)
-    interval = "95 % interval" if all(row.value is None for row in rows) else "range"
+    interval = (
+        "95 % interval" if all(row.value is None for row in rows) else "95 % interval or range"
+    )
     origins = [kept.origin_of(row) for row in rows]
     found = {
         "row": [row.name for row in rows],

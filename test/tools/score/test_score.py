@@ -192,3 +192,21 @@ def test_what_the_verdict_says_it_cannot_show_is_counted_apart() -> None:
     assert summary["lost_rows"] == []
     assert summary["parts"][0]["not_right"] == []
     assert "1 listed as not observable" in tables(summary)
+
+
+def test_a_summary_says_when_from_what_and_by_which_seed_it_was_made() -> None:
+    drawn = {"kind": "drawn", "name": "s", "seed": 7, "rows": [{"title": "Jam", "fault": "jam"}]}
+    recorded = {"kind": "recordings", "name": "r", "files": "x"}
+    campaign = campaign_from_mapping(
+        {"schema_version": 1, "name": "c", "sources": [drawn, recorded]}, "c.yaml"
+    )
+    runs = (
+        replace(JAM, date="2026-11-22", commit="123456789"),
+        replace(MISSED, date="2026-11-21", commit="123456789"),
+        replace(NOMINAL, id="r/n/1", kind="real"),  # of a version that noted neither
+    )
+    summary = summarise(campaign, runs)
+    assert summary["schema_version"] == 2
+    assert summary["dates"] == ["2026-11-21", "2026-11-22"]
+    assert summary["commits"] == ["123456789"]
+    assert {part["source"]: part["seed"] for part in summary["parts"]} == {"s": 7, "r": None}
