@@ -85,7 +85,9 @@ def _metrics(scores: Mapping[str, Any]) -> list[tuple[str, str]]:
         (
             "false alarms",
             f"{alarms['alarms']} in {alarms['hours']} h nominal: "
-            f"{alarms['low']} to {alarms['high']} per hour (95 %)",
+            f"{alarms['low']} to {alarms['high']} per hour (95 %)"
+            if alarms["hours"]
+            else "no healthy running",
         )
     )
     rows += [(name, _spread_words(scores[key], unit)) for name, key, unit in _SPREADS]

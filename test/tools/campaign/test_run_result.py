@@ -33,6 +33,14 @@ def test_a_line_reads_back(result: RunResult) -> None:
     assert from_mapping(json.loads(line), "x") == result
 
 
+def test_a_line_of_an_older_version_has_no_origin() -> None:
+    content = json.loads(JAM.to_line())
+    del content["date"], content["commit"]
+    assert from_mapping(content, "x") == JAM
+    named = replace(JAM, date="2026-11-22", commit="123456789")
+    assert from_mapping(json.loads(named.to_line()), "x") == named
+
+
 @pytest.mark.parametrize(
     ("result", "right"),
     [
