@@ -82,9 +82,7 @@ def features() -> list[Figure]:
         if name in rivals:
             rival = f"{RIVALS[name][0]} {rivals[name] * 1e6:.0f} us, {rivals[name] / spent:.1f} x"
             figures.append(
-                Figure(
-                    f"{name}, faster", rivals[name] / spent, "x", ROUNDS, against=RIVALS[name][0]
-                )
+                Figure(f"{name}, speed", rivals[name] / spent, "x", ROUNDS, against=RIVALS[name][0])
             )
         print(f"{name:32s}{spent * 1e6:9.0f}{spent / found['std']:9.1f}   {rival}")
     table = load_features("feature_table.yaml").features

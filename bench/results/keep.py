@@ -69,6 +69,8 @@ def of_evaluation(summary: dict[str, Any], arguments: argparse.Namespace) -> Kep
         raise ValueError(
             f"schema_version is {version}, and its lines have no date or commit: evaluate anew"
         )
+    if summary["failed"]:
+        raise ValueError(f"{summary['failed']} runs failed: repeat the same flea evaluate")
     if not arguments.scored_on:
         raise ValueError("say with --scored-on what these runs are")
     parts = summary["parts"]

@@ -108,6 +108,7 @@ def test_what_cannot_be_shown_is_refused_by_name(tree: Path, name: str, words: s
 SUMMARY = {
     "schema_version": 2,
     "campaign": "short",
+    "failed": 0,
     "dates": ["2026-11-22"],
     "commits": ["123456789"],
     "parts": [
@@ -152,6 +153,9 @@ def test_an_evaluation_without_its_origin_is_refused(tmp_path: Path) -> None:
     status, words = kept_of(tmp_path, {**SUMMARY, "schema_version": 1}, "--scored-on", "seed 7")
     assert status == 2
     assert "evaluate anew" in words
+    status, words = kept_of(tmp_path, {**SUMMARY, "failed": 2}, "--scored-on", "seed 7")
+    assert status == 2
+    assert "2 runs failed" in words
     status, words = kept_of(tmp_path, SUMMARY)
     assert status == 2
     assert "--scored-on" in words

@@ -138,12 +138,12 @@ def _of(source: Any, campaign: Campaign, recordings: RecordingSet) -> Iterator[C
 
 
 def _calibration(campaign: Campaign) -> str:
-    """The simulated stand has its own calibration unless the campaign names a file."""
+    """Calibration for simulated runs: the stand's own unless the campaign names a file."""
     return "" if campaign.calibration == HALVES else _found(campaign, campaign.calibration)
 
 
 def _found(campaign: Campaign, name: str) -> str:
-    """A file beside the campaign where there is one of this name."""
+    """A file in the campaign's folder if it exists, else the name as it is."""
     path = campaign.folder / name
     return str(path) if path.is_file() else name
 
@@ -219,7 +219,7 @@ def _recorded(source: Recordings, campaign: Campaign, recordings: RecordingSet) 
 
 
 def _injected(source: Injections, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
-    """So many cases of each row, or of each rung of its ladder; recordings in turn."""
+    """The cases of each row, or of each size of its ladder; recordings by turns."""
     from flea_diag.tools.recordings import injection
 
     runs = [r for r in recordings.matching(source.files, campaign.folder) if r.truth == NOMINAL]
@@ -254,7 +254,7 @@ def _folded(case: Case, run: RecordedRun, recordings: RecordingSet) -> Iterator[
 
 
 def _spliced(source: Switches, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
-    """Every faulty run that has a nominal one of the same motion and load."""
+    """Every faulty run with a nominal run of the same motion and load."""
     nominal: dict[str, RecordedRun] = {}
     for run in recordings.matching(source.nominal, campaign.folder):
         if run.truth == NOMINAL:

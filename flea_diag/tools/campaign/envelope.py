@@ -35,11 +35,11 @@ class Envelope:
         self._used = 0
 
     def add(self, time_s: float, values: Sequence[float]) -> None:
-        """Take one sample at ``time_s`` >= 0 after the start; NaN leaves its column alone."""
+        """Add one sample at ``time_s`` >= 0 after the start; NaN is ignored."""
         self.add_block(np.array([time_s]), np.array([values], dtype=np.float64))
 
     def add_block(self, times_s: Array, values: Array) -> None:
-        """Take n samples in any order, shapes (n,) and (n, columns)."""
+        """Add n samples in any order, shapes (n,) and (n, columns)."""
         while int(times_s.max() / self.stretch_s) >= MOST_STRETCHES:
             self._double()
         at = (times_s / self.stretch_s).astype(np.int64)
@@ -61,7 +61,7 @@ class Envelope:
         self.stretch_s *= 2.0
 
     def extremes(self, column: int) -> tuple[list[float | None], list[float | None]]:
-        """Lowest and highest value of each stretch; None where the column had none."""
+        """Lowest and highest value of each stretch; None without a value."""
         return (
             _rounded(self._low[: self._used, column]),
             _rounded(self._high[: self._used, column]),

@@ -1,4 +1,4 @@
-"""What happened in one run, small enough to be drawn: traces, symbols, the group, features."""
+"""A trace of one run for its drawing: signals, residuals, symbols, group and features."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from flea_diag.wire.records import (
 SCHEMA_VERSION = 1
 SUFFIX = ".trace.json.gz"
 LARGEST_BYTES = 16 << 20
-"""Unpacked; a trace of ours is a tenth of that at most."""
+"""Unpacked; usual traces have at most a tenth of this."""
 
 BAND = 2.0
 """Standard deviations from an estimate to an edge of its band."""
@@ -38,7 +38,7 @@ Array = npt.NDArray[Any]
 
 
 class RunTrace:
-    """Takes the records of a run, source and caused, in any order of kinds; bounded memory."""
+    """Collects the records of a run, input and output, in bounded memory."""
 
     def __init__(self) -> None:
         self._start_ns: int | None = None
@@ -64,7 +64,7 @@ class RunTrace:
         }
 
     def add(self, record: Record | Block) -> None:
-        """Take one record; kinds that are not drawn are left out."""
+        """Add one record; kinds that are not drawn are ignored."""
         take = self._kinds.get(type(record))
         if take is not None:
             take(record)
@@ -89,14 +89,14 @@ class RunTrace:
         self._residuals(block_of(residual))
 
     def _residuals(self, block: ResidualBlock) -> None:
-        """Each residual as a share of its limit: beyond 1 or -1 it deviates."""
+        """Each residual relative to its limit: it deviates beyond 1 or -1."""
         limits = np.where(block.thresholds > 0.0, block.thresholds, np.nan)
         names = tuple(f"{name}/limit" for name in block.names)
         self._draw(block.stamps_ns, names, block.z / limits)
         self._estimates(block)
 
     def _estimates(self, block: ResidualBlock) -> None:
-        """Each estimate as its band: from BAND standard deviations below it to as many above."""
+        """Band of each estimate: BAND standard deviations below and above it."""
         if not block.estimated:
             return
         names = tuple(f"{name}/band" for name in block.estimated)
@@ -105,7 +105,7 @@ class RunTrace:
         self._draw(np.tile(block.stamps_ns, 2), names, edges)
 
     def _draw(self, stamps_ns: Array, names: tuple[str, ...], values: Array) -> float:
-        """Take samples into the trace of these names; the time of the last one."""
+        """Add samples to the trace of these names; return the time of the last one."""
         start_s = self._seconds(int(stamps_ns[0]))
         times_s = start_s + (stamps_ns - stamps_ns[0]) / 1e9
         inside = times_s >= 0.0
@@ -162,7 +162,7 @@ class RunTrace:
         self._truth.append([truth.fault, (truth.onset_ns - start_ns) / 1e9])
 
     def to_mapping(self) -> dict[str, Any]:
-        """All of it as plain data; None where a trace has no value."""
+        """The trace as plain data; None where a signal has no value."""
         return {
             "schema_version": SCHEMA_VERSION,
             "duration_s": self._last_s,
@@ -183,18 +183,18 @@ class RunTrace:
 
 
 def trace_path(detail: Path) -> Path:
-    """Where the trace of a run is, beside its details."""
+    """File of a run's trace, beside its details."""
     return detail.with_suffix(SUFFIX)
 
 
 def write_trace(detail: Path, trace: RunTrace) -> None:
-    """Keep a trace beside the run's details; equal traces give equal bytes."""
+    """Write a trace beside the run's details; equal traces give equal bytes."""
     text = json.dumps(trace.to_mapping(), allow_nan=False, separators=(",", ":"))
     trace_path(detail).write_bytes(gzip.compress(text.encode(), mtime=0))
 
 
 def read_trace(detail: Path) -> dict[str, Any] | None:
-    """The trace kept beside a run's details; None where there is none that can be drawn."""
+    """The trace beside a run's details; None if there is none or it cannot be read."""
     try:
         with gzip.open(trace_path(detail)) as stream:
             content = json.loads(stream.read(LARGEST_BYTES))

@@ -1,4 +1,4 @@
-"""Small charts as SVG text, drawn for paper, a phone and a screen alike; no script, no font.
+"""Small charts as SVG text for screen, phone and paper; no script, no font.
 
 Each takes what ``run_trace`` kept. Colours come from the page's style sheet by class, and every
 meaning has a shape or a word besides its colour.
@@ -14,14 +14,14 @@ from typing import Any
 WIDTH = 720.0
 LEFT, RIGHT = 8.0, 8.0
 POINTS = 180
-"""Stretches of a drawn trace: neighbours are joined until so few are left."""
+"""Most stretches of a drawn trace; neighbours are joined."""
 STRIP_HEIGHT = 64.0
 ROW_HEIGHT = 16.0
 NAMES = 190.0
 LIMIT_SHOWN = 3.0
-"""Residuals are drawn up to so many times their limit."""
+"""Residuals are clipped at this multiple of their limit."""
 ESTIMATE_ROOM = 0.3
-"""An estimate may widen a chart by this share of the signal's range; beyond, it is cut."""
+"""An estimate may widen a chart by this share of the signal's range; beyond, it is clipped."""
 MOST_TICKS = 8
 
 Trace = Mapping[str, Any]
@@ -70,7 +70,7 @@ def strip(
 
 
 def time_axis(duration_s: float, left: float = LEFT) -> str:
-    """Seconds below a block of charts that begin at ``left``; words, since charts are stretched."""
+    """Time axis below charts that begin at ``left``; text, since charts are stretched."""
     raw = max(duration_s, 1e-9) / MOST_TICKS
     size = 10.0 ** math.floor(math.log10(raw))
     step = next(size * k for k in (1, 2, 5, 10) if size * k >= raw * (1.0 - 1e-9))
@@ -84,7 +84,7 @@ def time_axis(duration_s: float, left: float = LEFT) -> str:
 
 
 def _range(trace: Trace, limit: bool) -> tuple[float, float]:
-    """Least and greatest value that a chart of this trace shows."""
+    """Smallest and largest value of a chart of this trace."""
     known = [v for key in ("low", "high") for v in trace[key] if v is not None]
     bottom, top = (min(known), max(known)) if known else (0.0, 1.0)
     if limit:
@@ -94,7 +94,7 @@ def _range(trace: Trace, limit: bool) -> tuple[float, float]:
 
 
 def _bands(trace: Trace, kind: str, x: Any, y: Any) -> str:
-    """Each stretch without a hole as an area, an estimate with a line through its middle."""
+    """Each stretch without a gap as an area; an estimate with its centre line."""
     low, high = _joined(trace["low"], min), _joined(trace["high"], max)
     stretch_s = trace["stretch_s"] * len(trace["low"]) / max(len(low), 1)
     drawn = []
@@ -142,7 +142,7 @@ def symbol_matrix(
 def group_steps(
     groups: Sequence[Mapping[str, Any]], duration_s: float, marks: Iterable[Mark] = ()
 ) -> str:
-    """The ambiguity group shrinking: one line a fault for as long as it was in the group."""
+    """The ambiguity group over time: one line per fault while it is in the group."""
     spans = _memberships(groups, duration_s)
     if not spans:
         return ""
@@ -164,7 +164,7 @@ def group_steps(
 def _memberships(
     groups: Sequence[Mapping[str, Any]], duration_s: float
 ) -> dict[str, tuple[float, float, bool]]:
-    """Fault -> from when to when, and whether it stayed, of the last episode; last out first."""
+    """Fault -> start, end and whether it remained, in the last episode; last dropped first."""
     last = max((group["episode"] for group in groups), default=0)
     part = [group for group in groups if last and group["episode"] == last]
     ends = [group["at_s"] for group in part[1:]] + [duration_s] * bool(part)
@@ -186,7 +186,7 @@ def _joined(values: Sequence[float | None], pick: Any) -> list[float | None]:
 def _runs(
     low: Sequence[float | None], high: Sequence[float | None]
 ) -> list[list[tuple[int, float, float]]]:
-    """Stretches without a hole."""
+    """Stretches without a gap."""
     runs: list[list[tuple[int, float, float]]] = [[]]
     for k, (a, b) in enumerate(zip(low, high, strict=True)):
         if a is None or b is None:
