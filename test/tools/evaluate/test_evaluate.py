@@ -164,7 +164,7 @@ def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
     _, errors = process.communicate(timeout=30.0)
     assert process.returncode == 130
     kept = read_results(output)
-    assert f"{len(kept)} of 6 runs are kept" in errors
+    assert f"{len(kept)} of 6 runs are done" in errors
     assert "Traceback" not in errors
     summary = json.loads((output / "summary.json").read_text(encoding="utf-8"))
     assert summary["runs"] == len(kept) < 6
@@ -209,7 +209,7 @@ def test_a_defect_of_ours_is_one_line_that_names_the_place(
     ("arguments", "words"),
     [
         (["x.yaml"], "x.yaml: no such configuration file"),
-        (["x.yaml", "-j", "0"], "-j 0: from 1 to 1024"),
+        (["x.yaml", "-j", "0"], "-j 0: must be from 1 to 1024"),
     ],
 )
 def test_what_cannot_be_run_is_refused(
@@ -224,7 +224,7 @@ def test_an_empty_folder_and_a_missing_package_are_said_before_any_work(
 ) -> None:
     (tmp_path / "empty").mkdir()
     assert main(["evaluate", str(tmp_path / "empty"), "-o", str(tmp_path / "out")]) == 2
-    assert "empty': neither a bag nor a .data file" in capsys.readouterr().err
+    assert "empty': no bag, no .data file" in capsys.readouterr().err
     monkeypatch.setattr(extra, "find_spec", lambda name: None)
     assert main(["evaluate", "small.yaml", "-o", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
