@@ -124,12 +124,7 @@ def step_numpy(
     d = np.where(measured, y - ahead, 0.0)
     weights = cloud[1]
     middle = seen @ (x @ weights)
-    start = whitening @ d
-    centre = start - middle[p:]
-    error = start[:, None] - seen[p:] @ x
-    apart = error - centre[:, None]
-    expected = (apart * weights) @ apart.T
-    expected.flat[:: p + 1] += 1.0
+    error, centre, expected = whitened(x, weights, whitening @ d, seen[p:], middle[p:])
     ahead += middle[:p]
     result[:p] = ahead
     np.subtract(y, ahead, out=result[p : 2 * p])
@@ -161,6 +156,31 @@ def step_numpy(
     if len(spread):
         new += spread.T @ normal_numbers(chosen, table, (len(spread), count))
     return True
+
+
+def whitened(
+    x: Array, weights: Array, start: Array, seen: Array, middle: Array
+) -> tuple[Array, Array, Array]:
+    """Whitened errors of all particles, their weighted mean and the innovation's covariance.
+
+    Parameters
+    ----------
+    start : shape (p,)
+        W d, the whitened part of the error that all particles share.
+    seen, middle : shape (p, n), (p,)
+        G T, and G T times the weighted mean of the particles.
+
+    Returns
+    -------
+    error, centre, expected : shape (p, N), (p,), (p, p)
+        ``expected`` is the covariance of ``error`` plus one, that of the whitened noise.
+    """
+    centre = start - middle
+    error = start[:, None] - seen @ x
+    apart = error - centre[:, None]
+    expected = (apart * weights) @ apart.T
+    expected.flat[:: len(start) + 1] += 1.0
+    return error, centre, expected
 
 
 def squared_length(covariance: list[list[float]], vector: list[float]) -> float:

@@ -1,8 +1,11 @@
 """``particle_kernel.step_numpy`` as loops, for numba to compile.
 
 These functions call nothing but each other, because this package runs without numba too. Read
-``step_numpy`` first; the sections come in its order. Loops over particles are innermost, so that
+``step_numpy`` first; the steps come in its order. Loops over particles are innermost, so that
 they vectorise.
+
+Parts take the row of matrices with offsets into it, not views: of views, LLVM vectorises the
+sums over states and channels too, whose last bits would then depend on the width of vectors.
 """
 
 from __future__ import annotations
@@ -13,31 +16,13 @@ import numpy as np
 
 from flea_diag.core.observers.normal_table import Indices
 from flea_diag.core.observers.particle_kernel import Array
-
-LN2 = math.log(2.0)
-INVERSE_LN2 = 1.0 / LN2
-INVERSE_FACTORIALS = tuple(1.0 / math.factorial(k) for k in range(13))
-
-
-def exp_loops(v: Array, found: Array) -> None:
-    """Exponentials of ``v``, -700 or more and not positive, which is used up.
-
-    exp(v) = 2^k exp(r), |r| <= ln(2)/2, by Taylor's series to the last bit: this vectorises, a
-    call of exp() does not.
-    """
-    power = np.empty(len(v), np.int64)
-    scale = power.view(np.float64)
-    for i in range(len(v)):
-        k = math.floor(v[i] * INVERSE_LN2 + 0.5)
-        v[i] -= k * LN2
-        power[i] = (np.int64(k) + 1023) << 52
-        found[i] = 1.0 / 6227020800.0
-    for degree in range(13, 0, -1):
-        inverse = INVERSE_FACTORIALS[degree - 1]
-        for i in range(len(v)):
-            found[i] = found[i] * v[i] + inverse
-    for i in range(len(v)):
-        found[i] *= scale[i]
+from flea_diag.core.observers.resampling_loops import (
+    exp_loops,
+    likelihood_loops,
+    mean_loops,
+    normalisation_loops,
+    resampling_loops,
+)
 
 
 def step_loops(
@@ -55,11 +40,57 @@ def step_loops(
 ) -> bool:
     """One scan; arguments as in ``particle_kernel``, matrices as ``pack`` puts them."""
     n, count = x.shape
-    p, m = len(y), len(u)
+    p = len(y)
     log_weights, weights = cloud[0], cloud[1]
-    # Where pack() put what: T, keep, H T, G T, K', B, drive, h, W, factor, L'.
-    T, keep = 0, n * n
-    HT = 2 * n * n
+    T, keep, HT, GT, gain, B, drive, h, whitening, factor, spread = offsets(n, p, len(u))
+    for a in range(p):
+        if math.isfinite(y[a]) != (flat[whitening + a * p + a] != 0.0):
+            return False
+    error = np.empty((p + 1 + n, count))
+    fit, noise = error[p], error[p + 1 :]
+    small = np.zeros(2 * n + 2 * p + p * p)
+    held, middle = small[:n], small[n : 2 * n]
+    d, centre = small[2 * n : 2 * n + p], small[2 * n + p : 2 * n + 2 * p]
+    expected = small[2 * n + 2 * p :].reshape(p, p)
+
+    mean_loops(x, weights, middle)
+    input_loops(flat, B, u, held)
+    prediction_loops(flat, HT, drive, h, middle, u, y, d, result)
+    whitening_loops(x, weights, flat, GT, whitening, d, error, fit, centre, expected)
+    sigma_loops(flat, factor, expected, result[2 * p : 3 * p])
+    nis = nis_loops(expected, centre)
+
+    largest = likelihood_loops(log_weights, weights, fit)
+    # In a part of their own these sums come out otherwise in the last bits.
+    total, squares = 0.0, 0.0
+    for i in range(count):
+        total += weights[i]
+        squares += weights[i] * weights[i]
+    normalisation_loops(log_weights, weights, largest, total)
+    ess = total * total / squares
+    good = math.isfinite(largest)
+    result[3 * p + n] = nis if good else math.inf
+    result[3 * p + n + 1] = ess
+    if good:
+        correction_loops(flat, gain, d, held)
+    else:
+        keep = T
+    mean_loops(x, weights, middle)
+    for a in range(n):
+        s = held[a]
+        for c in range(n):
+            s += flat[keep + a * n + c] * middle[c]
+        result[3 * p + a] = s
+
+    source = resampling_loops(x, log_weights, weights, uniform) if ess < threshold else x
+    draw_loops(source, flat, keep, held, spread, chosen, table, noise, new)
+    return True
+
+
+def offsets(n: int, p: int, m: int) -> tuple[int, ...]:
+    """Where ``pack`` puts T, keep, H T, G T, K', B, drive, h, W, factor and L'."""
+    keep = n * n
+    HT = keep + n * n
     GT = HT + p * n
     gain = GT + p * n
     B = gain + p * n
@@ -68,25 +99,31 @@ def step_loops(
     whitening = h + p
     factor = whitening + p * p
     spread = factor + p * p
-    q = (len(flat) - spread) // n
-    for a in range(p):
-        if math.isfinite(y[a]) != (flat[whitening + a * p + a] != 0.0):
-            return False
+    return 0, keep, HT, GT, gain, B, drive, h, whitening, factor, spread
 
-    # Prediction of every channel; what the inputs and the measurement add to all particles.
-    error = np.empty((p + 1 + max(q, 1), count))
-    small = np.zeros(2 * n + 2 * p + p * p)
-    held, middle = small[:n], small[n : 2 * n]
-    d, centre = small[2 * n : 2 * n + p], small[2 * n + p : 2 * n + 2 * p]
-    expected = small[2 * n + 2 * p :].reshape(p, p)
+
+def input_loops(flat: Array, B: int, u: Array, held: Array) -> None:
+    """Add B u, what the inputs do to all particles; a missing input counts as zero."""
+    n, m = len(held), len(u)
     for c in range(n):
-        s = 0.0
-        for i in range(count):
-            s += x[c, i] * weights[i]
-        middle[c] = s
         for b in range(m):
             if not math.isnan(u[b]):
                 held[c] += flat[B + c * m + b] * u[b]
+
+
+def prediction_loops(
+    flat: Array,
+    HT: int,
+    drive: int,
+    h: int,
+    mean: Array,
+    u: Array,
+    y: Array,
+    d: Array,
+    result: Array,
+) -> None:
+    """Prediction and residual of each channel; d = y - h - drive u, where measured."""
+    n, p, m = len(mean), len(y), len(u)
     for a in range(p):
         ahead = flat[h + a]
         for b in range(m):
@@ -95,12 +132,28 @@ def step_loops(
         if math.isfinite(y[a]):
             d[a] = y[a] - ahead
         for c in range(n):
-            ahead += flat[HT + a * n + c] * middle[c]
+            ahead += flat[HT + a * n + c] * mean[c]
         result[a] = ahead
         result[p + a] = y[a] - ahead
 
-    # Whitened errors of all particles, their weighted mean and covariance, their fit.
-    fit = error[p]
+
+def whitening_loops(
+    x: Array,
+    weights: Array,
+    flat: Array,
+    GT: int,
+    whitening: int,
+    d: Array,
+    error: Array,
+    fit: Array,
+    centre: Array,
+    expected: Array,
+) -> None:
+    """Whitened errors of all particles, their squares' sum, weighted mean and covariance.
+
+    ``expected`` is this covariance plus one, the covariance of the whitened innovation.
+    """
+    n, p, count = len(x), len(d), len(weights)
     fit[:] = 0.0
     for a in range(p):
         if flat[whitening + a * p + a] == 0.0:
@@ -132,15 +185,23 @@ def step_loops(
         expected[a, a] = s
     for a in range(p):
         expected[a, a] += 1.0
+
+
+def sigma_loops(flat: Array, factor: int, expected: Array, sigma: Array) -> None:
+    """Standard deviation of each channel's residual."""
+    p = len(sigma)
     for a in range(p):
         s = 0.0
         for b in range(a + 1):
             for c in range(a + 1):
                 s += flat[factor + a * p + b] * expected[b, c] * flat[factor + a * p + c]
-        result[2 * p + a] = math.sqrt(s)
-    # NIS = |C^-1 centre|^2 by way of Cholesky's factor C of what is expected, in place.
+        sigma[a] = math.sqrt(s)
+
+
+def nis_loops(expected: Array, centre: Array) -> float:
+    """NIS = |C^-1 centre|^2 by way of Cholesky's factor C of ``expected``, both in place."""
     nis = 0.0
-    for a in range(p):
+    for a in range(len(centre)):
         for b in range(a + 1):
             s = expected[a, b]
             for c in range(b):
@@ -151,70 +212,34 @@ def step_loops(
             s -= expected[a, c] * centre[c]
         centre[a] = s / expected[a, a]
         nis += centre[a] * centre[a]
+    return nis
 
-    # Weights by way of their logarithms.
-    largest = -math.inf
-    for i in range(count):
-        log_weights[i] -= 0.5 * fit[i]
-        if log_weights[i] > largest:
-            largest = log_weights[i]
-    good = math.isfinite(largest)
-    for i in range(count):
-        v = log_weights[i] - largest if good else 0.0
-        fit[i] = v if v > -700.0 else -700.0  # below e^-700, or NaN, counts as nothing
-    exp_loops(fit, weights)
-    total, squares = 0.0, 0.0
-    for i in range(count):
-        total += weights[i]
-        squares += weights[i] * weights[i]
-    ess = total * total / squares
-    lost = largest + math.log(total) if good else 0.0
-    share = 1.0 / total
-    for i in range(count):
-        weights[i] *= share
-        log_weights[i] = log_weights[i] - lost if good else -math.log(count)
-    result[3 * p + n] = nis if good else math.inf
-    result[3 * p + n + 1] = ess
-    if good:
-        for a in range(p):
-            for c in range(n):
-                held[c] += flat[gain + a * n + c] * d[a]
-    else:
-        keep = T
-    for c in range(n):
-        s = 0.0
-        for i in range(count):
-            s += x[c, i] * weights[i]
-        middle[c] = s
-    for a in range(n):
-        s = held[a]
+
+def correction_loops(flat: Array, gain: int, d: Array, held: Array) -> None:
+    """Add K d, what the measurement does to all particles."""
+    n, p = len(held), len(d)
+    for a in range(p):
         for c in range(n):
-            s += flat[keep + a * n + c] * middle[c]
-        result[3 * p + a] = s
+            held[c] += flat[gain + a * n + c] * d[a]
 
-    source = x
-    if ess < threshold:
-        # How many particles have all their copies before place k: the index of the one at k.
-        done = np.zeros(count + 1, np.int64)
-        reached = 0.0
-        for i in range(count - 1):
-            reached += weights[i] * count
-            done[min(count, math.ceil(reached - uniform))] += 1
-        source = np.empty((n, count))
-        index = 0
-        for k in range(count):
-            index += done[k]
-            done[k] = index
-        for c in range(n):
-            for k in range(count):
-                source[c, k] = x[c, done[k]]
-        weights[:] = 1.0 / count
-        log_weights[:] = -math.log(count)
 
+def draw_loops(
+    source: Array,
+    flat: Array,
+    keep: int,
+    held: Array,
+    spread: int,
+    chosen: Indices,
+    table: Array,
+    noise: Array,
+    new: Array,
+) -> None:
+    """The particles after this scan: what is common to all, their own part, and noise L e."""
+    n, count = source.shape
+    q = (len(flat) - spread) // n
     for b in range(q):
-        row = error[p + 1 + b]
         for i in range(count):
-            row[i] = table[chosen[b * count + i]]
+            noise[b, i] = table[chosen[b * count + i]]
     for a in range(n):
         row = new[a]
         row[:] = held[a]
@@ -227,9 +252,23 @@ def step_loops(
             wide = flat[spread + b * n + a]
             if wide != 0.0:
                 for i in range(count):
-                    row[i] += wide * error[p + 1 + b, i]
-    return True
+                    row[i] += wide * noise[b, i]
 
 
-STEP = (step_loops, exp_loops)
+STEP = (
+    step_loops,
+    offsets,
+    input_loops,
+    prediction_loops,
+    whitening_loops,
+    sigma_loops,
+    nis_loops,
+    likelihood_loops,
+    normalisation_loops,
+    correction_loops,
+    mean_loops,
+    resampling_loops,
+    draw_loops,
+    exp_loops,
+)
 """What ``backend.compiled`` takes: the function, and what it calls."""

@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from flea_diag.core.observers.normal_table import Indices
 from flea_diag.core.observers.particle_kernel import Array
-from flea_diag.core.observers.particle_loops import STEP, exp_loops, step_loops
+from flea_diag.core.observers.particle_loops import STEP, step_loops
+from flea_diag.core.observers.resampling_loops import exp_loops
 
 Flags = npt.NDArray[np.bool_]
 
