@@ -15,7 +15,7 @@ INSTALLED = Path("share/flea_diag/config/scenarios")
 
 
 def _folders() -> Iterator[Path]:
-    yield Path(__file__).resolve().parent.parent / "config" / "scenarios"
+    yield Path(__file__).resolve().parents[2] / "config" / "scenarios"
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
         if prefix:
             yield Path(prefix) / INSTALLED

@@ -133,6 +133,12 @@ def test_every_scenario_of_the_package_is_accepted() -> None:
         assert find_scenario(name).run.name == name
 
 
+def test_a_checkout_finds_its_own_scenarios(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AMENT_PREFIX_PATH", "")
+    monkeypatch.setattr("sys.prefix", "/nowhere")
+    assert "jam" in scenario_names()
+
+
 def test_a_scenario_survives_its_file(tmp_path: Path) -> None:
     for number, made in enumerate(table4(3)[::40]):
         path = tmp_path / f"{number}.yaml"
