@@ -56,8 +56,8 @@ class Stand:
         warm = run.ambient_degc + run.warm_degc
         spread = {k: run.unit_spread * sigma for k, sigma in asdict(scenario.spread).items()}
         self.units: dict[str, Unit] = {
-            "Y": draw_unit(draws[0], spread, warm),
-            "X": draw_unit(draws[1], spread, warm),
+            "Y": draw_unit(draws[0], spread),
+            "X": draw_unit(draws[1], spread),
         }
         self.bench = Bench()
         self.unit_in_use = run.active_unit

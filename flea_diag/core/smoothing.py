@@ -50,7 +50,6 @@ class Smoother:
         self._kernels = hann_kernels(length, period_s)
         self._length = length
         self._before = np.full((length - 1, channels), np.nan)
-        self.delay_s = (length - 1) / 2 * period_s
 
     def push(self, rows: Array) -> tuple[Array, Array]:
         """Take rows, shape (n, channels), with n = 1 live and many in a replay.

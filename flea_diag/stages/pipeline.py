@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Any
+from typing import cast
 
-from flea_diag.stages import Stage
+from flea_diag.stages import BlockStage, Stage
 from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock
 from flea_diag.wire.records import Record, Residual, Scan
 
@@ -25,8 +25,9 @@ class Pipeline:
         self.consumes: tuple[type, ...] = tuple(
             dict.fromkeys(kind for stage in self._stages for kind in stage.consumes)
         )
-        self._of_block: dict[type, list[Any]] = {
-            block: [stage for stage in self._stages if kind in stage.consumes]
+        # Whether a stage takes blocks at all is asked first, each time: see ``_takes_blocks``.
+        self._of_block: dict[type, list[BlockStage]] = {
+            block: [cast(BlockStage, stage) for stage in self._stages if kind in stage.consumes]
             for block, kind in IN_BLOCKS.items()
         }
 

@@ -45,7 +45,6 @@ class Unit:
     frame_to_ambient_k_w: float = 2.5
     nut_to_ambient_k_w: float = 4.0
     nut_heat_share: float = 0.6
-    start_temperature_degc: float = 24.0
     current_offset_a: float = 0.32  # measured, on every motor
     voltage_offset_v: float = -1.35  # measured -1.0 to -1.7
 
@@ -97,9 +96,7 @@ Spread: Any = make_dataclass(
 """One standard deviation of each parameter, as a scenario states it."""
 
 
-def draw_unit(
-    generator: np.random.Generator, spread: Mapping[str, float], start_degc: float
-) -> Unit:
+def draw_unit(generator: np.random.Generator, spread: Mapping[str, float]) -> Unit:
     """A unit drawn around the nominal one with these relative standard deviations.
 
     Every parameter takes one draw, whatever its spread.
@@ -111,7 +108,7 @@ def draw_unit(
         name: getattr(nominal, name) * max(1.0 + spread[name] * draw, SMALLEST_SHARE)
         for name, draw in zip(names, draws, strict=True)
     }
-    return replace(nominal, start_temperature_degc=start_degc, **values)
+    return replace(nominal, **values)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import Any
 
 from flea_diag.nodes.run.children import end_with_parent
 from flea_diag.nodes.run.live_run import discovery
+from flea_diag.wire.topics import TOPIC_OF
 from support.places import ROOT
 
 LIMIT_S = 60.0
@@ -146,7 +147,8 @@ class Peer:
         """Keep records of these types, and wait until somebody publishes them."""
         for record_type in record_types:
             self.bus.subscribe(record_type, self.records.append)
-        self.until(lambda: all(self.bus.publishers(kind) for kind in record_types))
+        topics = [TOPIC_OF[record_type].name for record_type in record_types]
+        self.until(lambda: all(map(self.node.count_publishers, topics)))
 
     def find(self, predicate: Callable[[Any], bool], limit_s: float = LIMIT_S) -> Any:
         """First record, also of those to come, for which ``predicate`` holds."""

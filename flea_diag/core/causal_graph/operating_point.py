@@ -27,11 +27,6 @@ class Quadrant:
     current: int
     speed: int
 
-    @property
-    def motoring(self) -> bool:
-        """Whether the motor gives power to the shaft."""
-        return self.current * self.speed > 0
-
     def __str__(self) -> str:
         sign = {1: ">0", -1: "<0", 0: "=0"}
         return f"i{sign[self.current]}, omega{sign[self.speed]}"

@@ -8,11 +8,6 @@ SPEED_REGIONS_M_S = (0.025, 0.060)
 """Upper edges of the slow and the medium region of the mean |speed| in a window."""
 
 
-def speed_region(mean_speed_m_s: float) -> int:
-    """0 slow, 1 medium, 2 fast."""
-    return sum(mean_speed_m_s > edge for edge in SPEED_REGIONS_M_S)
-
-
 @dataclass(frozen=True, slots=True)
 class WindowLimit:
     """Nominal statistics of one residual's mean over ``window`` samples, per speed region.

@@ -65,8 +65,3 @@ def systematic(weights: Array, uniform: float) -> Indices:
     below[-1] = n  # whatever rounding made of the last sum
     below[1:] -= below[:-1].copy()
     return np.repeat(np.arange(n), below)
-
-
-def resample(log_weights: Array, generator: np.random.Generator) -> Indices:
-    """Systematic resampling of log weights, shape (N,) -> indices, shape (N,)."""
-    return systematic(normalised(log_weights)[0], float(generator.random()))

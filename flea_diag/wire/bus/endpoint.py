@@ -229,10 +229,6 @@ class Bus(Generic[P]):
         """Number of subscriptions to the topic of a record type, in any process."""
         return int(self._node.count_subscribers(TOPIC_OF[record_type].name))
 
-    def publishers(self, record_type: type) -> int:
-        """Number of publishers of the topic of a record type, in any process."""
-        return int(self._node.count_publishers(TOPIC_OF[record_type].name))
-
     def wait_for_subscribers(
         self, *record_types: type, count: int = 1, timeout_s: float = 10.0
     ) -> bool:

@@ -13,7 +13,6 @@ from flea_diag.core.observers.normal_table import RandomBits, normal_numbers, ta
 from flea_diag.core.observers.resampling import (
     effective_sample_size,
     normalised,
-    resample,
     systematic,
 )
 from flea_diag.errors import ConfigurationError
@@ -74,12 +73,12 @@ def test_copies_vary_no_more_than_multinomial(row: list[float]) -> None:
     assert (counts(weights).var(axis=0) <= multinomial + 3.0 / 400).all()
 
 
-def test_resample_takes_logarithms_of_any_size() -> None:
+def test_logarithms_of_any_size_resample_alike() -> None:
     log_weights = np.log([0.1, 0.2, 0.3, 0.4]) - 1e5
     drawn = np.random.default_rng(3)
     total = np.zeros(4)
     for _ in range(2000):
-        total += np.bincount(resample(log_weights, drawn), minlength=4)
+        total += np.bincount(systematic(normalised(log_weights)[0], drawn.random()), minlength=4)
     # Standard error of each mean is below 0.5 / sqrt(2000).
     np.testing.assert_allclose(total / 2000, [0.4, 0.8, 1.2, 1.6], atol=0.045)
 
