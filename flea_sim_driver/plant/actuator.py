@@ -16,73 +16,89 @@ Array = npt.NDArray[np.float64]
 Sizes = tuple[float | None, ...]
 
 
+HEALTHY: dict[str, float] = {
+    "eccentric": 0.0,
+    "spall": 0.0,
+    "bridge": 1.0,
+    "feedback_scale": 1.0,
+    "feedback_offset": 0.0,
+    "feedback_noise": 0.0,
+    "current_feedback_scale": 1.0,
+    "current_feedback_offset": 0.0,
+    "current_feedback_noise": 0.0,
+    "force_feedback_scale": 1.0,
+    "force_feedback_offset": 0.0,
+    "force_feedback_noise": 0.0,
+}
+"""What only faults change."""
+
+
 def coefficients(unit: Unit, bench: Bench) -> Coefficients:
     """The integrator's coefficients of a healthy unit on the bench."""
+    return Coefficients(**_unit_coefficients(unit), **_bench_coefficients(bench), **HEALTHY)
+
+
+def _unit_coefficients(unit: Unit) -> dict[str, float]:
+    """Motor and screw."""
     lag = unit.winding_resistance_ohm / unit.winding_inductance_h
     order = ball_pass_order(unit)
-    return Coefficients(
-        resistance=unit.winding_resistance_ohm,
-        current_decay=float(np.exp(-STEP_S * lag)),
-        force_constant=unit.force_constant_n_per_a,
-        mass=unit.reflected_mass_kg,
-        coulomb=unit.coulomb_friction_n,
-        stribeck=unit.stribeck_friction_n,
-        stribeck_speed=unit.stribeck_speed_m_s,
-        viscous=unit.viscous_friction_n_s_m,
-        load_friction=unit.load_friction_ratio,
-        backlash=unit.backlash_m,
-        lead_error=unit.lead_error_m,
-        ripple=unit.ball_pass_ripple_n,
-        ripple_order=order,
-        eccentric=0.0,
-        spall=0.0,
-        spall_order=order,
-        screw_ratio=unit.screw_ratio_m_rad,
-        nominal_supply=bench.supply_v,
-        supply=bench.supply_v,
-        supply_resistance=bench.supply_resistance_ohm,
-        current_limit=bench.current_limit_a,
-        dead_time_drop=bench.dead_time_drop_v,
-        bridge=1.0,
-        position_gain=bench.position_gain_v_m,
-        position_knee=bench.position_knee_m,
-        position_reset=bench.position_reset_v_m_s,
-        reset_limit=bench.reset_limit_v,
-        droop=bench.droop_ohm,
-        droop_lag=bench.droop_lag_s,
-        feedback_scale=1.0,
-        feedback_offset=0.0,
-        feedback_noise=0.0,
-        current_feedback_scale=1.0,
-        current_feedback_offset=0.0,
-        current_feedback_noise=0.0,
-        force_feedback_scale=1.0,
-        force_feedback_offset=0.0,
-        force_feedback_noise=0.0,
-        coupling_stiffness=bench.coupling_stiffness_n_m,
-        coupling_damping=bench.coupling_damping_n_s_m,
-        load_mass=bench.load_mass_kg,
-        load_coulomb=bench.load_coulomb_n,
-        load_viscous=bench.load_viscous_n_s_m,
-        load_drag=bench.load_drag_n,
-        load_drag_speed=bench.load_drag_speed_m_s,
-        rough_rest=bench.load_roughness_n,
-        rough_speed=bench.load_roughness_n_s_m,
-        rough_load=bench.load_roughness_per_a,
-        load_constant=bench.load_force_constant_n_per_a,
-        load_lag=bench.load_current_lag_s,
-        brake=bench.brake_a_s_m,
-        brake_knee=bench.brake_knee_n,
-        brake_limit=bench.brake_limit_a,
-        brake_wind=bench.brake_wind_n_s,
-        brake_slack=bench.brake_slack_s,
-        brake_catch=bench.brake_catch_m_s,
-        trim_rate=bench.load_trim_per_s,
-        trim_limit=bench.load_trim_limit_n,
-        stroke=bench.stroke_m,
-        stop_stiffness=bench.end_stop_stiffness_n_m,
-        stop_damping=bench.end_stop_damping_n_s_m,
-    )
+    return {
+        "resistance": unit.winding_resistance_ohm,
+        "current_decay": float(np.exp(-STEP_S * lag)),
+        "force_constant": unit.force_constant_n_per_a,
+        "mass": unit.reflected_mass_kg,
+        "coulomb": unit.coulomb_friction_n,
+        "stribeck": unit.stribeck_friction_n,
+        "stribeck_speed": unit.stribeck_speed_m_s,
+        "viscous": unit.viscous_friction_n_s_m,
+        "load_friction": unit.load_friction_ratio,
+        "backlash": unit.backlash_m,
+        "lead_error": unit.lead_error_m,
+        "ripple": unit.ball_pass_ripple_n,
+        "ripple_order": order,
+        "spall_order": order,
+        "screw_ratio": unit.screw_ratio_m_rad,
+    }
+
+
+def _bench_coefficients(bench: Bench) -> dict[str, float]:
+    """Drive, control loop, coupling, load actuator and end stops."""
+    return {
+        "nominal_supply": bench.supply_v,
+        "supply": bench.supply_v,
+        "supply_resistance": bench.supply_resistance_ohm,
+        "current_limit": bench.current_limit_a,
+        "dead_time_drop": bench.dead_time_drop_v,
+        "position_gain": bench.position_gain_v_m,
+        "position_knee": bench.position_knee_m,
+        "position_reset": bench.position_reset_v_m_s,
+        "reset_limit": bench.reset_limit_v,
+        "droop": bench.droop_ohm,
+        "droop_lag": bench.droop_lag_s,
+        "coupling_stiffness": bench.coupling_stiffness_n_m,
+        "coupling_damping": bench.coupling_damping_n_s_m,
+        "load_mass": bench.load_mass_kg,
+        "load_coulomb": bench.load_coulomb_n,
+        "load_viscous": bench.load_viscous_n_s_m,
+        "load_drag": bench.load_drag_n,
+        "load_drag_speed": bench.load_drag_speed_m_s,
+        "rough_rest": bench.load_roughness_n,
+        "rough_speed": bench.load_roughness_n_s_m,
+        "rough_load": bench.load_roughness_per_a,
+        "load_constant": bench.load_force_constant_n_per_a,
+        "load_lag": bench.load_current_lag_s,
+        "brake": bench.brake_a_s_m,
+        "brake_knee": bench.brake_knee_n,
+        "brake_limit": bench.brake_limit_a,
+        "brake_wind": bench.brake_wind_n_s,
+        "brake_slack": bench.brake_slack_s,
+        "brake_catch": bench.brake_catch_m_s,
+        "trim_rate": bench.load_trim_per_s,
+        "trim_limit": bench.load_trim_limit_n,
+        "stroke": bench.stroke_m,
+        "stop_stiffness": bench.end_stop_stiffness_n_m,
+        "stop_damping": bench.end_stop_damping_n_s_m,
+    }
 
 
 FEEDBACK = {

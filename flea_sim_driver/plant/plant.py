@@ -107,112 +107,143 @@ def _clipped(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
 
 
+def _position_loop(
+    c: Any, dt: float, wanted: float, noise: float, i: float, x: float, felt: float, wish: float
+) -> tuple[float, float, float]:
+    """Voltage command, soft near zero error and drooping with the current, and its states."""
+    seen = c.feedback_scale * x + c.feedback_offset + c.feedback_noise * noise
+    error = wanted - seen
+    sensed = c.current_feedback_scale * i + c.current_feedback_offset
+    sensed += c.current_feedback_noise * noise
+    felt += dt * (sensed - felt) / c.droop_lag
+    command = c.position_gain * error * abs(error) / (abs(error) + c.position_knee)
+    wish = _clipped(wish + dt * c.position_reset * error, c.reset_limit)
+    command += wish - c.droop * felt
+    return command, felt, wish
+
+
+def _drive(c: Any, command: float, emf: float, i: float) -> tuple[float, float, float]:
+    """Limited command, voltage at the winding, and current at the end of the step."""
+    # The drive's current limit acts within a PWM period: no more voltage than it allows.
+    allowed = c.current_limit * c.resistance
+    command = min(max(command, emf - allowed), emf + allowed)
+    command = _clipped(command, c.nominal_supply)
+    available = max(c.supply - c.supply_resistance * abs(i), 0.0)
+    # Winding, exact over the step; bridge 0 = high impedance, no current.
+    voltage = _clipped(command, available) - c.dead_time_drop * i / (abs(i) + 0.1)
+    settled = (voltage - emf) / c.resistance
+    i = settled + (i - settled) * c.current_decay
+    if c.bridge == 0.0:
+        i = 0.0
+        voltage = emf
+    return command, voltage, i
+
+
+def _coupling_force(c: Any, gap: float, closing: float) -> float:
+    """Backlash, then a spring and a damper that can only push."""
+    half = 0.5 * c.backlash
+    if gap > half:
+        return max(c.coupling_stiffness * (gap - half) + c.coupling_damping * closing, 0.0)
+    if gap < -half:
+        return min(c.coupling_stiffness * (gap + half) + c.coupling_damping * closing, 0.0)
+    return 0.0
+
+
+def _ripple_force(c: Any, angle: float) -> float:
+    """Ball pass, eccentric rotor and spall, all at multiples of the screw's angle."""
+    ripple = c.ripple * math.sin(c.ripple_order * angle) + c.eccentric * math.sin(angle)
+    if c.spall != 0.0:
+        bump = math.sin(0.5 * c.spall_order * angle)
+        bump = bump * bump
+        bump = bump * bump
+        ripple += c.spall * (bump * bump - 0.27)
+    return ripple
+
+
+def _load_control(
+    c: Any, dt: float, wanted: float, measured: float, vl: float, wound: float, slack: float,
+    trim: float,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Current that the load actuator wants, and the states of its control.
+
+    With its command it hardly pushes; moved against it, it brakes hard, winds up while the load
+    is too large, lets go, and catches again once the load runs away.
+    """
+    way = 1.0 if wanted >= 0.0 else -1.0
+    trim = _clipped(trim + dt * c.trim_rate * (wanted - measured), c.trim_limit)
+    against = way * vl
+    effort = abs(wanted) / (abs(wanted) + c.brake_knee)
+    grip = c.brake * effort * effort * effort
+    target = 0.0
+    if slack > 0.0:
+        slack -= dt
+        wound = 0.0
+        if against > c.brake_catch or against < 0.0:
+            slack = 0.0
+    else:
+        target = way * (wanted + trim) / c.load_constant + grip * max(against, 0.0)
+        target = way * min(max(target, 0.0), c.brake_limit)
+        wound = max(wound + dt * effort * (way * measured - abs(wanted)), 0.0)
+        if wound > c.brake_wind:
+            slack = c.brake_slack
+    return target, wound, slack, trim
+
+
+def _load_resistance(
+    c: Any, iz: float, vl: float, xl: float, roughness: float, drag_noise: float
+) -> float:
+    """Force of the load actuator against its motion: motor, friction, end stops, roughness."""
+    stop = 0.0
+    if xl > c.stroke:
+        stop = max(c.stop_stiffness * (xl - c.stroke) + c.stop_damping * vl, 0.0)
+    elif xl < 0.0:
+        stop = min(c.stop_stiffness * xl + c.stop_damping * vl, 0.0)
+    resist = c.load_constant * iz + c.load_viscous * vl + stop
+    resist += c.load_drag * vl / (abs(vl) + c.load_drag_speed)
+    # Bounded: noise that grows with speed without end would drive the speed.
+    rough = c.rough_rest + c.rough_speed * min(abs(vl), 0.06)
+    rough *= 1.0 + c.rough_load * min(abs(iz), 3.0)
+    resist += rough * roughness
+    return resist + drag_noise * vl / (abs(vl) + 0.02)
+
+
 def _integrate(
     state: Array, reference: Array, load: Array, noise: Array, c: Any, dt: float, out: Array
 ) -> None:
     """Advance ``state`` in place over ``len(reference)`` steps and fill ``out`` (n, signals)."""
     i, v, x, vl, xl, iz, trim, felt, wound, slack, wish = state
     for k in range(reference.shape[0]):
-        # Position loop: soft near zero error, drooping with current, limited in current.
-        seen = c.feedback_scale * x + c.feedback_offset + c.feedback_noise * noise[k, 0]
-        error = reference[k] - seen
-        sensed = c.current_feedback_scale * i + c.current_feedback_offset
-        sensed += c.current_feedback_noise * noise[k, 0]
-        felt += dt * (sensed - felt) / c.droop_lag
-        command = c.position_gain * error * abs(error) / (abs(error) + c.position_knee)
-        wish = _clipped(wish + dt * c.position_reset * error, c.reset_limit)
-        command += wish - c.droop * felt
-        # The drive's own limit acts within a PWM period: no more voltage than it allows.
-        emf = c.force_constant * v
-        allowed = c.current_limit * c.resistance
-        command = min(max(command, emf - allowed), emf + allowed)
-        command = _clipped(command, c.nominal_supply)
-        available = max(c.supply - c.supply_resistance * abs(i), 0.0)
-        # Winding, exact over the step; bridge 0 = high impedance, nothing flows.
-        voltage = _clipped(command, available) - c.dead_time_drop * i / (abs(i) + 0.1)
-        settled = (voltage - emf) / c.resistance
-        i = settled + (i - settled) * c.current_decay
-        if c.bridge == 0.0:
-            i = 0.0
-            voltage = emf
-        # Coupling: backlash, then spring and damper that can only push.
+        command, felt, wish = _position_loop(c, dt, reference[k], noise[k, 0], i, x, felt, wish)
+        command, voltage, i = _drive(c, command, c.force_constant * v, i)
+        # Motor and screw, against the coupling.
         angle = x / c.screw_ratio
-        gap = x + c.lead_error * math.sin(angle) - xl
-        half = 0.5 * c.backlash
-        force = 0.0
-        if gap > half:
-            force = max(c.coupling_stiffness * (gap - half) + c.coupling_damping * (v - vl), 0.0)
-        elif gap < -half:
-            force = min(c.coupling_stiffness * (gap + half) + c.coupling_damping * (v - vl), 0.0)
-        # Motor and screw.
-        ripple = c.ripple * math.sin(c.ripple_order * angle) + c.eccentric * math.sin(angle)
-        if c.spall != 0.0:
-            bump = math.sin(0.5 * c.spall_order * angle)
-            bump = bump * bump
-            bump = bump * bump
-            ripple += c.spall * (bump * bump - 0.27)
+        force = _coupling_force(c, x + c.lead_error * math.sin(angle) - xl, v - vl)
         slip = v / c.stribeck_speed
         drag = c.coulomb + c.stribeck / (1.0 + slip * slip) + c.load_friction * abs(force)
-        push = c.force_constant * i - c.viscous * v - force - ripple
+        push = c.force_constant * i - c.viscous * v - force - _ripple_force(c, angle)
         v = _stopped(v + dt * push / c.mass, dt * drag / c.mass)
         x += dt * v
-        # Load actuator. With its command it hardly pushes; moved against it, it brakes hard, winds
-        # up while the load is too large, lets go, and catches again once the load runs away.
-        wanted = load[k]
-        way = 1.0 if wanted >= 0.0 else -1.0
+        # Load actuator.
         measured = c.force_feedback_scale * force + c.force_feedback_offset
         measured += c.force_feedback_noise * noise[k, 0]
-        trim = _clipped(trim + dt * c.trim_rate * (wanted - measured), c.trim_limit)
-        against = way * vl
-        effort = abs(wanted) / (abs(wanted) + c.brake_knee)
-        grip = c.brake * effort * effort * effort
-        target = 0.0
-        if slack > 0.0:
-            slack -= dt
-            wound = 0.0
-            if against > c.brake_catch or against < 0.0:
-                slack = 0.0
-        else:
-            target = way * (wanted + trim) / c.load_constant + grip * max(against, 0.0)
-            target = way * min(max(target, 0.0), c.brake_limit)
-            wound = max(wound + dt * effort * (way * measured - abs(wanted)), 0.0)
-            if wound > c.brake_wind:
-                slack = c.brake_slack
+        target, wound, slack, trim = _load_control(c, dt, load[k], measured, vl, wound, slack, trim)
         iz += dt * (target - iz) / c.load_lag
-        stop = 0.0
-        if xl > c.stroke:
-            stop = max(c.stop_stiffness * (xl - c.stroke) + c.stop_damping * vl, 0.0)
-        elif xl < 0.0:
-            stop = min(c.stop_stiffness * xl + c.stop_damping * vl, 0.0)
-        resist = c.load_constant * iz + c.load_viscous * vl + stop
-        resist += c.load_drag * vl / (abs(vl) + c.load_drag_speed)
-        # Bounded: noise that grows with speed without end would drive the speed.
-        rough = c.rough_rest + c.rough_speed * min(abs(vl), 0.06)
-        rough *= 1.0 + c.rough_load * min(abs(iz), 3.0)
-        resist += rough * noise[k, 1]
-        resist += noise[k, 2] * vl / (abs(vl) + 0.02)
+        resist = _load_resistance(c, iz, vl, xl, noise[k, 1], noise[k, 2])
         vl = _stopped(vl + dt * (force - resist) / c.load_mass, dt * c.load_coulomb / c.load_mass)
         xl += dt * vl
-        out[k, 0] = i
-        out[k, 1] = voltage
-        out[k, 2] = command
-        out[k, 3] = v
-        out[k, 4] = x
-        out[k, 5] = xl
-        out[k, 6] = force
-        out[k, 7] = iz
-        out[k, 8] = (drag + c.viscous * abs(v)) * abs(v)
-    state[0] = i
-    state[1] = v
-    state[2] = x
-    state[3] = vl
-    state[4] = xl
-    state[5] = iz
-    state[6] = trim
-    state[7] = felt
-    state[8] = wound
-    state[9] = slack
-    state[10] = wish
+        row = out[k]
+        row[0], row[1], row[2] = i, voltage, command
+        row[3], row[4], row[5] = v, x, xl
+        row[6], row[7] = force, iz
+        row[8] = (drag + c.viscous * abs(v)) * abs(v)
+    state[:] = (i, v, x, vl, xl, iz, trim, felt, wound, slack, wish)
+
+
+PARTS = (
+    _stopped, _clipped, _position_loop, _drive, _coupling_force, _ripple_force, _load_control,
+    _load_resistance,
+)  # fmt: skip
+"""What ``_integrate`` calls."""
 
 
 @lru_cache(maxsize=1)
@@ -220,16 +251,14 @@ def integrator() -> Callable[..., None]:
     """The integrator, compiled where numba is installed."""
     try:
         import numba
+        from numba.extending import register_jitable
     except ImportError:
         return _integrate
+    for part in PARTS:
+        register_jitable(forceinline=True)(part)
+    compiled: Callable[..., None]
     try:
-        return _compiled(numba.njit(cache=True))
+        compiled = numba.njit(cache=True)(_integrate)
     except RuntimeError:  # nowhere to keep the compiled code: a read-only installation
-        return _compiled(numba.njit)
-
-
-def _compiled(compile_: Callable[[Any], Any]) -> Callable[..., None]:
-    globals()["_stopped"] = compile_(_stopped)
-    globals()["_clipped"] = compile_(_clipped)
-    compiled: Callable[..., None] = compile_(_integrate)
+        compiled = numba.njit(_integrate)
     return compiled
