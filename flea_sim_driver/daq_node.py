@@ -72,7 +72,7 @@ class DaqParameters:
 
 
 @dataclass(frozen=True)
-class Injection:
+class InjectionRequest:
     """What ``inject`` asks for: a fault, its size (NaN: the default) and its place."""
 
     fault: str
@@ -80,7 +80,7 @@ class Injection:
     where: str
 
 
-def parsed_injection(text: str) -> Injection:
+def parsed_injection(text: str) -> InjectionRequest:
     """Of ``jam``, ``jam:0.5`` or ``actuator_position_bias:0.004@loop``.
 
     Raises
@@ -91,7 +91,7 @@ def parsed_injection(text: str) -> Injection:
     named, _, where = text.partition("@")
     fault, colon, size = named.partition(":")
     try:
-        return Injection(fault.strip(), float(size) if colon else math.nan, where.strip())
+        return InjectionRequest(fault.strip(), float(size) if colon else math.nan, where.strip())
     except ValueError:
         raise ConfigurationError(
             f"inject = {text!r}: size {size!r} is no number, write for example jam:0.5"

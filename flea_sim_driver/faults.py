@@ -16,7 +16,7 @@ Change = Callable[[Coefficients, float], Coefficients]
 
 
 @dataclass(frozen=True)
-class Fault:
+class FaultRow:
     """One row: ``size`` is in ``size_unit``; ``places`` begins with the default one.
 
     Places: ``plant`` (hardware), ``daq`` (the digital value, after the control loop took
@@ -100,30 +100,30 @@ def _none(c: Coefficients, _size: float) -> Coefficients:
     return c
 
 
-PLANT_FAULTS: tuple[Fault, ...] = (
-    Fault("jam", "ball screw jam (heavy drag)", ("plant",),
+PLANT_FAULTS: tuple[FaultRow, ...] = (
+    FaultRow("jam", "ball screw jam (heavy drag)", ("plant",),
           1.0, 0.01, 20.0, "of the FLEA's jammed unit", "physics", _jam),
-    Fault("spall", "spall on the ball screw's raceway", ("plant",),
+    FaultRow("spall", "spall on the ball screw's raceway", ("plant",),
           1.0, 0.05, 5.0, "of a 1 mm pit", "hybrid", _spall),
-    Fault("ball_nut_friction", "ball nut friction (lubrication lost)", ("plant",),
+    FaultRow("ball_nut_friction", "ball nut friction (lubrication lost)", ("plant",),
           3.0, 0.1, 20.0, "times nominal viscous friction", "hybrid", _ball_nut_friction),
-    Fault("backlash", "backlash of the nut", ("plant",),
+    FaultRow("backlash", "backlash of the nut", ("plant",),
           3e-4, 1e-5, 3e-3, "m", "hybrid", _backlash),
-    Fault("rotor_eccentricity", "rotor shaft eccentricity", ("plant",),
+    FaultRow("rotor_eccentricity", "rotor shaft eccentricity", ("plant",),
           1.0, 0.05, 10.0, "of 0.1 mm", "hybrid", _rotor_eccentricity),
-    Fault("winding_short", "winding short (turns bypassed)", ("plant",),
+    FaultRow("winding_short", "winding short (turns bypassed)", ("plant",),
           0.2, 0.01, 0.9, "share of turns", "physics", _winding_short),
-    Fault("winding_open", "stator coil fails open", ("plant",),
+    FaultRow("winding_open", "stator coil fails open", ("plant",),
           1.0, 0.05, 1.0, "share of conductance lost", "physics", _winding_open),
-    Fault("motor_failure", "motor failure", ("plant",),
+    FaultRow("motor_failure", "motor failure", ("plant",),
           1.0, 0.1, 1.0, "share of torque lost", "physics", _motor_failure),
-    Fault("supply_open", "power supply open circuit", ("plant",),
+    FaultRow("supply_open", "power supply open circuit", ("plant",),
           1.0, 0.1, 1.0, "share of supply lost", "hybrid", _supply_open),
-    Fault("supply_short", "power supply short circuit", ("plant",),
+    FaultRow("supply_short", "power supply short circuit", ("plant",),
           1.0, 0.1, 1.0, "share of supply lost", "hybrid", _supply_short),
-    Fault("accelerometer_1_fault", "accelerometer 1 (motor housing): noise, or dead at size 0",
+    FaultRow("accelerometer_1_fault", "accelerometer 1 (motor housing): noise, or dead at size 0",
           ("daq",), 8.0, 0.0, 500.0, "m/s^2 of noise, 0: dead", "data", _none),
-    Fault("accelerometer_2_fault", "accelerometer 2 (nut): noise, or dead at size 0",
+    FaultRow("accelerometer_2_fault", "accelerometer 2 (nut): noise, or dead at size 0",
           ("daq",), 12.0, 0.0, 500.0, "m/s^2 of noise, 0: dead", "data", _none),
 )  # fmt: skip
 
@@ -155,7 +155,7 @@ LOOP_CHANNELS = {"actuator_position": True, "motor_current": False, "load_force"
 """Channels that a control loop reads, and whether its sensor faults act there by default."""
 
 
-def _sensor_fault(channel: str, mode: str) -> Fault:
+def _sensor_fault(channel: str, mode: str) -> FaultRow:
     unit, limit, bias, drift, scaling, noise, dropout = SENSOR_SIZES[channel]
     default = {"bias": bias, "drift": drift, "scaling": scaling, "dead": 0.0,
                "noise": noise, "dropout": dropout}[mode]  # fmt: skip
@@ -167,17 +167,17 @@ def _sensor_fault(channel: str, mode: str) -> Fault:
         places = (
             ("loop", "daq") if LOOP_CHANNELS[channel] and mode != "dropout" else ("daq", "loop")
         )
-    return Fault(
+    return FaultRow(
         f"{channel}_{mode}", f"{channel.replace('_', ' ')}: {mode}", places, default, low, high,
         MODE_UNIT[mode].format(unit=unit), MODE_APPROACH[mode], None, channel, mode,
     )  # fmt: skip
 
 
 SENSOR_FAULTS = tuple(_sensor_fault(channel, mode) for channel in SENSOR_CHANNELS for mode in MODES)
-CATALOGUE: dict[str, Fault] = {row.id: row for row in PLANT_FAULTS + SENSOR_FAULTS}
+CATALOGUE: dict[str, FaultRow] = {row.id: row for row in PLANT_FAULTS + SENSOR_FAULTS}
 
 
-def fault_named(fault: str, where: str) -> Fault:
+def fault_named(fault: str, where: str) -> FaultRow:
     """Row of one fault.
 
     Raises

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flea_sim_driver.faults import CATALOGUE, Fault
-from flea_sim_driver.scenario.settings import FaultSetting, Run, Switch
+from flea_sim_driver.faults import CATALOGUE, FaultRow
+from flea_sim_driver.scenario.settings import FaultSetting, RunSettings, Switch
 
 GAP_S = 0.05
 GRID_S = 0.01
@@ -15,8 +15,8 @@ GRID_S = 0.01
 
 
 @dataclass(frozen=True)
-class Episode:
-    """One fault at work from ``onset_s`` to ``end_s``, seconds after the start of the run."""
+class FaultCourse:
+    """Time course of one fault, active from ``onset_s`` to ``end_s`` after the start of the run."""
 
     setting: FaultSetting
     onset_s: float
@@ -24,7 +24,7 @@ class Episode:
     seed: int = 0
 
     @property
-    def row(self) -> Fault:
+    def row(self) -> FaultRow:
         """Its row of the catalogue."""
         return CATALOGUE[self.setting.fault]
 
@@ -56,12 +56,14 @@ def on_grid(time_s: float) -> float:
     return round(time_s / GRID_S) * GRID_S
 
 
-def episodes(settings: tuple[FaultSetting, ...], switch: Switch, run: Run) -> tuple[Episode, ...]:
-    """Episodes of a scenario; a fault of a unit that is switched in later begins then."""
-    return tuple(_episode(setting, switch, run) for setting in settings)
+def courses(
+    settings: tuple[FaultSetting, ...], switch: Switch, run: RunSettings
+) -> tuple[FaultCourse, ...]:
+    """Fault courses of a scenario; the fault of a unit switched in later begins at the switch."""
+    return tuple(_course(setting, switch, run) for setting in settings)
 
 
-def _episode(setting: FaultSetting, switch: Switch, run: Run) -> Episode:
+def _course(setting: FaultSetting, switch: Switch, run: RunSettings) -> FaultCourse:
     onset = setting.onset_s
     if (
         setting.unit not in ("", run.active_unit)
@@ -69,9 +71,9 @@ def _episode(setting: FaultSetting, switch: Switch, run: Run) -> Episode:
         and setting.unit == switch.to
     ):
         onset = max(onset, switch.at_s)
-    return Episode(setting, on_grid(onset), seed=run.seed)
+    return FaultCourse(setting, on_grid(onset), seed=run.seed)
 
 
-def cleared(episode: Episode, time_s: float) -> Episode:
-    """The episode ended at ``time_s`` where it is still at work."""
-    return replace(episode, end_s=min(episode.end_s, time_s))
+def cleared(course: FaultCourse, time_s: float) -> FaultCourse:
+    """The course, ended at ``time_s`` unless it has ended before."""
+    return replace(course, end_s=min(course.end_s, time_s))

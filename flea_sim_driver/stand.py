@@ -15,18 +15,23 @@ import numpy.typing as npt
 from flea_diag.wire.records import NEVER_NS, ChannelTable, Record, Scan, Truth, VibrationBlock
 from flea_diag.wire.topics import TOPIC_OF
 from flea_sim_driver.acquisition.acquisition import SCAN_S, SCANS, Acquisition, Block, pwm
-from flea_sim_driver.acquisition.sensors import ACCELEROMETER_AXES, CHANNELS, Panel, channel_infos
-from flea_sim_driver.plant.actuator import Actuator, Sizes, coefficients, with_faults
+from flea_sim_driver.acquisition.sensors import (
+    ACCELEROMETER_AXES,
+    CHANNELS,
+    Instruments,
+    channel_infos,
+)
+from flea_sim_driver.plant.actuator import ActuatorPlant, Sizes, coefficients, with_faults
 from flea_sim_driver.plant.disturbance import Catches, Disturbance
 from flea_sim_driver.plant.plant import STEP_S, Coefficients
 from flea_sim_driver.plant.thermal import Temperatures, warmed
-from flea_sim_driver.plant.unit import Bench, Unit, draw_unit
+from flea_sim_driver.plant.unit import Bench, SimulatedUnit, draw_unit
 from flea_sim_driver.plant.vibration import Severity, Vibration
 from flea_sim_driver.scenario.feasibility import checked_fault
 from flea_sim_driver.scenario.profile import commanded
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.settings import FaultSetting
-from flea_sim_driver.schedule import Episode, cleared, episodes, on_grid
+from flea_sim_driver.schedule import FaultCourse, cleared, courses, on_grid
 
 Array = npt.NDArray[np.float64]
 BLOCK_S = 0.1
@@ -55,13 +60,13 @@ class Stand:
         draws = [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(10)]
         warm = run.ambient_degc + run.warm_degc
         spread = {k: run.unit_spread * sigma for k, sigma in asdict(scenario.spread).items()}
-        self.units: dict[str, Unit] = {
+        self.units: dict[str, SimulatedUnit] = {
             "Y": draw_unit(draws[0], spread),
             "X": draw_unit(draws[1], spread),
         }
         self.bench = Bench()
         self.unit_in_use = run.active_unit
-        panel = Panel(draws[2], run.unit_spread, sensors.spikes)
+        panel = Instruments(draws[2], run.unit_spread, sensors.spikes)
         self._acquisition = Acquisition(sensors, self.bench, panel, draws[5])
         self._clock = draws[6]
         self._vibrations = _vibrations(scenario, draws[7:9], draws[3])
@@ -69,12 +74,12 @@ class Stand:
         self._temperatures = {
             name: Temperatures.uniform(warm, run.ambient_degc) for name in self.units
         }
-        self._episodes = episodes(scenario.faults, scenario.switch, run)
+        self._courses = courses(scenario.faults, scenario.switch, run)
         self._told: set[int] = set()
         self._tell_nominal = True
         self._block = 0
         position, _ = commanded(scenario, np.zeros(1))
-        self._actuator = Actuator.at_rest(self.bench, float(position[0]))
+        self._actuator = ActuatorPlant.at_rest(self.bench, float(position[0]))
 
     # -- running ---------------------------------------------------------------------------
 
@@ -122,15 +127,15 @@ class Stand:
     def inject(self, fault: str, size: float = float("nan"), **options: str) -> Truth:
         """Put a fault in at the next block; ``options``: ``where``, ``unit``."""
         setting = self.injection(fault, size, **options)
-        episode = Episode(setting, setting.onset_s, seed=self.scenario.run.seed)
-        self._episodes += (episode,)
-        return self._truth(episode)
+        course = FaultCourse(setting, setting.onset_s, seed=self.scenario.run.seed)
+        self._courses += (course,)
+        return self._truth(course)
 
     def clear(self) -> None:
         """End every fault at the next block."""
         now = on_grid(self.time_s)
-        self._tell_nominal |= any(e.onset_s < now < e.end_s for e in self._episodes)
-        self._episodes = tuple(cleared(episode, now) for episode in self._episodes)
+        self._tell_nominal |= any(e.onset_s < now < e.end_s for e in self._courses)
+        self._courses = tuple(cleared(course, now) for course in self._courses)
 
     # -- parts of one block ----------------------------------------------------------------
 
@@ -139,7 +144,7 @@ class Stand:
         begin, name = self.time_s, self.unit_in_use
         unit = warmed(self.units[name], self._temperatures[name])
         times = [begin + k * SCAN_S + 1e-9 for k in range(SCANS)]
-        sizes = [tuple(e.size_at(time, name) for e in self._episodes) for time in times]
+        sizes = [tuple(e.size_at(time, name) for e in self._courses) for time in times]
         position, load = commanded(
             self.scenario, np.arange(STEPS, dtype=np.float64) * STEP_S + begin
         )
@@ -149,21 +154,21 @@ class Stand:
             load,
             self._disturbance.block(STEPS, float(load[0]), BLOCK_S),
         )
-        return Block(begin, unit, signals, position, load, self._episodes, sizes)
+        return Block(begin, unit, signals, position, load, self._courses, sizes)
 
     def _segments(
         self, healthy: Coefficients, sizes: list[Sizes]
     ) -> list[tuple[int, Coefficients]]:
         """One stretch of constant coefficients, or ten where a fault changes in the block."""
         changing = any(
-            e.row.mode in ("drift", "dropout") and e.setting.where == "loop" for e in self._episodes
+            e.row.mode in ("drift", "dropout") and e.setting.where == "loop" for e in self._courses
         )
         if not changing and sizes.count(sizes[0]) == SCANS:
-            return [(STEPS, with_faults(healthy, self._episodes, sizes[0], self.time_s))]
+            return [(STEPS, with_faults(healthy, self._courses, sizes[0], self.time_s))]
         return [
             (
                 STEPS // SCANS,
-                with_faults(healthy, self._episodes, row, self.time_s + k * SCAN_S),
+                with_faults(healthy, self._courses, row, self.time_s + k * SCAN_S),
             )
             for k, row in enumerate(sizes)
         ]
@@ -231,33 +236,33 @@ class Stand:
             self._tell_nominal = False
             stamp = self.start_ns + self._block * BLOCK_NS
             told.append(Truth(stamp, NOMINAL, NEVER_NS, self._details()))
-        for number, episode in enumerate(self._episodes):
-            if number not in self._told and episode.onset_s < self.time_s + BLOCK_S - 1e-6:
+        for number, course in enumerate(self._courses):
+            if number not in self._told and course.onset_s < self.time_s + BLOCK_S - 1e-6:
                 self._told.add(number)
-                if episode.end_s > episode.onset_s:
-                    told.append(self._truth(episode))
+                if course.end_s > course.onset_s:
+                    told.append(self._truth(course))
         return told
 
     def _details(self) -> tuple[tuple[str, str], ...]:
         run = self.scenario.run
         return (("scenario", run.name), ("seed", str(run.seed)))
 
-    def _truth(self, episode: Episode) -> Truth:
-        onset = self.start_ns + round(episode.onset_s * 1e9)
-        setting = episode.setting
+    def _truth(self, course: FaultCourse) -> Truth:
+        onset = self.start_ns + round(course.onset_s * 1e9)
+        setting = course.setting
         details = (
             *self._details(),
             (
                 "serial",
-                self.scenario.serial(setting.unit or self.scenario.unit_at(episode.onset_s)),
+                self.scenario.serial(setting.unit or self.scenario.unit_at(course.onset_s)),
             ),
             ("size", repr(setting.size)),
-            ("size_unit", episode.row.size_unit),
+            ("size_unit", course.row.size_unit),
             ("where", setting.where),
             ("growth_s", repr(setting.growth_s)),
             ("on_s", repr(setting.on_s)),
             ("off_s", repr(setting.off_s)),
-            ("approach", episode.row.approach),
+            ("approach", course.row.approach),
         )
         return Truth(onset, setting.fault, onset, details)
 
@@ -278,8 +283,8 @@ def _severity(block: Block) -> Severity:
     """Vibration sources of a block: the faults present in the middle of it."""
     middle = block.sizes[SCANS // 2]
     now = {
-        episode.row.id: size
-        for episode, size in zip(block.episodes, middle, strict=True)
+        course.row.id: size
+        for course, size in zip(block.courses, middle, strict=True)
         if size is not None
     }
     return Severity(

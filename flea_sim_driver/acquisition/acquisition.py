@@ -12,15 +12,15 @@ from flea_sim_driver.acquisition.sensors import (
     COLUMN,
     ENCODER_COUNTS,
     LOAD_CURRENT_OFFSET_A,
-    Panel,
+    Instruments,
 )
 from flea_sim_driver.plant.actuator import Sizes
 from flea_sim_driver.plant.drive import Waveform, waveform
 from flea_sim_driver.plant.plant import SIGNALS
 from flea_sim_driver.plant.thermal import Temperatures
-from flea_sim_driver.plant.unit import Bench, Unit
+from flea_sim_driver.plant.unit import Bench, SimulatedUnit
 from flea_sim_driver.scenario.settings import Sensors
-from flea_sim_driver.schedule import Episode
+from flea_sim_driver.schedule import FaultCourse
 
 Array = npt.NDArray[np.float64]
 SCANS = 10
@@ -34,11 +34,11 @@ class Block:
     """What truly happened in one block: plant signals (steps, SIGNALS) and all around them."""
 
     begin_s: float
-    unit: Unit
+    unit: SimulatedUnit
     signals: Array
     position: Array
     load: Array
-    episodes: tuple[Episode, ...]
+    courses: tuple[FaultCourse, ...]
     sizes: list[Sizes]
 
     def column(self, signal: str) -> Array:
@@ -81,7 +81,7 @@ class Acquisition:
     """
 
     def __init__(
-        self, sensors: Sensors, bench: Bench, panel: Panel, generator: np.random.Generator
+        self, sensors: Sensors, bench: Bench, panel: Instruments, generator: np.random.Generator
     ) -> None:
         self._sensors, self._bench, self._panel = sensors, bench, panel
         self._generator = generator
@@ -135,16 +135,16 @@ class Acquisition:
     def _falsify(self, values: Array, block: Block) -> None:
         """Sensor faults, on the digital values."""
         for k, row in enumerate(block.sizes):
-            for episode, size in zip(block.episodes, row, strict=True):
-                if size is not None and episode.row.channel:
-                    column = COLUMN[episode.row.channel]
-                    age = block.begin_s + k * SCAN_S - episode.onset_s
-                    values[k, column] = self._false(episode, size, float(values[k, column]), age)
+            for course, size in zip(block.courses, row, strict=True):
+                if size is not None and course.row.channel:
+                    column = COLUMN[course.row.channel]
+                    age = block.begin_s + k * SCAN_S - course.onset_s
+                    values[k, column] = self._false(course, size, float(values[k, column]), age)
 
-    def _false(self, episode: Episode, size: float, value: float, age: float) -> float:
-        mode = episode.row.mode
+    def _false(self, course: FaultCourse, size: float, value: float, age: float) -> float:
+        mode = course.row.mode
         if mode == "dropout":
-            return 0.0 if episode.in_gap(size, episode.onset_s + age) else value
+            return 0.0 if course.in_gap(size, course.onset_s + age) else value
         if mode == "noise":
             return value + size * float(self._generator.standard_normal())
         return {

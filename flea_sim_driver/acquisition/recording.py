@@ -46,7 +46,7 @@ MOTIONS: dict[str, dict[str, float | str]] = {
 
 
 @dataclass(frozen=True)
-class Recording:
+class RunSignals:
     """Signals of one run, SI, signs as recorded, shapes (n,)."""
 
     name: str
@@ -63,7 +63,7 @@ class Recording:
     smooth: dict[str, Array] = field(default_factory=dict)
 
 
-def read_real(path: Path) -> Recording:
+def read_real(path: Path) -> RunSignals:
     """One recording; the driven test actuator is Y in nominal runs and X in the others.
 
     Raises
@@ -112,17 +112,17 @@ def _table(path: Path) -> Array:
 
 def _smoothed(
     name: str, motion: str, label: str, signals: dict[str, Array], *, simulated: bool
-) -> Recording:
+) -> RunSignals:
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(4, LOW_PASS_HZ, fs=RATE_HZ, output="sos")
     smooth = {key: np.asarray(sosfiltfilt(sections, value)) for key, value in signals.items()}
     smooth["speed"] = np.gradient(smooth["position"], 1.0 / RATE_HZ)
     smooth["acceleration"] = np.gradient(smooth["speed"], 1.0 / RATE_HZ)
-    return Recording(name, motion, label, simulated=simulated, smooth=smooth, **signals)
+    return RunSignals(name, motion, label, simulated=simulated, smooth=smooth, **signals)
 
 
-def counterpart(real: Recording, seed: int, unit_spread: float = 1.0) -> Scenario:
+def counterpart(real: RunSignals, seed: int, unit_spread: float = 1.0) -> Scenario:
     """The scenario that does what a recorded run did."""
     load = float(np.clip(np.mean(real.force), -LOAD_LIMIT_N, LOAD_LIMIT_N))
     faults = [] if real.label == "Nominal" else [{"fault": real.label.lower(), "onset_s": 0.0}]
@@ -142,7 +142,7 @@ def counterpart(real: Recording, seed: int, unit_spread: float = 1.0) -> Scenari
     )
 
 
-def simulate(real: Recording, seed: int, unit_spread: float = 1.0) -> Recording:
+def simulate(real: RunSignals, seed: int, unit_spread: float = 1.0) -> RunSignals:
     """The simulated counterpart of a run, with the signs of our Scan."""
     records = Stand(counterpart(real, seed, unit_spread))
     values = np.array([record.values for record in records if isinstance(record, Scan)])

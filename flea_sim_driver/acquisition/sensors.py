@@ -95,7 +95,7 @@ def channel_infos(
     )  # fmt: skip
 
 
-class Panel:
+class Instruments:
     """All instruments of one stand: its own small errors, drawn once, and its noise."""
 
     def __init__(self, generator: np.random.Generator, spread: float, spikes: bool) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_sim_driver.plant.plant import SIGNALS, STATES, STEP_S, Coefficients, integrator
-from flea_sim_driver.plant.unit import Bench, Unit
+from flea_sim_driver.plant.unit import Bench, SimulatedUnit
 from flea_sim_driver.plant.vibration import ball_pass_order
-from flea_sim_driver.schedule import Episode
+from flea_sim_driver.schedule import FaultCourse
 
 Array = npt.NDArray[np.float64]
 Sizes = tuple[float | None, ...]
@@ -33,12 +33,12 @@ HEALTHY: dict[str, float] = {
 """What only faults change."""
 
 
-def coefficients(unit: Unit, bench: Bench) -> Coefficients:
+def coefficients(unit: SimulatedUnit, bench: Bench) -> Coefficients:
     """The integrator's coefficients of a healthy unit on the bench."""
     return Coefficients(**_unit_coefficients(unit), **_bench_coefficients(bench), **HEALTHY)
 
 
-def _unit_coefficients(unit: Unit) -> dict[str, float]:
+def _unit_coefficients(unit: SimulatedUnit) -> dict[str, float]:
     """Motor and screw."""
     lag = unit.winding_resistance_ohm / unit.winding_inductance_h
     order = ball_pass_order(unit)
@@ -109,35 +109,37 @@ FEEDBACK = {
 
 
 def with_faults(
-    healthy: Coefficients, episodes: tuple[Episode, ...], sizes: Sizes, time_s: float
+    healthy: Coefficients, courses: tuple[FaultCourse, ...], sizes: Sizes, time_s: float
 ) -> Coefficients:
     """The coefficients with every fault that acts now in the plant or inside the loop."""
     changed = healthy
-    for episode, size in zip(episodes, sizes, strict=True):
+    for course, size in zip(courses, sizes, strict=True):
         if size is None:
             continue
-        if episode.row.change is not None:
-            changed = episode.row.change(changed, size)
-        elif episode.setting.where == "loop":
-            changed = _with_feedback(changed, episode, size, time_s)
+        if course.row.change is not None:
+            changed = course.row.change(changed, size)
+        elif course.setting.where == "loop":
+            changed = _with_feedback(changed, course, size, time_s)
     return changed
 
 
-def _with_feedback(c: Coefficients, episode: Episode, size: float, time_s: float) -> Coefficients:
+def _with_feedback(
+    c: Coefficients, course: FaultCourse, size: float, time_s: float
+) -> Coefficients:
     """A faulty sensor as the control loop sees it: scale and offset of its reading."""
-    name = FEEDBACK[episode.row.channel]
+    name = FEEDBACK[course.row.channel]
     values = c._asdict()
     scale, offset = values[f"{name}_scale"], values[f"{name}_offset"]
-    mode = episode.row.mode
+    mode = course.row.mode
     if mode == "bias":
         offset += size
     elif mode == "drift":
-        offset += size * (time_s - episode.onset_s)
+        offset += size * (time_s - course.onset_s)
     elif mode == "scaling":
         scale, offset = scale * size, offset * size
     elif mode == "dead":
         scale, offset = 0.0, size
-    elif mode == "dropout" and episode.in_gap(size, time_s):
+    elif mode == "dropout" and course.in_gap(size, time_s):
         scale, offset = 0.0, 0.0
     elif mode == "noise":
         values[f"{name}_noise"] = size
@@ -145,14 +147,14 @@ def _with_feedback(c: Coefficients, episode: Episode, size: float, time_s: float
 
 
 @dataclass
-class Actuator:
+class ActuatorPlant:
     """State of the machine, advanced block by block."""
 
     bench: Bench
     state: Array
 
     @classmethod
-    def at_rest(cls, bench: Bench, position_m: float) -> Actuator:
+    def at_rest(cls, bench: Bench, position_m: float) -> ActuatorPlant:
         """Both sides standing at one position."""
         state = np.zeros(len(STATES))
         state[STATES.index("position")] = state[STATES.index("load_position")] = position_m

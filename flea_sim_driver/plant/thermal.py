@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from flea_sim_driver.plant.unit import Unit
+from flea_sim_driver.plant.unit import SimulatedUnit
 
 COPPER_PER_K = 0.00393
 MAGNET_PER_K = -0.001
@@ -31,7 +31,9 @@ class Temperatures:
         """The whole machine at one temperature, in a room at another."""
         return cls(degc, degc, degc, degc, degc, degc, ambient)
 
-    def after(self, dt: float, unit: Unit, copper_w: float, friction_w: float) -> Temperatures:
+    def after(
+        self, dt: float, unit: SimulatedUnit, copper_w: float, friction_w: float
+    ) -> Temperatures:
         """The temperatures ``dt`` seconds later, with these losses."""
         to_housing = (self.winding - self.housing) / unit.winding_to_housing_k_w
         to_frame = (self.housing - self.frame) / unit.housing_to_frame_k_w
@@ -50,7 +52,7 @@ class Temperatures:
         )
 
 
-def warmed(unit: Unit, now: Temperatures) -> Unit:
+def warmed(unit: SimulatedUnit, now: Temperatures) -> SimulatedUnit:
     """The unit's parameters at its present temperatures: R(T), K(T), B(T)."""
     return replace(
         unit,

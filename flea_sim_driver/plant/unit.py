@@ -17,7 +17,7 @@ from flea_diag.wire.parameters import parameter
 
 
 @dataclass(frozen=True)
-class Unit:
+class SimulatedUnit:
     """Parameters of one test actuator at 25 degC."""
 
     winding_resistance_ohm: float = 2.95  # measured
@@ -96,14 +96,14 @@ Spread: Any = make_dataclass(
 """One standard deviation of each parameter, as a scenario states it."""
 
 
-def draw_unit(generator: np.random.Generator, spread: Mapping[str, float]) -> Unit:
+def draw_unit(generator: np.random.Generator, spread: Mapping[str, float]) -> SimulatedUnit:
     """A unit drawn around the nominal one with these relative standard deviations.
 
     Every parameter takes one draw, whatever its spread.
     """
-    names = [entry.name for entry in fields(Unit) if entry.name in UNIT_SPREAD]
+    names = [entry.name for entry in fields(SimulatedUnit) if entry.name in UNIT_SPREAD]
     draws = np.clip(generator.standard_normal(len(names)), -SPREAD_LIMIT, SPREAD_LIMIT)
-    nominal = Unit()
+    nominal = SimulatedUnit()
     values = {
         name: getattr(nominal, name) * max(1.0 + spread[name] * draw, SMALLEST_SHARE)
         for name, draw in zip(names, draws, strict=True)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy.fft import next_fast_len
 
 from flea_sim_driver.plant.structure import Structure
-from flea_sim_driver.plant.unit import Unit
+from flea_sim_driver.plant.unit import SimulatedUnit
 
 Array = npt.NDArray[np.float64]
 AXIS_GAIN = np.array([[1.0, 0.7, 0.5], [1.0, 0.8, 0.6]])
@@ -27,14 +27,14 @@ IMPULSE_RATE_HZ = 20_000.0
 """Sizes of single impulses are those of one sample at this rate."""
 
 
-def balls_per_turn(unit: Unit) -> float:
+def balls_per_turn(unit: SimulatedUnit) -> float:
     """Balls in one turn of the nut."""
     helix = np.arctan(unit.lead_m / (np.pi * unit.screw_pitch_diameter_m))
     turn = np.pi * unit.screw_pitch_diameter_m / np.cos(helix)
     return float(turn / (BALL_SPACING * unit.ball_diameter_m))
 
 
-def ball_pass_order(unit: Unit) -> float:
+def ball_pass_order(unit: SimulatedUnit) -> float:
     """Balls that pass a point of the nut, per revolution of the screw."""
     gamma = unit.ball_diameter_m * np.cos(unit.contact_angle_rad) / unit.screw_pitch_diameter_m
     return float(0.5 * balls_per_turn(unit) * (1.0 - gamma))
@@ -82,7 +82,7 @@ class Vibration:
         self._side = 0.0
 
     def block(
-        self, unit: Unit, speed: Array, angle: Array, force: Array, severity: Severity
+        self, unit: SimulatedUnit, speed: Array, angle: Array, force: Array, severity: Severity
     ) -> Array:
         """One block of acceleration in m/s^2, shape (count, 6).
 
@@ -122,7 +122,9 @@ class Vibration:
             level = level + 5.0 * severity.jam * np.minimum(pace, 1.5) ** 0.7 * burst
         return np.asarray(level * source)
 
-    def _ball_pass(self, omega: Array, load: Array, pace: Array, unit: Unit, spall: float) -> Array:
+    def _ball_pass(
+        self, omega: Array, load: Array, pace: Array, unit: SimulatedUnit, spall: float
+    ) -> Array:
         """Impulses where the travelled angle passes the next event; weak on a healthy nut."""
         travel = self._travel + np.cumsum(np.abs(omega)) / self.rate_hz
         out = np.zeros(self.count)

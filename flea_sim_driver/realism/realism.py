@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flea_sim_driver.acquisition.recording import Recording, read_real, simulate
+from flea_sim_driver.acquisition.recording import RunSignals, read_real, simulate
 from flea_sim_driver.realism.run_statistics import STATISTICS
 
 
@@ -38,7 +38,7 @@ class Comparison:
 
 
 def compare(
-    paths: list[Path], seed: int, keep: Callable[[Recording, Recording, str], None] | None = None
+    paths: list[Path], seed: int, keep: Callable[[RunSignals, RunSignals, str], None] | None = None
 ) -> list[Comparison]:
     """All statistics of all runs; every other run of a label is held out."""
     rows: list[Comparison] = []

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flea_sim_driver.acquisition.recording import RATE_HZ, Recording
+from flea_sim_driver.acquisition.recording import RATE_HZ, RunSignals
 
 Array = npt.NDArray[np.float64]
 MOVING_M_S = 4e-3
@@ -17,13 +17,13 @@ FORCE_CONSTANT_N_PER_A = 176.7
 EDGE = slice(200, -50)
 
 
-def stroke(run: Recording) -> float:
+def stroke(run: RunSignals) -> float:
     """Half of the travel between its 1st and 99th percentile, m."""
     low, high = np.percentile(run.smooth["position"][EDGE], [1.0, 99.0])
     return float(0.5 * (high - low))
 
 
-def peak_speed(run: Recording) -> float:
+def peak_speed(run: RunSignals) -> float:
     """99th percentile of speed, m/s."""
     return float(np.percentile(np.abs(run.smooth["speed"][EDGE]), 99.0))
 
@@ -32,53 +32,53 @@ def _centred(values: Array) -> Array:
     return np.asarray(values - np.median(values))
 
 
-def current_rms(run: Recording) -> float:
+def current_rms(run: RunSignals) -> float:
     """Effective current about its offset, A."""
     sign = 1.0 if run.simulated else -1.0
     return float(np.sqrt(np.mean((run.current - sign * 0.32) ** 2)))
 
 
-def current_ripple(run: Recording) -> float:
+def current_ripple(run: RunSignals) -> float:
     """Standard deviation of the current about its 5 Hz mean, A."""
     return float(np.std((run.current - run.smooth["current"])[EDGE]))
 
 
-def voltage_rms(run: Recording) -> float:
+def voltage_rms(run: RunSignals) -> float:
     """Standard deviation of the 5 Hz mean of the voltage, V."""
     return float(np.std(run.smooth["voltage"][EDGE]))
 
 
-def share_on_rails(run: Recording) -> float:
+def share_on_rails(run: RunSignals) -> float:
     """Share of the voltage samples taken while the bridge was on."""
     return float(np.mean(np.abs(run.voltage) > 20.0))
 
 
-def share_freewheeling(run: Recording) -> float:
+def share_freewheeling(run: RunSignals) -> float:
     """Share of the voltage samples within 1.5 V of the middle cluster."""
     return float(np.mean(np.abs(_centred(run.voltage)) < 1.5))
 
 
-def load_rms(run: Recording) -> float:
+def load_rms(run: RunSignals) -> float:
     """Standard deviation of the load, N."""
     return float(np.std(run.force[EDGE]))
 
 
-def load_peak(run: Recording) -> float:
+def load_peak(run: RunSignals) -> float:
     """99.9th percentile of the load's magnitude, N."""
     return float(np.percentile(np.abs(run.force), 99.9))
 
 
-def load_roughness(run: Recording) -> float:
+def load_roughness(run: RunSignals) -> float:
     """Standard deviation of the load about its 5 Hz mean, N."""
     return float(np.std((run.force - run.smooth["force"])[EDGE]))
 
 
-def load_current_rms(run: Recording) -> float:
+def load_current_rms(run: RunSignals) -> float:
     """Standard deviation of the load motor's current, A."""
     return float(np.std(run.load_current[EDGE]))
 
 
-def _balance(run: Recording) -> Array:
+def _balance(run: RunSignals) -> Array:
     """Drive force less load, regressed on 1, sgn v, v, a: N, N, N s/m, kg."""
     cut = {key: value[EDGE] for key, value in run.smooth.items()}
     moving = np.abs(cut["speed"]) > MOVING_M_S
@@ -90,7 +90,7 @@ def _balance(run: Recording) -> Array:
     return np.asarray(solution)
 
 
-def friction_force(run: Recording) -> float:
+def friction_force(run: RunSignals) -> float:
     """Loss of the drive over its path, N."""
     cut = {key: value[EDGE] for key, value in run.smooth.items()}
     drive = (
@@ -101,7 +101,7 @@ def friction_force(run: Recording) -> float:
     return float(np.sum(drive * cut["speed"]) / travelled)
 
 
-def _winding(run: Recording) -> tuple[float, float]:
+def _winding(run: RunSignals) -> tuple[float, float]:
     """Regression of the voltage on current, speed, 1: ohm, V s/m; NaN on a bad channel."""
     cut = {key: value[EDGE] for key, value in run.smooth.items()}
     columns = np.column_stack([cut["current"], cut["speed"], np.ones_like(cut["speed"])])
@@ -110,17 +110,17 @@ def _winding(run: Recording) -> tuple[float, float]:
     return (float(solution[0]), float(solution[1])) if usable else (float("nan"), float("nan"))
 
 
-def resistance(run: Recording) -> float:
+def resistance(run: RunSignals) -> float:
     """Winding resistance, ohm; NaN on a bad channel."""
     return _winding(run)[0]
 
 
-def back_emf(run: Recording) -> float:
+def back_emf(run: RunSignals) -> float:
     """Back-EMF constant of the same regression, V s/m."""
     return _winding(run)[1]
 
 
-def force_constant(run: Recording) -> float:
+def force_constant(run: RunSignals) -> float:
     """Force for each ampere, from current regressed on load, sgn v, v, a while it moves, N/A."""
     cut = {key: value[EDGE] for key, value in run.smooth.items()}
     speed = cut["speed"]
@@ -132,7 +132,7 @@ def force_constant(run: Recording) -> float:
     return float(1.0 / solution[0])
 
 
-def heating_rate(run: Recording) -> float:
+def heating_rate(run: RunSignals) -> float:
     """Slope of the motor's temperature, K/s, outliers cut."""
     time = np.arange(len(run.motor_temperature)) / RATE_HZ
     values = run.motor_temperature
@@ -140,17 +140,17 @@ def heating_rate(run: Recording) -> float:
     return float(np.polyfit(time[near], values[near], 1)[0])
 
 
-def position_noise(run: Recording) -> float:
+def position_noise(run: RunSignals) -> float:
     """Standard deviation of the position from scan to scan, its second difference, m."""
     return float(_robust(np.diff(run.position, 2)) / 6.0**0.5)
 
 
-def motor_temperature_noise(run: Recording) -> float:
+def motor_temperature_noise(run: RunSignals) -> float:
     """Robust standard deviation of the motor's thermocouple about its 5 Hz mean, K."""
     return _robust(run.motor_temperature - run.smooth["motor_temperature"])
 
 
-def nut_temperature_noise(run: Recording) -> float:
+def nut_temperature_noise(run: RunSignals) -> float:
     """The same of the nut's thermocouple, K."""
     return _robust(run.nut_temperature - run.smooth["nut_temperature"])
 
@@ -159,7 +159,7 @@ def _robust(values: Array) -> float:
     return float(1.4826 * np.median(np.abs(_centred(values))))
 
 
-def pwm_line(run: Recording) -> float:
+def pwm_line(run: RunSignals) -> float:
     """Frequency of the strongest line of the voltage between 8 and 16 Hz, Hz."""
     values = (run.voltage - run.smooth["voltage"]) * np.hanning(len(run.voltage))
     spectrum = np.abs(np.fft.rfft(values))
@@ -168,10 +168,10 @@ def pwm_line(run: Recording) -> float:
     return float(frequency[band][np.argmax(spectrum[band])])
 
 
-def _band(signal: str, low_hz: float, high_hz: float) -> Callable[[Recording], float]:
+def _band(signal: str, low_hz: float, high_hz: float) -> Callable[[RunSignals], float]:
     """Effective value of a raw signal between two frequencies."""
 
-    def effective(run: Recording) -> float:
+    def effective(run: RunSignals) -> float:
         frequency, density = spectrum(run, signal)
         inside = (frequency >= low_hz) & (frequency < high_hz)
         return float(np.sqrt(density[inside].sum() * frequency[1]))
@@ -179,7 +179,7 @@ def _band(signal: str, low_hz: float, high_hz: float) -> Callable[[Recording], f
     return effective
 
 
-def spectrum(run: Recording, signal: str) -> tuple[Array, Array]:
+def spectrum(run: RunSignals, signal: str) -> tuple[Array, Array]:
     """Frequencies in Hz and power density of a raw signal, by Welch over 2.56 s."""
     from scipy.signal import welch
 
@@ -187,12 +187,12 @@ def spectrum(run: Recording, signal: str) -> tuple[Array, Array]:
     return np.asarray(frequency), np.asarray(density)
 
 
-def coulomb_friction(run: Recording) -> float:
+def coulomb_friction(run: RunSignals) -> float:
     """Dry friction of the regression on 1, sgn v, v, a; N."""
     return float(_balance(run)[1])
 
 
-def viscous_friction(run: Recording) -> float:
+def viscous_friction(run: RunSignals) -> float:
     """Viscous friction of the same regression, N s/m."""
     return float(_balance(run)[2])
 
@@ -203,7 +203,7 @@ class Statistic:
 
     group: str
     unit: str
-    of: Callable[[Recording], float]
+    of: Callable[[RunSignals], float]
 
 
 SPECTRA = "noise spectra"

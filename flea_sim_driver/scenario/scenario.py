@@ -9,14 +9,21 @@ from typing import Any
 from flea_sim_driver.plant.structure import StructureSpread
 from flea_sim_driver.plant.unit import Spread
 from flea_sim_driver.scenario.flight import Flight
-from flea_sim_driver.scenario.settings import FaultSetting, Load, Motion, Run, Sensors, Switch
+from flea_sim_driver.scenario.settings import (
+    FaultSetting,
+    Load,
+    Motion,
+    RunSettings,
+    Sensors,
+    Switch,
+)
 
 
 @dataclass(frozen=True)
 class Scenario:
     """What the stand is to do."""
 
-    run: Run = field(default_factory=Run)
+    run: RunSettings = field(default_factory=RunSettings)
     motion: Motion = field(default_factory=Motion)
     load: Load = field(default_factory=Load)
     sensors: Sensors = field(default_factory=Sensors)

@@ -15,7 +15,14 @@ from flea_sim_driver.plant.unit import Spread
 from flea_sim_driver.scenario.feasibility import checked_scenario
 from flea_sim_driver.scenario.flight import Flight, read_flight
 from flea_sim_driver.scenario.scenario import Scenario
-from flea_sim_driver.scenario.settings import FaultSetting, Load, Motion, Run, Sensors, Switch
+from flea_sim_driver.scenario.settings import (
+    FaultSetting,
+    Load,
+    Motion,
+    RunSettings,
+    Sensors,
+    Switch,
+)
 
 FILE_LIMIT_BYTES = 1 << 20
 
@@ -48,7 +55,9 @@ def scenario_from_mapping(values: Mapping[str, Any], where: str, folder: Path = 
     )
     motion: Motion = sections["motion"]
     flight = _flight(motion, where, folder)
-    scenario = Scenario(build(Run, plain, where), faults=settings, flight=flight, **sections)
+    scenario = Scenario(
+        build(RunSettings, plain, where), faults=settings, flight=flight, **sections
+    )
     return checked_scenario(scenario, where)
 
 
@@ -79,7 +88,7 @@ def overridden(
     Parameters
     ----------
     run
-        Fields of ``Run`` that are to be others.
+        Fields of ``RunSettings`` that are to be others.
     fault
         Fields of the ``FaultSetting`` to be added.
 
@@ -88,7 +97,7 @@ def overridden(
     ConfigurationError
         As for ``scenario_from_mapping``: what is given here has the same limits.
     """
-    plain = build(Run, {**asdict(scenario.run), **run}, where)
+    plain = build(RunSettings, {**asdict(scenario.run), **run}, where)
     more = () if fault is None else (build(FaultSetting, fault, where),)
     faults = (*scenario.faults, *more)
     return checked_scenario(replace(scenario, run=plain, faults=faults), where)

@@ -102,7 +102,7 @@ class FaultSetting:
 
 
 @dataclass(frozen=True)
-class Run:
+class RunSettings:
     """The plain values of a scenario."""
 
     name: str = parameter("scenario", "for people")

@@ -25,7 +25,7 @@ SPEED_LIMIT_M_S = 0.140
 
 
 @dataclass(frozen=True)
-class Row:
+class CampaignRow:
     """One row of the table: ``low`` to ``high`` is the range of the fault's size.
 
     A ladder has ``sizes`` instead, which its scenarios take in turn, each with every motion.
@@ -51,20 +51,20 @@ class Shared:
     values: Mapping[str, Any] = field(default_factory=dict)
 
 
-ROWS: tuple[Row, ...] = (
-    Row("Nominal", "", 134),
-    Row("Current Bias", "motor_current_bias", 15, 0.4, 1.5, either_sign=True),
-    Row("Current Dead", "motor_current_dead", 15),
-    Row("Current Drift", "motor_current_drift", 15, 0.05, 0.25, either_sign=True),
-    Row("Position Sensor Failure", "actuator_position_dead", 21),
-    Row("Current Scaling", "motor_current_scaling", 15, 1.3, 1.8),
-    Row("Jam", "jam", 15, 0.7, 1.6, switched=True),
-    Row("Motor Failure", "motor_failure", 15, 1.0, 1.0),
-    Row("Spall", "spall", 15, 0.7, 2.0, switched=True),
-    Row("Temp Bias", "motor_temperature_bias", 15, 5.0, 15.0, either_sign=True),
-    Row("Temp Dead", "motor_temperature_dead", 15),
-    Row("Temp Drift", "motor_temperature_drift", 15, 0.4, 1.2, either_sign=True),
-    Row("Temp Scaling", "motor_temperature_scaling", 15, 1.25, 1.7),
+ROWS: tuple[CampaignRow, ...] = (
+    CampaignRow("Nominal", "", 134),
+    CampaignRow("Current Bias", "motor_current_bias", 15, 0.4, 1.5, either_sign=True),
+    CampaignRow("Current Dead", "motor_current_dead", 15),
+    CampaignRow("Current Drift", "motor_current_drift", 15, 0.05, 0.25, either_sign=True),
+    CampaignRow("Position Sensor Failure", "actuator_position_dead", 21),
+    CampaignRow("Current Scaling", "motor_current_scaling", 15, 1.3, 1.8),
+    CampaignRow("Jam", "jam", 15, 0.7, 1.6, switched=True),
+    CampaignRow("Motor Failure", "motor_failure", 15, 1.0, 1.0),
+    CampaignRow("Spall", "spall", 15, 0.7, 2.0, switched=True),
+    CampaignRow("Temp Bias", "motor_temperature_bias", 15, 5.0, 15.0, either_sign=True),
+    CampaignRow("Temp Dead", "motor_temperature_dead", 15),
+    CampaignRow("Temp Drift", "motor_temperature_drift", 15, 0.4, 1.2, either_sign=True),
+    CampaignRow("Temp Scaling", "motor_temperature_scaling", 15, 1.25, 1.7),
 )
 
 
@@ -74,8 +74,8 @@ def table4(seed: int) -> tuple[Scenario, ...]:
 
 
 def draw(
-    rows: Sequence[Row], seed: int, shared: Shared | None = None
-) -> tuple[tuple[Row, Scenario], ...]:
+    rows: Sequence[CampaignRow], seed: int, shared: Shared | None = None
+) -> tuple[tuple[CampaignRow, Scenario], ...]:
     """Scenarios of any such table, each with its row.
 
     Raises
@@ -92,7 +92,7 @@ def draw(
     )
 
 
-def _scenario(row: Row, number: int, draw: np.random.Generator, shared: Shared) -> Scenario:
+def _scenario(row: CampaignRow, number: int, draw: np.random.Generator, shared: Shared) -> Scenario:
     name = f"{row.fault or 'nominal'}_{number + 1:03d}"
     values: dict[str, Any] = {
         "name": name,
@@ -133,7 +133,9 @@ def _digits(largest: float) -> int:
     return max(3, 2 - math.floor(math.log10(largest))) if largest > 0.0 else 3
 
 
-def _fault(row: Row, number: int, draw: np.random.Generator, shared: Shared) -> dict[str, Any]:
+def _fault(
+    row: CampaignRow, number: int, draw: np.random.Generator, shared: Shared
+) -> dict[str, Any]:
     onset = round(float(draw.uniform(shared.earliest_onset_s, shared.latest_onset_s)), 2)
     size = round(float(draw.uniform(row.low, row.high)), _digits(row.high))
     if row.sizes:

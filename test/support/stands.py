@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from flea_diag import configuration
-from flea_diag.core.calibration.calibration import Calibration, Run
+from flea_diag.core.calibration.calibration import Calibration, NominalRun
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
@@ -27,7 +27,9 @@ FEATURES = "feature_table_paper.yaml"
 def calibration(channels: tuple[str, ...] = ema.STAND) -> Calibration:
     """Learned from the healthy runs, for a stand with these channels."""
     recordings = [
-        NominalRecording(Run(f"run{n}", ema.rows(columns, channels)), "s", channels, "mean", 0.01)
+        NominalRecording(
+            NominalRun(f"run{n}", ema.rows(columns, channels)), "s", channels, "mean", 0.01
+        )
         for n, columns in enumerate(ema.nominal_runs())
     ]
     return calibrate(recordings, "actuator.yaml", 0.1)

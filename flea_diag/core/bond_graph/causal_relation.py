@@ -17,7 +17,7 @@ from flea_diag.core.bond_graph.causality import (
     strong_bonds,
     with_loops,
 )
-from flea_diag.core.symbolic.expression import Expression, Symbol, product, symbols, total
+from flea_diag.core.symbolic.expression import Expression, Variable, product, symbols, total
 from flea_diag.errors import ModelError
 
 
@@ -66,12 +66,12 @@ def causal_relations(graph: BondGraph, causality: Causality) -> tuple[Relation, 
     return tuple(relations)
 
 
-def _symbols(graph: BondGraph, bond: Bond) -> tuple[Symbol, Symbol]:
-    return Symbol(effort_of(graph, bond)), Symbol(flow_of(graph, bond))
+def _symbols(graph: BondGraph, bond: Bond) -> tuple[Variable, Variable]:
+    return Variable(effort_of(graph, bond)), Variable(flow_of(graph, bond))
 
 
 def _parameters(element: Element) -> dict[str, Expression]:
-    return {role: Symbol(name) for role, name in element.parameters.items()}
+    return {role: Variable(name) for role, name in element.parameters.items()}
 
 
 def _junction(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> list[Relation]:
@@ -80,12 +80,12 @@ def _junction(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> li
     (strong,) = strong_bonds(element.kind, node, bonds, ends)
     common, summed = (effort_of, flow_of) if zero else (flow_of, effort_of)
     others = [bond for bond in bonds if bond is not strong]
-    lead = Symbol(common(graph, strong))
+    lead = Variable(common(graph, strong))
     relations = [Relation(common(graph, bond), lead, node) for bond in others]
     # Power in and power out balance: a bond that points the way the strong one does counts
     # against it, the others with it. Detectors take no power.
     balance = total(
-        (-1 if (bond.head == node) == (strong.head == node) else 1) * Symbol(summed(graph, bond))
+        (-1 if (bond.head == node) == (strong.head == node) else 1) * Variable(summed(graph, bond))
         for bond in others
         if graph.elements[bond.other(node)].kind not in ("De", "Df")
     )
@@ -103,7 +103,7 @@ def _source_value(graph: BondGraph, element: Element) -> Expression:
     if element.law == "dissipation":
         heats = [product(_symbols(graph, graph.at(name)[0])) for name in element.powers]
         return p["share"] * total(heats)
-    signal = Symbol(element.signal)
+    signal = Variable(element.signal)
     return p["gain"] * signal if element.law == "gain" else signal
 
 
@@ -118,7 +118,7 @@ def _capacity(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> li
     p = _parameters(element)
     if "capacity" in p:
         return [Relation(effort.name, flow / p["capacity"], element.name, temporal=True)]
-    displacement = Symbol(element.state or f"q_{element.name}")
+    displacement = Variable(element.state or f"q_{element.name}")
     return [
         Relation(displacement.name, flow, element.name, temporal=True),
         Relation(effort.name, p["stiffness"] * displacement, element.name),
@@ -166,7 +166,7 @@ def _detector(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> li
     state = element.state or f"x_{element.name}"
     return [
         Relation(state, seen, element.name, temporal=True),
-        Relation(element.signal, Symbol(state), element.name),
+        Relation(element.signal, Variable(state), element.name),
     ]
 
 
@@ -226,6 +226,6 @@ def with_measured(
     of = {variable: channel for channel, variable in measured.items()}
     kept = [r for r in relations if r.target not in measured]
     return tuple(
-        replace(r, expression=Symbol(of[r.target]), temporal=False) if r.target in of else r
+        replace(r, expression=Variable(of[r.target]), temporal=False) if r.target in of else r
         for r in kept
     )

@@ -18,7 +18,7 @@ from flea_diag.core.bond_graph.causal_relation import Relation, algebraic_loops,
 from flea_diag.core.symbolic.expression import (
     FUNCTIONS,
     Expression,
-    Symbol,
+    Variable,
     derivative,
     evaluate,
     substitute,
@@ -103,7 +103,7 @@ class StateSpace:
 
     def equations(self, tokens: Mapping[str, str] | None = None) -> str:
         """The equations as text, one a line; ``tokens`` shortens names (``R`` for a parameter)."""
-        short = {name: Symbol(token) for name, token in (tokens or {}).items()}
+        short = {name: Variable(token) for name, token in (tokens or {}).items()}
         rows = [(f"d {name}/dt", rate) for name, rate in zip(self.states, self.rates, strict=True)]
         rows += list(zip(self.outputs, self.readings, strict=True))
         return "\n".join(f"{left} = {substitute(right, short)}" for left, right in rows)

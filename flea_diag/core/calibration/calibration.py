@@ -33,7 +33,7 @@ SCHEMA_VERSION = 1
 
 
 @dataclass(frozen=True)
-class Run:
+class NominalRun:
     """One nominal recording: rows of ``residual_rows.CHANNELS``, shape (scans, channels)."""
 
     name: str

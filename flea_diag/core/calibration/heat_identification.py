@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.calibration.calibration import Run
+from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_rows import INDEX
 
@@ -40,7 +40,7 @@ class Result(Protocol):
         ...
 
 
-def identify(runs: Sequence[Run], period_s: float, result: Result) -> None:
+def identify(runs: Sequence[NominalRun], period_s: float, result: Result) -> None:
     """Heating and cooling of both nodes, as far as the recordings tell them."""
     _heat(runs, period_s, "motor_temperature", result, _copper_square)
     _heat(runs, period_s, "nut_temperature", result, _friction_power)
@@ -64,7 +64,7 @@ _HEAT_NAMES = {
 
 
 def _heat(
-    runs: Sequence[Run], period_s: float, channel: str, result: Result, source: Source
+    runs: Sequence[NominalRun], period_s: float, channel: str, result: Result, source: Source
 ) -> None:
     names = _HEAT_NAMES[channel]
     table = [_slope(run.rows, channel, period_s, result.parameters, source) for run in runs]

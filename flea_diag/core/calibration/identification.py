@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration import heat_identification
-from flea_diag.core.calibration.calibration import CovarianceBlock, Run
+from flea_diag.core.calibration.calibration import CovarianceBlock, NominalRun
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual import COPPER_PER_K
 from flea_diag.core.residuals.residual_rows import INDEX
@@ -71,7 +71,7 @@ class Smoothed:
         return self.value[:, INDEX[channel]]
 
 
-def smooth(runs: Sequence[Run], kernel_length: int, period_s: float) -> Smoothed:
+def smooth(runs: Sequence[NominalRun], kernel_length: int, period_s: float) -> Smoothed:
     """All runs through the kernel that the diagnoser uses."""
     kernels = hann_kernels(kernel_length, period_s)
     parts: list[list[Array]] = [[], [], []]
@@ -116,7 +116,7 @@ def robust_fit(
     return np.asarray(x, dtype=np.float64), covariance, weight
 
 
-def identify(runs: Sequence[Run], kernel_length: int, period_s: float) -> Identified:
+def identify(runs: Sequence[NominalRun], kernel_length: int, period_s: float) -> Identified:
     """Every parameter that the recordings identify.
 
     Raises

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration import noise_identification
-from flea_diag.core.calibration.calibration import Run
+from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.observers.innovation_residual import normalised
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.state_observer import StateObserver
@@ -32,7 +32,7 @@ SETTLE_SCANS = 50
 
 
 @dataclass(frozen=True)
-class Learned:
+class ObserverStatistics:
     """What nominal recordings teach of the observer.
 
     ``residuals`` of each recording, shape (scans, columns); ``spread`` as of ``unit_spread``.
@@ -44,12 +44,12 @@ class Learned:
 
 
 def learn(
-    runs: Sequence[Run],
+    runs: Sequence[NominalRun],
     parameters: ActuatorParameters,
     tolerance: UnitTolerance,
     period_s: float,
     voltage_sampling: str,
-) -> Learned:
+) -> ObserverStatistics:
     """Noise levels, then residuals under them; in ``runs`` a distrusted voltage is NaN.
 
     Raises
@@ -67,7 +67,7 @@ def learn(
 
     rows = [run.rows for run in runs]
     residuals = tuple(trace(make(parameters), each) for each in rows)
-    return Learned(noise, residuals, unit_spread(rows, parameters, tolerance, make))
+    return ObserverStatistics(noise, residuals, unit_spread(rows, parameters, tolerance, make))
 
 
 def trace(observer: StateObserver, rows: Array) -> Array:

@@ -17,7 +17,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.calibration.calibration import Run
+from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.residuals.parameters import ActuatorParameters
@@ -48,7 +48,10 @@ FREEDOM = 8.0
 
 
 def fitted(
-    runs: Sequence[Run], parameters: ActuatorParameters, period_s: float, voltage_sampling: str
+    runs: Sequence[NominalRun],
+    parameters: ActuatorParameters,
+    period_s: float,
+    voltage_sampling: str,
 ) -> ObserverNoise:
     """Noise levels that make nominal recordings most likely.
 
@@ -78,7 +81,7 @@ def fitted(
     return noise
 
 
-def _pieces(runs: Sequence[Run]) -> list[Array]:
+def _pieces(runs: Sequence[NominalRun]) -> list[Array]:
     """Stretches from the middle of recordings spread over all of them."""
     usable = [run.rows for run in runs if len(run.rows) >= PIECE_SCANS]
     if not usable:
@@ -90,7 +93,7 @@ def _pieces(runs: Sequence[Run]) -> list[Array]:
     return [rows[at : at + PIECE_SCANS] for rows, at in zip(chosen, starts, strict=True)]
 
 
-def _read_off(runs: Sequence[Run], period_s: float) -> dict[str, float]:
+def _read_off(runs: Sequence[NominalRun], period_s: float) -> dict[str, float]:
     known = {field.name for field in fields(ObserverNoise)}
     found = {}
     for name, channel in READINGS.items():

@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.calibration.calibration import BadStretch, Run
+from flea_diag.core.calibration.calibration import BadStretch, NominalRun
 from flea_diag.core.calibration.identification import Identified
 from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanShiftLimit, limit_of
 from flea_diag.core.detection.mean_shift_test import SHIFTING
@@ -53,7 +53,7 @@ class Trace:
     voltage_usable: npt.NDArray[np.bool_]
 
 
-def trace(run: Run, identified: Identified, kernel_length: int, period_s: float) -> Trace:
+def trace(run: NominalRun, identified: Identified, kernel_length: int, period_s: float) -> Trace:
     """Run one recording through the residual bank, its bad voltage stretches taken out."""
     bank = ResidualBank(identified.parameters, period_s=period_s, kernel_length=kernel_length)
     residuals = bank.step(run.rows, frozen=False)

@@ -31,7 +31,7 @@ def combined(symbols: Iterable[str]) -> str:
 
 
 @dataclass(frozen=True)
-class Injection:
+class InitialDeviation:
     """A deviation put on a vertex: at once (order 0) or growing (order 1 and more)."""
 
     vertex: str
@@ -53,22 +53,22 @@ class Effect:
         return next((k for k, symbol in enumerate(self.signs) if symbol != "0"), -1)
 
 
-def injections(
+def initial_deviations(
     graph: TemporalCausalGraph, cause: FaultHypothesis, values: Mapping[str, float], ramp: bool
-) -> tuple[Injection, ...]:
+) -> tuple[InitialDeviation, ...]:
     """Where a deviating parameter or input enters; a ramp enters one order later."""
     late, sign = int(ramp), cause.direction
     if cause.name in graph.inputs:
-        return (Injection(cause.name, late, SYMBOL[sign], str(cause)),)
+        return (InitialDeviation(cause.name, late, SYMBOL[sign], str(cause)),)
     return tuple(
-        Injection(e.target, late + e.temporal, SYMBOL[sign * e.sign(values)], str(cause))
+        InitialDeviation(e.target, late + e.temporal, SYMBOL[sign * e.sign(values)], str(cause))
         for e in graph.of_parameter.get(cause.name, ())
     )
 
 
 def propagate_forward(
     graph: TemporalCausalGraph,
-    entering: Iterable[Injection],
+    entering: Iterable[InitialDeviation],
     values: Mapping[str, float],
     max_order: int = MAX_ORDER,
 ) -> dict[str, Effect]:

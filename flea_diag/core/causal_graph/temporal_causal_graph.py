@@ -15,7 +15,7 @@ from flea_diag.core.bond_graph.causal_relation import Relation, in_order
 from flea_diag.core.symbolic.expression import (
     Constant,
     Expression,
-    Symbol,
+    Variable,
     derivative,
     evaluate,
     substitute,
@@ -35,10 +35,10 @@ class Edge:
 
     def label(self, tokens: Mapping[str, str] | None = None) -> str:
         """``=``, ``-1``, ``R``, ``dt/L``: the gain, times dt when temporal."""
-        short = {name: Symbol(token) for name, token in (tokens or {}).items()}
+        short = {name: Variable(token) for name, token in (tokens or {}).items()}
         gain = substitute(self.gain, short)
         if self.temporal:
-            return str(Symbol("dt") * gain)
+            return str(Variable("dt") * gain)
         return "=" if gain == Constant(1.0) else str(gain)
 
     def sign(self, values: Mapping[str, float]) -> int:

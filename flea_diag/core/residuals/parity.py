@@ -20,7 +20,7 @@ from flea_diag.core.faults.fault import FaultHypothesis
 from flea_diag.core.symbolic.expression import (
     ZERO,
     Expression,
-    Symbol,
+    Variable,
     apply,
     derivative,
     evaluate,
@@ -47,7 +47,7 @@ def channel_of(symbol: str) -> tuple[str, int]:
 def time_derivative(expression: Expression, constants: frozenset[str]) -> Expression:
     """d/dt of an expression in channels, by the chain rule."""
     return total(
-        derivative(expression, name) * Symbol(rate_symbol(name))
+        derivative(expression, name) * Variable(rate_symbol(name))
         for name in symbols(expression)
         if name not in constants
     )
@@ -111,7 +111,7 @@ class ParityRelation:
 def _scaling(r: Expression, channel: str) -> Expression:
     name, terms = channel, []
     for _ in range(3):
-        terms.append(derivative(r, name) * Symbol(name))
+        terms.append(derivative(r, name) * Variable(name))
         name = rate_symbol(name)
     return total(terms)
 
@@ -136,13 +136,13 @@ def parity_relation(actuator: Actuator, spec: ResidualSpec) -> ParityRelation:
     """
     nominal = actuator.graph.values()
     if spec.kind == "difference":
-        gap = Symbol(spec.channel) - Symbol(spec.reference)
+        gap = Variable(spec.channel) - Variable(spec.reference)
         return ParityRelation(spec.name, spec.unit, gap, nominal, ZERO)
     measured = _Measured(actuator)
     junction = actuator.graph.elements[spec.junction]
     balance = measured.balance(junction, None)
     if spec.divided_by:
-        balance = balance / Symbol(spec.divided_by)
+        balance = balance / Variable(spec.divided_by)
     motion = measured.common(actuator.graph.elements[spec.motion or spec.junction]) or ZERO
     made = ParityRelation(spec.name, spec.unit, balance, nominal, motion)
     return made.normalised(spec.name) if spec.normalised else made
@@ -169,7 +169,7 @@ class _Measured:
         """The common variable of a junction from a sensor on it, or on the far side of a TF."""
         own = [s for s in self.actuator.sensors.values() if s.at == junction.name]
         for sensor in sorted(own, key=lambda s: s.integrates):
-            name = Symbol(sensor.channel)
+            name = Variable(sensor.channel)
             return time_derivative(name, self.constants) if sensor.integrates else name
         for bond in self.graph.at(junction.name):
             found = self._through(bond, bond.other(junction.name), junction, seen)
@@ -189,7 +189,7 @@ class _Measured:
         known = self.common(there, (*seen, node)) if there.kind == junction.kind else None
         if known is None:
             return None
-        ratio = Symbol(element.parameters["ratio"])
+        ratio = Variable(element.parameters["ratio"])
         # f2 = n f1 and e1 = n e2: a flow grows towards port 2, an effort towards port 1.
         towards_two = bond is two
         return known * ratio if towards_two == (junction.kind == "1") else known / ratio
@@ -197,7 +197,7 @@ class _Measured:
     def effort(self, bond: Bond, far: str) -> Expression:
         """Effort on a bond as the node at its far end makes it."""
         element, near = self.graph.elements[far], self.graph.elements[bond.other(far)]
-        p = {role: Symbol(name) for role, name in element.parameters.items()}
+        p = {role: Variable(name) for role, name in element.parameters.items()}
         if element.kind == "I":
             return p["inertia"] * time_derivative(self._known(near), self.constants)
         if element.kind == "R":
@@ -206,7 +206,7 @@ class _Measured:
             assert law.effort is not None
             return law.effort(self._known(near), p)
         if element.kind in ("Se", "MSe"):
-            signal = Symbol(element.signal)
+            signal = Variable(element.signal)
             return p["gain"] * signal if element.law == "gain" else signal
         if element.kind == "0":
             return self._known(element)
@@ -222,7 +222,7 @@ class _Measured:
     ) -> Expression:
         for sensor in self.actuator.sensors.values():
             if sensor.at == near.name and sensor.integrates and "stiffness" in p:
-                return p["stiffness"] * Symbol(sensor.channel)
+                return p["stiffness"] * Variable(sensor.channel)
         raise self._open(near, f"the effort of {element.kind} {element.name!r}")
 
     def _two_port_effort(
@@ -239,13 +239,13 @@ class _Measured:
     def flow(self, bond: Bond, far: str) -> Expression:
         """Flow on a bond of a 0-junction as the node at its far end makes it."""
         element, near = self.graph.elements[far], self.graph.elements[bond.other(far)]
-        p = {role: Symbol(name) for role, name in element.parameters.items()}
+        p = {role: Variable(name) for role, name in element.parameters.items()}
         if element.kind == "C" and "capacity" in p:
             return p["capacity"] * time_derivative(self._known(near), self.constants)
         if element.law == "dissipation":
             return p["share"] * total(self._power(name) for name in element.powers)
         if element.kind in ("Sf", "MSf"):
-            signal = Symbol(element.signal)
+            signal = Variable(element.signal)
             return p["gain"] * signal if element.law == "gain" else signal
         if element.kind == "1":
             return self.common(element) or self._series_flow(bond, element)
@@ -257,7 +257,7 @@ class _Measured:
             element = self.graph.elements[branch.other(junction.name)]
             law = self.graph.law(element)
             if element.kind == "R" and law is not None and law.flow is not None:
-                p = {role: Symbol(name) for role, name in element.parameters.items()}
+                p = {role: Variable(name) for role, name in element.parameters.items()}
                 return law.flow(self.balance(junction, branch), p)
         raise self._open(junction, "its flow")
 

@@ -22,7 +22,7 @@ from flea_diag.errors import ModelError
 
 
 @dataclass(frozen=True)
-class Split:
+class Refutation:
     """One residual in one quadrant that refutes ``other`` when ``fault`` is there.
 
     ``by`` says how: ``support`` (the other fault does not move this residual), ``sign`` (it
@@ -73,12 +73,12 @@ class Diagnosability:
     residuals: tuple[str, ...]
     tables: Mapping[Quadrant, SignatureTable]
 
-    def splits(self, fault: str, other: str) -> tuple[Split, ...]:
+    def splits(self, fault: str, other: str) -> tuple[Refutation, ...]:
         """Splits that together isolate ``fault`` from ``other``; empty when nothing does.
 
         One split for each pair of alternatives: all must be refuted.
         """
-        found: list[Split] = []
+        found: list[Refutation] = []
         for ours in range(self._alternatives(fault)):
             for theirs in range(self._alternatives(other)):
                 split = self._first_split(fault, ours, other, theirs)
@@ -135,14 +135,14 @@ class Diagnosability:
         first = next(iter(self.tables.values()), None)
         return max(1, len(first.variants[fault])) if first else 0
 
-    def _first_split(self, fault: str, ours: int, other: str, theirs: int) -> Split | None:
+    def _first_split(self, fault: str, ours: int, other: str, theirs: int) -> Refutation | None:
         for quadrant, table in self.tables.items():
             one, two = _row(table, fault, ours), _row(table, other, theirs)
             for name in self.residuals:
                 shown, forbidden = one[name].symbols, two[name].symbols
                 by = refutes(shown, forbidden)
                 if by:
-                    return Split(fault, other, name, quadrant, by, shown, forbidden)
+                    return Refutation(fault, other, name, quadrant, by, shown, forbidden)
         return None
 
     def _fingerprint(self, fault: str) -> tuple[object, ...]:
@@ -194,7 +194,7 @@ class ExtraSensor:
     """A sensor that the stand does not have, and what it would change."""
 
     channel: str
-    splits: tuple[Split, ...]
+    splits: tuple[Refutation, ...]
 
 
 def extra_sensors(

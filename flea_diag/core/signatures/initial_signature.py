@@ -9,9 +9,9 @@ from flea_diag.core.causal_graph.operating_point import rates
 from flea_diag.core.causal_graph.propagation import (
     MAX_ORDER,
     Effect,
-    Injection,
+    InitialDeviation,
     combined,
-    injections,
+    initial_deviations,
     propagate_forward,
     scaled,
 )
@@ -34,7 +34,7 @@ class TextbookColumns:
         self.rates = rates(model, dict(values))
         self.relations: dict[str, ParityRelation] = {}
         self.graphs: dict[str, TemporalCausalGraph] = {}
-        self.effects: dict[tuple[str, tuple[Injection, ...]], dict[str, Effect]] = {}
+        self.effects: dict[tuple[str, tuple[InitialDeviation, ...]], dict[str, Effect]] = {}
 
     def cell(self, spec: ResidualSpec, fault: Fault, group: Alternative) -> FaultSignature:
         """Signature of one alternative in one residual."""
@@ -52,11 +52,11 @@ class TextbookColumns:
         self, channel: str, view: str, fault: Fault, group: Alternative
     ) -> FaultSignature:
         graph = self._graph(view)
-        entering: list[Injection] = []
+        entering: list[InitialDeviation] = []
         own, path = "0" * (MAX_ORDER + 1), ""
         for cause in group:
             if not cause.mode:
-                entering += injections(graph, cause, self.values, fault.incipient)
+                entering += initial_deviations(graph, cause, self.values, fault.incipient)
                 continue
             signs = sensor_signs(cause, self.values[cause.name], self.rates.get(cause.name, 0.0))
             if cause.name == channel:
@@ -64,13 +64,14 @@ class TextbookColumns:
             if cause.name in graph.inputs:
                 # The prediction follows the faulty reading, so y - prediction moves against it.
                 entering += [
-                    Injection(cause.name, k, scaled(s, -1), str(cause)) for k, s in enumerate(signs)
+                    InitialDeviation(cause.name, k, scaled(s, -1), str(cause))
+                    for k, s in enumerate(signs)
                 ]
         effect = self._effects(view, tuple(entering))[channel]
         signs = "".join(combined(pair) for pair in zip(own, effect.signs, strict=True))
         return signature(signs, path or effect.path)
 
-    def _effects(self, view: str, entering: tuple[Injection, ...]) -> dict[str, Effect]:
+    def _effects(self, view: str, entering: tuple[InitialDeviation, ...]) -> dict[str, Effect]:
         key = (view, entering)
         if key not in self.effects:
             self.effects[key] = propagate_forward(self._graph(view), entering, self.values)

@@ -12,7 +12,7 @@ from flea_diag.core.residuals.parity import ParityRelation, channel_of, rate_sym
 from flea_diag.core.symbolic.expression import (
     ZERO,
     Expression,
-    Symbol,
+    Variable,
     derivative,
     evaluate,
     symbols,
@@ -100,7 +100,7 @@ def _dead_signs(
     """A reading that stops: off by an unknown constant of the given sign, and rate zero."""
     level = _regressor_sign(derivative(relation.expression, cause.name), cause, point)
     rate = rate_symbol(cause.name)
-    lost = -derivative(relation.expression, rate) * Symbol(rate)
+    lost = -derivative(relation.expression, rate) * Variable(rate)
     stopped = FaultHypothesis(cause.name, 1, cause.mode)
     now = combined((level, _regressor_sign(lost, stopped, {rate: 0.0, **point})))
     return now + ("*" if now != "0" else "0")

@@ -47,7 +47,7 @@ SYMBOL_OF = {1: "+", -1: "-", 0: "0"}
 
 
 @dataclass(frozen=True)
-class Deviation:
+class ResidualResponse:
     """Response of one residual at ``SCANS``, in its unit, and the noise of its sensors.
 
     ``reach`` is how many times larger the fault may be: what only a larger fault would show
@@ -136,11 +136,11 @@ class SampledColumns:
         view: str,
         changed: Mapping[str, float],
         reach: float = 1.0,
-    ) -> Deviation:
+    ) -> ResidualResponse:
         model = self.view(view)
         response = sum(s * model.response(c, changed) for c, s in senses.items())
         sigma = math.hypot(*(self.model.sensors[c].noise for c in senses))
-        return Deviation(tuple(np.broadcast_to(response, len(SCANS)).tolist()), sigma, reach)
+        return ResidualResponse(tuple(np.broadcast_to(response, len(SCANS)).tolist()), sigma, reach)
 
     def _changed(self, fault: Fault, group: Alternative) -> dict[str, float]:
         """Values that the fault changes: grown by its size, or fallen, never through zero."""

@@ -44,11 +44,11 @@ class Variant:
         return ", ".join(map(str, self.hypotheses)) or "no slow channel"
 
 
-Row = Mapping[str, FaultSignature]
+SignatureRow = Mapping[str, FaultSignature]
 
 
 @dataclass(frozen=True)
-class SignatureTable(Mapping[str, Row]):
+class SignatureTable(Mapping[str, SignatureRow]):
     """Fault id -> residual name -> signature, in one quadrant.
 
     A fault with alternatives has a variant for each (a bias may be positive or negative); its
@@ -59,11 +59,11 @@ class SignatureTable(Mapping[str, Row]):
     quadrant: Quadrant
     residuals: tuple[str, ...]
     variants: Mapping[str, tuple[Variant, ...]]
-    rows: Mapping[str, Row]
+    rows: Mapping[str, SignatureRow]
     period_s: float = 0.0
     """Sampling period that the table is for, 0 for the textbook (continuous) one."""
 
-    def __getitem__(self, fault: str) -> Row:
+    def __getitem__(self, fault: str) -> SignatureRow:
         return self.rows[fault]
 
     def __iter__(self) -> Iterator[str]:
@@ -73,7 +73,7 @@ class SignatureTable(Mapping[str, Row]):
         return len(self.rows)
 
 
-def merged(variants: Sequence[Row], residuals: Iterable[str]) -> Row:
+def merged(variants: Sequence[SignatureRow], residuals: Iterable[str]) -> SignatureRow:
     """One row for several alternatives: what they share, ``*`` where they differ."""
     if not variants:
         return MappingProxyType(dict.fromkeys(residuals, UNAFFECTED))

@@ -11,7 +11,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from flea_diag.core.faults.fault_signature import FaultSignature
-from flea_diag.core.signatures.signature import Row, SignatureTable
+from flea_diag.core.signatures.signature import SignatureRow, SignatureTable
 
 
 def without_signs(table: SignatureTable) -> SignatureTable:
@@ -24,7 +24,7 @@ def without_signs(table: SignatureTable) -> SignatureTable:
     return replace(table, variants=MappingProxyType(variants), rows=MappingProxyType(rows))
 
 
-def _unsigned(row: Row) -> Row:
+def _unsigned(row: SignatureRow) -> SignatureRow:
     return MappingProxyType({name: _any_sign(cell) for name, cell in row.items()})
 
 

@@ -72,7 +72,7 @@ class Constant(Expression):
 
 
 @dataclass(frozen=True)
-class Symbol(Expression):
+class Variable(Expression):
     """A variable or a parameter, by a name that is a Python identifier."""
 
     name: str
@@ -192,7 +192,7 @@ def _children(expression: Expression) -> tuple[Expression, ...]:
 
 def symbols(expression: Expression) -> tuple[str, ...]:
     """Names in an expression, in order of appearance, each once."""
-    if isinstance(expression, Symbol):
+    if isinstance(expression, Variable):
         return (expression.name,)
     found = dict.fromkeys(n for child in _children(expression) for n in symbols(child))
     return tuple(found)
@@ -200,7 +200,7 @@ def symbols(expression: Expression) -> tuple[str, ...]:
 
 def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expression:
     """The expression with symbols replaced, back in normal form."""
-    if isinstance(expression, Symbol):
+    if isinstance(expression, Variable):
         return values.get(expression.name, expression)
     if isinstance(expression, Sum):
         return total(substitute(term, values) for term in expression.terms)
@@ -216,7 +216,7 @@ def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expr
 @lru_cache(maxsize=16384)
 def derivative(expression: Expression, name: str) -> Expression:
     """Exact partial derivative with respect to one symbol."""
-    if isinstance(expression, Symbol):
+    if isinstance(expression, Variable):
         return ONE if expression.name == name else ZERO
     if isinstance(expression, Sum):
         return total(derivative(term, name) for term in expression.terms)
@@ -246,7 +246,7 @@ def evaluate(expression: Expression, values: Mapping[str, Any]) -> Any:
     """Number (or array) of an expression; KeyError names a symbol that has no value."""
     if isinstance(expression, Constant):
         return expression.value
-    if isinstance(expression, Symbol):
+    if isinstance(expression, Variable):
         return values[expression.name]
     if isinstance(expression, Power):
         return evaluate(expression.base, values) ** float(expression.exponent)
@@ -260,7 +260,7 @@ def text(expression: Expression) -> str:
     """Infix text; it is valid Python and compiles to the same value."""
     if isinstance(expression, Constant):
         return f"{expression.value:.12g}"
-    if isinstance(expression, Symbol):
+    if isinstance(expression, Variable):
         return expression.name
     if isinstance(expression, Function):
         return f"{expression.name}({text(expression.argument)})"

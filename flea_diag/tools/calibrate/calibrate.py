@@ -17,9 +17,9 @@ from flea_diag.tools.extra import require
 from flea_diag.tools.terminal import IN_PART, make_folder, warn, write_text
 
 if TYPE_CHECKING:
-    from flea_diag.core.calibration.calibration import Calibration, Run
+    from flea_diag.core.calibration.calibration import Calibration, NominalRun
     from flea_diag.core.calibration.identification import Identified
-    from flea_diag.core.calibration.innovation_learning import Learned as LearnedInnovations
+    from flea_diag.core.calibration.innovation_learning import ObserverStatistics
     from flea_diag.core.calibration.thresholds import Trace
 
 NAME = "calibrate"
@@ -152,15 +152,15 @@ def _check_recordings(
 
 def _innovations(
     recordings: Sequence[NominalRecording], traces: Sequence[Trace], found: Identified
-) -> LearnedInnovations:
+) -> ObserverStatistics:
     """Innovation residuals of the state observer, with its noise, from the usable voltage."""
     from flea_diag.core.calibration import innovation_learning
-    from flea_diag.core.calibration.calibration import Run
+    from flea_diag.core.calibration.calibration import NominalRun
     from flea_diag.core.residuals.parameters import UnitTolerance
 
     first = recordings[0]
     runs = [
-        Run(recording.run.name, _without_bad_voltage(recording.run, trace))
+        NominalRun(recording.run.name, _without_bad_voltage(recording.run, trace))
         for recording, trace in zip(recordings, traces, strict=True)
     ]
     return innovation_learning.learn(
@@ -173,7 +173,7 @@ def _calibration(
     recordings: Sequence[NominalRecording],
     found: Identified,
     traces: Sequence[Trace],
-    innovations: LearnedInnovations,
+    innovations: ObserverStatistics,
     false_alarms_per_hour: float,
 ) -> Calibration:
     """Calibration file content: identified parameters, and limits for the false-alarm rate."""
@@ -213,7 +213,7 @@ def _calibration(
     )
 
 
-def _without_bad_voltage(run: Run, trace: Trace) -> Any:
+def _without_bad_voltage(run: NominalRun, trace: Trace) -> Any:
     """Rows with the voltage as NaN (not measured) where it failed its plausibility test."""
     from flea_diag.core.residuals.residual_rows import INDEX
 

@@ -11,7 +11,7 @@ from flea_diag.errors import CalibrationError, FleaError
 from flea_diag.tools.terminal import progress, warn
 
 if TYPE_CHECKING:
-    from flea_diag.core.calibration.calibration import Run
+    from flea_diag.core.calibration.calibration import NominalRun
     from flea_diag.wire.records import ChannelTable
 
 NOMINAL = ("", "nominal")
@@ -21,7 +21,7 @@ NOMINAL = ("", "nominal")
 class NominalRecording:
     """Content of one nominal bag; ``sampling`` is that of the voltage."""
 
-    run: Run
+    run: NominalRun
     stand: str
     channels: tuple[str, ...]
     sampling: str
@@ -50,7 +50,7 @@ def _read(bag: Path) -> NominalRecording:
     """Rows, channels and period of one bag; a bag with a fault is refused."""
     import numpy as np
 
-    from flea_diag.core.calibration.calibration import Run
+    from flea_diag.core.calibration.calibration import NominalRun
     from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
 
     table, stamps, measured = _content(bag)
@@ -61,7 +61,7 @@ def _read(bag: Path) -> NominalRecording:
     voltage = table.info("motor_voltage")
     _check_units(bag, table)
     return NominalRecording(
-        Run(bag.name, measured),
+        NominalRun(bag.name, measured),
         table.stand,
         present,
         voltage.sampling if voltage is not None else "",

@@ -172,7 +172,7 @@ def _drawn(source: Drawn, campaign: Campaign) -> Iterator[Case]:
 def _table_row(row: FaultRow, times: int) -> Any:
     from flea_sim_driver.scenario import table4
 
-    return table4.Row(
+    return table4.CampaignRow(
         row.title,
         row.fault,
         row.cases * times,

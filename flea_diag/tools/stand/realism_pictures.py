@@ -12,7 +12,7 @@ from flea_diag.tools.extra import require
 from flea_diag.tools.terminal import make_folder
 
 if TYPE_CHECKING:
-    from flea_sim_driver.acquisition.recording import Recording
+    from flea_sim_driver.acquisition.recording import RunSignals
 
 SIGNALS = (("position", "mm", 1e3), ("force", "N", 1.0), ("current", "A", 1.0),
            ("voltage", "V", 1.0), ("motor_temperature", "degC", 1.0))  # fmt: skip
@@ -21,7 +21,7 @@ SPECTRA = (("current", "A"), ("force", "N"), ("voltage", "V"), ("position", "m")
 LABELS = {"Nominal": "tab:blue", "Jam": "tab:red", "Spall": "tab:green"}
 OFFSET_A = 0.32
 FORCE_CONSTANT_N_PER_A = 176.7
-Pairs = list[tuple["Recording", "Recording"]]
+Pairs = list[tuple["RunSignals", "RunSignals"]]
 
 
 class Album:
@@ -42,7 +42,7 @@ class Album:
         self._folder = folder
         self._held_out: Pairs = []
 
-    def add(self, real: Recording, simulated: Recording, half: str) -> None:
+    def add(self, real: RunSignals, simulated: RunSignals, half: str) -> None:
         """Plot one run, and keep it for the overviews if it is held out."""
         if half == "held out":
             self._held_out.append((real, simulated))
@@ -72,7 +72,7 @@ def _figure(rows: int, columns: int, **options: Any) -> tuple[Any, Any]:
     return pyplot.subplots(rows, columns, figsize=size, squeeze=False, **options)
 
 
-def _paint_run(axes: Any, recording: Recording) -> None:
+def _paint_run(axes: Any, recording: RunSignals) -> None:
     for axis, (signal, unit, scale) in zip(axes, SIGNALS, strict=True):
         values = getattr(recording, signal) * scale
         axis.plot(values, ".", markersize=1)
@@ -82,11 +82,11 @@ def _paint_run(axes: Any, recording: Recording) -> None:
     axes[-1].set_xlabel("sample (100 Hz)")
 
 
-def _side(recording: Recording) -> str:
+def _side(recording: RunSignals) -> str:
     return "simulated" if recording.simulated else "real"
 
 
-def _current(recording: Recording) -> Any:
+def _current(recording: RunSignals) -> Any:
     """Smoothed current without its offset, whose sign differs since the real one was flipped."""
     offset = OFFSET_A if recording.simulated else -OFFSET_A
     return recording.smooth["current"] - offset

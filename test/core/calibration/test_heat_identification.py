@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flea_diag.core.calibration.calibration import Run
+from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.heat_identification import identify
 from flea_diag.core.calibration.identification import Identified
 from flea_diag.core.residuals.parameters import ActuatorParameters
@@ -16,7 +16,7 @@ from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
 HEATING, COOLING_S, AIR = 0.010, 600.0, 24.0
 
 
-def run(number: int, draw: np.random.Generator, scans: int = 2000) -> Run:
+def run(number: int, draw: np.random.Generator, scans: int = 2000) -> NominalRun:
     """A motor at another temperature and under another current in each run, exactly by its law."""
     current, start = 1.0 + 0.4 * number, AIR + 3.0 * ((5 * number) % 7)
     end = AIR + HEATING * current**2 * COOLING_S
@@ -28,7 +28,7 @@ def run(number: int, draw: np.random.Generator, scans: int = 2000) -> Run:
     )
     rows[:, INDEX["ambient_temperature"]] = AIR
     rows[:, INDEX["actuator_position"]] = 0.05
-    return Run(f"run{number}", rows)
+    return NominalRun(f"run{number}", rows)
 
 
 def fitted(seed: int, count: int = 12, scans: int = 2000) -> Identified:

@@ -6,7 +6,7 @@ from scipy import optimize
 from support import linear_ema as ema
 from support import stands
 
-from flea_diag.core.calibration.calibration import Run
+from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.identification import identify, robust_fit
 from flea_diag.errors import CalibrationError
 
@@ -34,9 +34,9 @@ SMOOTHED = {
 }
 
 
-def runs(channels: tuple[str, ...] = ema.CHANNELS, columns=None) -> list[Run]:
+def runs(channels: tuple[str, ...] = ema.CHANNELS, columns=None) -> list[NominalRun]:
     columns = columns or ema.nominal_runs()
-    return [Run(f"run{n}", ema.rows(each, channels)) for n, each in enumerate(columns)]
+    return [NominalRun(f"run{n}", ema.rows(each, channels)) for n, each in enumerate(columns)]
 
 
 def found(columns=None, channels: tuple[str, ...] = ema.CHANNELS):
@@ -88,7 +88,7 @@ def test_a_load_of_the_wrong_sign_is_refused():
 
 def test_runs_shorter_than_the_window_are_refused():
     with pytest.raises(CalibrationError, match="no recording is as long as"):
-        identify([Run("short", np.zeros((30, 10)))], 31, 0.01)
+        identify([NominalRun("short", np.zeros((30, 10)))], 31, 0.01)
 
 
 def test_without_voltage_only_what_needs_it_is_missing():

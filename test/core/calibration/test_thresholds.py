@@ -104,7 +104,7 @@ def test_a_stand_gets_limits_for_what_it_can_form_and_for_nothing_else():
 
 
 def test_bad_stretches_are_found_left_out_and_named():
-    from flea_diag.core.calibration.calibration import Run
+    from flea_diag.core.calibration.calibration import NominalRun
     from flea_diag.core.calibration.identification import identify
     from flea_diag.core.calibration.thresholds import stretches, trace
 
@@ -112,7 +112,7 @@ def test_bad_stretches_are_found_left_out_and_named():
     voltage = columns[2]["motor_voltage"].copy()
     voltage[800:1000] = -24.0
     columns[2]["motor_voltage"] = voltage
-    runs = [Run(f"r{n}", ema.rows(each, ema.STAND)) for n, each in enumerate(columns)]
+    runs = [NominalRun(f"r{n}", ema.rows(each, ema.STAND)) for n, each in enumerate(columns)]
     found = identify(runs, 31, 0.01)
     traced = [trace(run, found, 31, 0.01) for run in runs[1:3]]
     assert stretches(traced[0], 0.01) == []

@@ -8,7 +8,7 @@ from flea_diag.configuration import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, operating_values
 from flea_diag.core.causal_graph.propagation import (
-    Injection,
+    InitialDeviation,
     combined,
     propagate_backward,
     propagate_forward,
@@ -119,7 +119,7 @@ def test_every_suspicion_does_move_the_measurement(
         if cause.mode or cause.name in graph.inputs:
             continue
         entering = [
-            Injection(e.target, int(e.temporal), "+", cause.name)
+            InitialDeviation(e.target, int(e.temporal), "+", cause.name)
             for e in graph.of_parameter[cause.name]
         ]
         assert propagate_forward(graph, entering, values)["motor_temperature"].order >= 0

@@ -20,7 +20,7 @@ from flea_diag.core.observers.observer_model import NoiseLevels, graph_model, li
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.particle_filter import ParticleFilter
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.symbolic.expression import Symbol, apply
+from flea_diag.core.symbolic.expression import Variable, apply
 from flea_diag.errors import ConfigurationError
 
 P = ActuatorParameters(
@@ -201,7 +201,7 @@ def test_noise_of_what_is_not_there_is_refused(
 
 
 def test_measurement_that_is_not_linear_is_refused() -> None:
-    x = Symbol("x")
+    x = Variable("x")
     space = StateSpace(("x",), (), ("y",), (), (x,), (apply("tanh", x),), {})
     with pytest.raises(ConfigurationError, match="not linear"):
         graph_model(space, np.zeros(1), np.zeros(0), PERIOD, NoiseLevels({"y": 1.0}))

@@ -12,7 +12,7 @@ import pytest
 from support.observed import BACKENDS, HAVE_NUMBA, NOISE, P, recording
 from support.places import FLEA
 
-from flea_diag.core.calibration.calibration import Run
+from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.identification import identify
 from flea_diag.core.calibration.noise_identification import fitted
 from flea_diag.core.observers.observer_block import PREDICTED
@@ -247,28 +247,28 @@ def test_temperature_is_the_mean_of_its_readings_where_nothing_happens() -> None
 
 
 def test_noise_is_fitted_to_what_was_put_in() -> None:
-    noise = fitted([Run("nominal", recording(seed=1))], P, 0.01, "mean")
+    noise = fitted([NominalRun("nominal", recording(seed=1))], P, 0.01, "mean")
     assert noise.actuator_position_m == pytest.approx(6e-5, rel=0.1)
     assert noise.motor_temperature_k == pytest.approx(0.57, rel=0.1)
     # Searched in steps of the square root of two.
     assert noise.motor_current_a == pytest.approx(0.053, rel=0.5)
     assert noise.voltage_v == pytest.approx(0.2, rel=0.5)
     with pytest.raises(CalibrationError, match="300 scans"):
-        fitted([Run("short", recording()[:100])], P, 0.01, "mean")
+        fitted([NominalRun("short", recording()[:100])], P, 0.01, "mean")
 
 
 def test_a_shaft_that_runs_ahead_of_its_nut_counts_as_noise_of_the_speed() -> None:
     """Errors of the lead are smooth: no third difference shows them, and yet they are no motion."""
     ahead = recording(seed=3).copy()
     ahead[:, INDEX["motor_speed"]] += 10.0 * np.sin(0.4 * np.arange(len(ahead)))
-    noise = fitted([Run("lead", ahead)], P, 0.01, "mean")
+    noise = fitted([NominalRun("lead", ahead)], P, 0.01, "mean")
     assert 4.0 < noise.motor_speed_rad_s < 12.0  # 10 / sqrt(2) and the 2 of the reading
 
 
 def test_gross_errors_do_not_shrink_the_fitted_noise() -> None:
     rough = recording(seed=2).copy()
     rough[::2, INDEX["load_force"]] += 4000.0  # as a load that jumps faster than the scans
-    noise = fitted([Run("rough", rough)], P, 0.01, "mean")
+    noise = fitted([NominalRun("rough", rough)], P, 0.01, "mean")
     assert noise.voltage_v > 0.02
     assert noise.motor_current_a > 0.005
 
@@ -305,7 +305,7 @@ def test_real_jam_shows_in_the_currents_residual_and_real_spall_does_not() -> No
     if not files:
         pytest.skip(f"needs the FLEA recordings: none in {FLEA}, set FLEA_DATA_DIR")
     nominal = [file for file in files if "_Nominal_" in file.name]
-    learned = [Run(file.name, real_rows(file)) for file in nominal[::4]]
+    learned = [NominalRun(file.name, real_rows(file)) for file in nominal[::4]]
     p = identify(learned, KERNEL_LENGTH, 0.01).parameters
     fresh = nominal[1::6]
     jam = [file for file in files if "_Jam_" in file.name][::3]

@@ -14,7 +14,7 @@ from flea_diag.core.symbolic.expression import (
     ZERO,
     Constant,
     Expression,
-    Symbol,
+    Variable,
     apply,
     derivative,
     evaluate,
@@ -23,7 +23,7 @@ from flea_diag.core.symbolic.expression import (
     text,
 )
 
-X, Y, Z = Symbol("x"), Symbol("y"), Symbol("z")
+X, Y, Z = Variable("x"), Variable("y"), Variable("z")
 AT = {"x": 0.7, "y": -1.3, "z": 2.1}
 
 leaves = st.sampled_from([X, Y, Z, Constant(2.0), Constant(-0.5)])

@@ -24,7 +24,7 @@ from flea_sim_driver.scenario.scenario_file import (
     scenario_to_mapping,
 )
 from flea_sim_driver.scenario.settings import LOAD_LIMIT_N
-from flea_sim_driver.scenario.table4 import Row, Shared, draw, table4
+from flea_sim_driver.scenario.table4 import CampaignRow, Shared, draw, table4
 from flea_sim_driver.stand import Stand
 
 REFUSED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
@@ -266,7 +266,7 @@ def test_a_flight_that_turns_too_hard_is_refused_with_its_row(tmp_path: Path) ->
 
 
 def test_a_ladder_takes_each_size_with_every_motion() -> None:
-    row = Row("Jam", "jam", 12, sizes=(0.1, 0.2, 0.4), switched=True)
+    row = CampaignRow("Jam", "jam", 12, sizes=(0.1, 0.2, 0.4), switched=True)
     made = draw((row,), 3, Shared(20.0, 9.0, 11.0, {"unit_spread": 0.5}))
     pairs = {(scenario.motion.kind, scenario.faults[0].size) for _, scenario in made}
     assert len(pairs) == 12
@@ -286,7 +286,7 @@ def test_the_spread_between_units_can_be_stated() -> None:
 
 
 def test_small_sizes_are_drawn_as_finely_as_large_ones() -> None:
-    row = Row("Backlash", "backlash", 40, 0.0003, 0.001)
+    row = CampaignRow("Backlash", "backlash", 40, 0.0003, 0.001)
     sizes = [scenario.faults[0].size or 0.0 for _, scenario in draw((row,), seed=1)]
     assert len(set(sizes)) > 30
     assert min(sizes) >= 0.0003
@@ -294,6 +294,6 @@ def test_small_sizes_are_drawn_as_finely_as_large_ones() -> None:
 
 
 def test_the_largest_loads_are_not_rounded_beyond_what_the_stand_can_push() -> None:
-    loads = [abs(s.load.constant_n) for _, s in draw((Row("Nominal", "", 48),), seed=121)]
+    loads = [abs(s.load.constant_n) for _, s in draw((CampaignRow("Nominal", "", 48),), seed=121)]
     assert max(loads) == pytest.approx(LOAD_LIMIT_N, abs=0.05)
     assert max(loads) <= LOAD_LIMIT_N
