@@ -1,4 +1,4 @@
-"""The fault catalogue of the stand: what each fault changes, where, and by how much.
+"""Fault catalogue of the simulated stand: effect, place and size of each fault.
 
 A new fault is a row of ``PLANT_FAULTS`` and a small function from coefficients and size to
 coefficients. Sensor faults are made for every channel and mode from ``SENSOR_SIZES``.

@@ -1,4 +1,4 @@
-"""When each fault acts and how strongly: onset, growth, intermittence, clearing."""
+"""Time course of each fault: onset, growth, intermittence, clearing."""
 
 from __future__ import annotations
 

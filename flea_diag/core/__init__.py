@@ -1,1 +1,1 @@
-"""The science: no ROS, no files, no clock, no global randomness."""
+"""Diagnosis algorithms: no ROS, no files, no clock, no global randomness."""

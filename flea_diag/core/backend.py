@@ -1,4 +1,4 @@
-"""Which backend computes: numpy, or numba where that extra is installed."""
+"""Choice of the backend: numpy, or numba where that extra is installed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BACKENDS = ("auto", "numpy", "numba")
 
 
 def chosen(backend: str) -> str:
-    """The backend meant by a name; "auto" takes numba where it is installed.
+    """Backend for a name; "auto" is numba where installed, else numpy.
 
     Raises
     ------
@@ -56,9 +56,9 @@ def _compiled(
     import numba
     from numba.extending import register_jitable
 
-    # Parts are inlined for certain. Called, they are symbols that a program which has just
-    # compiled them may share among functions and one which loads them from disk may not, and
-    # sums reordered in different ways differ in their last bits.
+    # Parts are always inlined. As calls they would be symbols, which a program that has just
+    # compiled them may share among functions and one that loads them from disk may not; sums
+    # reordered in different ways differ in their last bits.
     for part in parts:
         register_jitable(forceinline=True, **options)(part)
     try:
@@ -69,9 +69,9 @@ def _compiled(
 
 
 def _named(function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]) -> FunctionType:
-    """The function under a name that tells the sources of its parts.
+    """The function under a name that contains a digest of its parts' sources.
 
-    The cache on disk goes by the name, and sees changes in the function's own file alone.
+    The cache on disk is keyed by name and checks the function's own file only.
     """
     modules = sorted({part.__module__ for part in parts})
     sources = "".join(inspect.getsource(sys.modules[module]) for module in modules)

@@ -1,4 +1,4 @@
-"""Values that are only ever read: a deep copy of one is the value itself."""
+"""Immutable values: a deep copy of one is the value itself."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ T = TypeVar("T", bound="Frozen")
 
 
 class Frozen:
-    """Base of frozen dataclasses that are shared by what is copied to go back to it later.
+    """Base of frozen dataclasses that copies of a stage's state share.
 
-    A replay saves its state now and then; nearly all of what hangs on it never changes.
+    A replay saves its state at intervals; most of the objects in it never change.
     """
 
     __slots__ = ()

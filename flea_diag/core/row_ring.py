@@ -1,4 +1,4 @@
-"""The last rows of a stream, and those that leave each window as new ones come."""
+"""Ring buffer of the last rows of a stream, with the rows that leave each window."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 ROOM = 4
-"""Room for so many longest windows, before the last of them is moved to the front."""
+"""Capacity in longest windows, before the last one is moved to the front."""
 
 
 class RowRing:
     """Constant memory; zeros before the first row.
 
-    ``most`` is how many rows may come at once.
+    ``most`` is the largest number of rows per push.
     """
 
     def __init__(self, columns: int, windows: Sequence[int], dtype: type = float) -> None:

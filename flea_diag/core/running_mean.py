@@ -1,4 +1,4 @@
-"""Running means over the last samples that counted, for several window lengths at once."""
+"""Running means over the last valid samples, for several window lengths at once."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ Flags = npt.NDArray[np.bool_]
 class WindowedMeans:
     """Means of each column over its last 1..n valid rows.
 
-    A window that holds a NaN has no mean. Rows come one by one or in blocks: sums run on from
-    row to row in the same order, so a block gives the same bits as its rows one by one. Memory
-    is constant; sums are formed anew once a lap (of the longest window), so that rounding does
-    not creep in over a day.
+    A window that holds a NaN has no mean. Rows come one by one or in blocks; sums
+    accumulate in the same order, so a block gives the same bits as its rows one by one. Memory
+    is constant. Sums are recomputed once per lap (of the longest window), so that rounding errors
+    do not accumulate over a day.
     """
 
     def __init__(self, columns: int, windows: Sequence[int]) -> None:

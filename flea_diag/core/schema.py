@@ -1,4 +1,4 @@
-"""Reading a mapping that somebody wrote: known keys of the right type, everything else refused."""
+"""Validation of user-written mappings: known keys of the right type, all else is refused."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def read(content: Any, where: str, keys: Keys) -> dict[str, Any]:
     Parameters
     ----------
     content
-        What the YAML held at this place.
+        Parsed YAML at this place.
     where
         Name of the place, for messages.
     keys
@@ -31,7 +31,7 @@ def read(content: Any, where: str, keys: Keys) -> dict[str, Any]:
     Raises
     ------
     ConfigurationError
-        Naming the place, the key, the value and what it must be.
+        Names the place, the key, the value and the type or limit.
     """
     if not isinstance(content, Mapping):
         raise ConfigurationError(
@@ -67,7 +67,7 @@ def _value(value: Any, kind: Any, where: str, default: Any) -> Any:
 
 
 SMALLEST, LARGEST = 1e-15, 1e15
-"""Magnitudes that a quantity in SI units may have; what lies outside is a slip of the pen."""
+"""Magnitudes that a quantity in SI units may have; values outside are taken for a unit error."""
 
 
 def _check_number(value: float, where: str) -> None:
@@ -123,7 +123,7 @@ def numbers(content: Any, where: str) -> dict[str, float]:
 
 
 def version(content: Any, where: str, known: int) -> None:
-    """Refuse another version of a file than the one that is known."""
+    """Refuse a file of any version but ``known``."""
     found = content.get("schema_version") if isinstance(content, Mapping) else None
     if found != known:
         raise ConfigurationError(

@@ -1,9 +1,9 @@
 """One causal FIR kernel for value, first and second derivative of every slow channel.
 
 A linear relation between signals (Kirchhoff, Newton) still holds between the same signals
-seen through one common linear filter. So parity relations are formed on smoothed signals,
-all with this kernel, and no term leads another. It also averages a voltage that was sampled
-as raw PWM. The price is a delay of half the kernel.
+seen through one common linear filter. So parity relations are evaluated on signals
+that are all smoothed by this kernel, and no term leads another. It also averages a voltage that
+was sampled as raw PWM. The cost is a delay of half the kernel.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 KERNEL_LENGTH = 31
-"""Scans that the kernel of the diagnosis spans."""
+"""Length of the diagnoser's kernel, in scans."""
 
 
 def hann_kernels(length: int, period_s: float) -> Array:
@@ -41,7 +41,7 @@ def hann_kernels(length: int, period_s: float) -> Array:
 
 
 class Smoother:
-    """Smoothed derivatives of so many channels, and the rows that they are made of.
+    """Smoothed values and derivatives of several channels, and the rows they are computed from.
 
     NaN in one channel makes only that channel NaN, for as long as it stays in the window.
     """
@@ -65,7 +65,7 @@ class Smoother:
         return recent, np.matmul(self._kernels, sliding(recent, self._length))
 
     def clear(self) -> None:
-        """Forget everything; the next ``length - 1`` results are NaN."""
+        """Clear the window; the next ``length - 1`` results are NaN."""
         self._before = np.full_like(self._before, np.nan)
 
 

@@ -1,9 +1,9 @@
 """The physics of the stand: motor, screw, coupling, load actuator and control loop.
 
-Integrated at 2 kHz: the winding exactly (its time constant equals the step), the friction as
-an impulse that can stop a mass and never turns it, the rest semi-implicitly. The coupling
-mode, near 45 Hz, takes forty steps a period. Only +, -, *, / and sin are used inside the
-loop, so that numba, where installed, gives the bits of plain Python.
+Integrated at 2 kHz: the winding exactly (its time constant equals the step), friction as an
+impulse that can stop a mass but not reverse it, the rest semi-implicitly. The coupling mode,
+near 45 Hz, has forty steps per period. The loop uses only +, -, *, / and sin, so that numba,
+where installed, gives the same bits as plain Python.
 """
 
 from __future__ import annotations
@@ -164,10 +164,10 @@ def _load_control(
     c: Any, dt: float, wanted: float, measured: float, vl: float, wound: float, slack: float,
     trim: float,
 ) -> tuple[float, float, float, float]:  # fmt: skip
-    """Current that the load actuator wants, and the states of its control.
+    """Current setpoint of the load actuator, and the states of its control.
 
-    With its command it hardly pushes; moved against it, it brakes hard, winds up while the load
-    is too large, lets go, and catches again once the load runs away.
+    It assists motion weakly and brakes opposing motion strongly. While the load is too large the
+    brake winds up, then releases, and engages again once the load runs away.
     """
     way = 1.0 if wanted >= 0.0 else -1.0
     trim = _clipped(trim + dt * c.trim_rate * (wanted - measured), c.trim_limit)
@@ -200,7 +200,7 @@ def _load_resistance(
         stop = min(c.stop_stiffness * xl + c.stop_damping * vl, 0.0)
     resist = c.load_constant * iz + c.load_viscous * vl + stop
     resist += c.load_drag * vl / (abs(vl) + c.load_drag_speed)
-    # Bounded: noise that grows with speed without end would drive the speed.
+    # Bounded: noise that grew with speed without limit would drive the speed.
     rough = c.rough_rest + c.rough_speed * min(abs(vl), 0.06)
     rough *= 1.0 + c.rough_load * min(abs(iz), 3.0)
     resist += rough * roughness

@@ -1,1 +1,1 @@
-"""The frozen calibration; parameters, noise and limits identified from nominal runs."""
+"""Frozen calibration; parameters, noise and limits identified from nominal runs."""

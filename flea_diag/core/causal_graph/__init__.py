@@ -1,1 +1,1 @@
-"""The temporal causal graph, its quadrants, and signs propagated backward and forward."""
+"""Temporal causal graph (TCG), operating quadrants, sign propagation backward and forward."""

@@ -1,7 +1,7 @@
-"""Where the plant stands while signatures are evaluated: quadrants and their steady values.
+"""Operating points at which signatures are evaluated: quadrants and their steady values.
 
-The sign of a parameter's effect depends on the signs of current and speed (the quadrant);
-in each, the inputs are solved for that hold the given magnitudes steadily.
+The sign of a parameter's effect depends on the signs of current and speed (the quadrant). In
+each quadrant the inputs that hold the given magnitudes in steady state are solved for.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ QUADRANTS = (Quadrant(1, 1), Quadrant(-1, 1), Quadrant(-1, -1), Quadrant(1, -1))
 def operating_values(
     actuator: Actuator, quadrant: Quadrant, scale: float = 1.0
 ) -> dict[str, float]:
-    """Number of every variable, input and parameter in a quadrant, held steadily.
+    """Steady-state values of all variables, inputs and parameters in a quadrant, SI units.
 
     Parameters
     ----------
     scale
-        Factor on the magnitudes of the description.
+        Factor on the magnitudes given in the description.
 
     Raises
     ------
     ModelError
-        When no steady state holds the values asked for.
+        No steady state has the values asked for.
     """
     channels = [element.signal for element in actuator.graph.of_kind("De", "Df")]
     model = actuator.state_space("stand", channels)

@@ -23,7 +23,7 @@ def scaled(symbol: str, sign: int) -> str:
 
 
 def combined(symbols: Iterable[str]) -> str:
-    """Sum of effects of the same order; opposite ones leave the sign open."""
+    """Sign of the sum of effects of one order; ``*`` when they oppose each other."""
     kinds = set(symbols) - {"0"}
     if not kinds:
         return "0"
@@ -32,7 +32,7 @@ def combined(symbols: Iterable[str]) -> str:
 
 @dataclass(frozen=True)
 class InitialDeviation:
-    """A deviation put on a vertex: at once (order 0) or growing (order 1 and more)."""
+    """Initial deviation of a vertex: abrupt (order 0) or incipient (order 1 and higher)."""
 
     vertex: str
     order: int
@@ -42,7 +42,7 @@ class InitialDeviation:
 
 @dataclass(frozen=True)
 class Effect:
-    """What reaches one vertex: the sign of each derivative, and the path of the first one."""
+    """Effect on one vertex: the sign of each derivative, and the path of the first one."""
 
     signs: str
     path: str
@@ -56,7 +56,7 @@ class Effect:
 def initial_deviations(
     graph: TemporalCausalGraph, cause: FaultHypothesis, values: Mapping[str, float], ramp: bool
 ) -> tuple[InitialDeviation, ...]:
-    """Where a deviating parameter or input enters; a ramp enters one order later."""
+    """Vertices that a deviating parameter or input acts on; a ramp acts one order later."""
     late, sign = int(ramp), cause.direction
     if cause.name in graph.inputs:
         return (InitialDeviation(cause.name, late, SYMBOL[sign], str(cause)),)

@@ -1,1 +1,1 @@
-"""DOT and layouts of the graphs."""
+"""Drawings of the graphs: DOT text and layouts."""

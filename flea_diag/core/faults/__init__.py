@@ -1,1 +1,1 @@
-"""The fault catalogue, and what one signature is."""
+"""Fault catalogue and fault signatures."""

@@ -1,6 +1,6 @@
-"""The fault catalogue: what each fault id means as deviations of parameters and sensors.
+"""Fault catalogue: each fault id as deviations of parameters and sensors.
 
-A fault is a set of alternatives; an alternative is a set of deviations that come together.
+A fault is a set of alternatives; an alternative is a set of simultaneous deviations.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ Alternative = tuple[FaultHypothesis, ...]
 class Fault:
     """One row of the catalogue.
 
-    ``alternatives`` is empty where nothing but vibration shows the fault. ``size`` is the
-    relative change of a parameter that counts as this fault.
+    ``alternatives`` is empty for a fault that only vibration shows. ``size`` is the reference
+    size of the fault, a relative change of its parameters.
     """
 
     name: str
@@ -71,7 +71,7 @@ class Fault:
 
     @property
     def incipient(self) -> bool:
-        """Whether the fault grows from nothing."""
+        """Whether the fault grows from zero."""
         return self.onset == "incipient"
 
     @property
@@ -109,7 +109,7 @@ def catalogue(content: Any, actuator: Actuator, where: str = "faults.yaml") -> d
     Raises
     ------
     ConfigurationError
-        A row that names a parameter, mode or word that is not known.
+        A row names an unknown parameter, mode or word.
     """
     schema.version(content, where, 1)
     top = schema.read(content, where, _TOP)

@@ -1,4 +1,4 @@
-"""One fault signature, and whether an observation fits it.
+"""Fault signatures, and their consistency with an observation.
 
 A signature is an ordered pair of signs, magnitude (a jump at the onset) and slope (the first
 derivative that is not zero), with the order at which the effect first shows (Narasimhan et
@@ -42,12 +42,12 @@ class FaultSignature:
 
     @property
     def direction(self) -> str:
-        """Which way the residual first goes: the magnitude, or the slope when there is no jump."""
+        """First sign of the residual: the magnitude, or the slope when there is no jump."""
         return self.magnitude if self.magnitude != "0" else self.slope
 
     @property
     def affected(self) -> bool:
-        """Whether the fault shows in this residual at all."""
+        """Whether the fault affects this residual."""
         return self.symbols != "00"
 
     def __str__(self) -> str:
@@ -68,7 +68,7 @@ def signature(signs: str, path: str) -> FaultSignature:
 
 @dataclass(frozen=True)
 class Compatibility:
-    """Whether an observation fits a prediction, and the reason in words. True or false."""
+    """Whether an observation is consistent with a prediction, and the reason in words."""
 
     fits: bool
     reason: str
@@ -83,28 +83,28 @@ def compatible(
     observed_slope: str = "?",
     jump_visible: bool = False,
 ) -> Compatibility:
-    """Hold one observed (magnitude, slope) against a predicted signature.
+    """Compare one observed (magnitude, slope) with a predicted signature.
 
     Parameters
     ----------
     observed_magnitude, observed_slope : ``+``, ``-``, ``0`` or ``?`` (not yet known)
-        A residual that looks normal (0) refutes nothing: the effect may be below threshold.
+        A normal residual (0) refutes no fault: the effect may be below the threshold.
     jump_visible
         Whether a jump can be told from a fast rise on this residual. Where it cannot, a rise
         from zero (``0+``), a jump that stays (``+0``) and one that grows (``++``) look alike.
     """
     said = f"observed {observed_magnitude}{observed_slope}, predicted {predicted.symbols}"
     if observed_magnitude in "0?":
-        return Compatibility(True, f"{said}: a normal residual refutes nothing")
+        return Compatibility(True, f"{said}: a normal residual refutes no fault")
     if not predicted.affected:
-        return Compatibility(False, f"{said}: this fault does not move this residual")
+        return Compatibility(False, f"{said}: this fault does not affect this residual")
     if predicted.direction not in (observed_magnitude, "*"):
-        return Compatibility(False, f"{said}: it deviates the other way")
+        return Compatibility(False, f"{said}: opposite sign")
     if observed_slope == "?":
-        return Compatibility(True, f"{said}: the sign fits, the slope is not yet known")
+        return Compatibility(True, f"{said}: sign consistent, slope not yet known")
     if observed_slope not in _admitted(predicted, observed_magnitude, jump_visible):
-        return Compatibility(False, f"{said}: the sign fits, the slope does not")
-    return Compatibility(True, f"{said}: sign and slope fit")
+        return Compatibility(False, f"{said}: sign consistent, slope inconsistent")
+    return Compatibility(True, f"{said}: sign and slope consistent")
 
 
 def _admitted(predicted: FaultSignature, observed: str, jump_visible: bool) -> str:

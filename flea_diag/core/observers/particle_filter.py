@@ -125,7 +125,7 @@ class ParticleFilter:
         return twin
 
     def adopt(self, model: FilterModel) -> None:
-        """Go on with another model of the same states and channels."""
+        """Continue with another model of the same states and channels."""
         self._model = model
         self._linear = None if self._blind else model.linear
         self._patterns: dict[tuple[bytes, bytes], _Pattern] = {}

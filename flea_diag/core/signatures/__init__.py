@@ -1,1 +1,1 @@
-"""The fault signature matrix: initial, sampled, of the relations; diagnosability."""
+"""Fault signature matrix (initial, sampled, parity) and diagnosability."""

@@ -1,9 +1,9 @@
-"""Which faults can be told apart, before any sample is taken.
+"""Diagnosability: which faults the residuals isolate from each other, before any measurement.
 
-Fault f is isolated from g when, for every way f may show and every way g may, some residual
-in some quadrant then shows what g forbids. What no quadrant splits cannot be split by design
-(with these sensors); what only some quadrants split is merely not yet split until the stand
-has been there (Narasimhan et al. 2010, section 3.3, offline stage).
+Fault f is isolated from g when, for every pair of their alternatives, some residual in some
+quadrant shows a sign under f that g excludes. A pair that no quadrant isolates is not isolable
+with these sensors; a pair that only some quadrants isolate is isolated once the stand has been
+in one of them (Narasimhan et al. 2010, section 3.3, offline stage).
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from flea_diag.errors import ModelError
 
 @dataclass(frozen=True)
 class Refutation:
-    """One residual in one quadrant that refutes ``other`` when ``fault`` is there.
+    """One residual in one quadrant that refutes ``other`` when ``fault`` is present.
 
-    ``by`` says how: ``support`` (the other fault does not move this residual), ``sign`` (it
-    moves it the other way) or ``slope``.
+    ``by`` is the reason: ``support`` (the other fault does not affect this residual), ``sign``
+    (it has the opposite sign) or ``slope``.
     """
 
     fault: str
@@ -74,9 +74,9 @@ class Diagnosability:
     tables: Mapping[Quadrant, SignatureTable]
 
     def splits(self, fault: str, other: str) -> tuple[Refutation, ...]:
-        """Splits that together isolate ``fault`` from ``other``; empty when nothing does.
+        """Refutations that together isolate ``fault`` from ``other``; empty when not isolable.
 
-        One split for each pair of alternatives: all must be refuted.
+        One for each pair of alternatives: all of them must be refuted.
         """
         found: list[Refutation] = []
         for ours in range(self._alternatives(fault)):
@@ -88,7 +88,7 @@ class Diagnosability:
         return tuple(dict.fromkeys(found))
 
     def quadrants(self, fault: str, other: str) -> tuple[Quadrant, ...]:
-        """Quadrants in which ``fault`` is isolated from ``other`` without going elsewhere."""
+        """Quadrants that isolate ``fault`` from ``other`` by themselves."""
         return tuple(
             quadrant
             for quadrant, table in self.tables.items()
@@ -97,7 +97,7 @@ class Diagnosability:
 
     @cached_property
     def ambiguity(self) -> dict[str, tuple[str, ...]]:
-        """Fault -> all faults that its own evidence cannot refute, itself included."""
+        """Fault -> the faults that its signature does not refute, itself included."""
         return {
             fault: tuple(g for g in self.faults if g == fault or not self.splits(fault, g))
             for fault in self.faults
@@ -105,7 +105,7 @@ class Diagnosability:
 
     @cached_property
     def undetectable(self) -> tuple[str, ...]:
-        """Faults that move no residual in any quadrant."""
+        """Faults that affect no residual in any quadrant."""
         return tuple(
             fault
             for fault in self.faults
@@ -114,22 +114,22 @@ class Diagnosability:
 
     @cached_property
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Faults with one and the same signature everywhere: no evidence parts them, ever."""
+        """Faults with identical signatures in all quadrants: not isolable from each other."""
         rows: dict[tuple[object, ...], list[str]] = {}
         for fault in self.faults:
             rows.setdefault(self._fingerprint(fault), []).append(fault)
         return tuple(tuple(members) for members in rows.values())
 
     def verdict(self, fault: str, other: str, seen: Sequence[Quadrant] = ()) -> str:
-        """In words: split, not yet split (and where it would be), or cannot be by design."""
+        """In words: isolated, not yet isolated (and in which quadrant), or not isolable."""
         if not self.splits(fault, other):
-            return f"{fault} and {other} cannot be split by design with these sensors"
+            return f"{fault} and {other} are not isolable from each other with these sensors"
         here = {q: t for q, t in self.tables.items() if q in seen}
         now = Diagnosability(self.faults, self.residuals, here).splits(fault, other)
         if now:
-            return f"split by {now[0]}"
+            return f"isolated by {now[0]}"
         where = ", or ".join(map(str, self.quadrants(fault, other))) or "several quadrants together"
-        return f"{fault} and {other} not yet split: move the stand to {where}"
+        return f"{fault} and {other} not yet isolated: move the stand to {where}"
 
     def _alternatives(self, fault: str) -> int:
         first = next(iter(self.tables.values()), None)
@@ -175,7 +175,7 @@ def diagnosability(
 
 
 def usable_residuals(model: Actuator) -> tuple[str, ...]:
-    """Residuals of the description that the sensors of this actuator can feed."""
+    """Residuals of the description that this actuator's sensors suffice for."""
     return tuple(name for name, spec in model.residuals.items() if _usable(model, name, spec.kind))
 
 
@@ -191,7 +191,7 @@ def _usable(model: Actuator, name: str, kind: str) -> bool:
 
 @dataclass(frozen=True)
 class ExtraSensor:
-    """A sensor that the stand does not have, and what it would change."""
+    """A sensor that is not fitted, and the refutations that it would add."""
 
     channel: str
     splits: tuple[Refutation, ...]

@@ -1,10 +1,9 @@
-"""What a diagnoser at the scan rate sees: signatures from the discretised, linearised model.
+"""Fault signatures at the scan rate, from the discretised, linearised model.
 
 The electromechanical time constants lie below the scan period, so the initial signs of
-current and speed pass between two scans, and the first sample already shows the quasi-static
-effect. Each cell is computed: the response of the residual to the fault at one, five and a
-hundred scans and after half a minute, exact for inputs held over a scan, held against the
-noise of the sensor.
+current and speed vanish between two scans: the first sample already shows the quasi-static
+effect. Each cell is the residual's response 1, 5, 100 and 3000 scans after the onset, exact for
+inputs held over a scan, compared with the sensor's noise.
 """
 
 from __future__ import annotations
@@ -31,17 +30,17 @@ SCANS = (1, 5, 100, 3000)
 """Scans after the onset at which the response is read: at 100 Hz, 10 ms, 50 ms, 1 s, 30 s."""
 
 VISIBLE_SIGMA = (0.3, 0.3, 0.3, 0.05)
-"""Least visible mean at each of them, in sigmas of a sample: ten scans are averaged at first,
-some hundred after half a minute."""
+"""Smallest visible mean at each of them, in sigmas of a sample: about ten scans are averaged at
+first, some hundred after half a minute."""
 
 VISIBLE_SHARE = 0.05
-"""Less than this share of the largest response so far counts as gone."""
+"""A response below this share of the largest one so far counts as zero."""
 
 DIVERGED = 1e12
-"""No state of an actuator is that far from anywhere."""
+"""A state beyond this magnitude has diverged."""
 
 LARGEST = 2.0
-"""A fault may be larger than its reference size, up to this relative change of a parameter."""
+"""Largest relative change of a parameter; a fault may exceed its reference size up to it."""
 
 SYMBOL_OF = {1: "+", -1: "-", 0: "0"}
 
@@ -50,8 +49,9 @@ SYMBOL_OF = {1: "+", -1: "-", 0: "0"}
 class ResidualResponse:
     """Response of one residual at ``SCANS``, in its unit, and the noise of its sensors.
 
-    ``reach`` is how many times larger the fault may be: what only a larger fault would show
-    keeps its sign without a jump, what none would show is no effect.
+    ``reach`` is the largest size of the fault relative to its reference size. An effect that is
+    visible only beyond the reference size keeps its sign, without a jump; one that is not visible
+    at any size is no effect.
     """
 
     values: tuple[float, ...]

@@ -1,7 +1,7 @@
-"""Tables of fault signatures: how each residual deviates when one fault is the only one.
+"""Fault signature tables: deviation of each residual under each single fault.
 
-Two tables from one interface: the textbook one is read off the temporal causal graph, the
-sampled one is what a diagnoser at the scan rate sees, computed from the discretised model.
+Two tables share one interface: the initial one follows from the temporal causal graph, the
+sampled one from the discretised model; it is what a diagnoser at the scan rate observes.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ SignatureRow = Mapping[str, FaultSignature]
 class SignatureTable(Mapping[str, SignatureRow]):
     """Fault id -> residual name -> signature, in one quadrant.
 
-    A fault with alternatives has a variant for each (a bias may be positive or negative); its
-    row merges them, with ``*`` where they differ (a direction that they share is kept). A
-    fault fits when one variant fits throughout.
+    A fault has one variant per alternative (a bias may be positive or negative); its row merges
+    them, with ``*`` where they differ (a common direction is kept). A fault is consistent when
+    one of its variants is consistent in all residuals.
     """
 
     quadrant: Quadrant
@@ -74,7 +74,7 @@ class SignatureTable(Mapping[str, SignatureRow]):
 
 
 def merged(variants: Sequence[SignatureRow], residuals: Iterable[str]) -> SignatureRow:
-    """One row for several alternatives: what they share, ``*`` where they differ."""
+    """One row for several alternatives: common signs, ``*`` where they differ."""
     if not variants:
         return MappingProxyType(dict.fromkeys(residuals, UNAFFECTED))
     return MappingProxyType({name: _merge([v[name] for v in variants]) for name in residuals})
@@ -109,12 +109,12 @@ def signature_table(
         Names from its description.
     period_s
         None: initial signatures in continuous time, from the temporal causal graph. A scan
-        period: what a diagnoser at that rate sees, computed from the discretised model.
+        period in s: signatures at that rate, computed from the discretised model.
 
     Raises
     ------
     ModelError
-        A residual that the sensors do not allow.
+        A residual that these sensors do not suffice for.
     """
     values = operating_values(model, quadrant)
     specs = [model.residuals[name] for name in residuals]

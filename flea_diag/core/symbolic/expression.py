@@ -73,7 +73,7 @@ class Constant(Expression):
 
 @dataclass(frozen=True)
 class Variable(Expression):
-    """A variable or a parameter, by a name that is a Python identifier."""
+    """A variable or parameter; its name is a Python identifier."""
 
     name: str
 

@@ -72,11 +72,13 @@ def test_bias_of_a_motion_sensor_is_not_taken_for_the_plant_or_another_sensor(
 
 def test_verdict_tells_by_design_from_not_yet(full: Diagnosability) -> None:
     words = full.verdict("supply_open", "supply_short")
-    assert words == "supply_open and supply_short cannot be split by design with these sensors"
+    assert (
+        words == "supply_open and supply_short are not isolable from each other with these sensors"
+    )
     # Braking, a winding short's two effects on the motor current pull against each other.
     pair = ("jam", "motor_current_bias")
-    assert full.verdict(*pair, seen=QUADRANTS).startswith("split by ")
-    assert "not yet split: move the stand to" in full.verdict(*pair, seen=[])
+    assert full.verdict(*pair, seen=QUADRANTS).startswith("isolated by ")
+    assert "not yet isolated: move the stand to" in full.verdict(*pair, seen=[])
 
 
 def test_bias_of_current_needs_the_other_direction_to_be_told_from_scaling(
