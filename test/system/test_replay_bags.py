@@ -5,17 +5,15 @@
 
 from __future__ import annotations
 
-import itertools
 import json
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from support.decisions import BAGS, DECIDED, EXPECTED, decisions, expected
+from support.flight import SOURCES, Flight
 from support.live import Peer, Process, node
 
 from flea_diag.stages.digest import DECISIONS, digest
@@ -23,8 +21,6 @@ from flea_diag.tools.main import main
 from flea_diag.tools.replay.summary import summarise
 from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.records import (
-    AmbiguityGroup,
-    ChannelTable,
     DataQuality,
     Detection,
     FeatureRequest,
@@ -34,7 +30,6 @@ from flea_diag.wire.records import (
     Scan,
     Symbols,
     Truth,
-    VibrationBlock,
 )
 
 NAMES = sorted(path.parent.name for path in BAGS.glob("*/metadata.yaml"))
@@ -43,8 +38,6 @@ FEATURE = "jam"
 """The bag with vibration, in which a feature splits the group: all three stages have work."""
 
 LARGEST_BYTES = 1_000_000
-IN_FLIGHT = 50
-"""Scans sent and not yet answered by a residual: half of what a reader may leave waiting."""
 RATE = 2.0
 """Times real time for nodes of which not every one tells how far it is."""
 PATIENT = ("-p", "watermark_s:=2.0", "-p", "answer_limit_s:=60.0")
@@ -52,11 +45,6 @@ PATIENT = ("-p", "watermark_s:=2.0", "-p", "answer_limit_s:=60.0")
 FLIGHTS = 4
 """A node that gets no turn for longer than a source may be silent lets go, as it should live, what
 it holds back. Bits are promised to a flight without such a pause."""
-SILENT_S = 90.0
-TICK_NS = 10_000_000
-HOUR_NS = 3_600_000_000_000
-
-SOURCES = (ChannelTable, VibrationBlock, Scan)
 BETWEEN_NODES = (*SOURCES, Scan, Residual, Detection, Symbols, FeatureRequest, FeatureValue)
 """What three separate nodes hear: two of them scans, and one of them what another says."""
 Summaries = dict[str, dict[str, Any]]
@@ -127,87 +115,6 @@ def test_a_replay_decides_what_was_published_live(name: str, replayed: Summaries
 # --- through nodes ------------------------------------------------------------------------
 
 
-class Flight:
-    """Sends a bag's source records, with their stamps, to nodes and keeps what they decide."""
-
-    def __init__(self, peer: Peer, hearing: tuple[type, ...] = SOURCES) -> None:
-        self._peer = peer
-        self._bus = peer.bus
-        peer.listen(Residual, DataQuality, *DECISIONS)
-        # We hear what nodes tell each other, too: the other one is the node.
-        wanted = {kind: 1 if kind in SOURCES else 2 for kind in hearing} | {
-            Scan: hearing.count(Scan)
-        }
-        peer.until(lambda: all(self._bus.subscribers(k) >= n for k, n in wanted.items()))
-        assert self._bus.wait_for_subscribers(*SOURCES)
-        self._answered_ns = self._end_ns = 0
-        self._bus.subscribe(Residual, self._note)
-
-    def _note(self, residual: Residual) -> None:
-        self._answered_ns = residual.stamp_ns
-
-    def introduce(self, scan: Scan) -> None:
-        """Send this scan, of a later hour, until the last stage in the row says what it sees.
-
-        Nodes that we hear need not hear each other yet. What follows is to them a new run.
-        """
-        for number in itertools.count(1):
-            sent = replace(scan, stamp_ns=scan.stamp_ns + HOUR_NS + number * TICK_NS)
-            self._bus.publish(sent)
-            self._answered(sent)
-            if any(isinstance(record, AmbiguityGroup) for record in self._peer.records):
-                return
-
-    def fly(self, records: list[Record], rate: float | None = None) -> list[Record]:
-        """Send the records; the scans with all that was decided on them."""
-        self._peer.records.clear()
-        self._answered_ns = 0
-        scans = [record for record in records if isinstance(record, Scan)]
-        sent = itertools.count()
-        self._end_ns = scans[-1].stamp_ns
-        start_s, start_ns = time.monotonic(), scans[0].stamp_ns
-        for record in records:
-            if rate is not None:
-                self._wait_until(start_s + (record.stamp_ns - start_ns) / 1e9 / rate)
-            if isinstance(record, Scan) and (number := next(sent)) >= IN_FLIGHT:
-                self._answered(scans[number - IN_FLIGHT])
-            self._bus.publish(record)
-        self._answered(scans[-1])
-        self._peer.until(self._is_over, SILENT_S)
-        return [*scans, *self._decided()]
-
-    def _wait_until(self, due_s: float) -> None:
-        # The pace of a stand, as the stamps have it; the bus is served meanwhile.
-        self._peer.until(lambda: time.monotonic() >= due_s)
-
-    def _answered(self, scan: Scan) -> None:
-        self._peer.until(lambda: self._answered_ns >= scan.stamp_ns, SILENT_S)
-
-    def _decided(self) -> list[Record]:
-        """Without what is still said of a flight before this one."""
-        return [
-            record
-            for record in itertools.dropwhile(self._is_of_before, self._peer.records)
-            if not isinstance(record, Residual)
-        ]
-
-    def _is_over(self) -> bool:
-        """The source is known to be silent, and the last verdict has been repeated since."""
-        last = [r for r in self._decided() if isinstance(r, AmbiguityGroup)][-2:]
-        asked = {(r.episode, r.step) for r in self._decided() if isinstance(r, FeatureRequest)}
-        told = {(r.episode, r.step) for r in self._decided() if isinstance(r, FeatureValue)}
-        return (
-            asked == told
-            and len(last) == 2
-            and all(group.stale for group in last)
-            and digest(last[:1]) == digest(last)
-        )
-
-    def _is_of_before(self, record: Record) -> bool:
-        stale = isinstance(record, AmbiguityGroup) and record.stale
-        return stale or record.stamp_ns > self._end_ns
-
-
 @pytest.fixture(scope="module")
 def module_domain() -> Iterator[int]:
     """One domain for all flights through the composed node."""
@@ -222,7 +129,7 @@ def module_domain() -> Iterator[int]:
 def composed(module_domain: int) -> Iterator[Flight]:
     """The diagnoser, all three stages in one process, which sees one bag after the other."""
     with (
-        Process(node("flea_diag.nodes.diagnoser"), module_domain),
+        Process(node("flea_diag.nodes.diagnoser", "-p", "memory:=none"), module_domain),
         Peer(module_domain) as peer,
     ):
         yield Flight(peer)
@@ -235,8 +142,7 @@ def agree(flown: list[Record], summary: dict[str, Any], name: str) -> None:
     assert digest(flown) == summary["digest"]
 
 
-# The youngest stamps first: each flight after the first is to the node a run from the start.
-@pytest.mark.parametrize("name", [*LIVE, *(name for name in NAMES if name not in LIVE)])
+@pytest.mark.parametrize("name", NAMES)
 def test_the_composed_node_decides_the_same(
     name: str, composed: Flight, replayed: Summaries
 ) -> None:

@@ -1,0 +1,157 @@
+"""A bag flown through live nodes: its source records are sent, what is decided on them is kept.
+
+Every flight has a range of stamps of its own, an hour before the one of the flight before. Its
+records are told from all others by that range alone, however late or how often they arrive: a
+verdict that is repeated, a latched record, a residual on its way. To the nodes a flight is a new
+run, for the stamps have jumped back.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+from flea_diag.stages.digest import DECISIONS, digest
+from flea_diag.wire.records import (
+    NEVER_NS,
+    AmbiguityGroup,
+    ChannelTable,
+    DataQuality,
+    FeatureRequest,
+    FeatureValue,
+    Record,
+    Residual,
+    Scan,
+    VibrationBlock,
+)
+from support.live import Peer
+
+SOURCES = (ChannelTable, VibrationBlock, Scan)
+IN_FLIGHT = 50
+"""Scans sent and not yet answered by a residual: half of what a reader may leave waiting."""
+SILENT_S = 90.0
+TICK_NS = 10_000_000
+HOUR_NS = 3_600_000_000_000
+START_NS = 1_700_000_000_000_000_000
+"""A bag's own stamps do not matter to when it is flown, so that bags may be flown in any order."""
+
+
+def moved(value: Any, by_ns: int) -> Any:
+    """The same record with every stamp in it moved by ``by_ns``, also those of its parts."""
+    if isinstance(value, tuple):
+        return tuple(moved(part, by_ns) for part in value)
+    if not is_dataclass(value) or isinstance(value, type):
+        return value
+    changed: dict[str, Any] = {}
+    for entry in fields(value):
+        part = getattr(value, entry.name)
+        if not entry.name.endswith("_ns"):
+            changed[entry.name] = moved(part, by_ns)
+        elif part != NEVER_NS:
+            changed[entry.name] = part + by_ns
+    return replace(value, **changed)
+
+
+class Flight:
+    """Sends source records to nodes, one flight after the other.
+
+    Parameters
+    ----------
+    peer
+        Guest on the bus that the nodes are on.
+    hearing
+        Records that somebody must subscribe to before anything is sent, each as often as it
+        is named.
+    """
+
+    def __init__(self, peer: Peer, hearing: tuple[type, ...] = SOURCES) -> None:
+        self._peer = peer
+        self._bus = peer.bus
+        self._flights = itertools.count(1)
+        self._introduced = itertools.count(1)
+        self._first_ns = self._last_ns = self._answered_ns = 0
+        peer.listen(DataQuality, *DECISIONS)
+        # We hear what nodes tell each other, too: the other one is the node.
+        wanted = {kind: 1 if kind in SOURCES else 2 for kind in hearing} | {
+            Scan: hearing.count(Scan)
+        }
+        self._bus.subscribe(Residual, self._note)
+        peer.until(lambda: all(self._bus.subscribers(k) >= n for k, n in wanted.items()))
+        assert self._bus.wait_for_subscribers(*SOURCES)
+
+    def introduce(self, scan: Scan) -> None:
+        """Send this scan, later than any flight, until the last stage says what it sees.
+
+        Nodes that we hear need not hear each other yet.
+        """
+        for number in self._introduced:
+            sent = replace(scan, stamp_ns=START_NS + number * TICK_NS)
+            self._expect(sent.stamp_ns, sent.stamp_ns)
+            self._bus.publish(sent)
+            self._answered(sent)
+            if any(isinstance(record, AmbiguityGroup) for record in self._peer.records):
+                return
+
+    def fly(self, records: list[Record], rate: float | None = None) -> list[Record]:
+        """Send the records; the scans with all that was decided on them.
+
+        Parameters
+        ----------
+        records
+            Of the sources, in the order of their recording.
+        rate
+            Times real time; as fast as they are answered where it is None.
+        """
+        first_ns = next(record.stamp_ns for record in records if isinstance(record, Scan))
+        away_ns = START_NS - next(self._flights) * HOUR_NS - first_ns
+        flown = [moved(record, away_ns) for record in records]
+        scans = [record for record in flown if isinstance(record, Scan)]
+        self._peer.records.clear()
+        self._expect(scans[0].stamp_ns, scans[-1].stamp_ns)
+        sent = itertools.count()
+        start_s = time.monotonic()
+        for record in flown:
+            if rate is not None:
+                self._wait_until(start_s + (record.stamp_ns - self._first_ns) / 1e9 / rate)
+            if isinstance(record, Scan) and (number := next(sent)) >= IN_FLIGHT:
+                self._answered(scans[number - IN_FLIGHT])
+            self._bus.publish(record)
+        self._answered(scans[-1])
+        self._peer.until(self._is_over, SILENT_S)
+        return [moved(record, -away_ns) for record in (*scans, *self._said())]
+
+    def _expect(self, first_ns: int, last_ns: int) -> None:
+        """From now on a record with a stamp in this range belongs to what is sent."""
+        self._first_ns, self._last_ns, self._answered_ns = first_ns, last_ns, 0
+
+    def _is_of_it(self, record: Record) -> bool:
+        return self._first_ns <= record.stamp_ns <= self._last_ns
+
+    def _note(self, residual: Residual) -> None:
+        if self._is_of_it(residual):
+            self._answered_ns = max(self._answered_ns, residual.stamp_ns)
+
+    def _wait_until(self, due_s: float) -> None:
+        # The pace of a stand, as the stamps have it; the bus is served meanwhile.
+        self._peer.until(lambda: time.monotonic() >= due_s)
+
+    def _answered(self, scan: Scan) -> None:
+        self._peer.until(lambda: self._answered_ns >= scan.stamp_ns, SILENT_S)
+
+    def _said(self) -> list[Record]:
+        return [record for record in self._peer.records if self._is_of_it(record)]
+
+    def _is_over(self) -> bool:
+        """The source is known to be silent, and the last verdict has been repeated since."""
+        said = self._said()
+        last = [r for r in said if isinstance(r, AmbiguityGroup)][-2:]
+        asked = {(r.episode, r.step) for r in said if isinstance(r, FeatureRequest)}
+        told = {(r.episode, r.step) for r in said if isinstance(r, FeatureValue)}
+        return (
+            asked == told
+            and len(last) == 2
+            and all(group.stale for group in last)
+            and digest(last[:1]) == digest(last)
+        )
