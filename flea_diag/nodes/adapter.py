@@ -189,7 +189,10 @@ class Adapter:
             self._bus.publish(mirrored(record, self._bus.name, self._bus.now_ns()))
 
     def _due(self, record: Record) -> tuple[Record, ...]:
-        """Records to handle now; a record that steps back waits until a new run is confirmed."""
+        """Records to handle now; a record that steps back waits until a new run is confirmed.
+
+        A waiting record does not refresh the verdict of the previous run: it remains stale.
+        """
         kind = type(record)
         if kind not in STREAMS:
             return (record,)
@@ -197,6 +200,7 @@ class Adapter:
         self._health.arrived(kind, record.stamp_ns, late=record.stamp_ns < latest_ns)
         if record.stamp_ns >= latest_ns - JUMP_NS:
             self._latest_ns[kind] = max(record.stamp_ns, latest_ns)
+            self._health.taken()
             refuted = [held for held in self._held if type(held) is kind]
             self._held = [held for held in self._held if type(held) is not kind]
             return (*refuted, record)
@@ -214,6 +218,7 @@ class Adapter:
         held, self._held = tuple(self._held), []
         self._forget_after(held[0].stamp_ns)
         self._start_afresh()
+        self._health.taken()
         for record in held:
             self._latest_ns[type(record)] = record.stamp_ns
         return held

@@ -21,7 +21,7 @@ class HealthReport:
     def __init__(self, bus: Bus[Any]) -> None:
         self._bus = bus
         self._late: dict[type, int] = {}
-        self._last_arrival_s: float | None = None
+        self._last_taken_s: float | None = None
         self._worst_lag_ns = 0
         self._reported_passed_over = 0
         self._cpu_s, self._wall_s = time.process_time(), time.monotonic()
@@ -29,15 +29,18 @@ class HealthReport:
     @property
     def silent(self) -> bool:
         """Whether a stream that was running has stopped."""
-        last = self._last_arrival_s
+        last = self._last_taken_s
         return last is not None and time.monotonic() - last > SILENT_AFTER_S
 
     def arrived(self, record_type: type, stamp_ns: int, late: bool) -> None:
         """Count a record of a stream; ``late`` when a newer one arrived before it."""
-        self._last_arrival_s = time.monotonic()
         self._worst_lag_ns = max(self._worst_lag_ns, self._bus.now_ns() - stamp_ns)
         if late:
             self._late[record_type] = self._late.get(record_type, 0) + 1
+
+    def taken(self) -> None:
+        """Note that a record of the stream was accepted: its source is running."""
+        self._last_taken_s = time.monotonic()
 
     def record(self, extra: tuple[tuple[str, str], ...] = ()) -> Health:
         """Report for the time since the previous report, followed by the key/values ``extra``."""
@@ -51,10 +54,10 @@ class HealthReport:
 
     def _judged(self, passed_over: int) -> tuple[Level, str]:
         new = passed_over - self._reported_passed_over
-        if self._last_arrival_s is None:
+        if self._last_taken_s is None:
             return Level.STALE, "waiting for the first record"
         if self.silent:
-            silent_s = time.monotonic() - self._last_arrival_s
+            silent_s = time.monotonic() - self._last_taken_s
             return Level.STALE, f"no record for {silent_s:.0f} s: check that the source is running"
         if new > 0:
             return Level.WARN, f"{new} messages skipped or lost since the last report"

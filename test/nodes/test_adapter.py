@@ -88,6 +88,29 @@ def test_stamps_that_jump_back_start_afresh(stand: Stand) -> None:
     stand.peer.find(lambda r: isinstance(r, Residual) and r.values == (10.0,))
 
 
+def test_a_verdict_stays_stale_until_the_new_run_has_one_of_its_own(stand: Stand) -> None:
+    """A player that begins anew after a pause: the first scans say nothing of the run before."""
+    peer = stand.peer
+    stand.scan(9.0)
+    peer.until(lambda: bool(groups(peer)) and groups(peer)[-1].stale)
+    old = groups(peer)[-1]
+    stand.scan(after_ns=-60 * 10**9)
+    for _ in range(8):  # one more, and it would be believed
+        stand.scan()
+    peer.until(lambda: received(peer) == 10)
+    peer.until(lambda: groups(peer)[-1].seq >= old.seq + 3)
+    assert all(group.stale for group in groups(peer) if group.seq > old.seq)
+    stand.scan(9.0)
+    new = peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.stamp_ns < old.stamp_ns)
+    assert not new.stale
+
+
+def received(peer: Peer) -> int:
+    """Scans that the node says it was sent."""
+    told = [r for r in peer.records if isinstance(r, Health) and r.node == "toy"]
+    return int(dict(told[-1].values)["sensors/slow/received"]) if told else 0
+
+
 def test_a_wrong_stamp_starts_nothing_afresh(stand: Stand) -> None:
     stand.scan()
     stand.scan(after_ns=-60 * 10**9)

@@ -127,6 +127,7 @@ class Recorder:
             received_ns = time.time_ns()
             stamp_ns = CdrReader(data).stamp_ns()
             self._health.arrived(topic.record, stamp_ns, late=False)
+            self._health.taken()
             try:
                 self._writer.write_raw(name, data, stamp_ns, received_ns)
             except RecordingError as error:
