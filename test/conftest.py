@@ -8,6 +8,9 @@ from collections.abc import Iterator
 
 import hypothesis
 import pytest
+from support.places import ROOT
+
+from flea_diag.wire.records import Scan
 
 # CI judges a change, not a draw of luck: the same examples each time there, new ones elsewhere.
 hypothesis.settings.register_profile("ci", derandomize=True, deadline=None)
@@ -16,6 +19,9 @@ if os.environ.get("CI"):
 
 # A shell has its background jobs ignore Ctrl-C, and so would whatever the tests start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+STEERING = ("ROS_", "RCUTILS_", "FASTRTPS_", "FASTDDS_", "FLEA_", "XDG_STATE_", "COLUMNS", "LINES")
+"""How variables begin that change what nodes and commands do, and where they look."""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -32,11 +38,44 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         item.add_marker(pytest.mark.xdist_group(group))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def newcomer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Nobody has used the project before: no settings, verdicts or alarms of the user's own.
+
+    Whatever is started is of this source tree, not of a copy that happens to be installed.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        for name in [name for name in os.environ if name.startswith(STEERING)]:
+            patch.delenv(name)
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("log")))
+        patch.setenv("PYTHONPATH", str(ROOT))
+        yield
+
+
+@pytest.fixture(scope="session")
+def compiled(newcomer: None) -> None:
+    """What numba compiles for nodes is on the disk before the first of them starts.
+
+    It takes half a minute of a processor where there is nothing yet, and with other processes
+    beside it longer than any test waits.
+    """
+    from flea_diag.configuration import DIAGNOSER
+    from flea_sim_driver.scenario.library import find_scenario
+    from flea_sim_driver.stand import Stand
+
+    DIAGNOSER.warm_up(DIAGNOSER.parameters())
+    next(record for record in Stand(find_scenario("nominal")) if isinstance(record, Scan))
+
+
 @pytest.fixture
-def domain() -> Iterator[int]:
-    """A ROS domain that nobody else on this machine uses."""
+def domain(
+    compiled: None, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[int]:
+    """A ROS domain that nobody else on this machine uses, and in which nobody has said anything."""
     pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
     from flea_diag.nodes.run.domain import reserved_domain
 
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
     with reserved_domain() as number:
         yield number

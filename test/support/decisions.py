@@ -9,6 +9,8 @@ from support.places import ROOT
 
 BAGS = ROOT / "bags"
 EXPECTED = ROOT / "test" / "expected_decisions"
+NAMES = sorted(path.stem for path in EXPECTED.glob("*.json"))
+"""Bags that come with the source; beside them lies what users record."""
 
 DECIDED = (
     "outcome",

@@ -14,12 +14,14 @@ from typing import Any
 from flea_diag.tools.campaign.campaign import Campaign, campaign_from_mapping
 from flea_diag.tools.campaign.case import Case, Recipe
 from flea_diag.tools.campaign.run_result import RunResult
-from support.decisions import BAGS
+from support.decisions import BAGS, NAMES
 
 SHORT: dict[str, Any] = {
     "schema_version": 1,
     "name": "short",
-    "sources": [{"kind": "recordings", "name": "kept", "files": [f"{BAGS}/*"]}],
+    "sources": [
+        {"kind": "recordings", "name": "kept", "files": [str(BAGS / bag) for bag in NAMES]}
+    ],
 }
 """Six bags of 16 to 22 s."""
 

@@ -6,6 +6,7 @@ import itertools
 import os
 import signal
 import sys
+import tempfile
 import time
 from pathlib import Path
 from unittest.mock import patch
@@ -147,7 +148,10 @@ def test_defaults_are_a_jam_at_eight_seconds() -> None:
     assert options.bag.parent == Path("bags/runs")
 
 
-def test_two_reserved_domains_differ_and_come_back() -> None:
+def test_two_reserved_domains_differ_and_come_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # nobody else reserves there
     with reserved_domain() as one, reserved_domain() as two:
         assert one != two
     with reserved_domain() as again:

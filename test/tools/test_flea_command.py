@@ -19,8 +19,6 @@ from flea_diag.tools.recordings import importer
 from flea_diag.wire.bags.bag import BagWriter
 from flea_diag.wire.records import Scan
 
-ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "COLUMNS": "100"}
-
 
 def test_every_subcommand_has_its_four_names() -> None:
     known = commands()
@@ -92,7 +90,6 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
         [*command, *[str(tmp_path / "run")] * 3000],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        env=ENVIRONMENT,
     )
     assert process.stdout is not None
     assert process.stderr is not None
@@ -111,7 +108,7 @@ def test_ctrl_c_in_mid_work_ends_with_130(tmp_path: Path) -> None:
         [*command, *[str(tmp_path / "run")] * 3000],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        env={**ENVIRONMENT, "PYTHONUNBUFFERED": "1"},
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )
     assert process.stdout is not None
     process.stdout.readline()
@@ -149,7 +146,6 @@ def test_a_folder_that_is_closed_is_said_to_be_so(tmp_path: Path) -> None:
         [*without_privileges(), sys.executable, "-c", code],
         capture_output=True,
         text=True,
-        env=ENVIRONMENT,
     )
     closed.chmod(0o700)
     assert done.returncode == 0, done.stderr
@@ -163,7 +159,5 @@ def test_help_loads_nothing_slow() -> None:
         "import sys; from flea_diag.tools.main import commands; commands(); "
         "print(*sorted({'scipy', 'matplotlib', 'rclpy'} & set(sys.modules)))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=ENVIRONMENT
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""

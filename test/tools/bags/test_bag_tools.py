@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import subprocess
 import sys
@@ -158,7 +157,6 @@ def test_a_disk_that_fills_up_is_one_line(tmp_path: Path) -> None:
         [sys.executable, "-m", "flea_diag.tools.main", "recover", str(bag)],
         capture_output=True,
         text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         preexec_fn=limited,
     )
     assert done.returncode == 2

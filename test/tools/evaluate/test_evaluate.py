@@ -36,7 +36,6 @@ TRUTHS = {
     "winding_short": "winding_short",
 }
 """Bag -> what was wrong with the stand."""
-ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
 
 
 def written(folder: Path, **changes: Any) -> Path:
@@ -60,14 +59,14 @@ def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The short campaign, killed in mid-run and ended by the same command."""
     folder = tmp_path_factory.mktemp("evaluated")
     campaign, output = written(folder), folder / "out"
-    process = subprocess.Popen(command(campaign, output), env=ENVIRONMENT, start_new_session=True)
+    process = subprocess.Popen(command(campaign, output), start_new_session=True)
     until(lambda: len(lines(output)) >= 2, "two runs done")
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     kept = lines(output)
     with (output / RESULTS).open("a", encoding="utf-8") as file:
         file.write('{"id": "kept/nominal", "ki')
-    subprocess.run(command(campaign, output, "-q"), env=ENVIRONMENT, check=False)
+    subprocess.run(command(campaign, output, "-q"), check=False)
     assert lines(output)[: len(kept)] == kept
     return output
 
@@ -156,9 +155,7 @@ def test_a_folder_is_of_one_evaluation_at_a_time(
 
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
     campaign, output = written(tmp_path), tmp_path / "out"
-    process = subprocess.Popen(
-        command(campaign, output), env=ENVIRONMENT, stderr=subprocess.PIPE, text=True
-    )
+    process = subprocess.Popen(command(campaign, output), stderr=subprocess.PIPE, text=True)
     until(lambda: len(lines(output)) >= 1, "a run done")
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=30.0)
