@@ -31,7 +31,6 @@ from support.live import Peer
 SOURCES = (ChannelTable, VibrationBlock, Scan)
 IN_FLIGHT = 50
 """Scans sent and not yet answered by a residual: half of what a reader may leave waiting."""
-SILENT_S = 90.0
 TICK_NS = 10_000_000
 HOUR_NS = 3_600_000_000_000
 START_NS = 1_700_000_000_000_000_000
@@ -119,7 +118,7 @@ class Flight:
                 self._answered(scans[number - IN_FLIGHT])
             self._bus.publish(record)
         self._answered(scans[-1])
-        self._peer.until(self._is_over, SILENT_S)
+        self._peer.until(self._is_over)
         return [moved(record, -away_ns) for record in (*scans, *self._said())]
 
     def _expect(self, first_ns: int, last_ns: int) -> None:
@@ -138,7 +137,7 @@ class Flight:
         self._peer.until(lambda: time.monotonic() >= due_s)
 
     def _answered(self, scan: Scan) -> None:
-        self._peer.until(lambda: self._answered_ns >= scan.stamp_ns, SILENT_S)
+        self._peer.until(lambda: self._answered_ns >= scan.stamp_ns)
 
     def _said(self) -> list[Record]:
         return [record for record in self._peer.records if self._is_of_it(record)]
