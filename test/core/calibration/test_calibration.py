@@ -117,12 +117,14 @@ def test_entries_that_older_files_had_are_passed_over():
     assert from_mapping(plain, "cal.yaml") == from_mapping(mapping(), "cal.yaml")
 
 
-@pytest.mark.parametrize("key", [k for k in mapping() if k not in LATER])
-def test_a_missing_entry_is_named(key):
-    plain = mapping()
-    del plain[key]
-    with pytest.raises(CalibrationError, match=key):
-        from_mapping(plain, "cal.yaml")
+def test_a_missing_entry_is_named():
+    needed = [key for key in mapping() if key not in LATER]
+    assert len(needed) > 5
+    for key in needed:
+        plain = mapping()
+        del plain[key]
+        with pytest.raises(CalibrationError, match=key):
+            from_mapping(plain, "cal.yaml")
 
 
 @pytest.mark.parametrize("content", [None, [], "text", 5])

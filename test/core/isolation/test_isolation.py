@@ -11,11 +11,11 @@ from flea_diag.core.likelihood.likelihood import Fit
 
 OUT = (QUADRANTS[0],)
 BOTH = (QUADRANTS[0], QUADRANTS[2])
-KNOWN = stands.knowledge()
 
 
 def fresh() -> Isolation:
-    return Isolation(KNOWN.faults, KNOWN.signatures)
+    known = stands.knowledge()
+    return Isolation(known.faults, known.signatures)
 
 
 def alive(isolation: Isolation) -> set[str]:
@@ -118,7 +118,7 @@ def test_every_hypothesis_carries_the_evidence():
 def test_a_normal_residual_drops_nothing():
     isolation = fresh()
     isolation.observe(5, "parity_electrical", "0", "?", OUT)
-    physical = {name for name, fault in KNOWN.faults.items() if fault.alternatives}
+    physical = {name for name, fault in stands.knowledge().faults.items() if fault.alternatives}
     assert physical <= alive(isolation)
 
 
@@ -152,7 +152,7 @@ def test_the_group_only_shrinks_and_probabilities_sum_to_one(symbols):
         now = alive(isolation)
         assert now <= before
         assert now or not (settled and before)
-        assert len(now) + len(isolation.dropped()) == len(KNOWN.faults)
+        assert len(now) + len(isolation.dropped()) == len(stands.knowledge().faults)
         if now:
             assert sum(h.probability for h in isolation.alive()) == pytest.approx(1.0)
         before = now
