@@ -1,4 +1,4 @@
-"""Channels of a stream of scans: what is usable, compiled or not, in whatever blocks."""
+"""Channels of a stream of scans: what is usable, in whatever blocks, and what is reported."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import math
 
 import numpy as np
 import pytest
+from support import stands
+from support.observer_scans import after, counters, decisions, healthy, quality
 
 from flea_diag.core.residuals.residual_rows import CHANNELS
 from flea_diag.stages.observer.channels import Channels
 from flea_diag.wire.blocks import ScanBlock
-from flea_diag.wire.records import ChannelInfo, ChannelTable
+from flea_diag.wire.records import ChannelInfo, ChannelTable, DataQuality, Quality, Residual, Scan
 
 NAMES = ("load_force", "unknown", "motor_current", "actuator_position")
 SCANS = 400
@@ -54,3 +56,54 @@ def test_compiled_gives_the_bits_of_numpy(block):
 def test_blocks_give_what_scans_one_by_one_give():
     assert judged("auto", 1)[0] == judged("auto", 64)[0]
     assert judged("auto", 1)[2] == judged("auto", 64)[2]
+
+
+def test_a_channel_that_goes_missing_is_said_once():
+    lacking = [
+        s if k < 1000 else Scan(s.stamp_ns, s.channels[1:], s.values[1:])
+        for k, s in enumerate(healthy())
+    ]
+    assert healthy()[0].channels[0] == "motor_current"
+    out = stands.feed(stands.observer(), lacking)
+    said = stands.of(DataQuality, out)
+    # The second time because the offsets were learned.
+    states = [quality(r, "motor_current").quality for r in said]
+    assert states == [Quality.GOOD, Quality.GOOD, Quality.BAD]
+    assert quality(said[-1], "motor_current").since_ns == said[-1].stamp_ns
+    assert quality(said[-1], "motor_current").reason.startswith("sensor dead, other channels valid")
+    assert decisions(out) == []
+    last = stands.of(Residual, out)[-1]
+    assert math.isnan(last.values[last.names.index("parity_mechanical")])
+    assert math.isfinite(last.values[last.names.index("nut_temperature")])
+
+
+@pytest.mark.parametrize("frozen", [True, False])
+def test_a_dead_driver_is_neither_a_dead_sensor_nor_a_fault(frozen: bool):
+    """It goes on sending, what it read last or nothing at all."""
+    last = healthy()[999].values if frozen else (math.nan,) * len(healthy()[0].values)
+    dead = [Scan(s.stamp_ns, s.channels, last) for s in healthy()[1000:1300]]
+    stage = stands.observer()
+    out = stands.feed(stage, [stands.table(), *healthy()[:1000], *dead])
+    assert decisions(out) == []
+    said = stands.of(DataQuality, out)[-1]
+    assert quality(said, "sensors/slow").quality is Quality.BAD
+    assert quality(said, "sensors/slow").reason.startswith("DAQ frozen")
+    assert not any("sensor dead" in row.reason for row in said.channels)
+    assert counters(stage, dead[-1], "load_force")["stale"] == 300 * frozen
+    # It comes back, and all is well.
+    again = stands.feed(stage, healthy()[1300:])
+    assert decisions(again) == []
+    assert {row.quality for row in stands.of(DataQuality, again)[-1].channels} <= {
+        Quality.GOOD,
+        Quality.ABSENT,
+    }
+
+
+def test_values_out_of_range_are_not_used():
+    spoilt = [
+        after(s, motor_temperature=2e4) if k % 50 == 0 else s for k, s in enumerate(healthy())
+    ]
+    stage = stands.observer()
+    out = stands.feed(stage, [stands.table(), *spoilt])
+    assert decisions(out) == []
+    assert counters(stage, spoilt[-1], "motor_temperature")["out_of_range"] == 40

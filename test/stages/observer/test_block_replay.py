@@ -1,0 +1,69 @@
+"""Quiet scans in blocks, and the way back where something happens in one."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from support import stands
+from support.observer_scans import jammed
+
+from flea_diag.stages.observer.block_replay import LEAST_SCANS, BlockReplay
+from flea_diag.stages.observer.observer_chain import ObserverChain
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
+from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.records import Detection
+
+START = 700
+"""The warm-up is over."""
+
+
+def block(start: int, stop: int) -> ScanBlock:
+    scans = jammed()[start:stop]
+    return ScanBlock(
+        np.array([scan.stamp_ns for scan in scans]),
+        scans[0].channels,
+        np.array([scan.values for scan in scans]),
+    )
+
+
+def detected_at() -> int:
+    """Number of the scan that opens the episode, scans taken singly."""
+    found = stands.feed(stands.observer(state_observer="none"), jammed())
+    (detection,) = stands.of(Detection, found)
+    return next(k for k, scan in enumerate(jammed()) if scan.stamp_ns == detection.stamp_ns)
+
+
+def warm() -> ObserverChain:
+    """A chain after its warm-up, which ends with a single scan."""
+    parameters = ObserverParameters(state_observer="none")
+    chain = ObserverChain(stands.calibration(), parameters)
+    chain.begin(jammed()[0].stamp_ns, None)
+    for k in range(START):
+        one = block(k, k + 1)
+        chain.order.step(int(one.stamps_ns[0]))
+        readings = chain.channels.read(one)
+        chain.other_unit(readings)
+        _, output = chain.examine(one, readings)
+        chain.episode.step(int(one.stamps_ns[0]), output.results)
+    chain.order.say(jammed()[START - 1].stamp_ns)
+    return chain
+
+
+def test_blocks_grow_while_quiet_and_stop_before_the_scan_of_the_detection():
+    event, chain, replay = detected_at(), warm(), BlockReplay()
+    at, taken = START, []
+    while at < event:
+        chain, quiet, output = replay.take(chain, block(at, len(jammed())))
+        if output is None:
+            break
+        assert len(output.residuals) == quiet
+        taken.append(quiet)
+        at += quiet
+    assert at == event
+    assert taken[0] == LEAST_SCANS
+    assert all(later == 2 * earlier for earlier, later in pairwise(taken[:-1]))
+    # Left as if nothing had been tried: the next scan is the event, and no block takes it.
+    assert chain.order.last_ns == jammed()[event - 1].stamp_ns
+    assert not chain.episode.is_open
+    assert replay.take(chain, block(event, len(jammed())))[1] == 0

@@ -1,0 +1,44 @@
+"""Sensor tests on a stream of which scans may be missing."""
+
+from __future__ import annotations
+
+import numpy as np
+from support import stands
+from support.observer_scans import after, counters, healthy
+
+from flea_diag.core.residuals.residual_rows import CHANNELS
+from flea_diag.core.sensors.sensor_tests import NAMES
+from flea_diag.stages.observer.sensor_validation import SensorValidation
+
+
+def test_a_sensor_that_holds_its_reading_is_counted_as_stuck():
+    at = healthy()[0].channels.index("load_force")
+    held = healthy()[1000].values[at]
+    stuck = [after(s, load_force=held) if k > 1000 else s for k, s in enumerate(healthy())]
+    stage = stands.observer()
+    stands.feed(stage, [stands.table(), *stuck])
+    least = next(row.repeats for row in stands.calibration().sensors if row.channel == "load_force")
+    assert counters(stage, stuck[-1], "load_force")["stuck"] == 999 - least + 1
+    assert counters(stage, stuck[-1], "motor_current")["stuck"] == 0
+    assert counters(stage, stuck[-1], "load_force")["stale"] == 0
+
+
+def position_steps(missing: range) -> np.ndarray:
+    """Statistic of the position where a ramp of 1 mm per scan lacks these scans."""
+    rows = np.full((60, len(CHANNELS)), np.nan)
+    rows[:, CHANNELS.index("actuator_position")] = 0.001 * np.arange(60)
+    kept = np.array([k for k in range(60) if k not in missing])
+    tests = SensorValidation(stands.calibration(), "auto")
+    stamps_ns = stands.START_NS + stands.PERIOD_NS * kept
+    before_ns = stands.START_NS - stands.PERIOD_NS
+    _, z = tests.step(before_ns, stamps_ns, rows[kept])
+    return z[:, NAMES.index("actuator_position")]
+
+
+def test_no_test_spans_a_missing_scan():
+    assert np.nanmax(np.abs(position_steps(range(0)))) < 1.0
+    across = position_steps(range(30, 35))
+    # Six scans on either side of a step are needed: none is known near the loss.
+    assert np.isnan(across[30:41]).all()
+    assert np.nanmax(np.abs(across)) < 1.0
+    assert np.isfinite(across[41:]).all()

@@ -1,0 +1,48 @@
+"""A position step reads as a speed for as long as the kernel contains it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flea_diag.core.residuals.residual import SPEED, UNIT_PARAMETERS, Signals
+from flea_diag.core.residuals.residual_rows import (
+    RESIDUAL_INDEX,
+    RESIDUALS,
+    SPREAD_ROWS,
+    ResidualRows,
+)
+from flea_diag.stages.observer.speed_trust import SpeedTrust
+
+LASTS = 31 + 6  # scans of the kernel, and of the straight line that a step is found by
+
+
+def moving(scans: int, *jumps: int) -> ResidualRows:
+    """Residuals of scans in motion; in those of ``jumps`` the position steps."""
+    values = np.zeros((scans, len(RESIDUALS)))
+    values[list(jumps), RESIDUAL_INDEX["actuator_position"]] = 2.0
+    spread = np.zeros((scans, len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
+    signals = Signals(*(0.0,) * len(Signals._fields))
+    return ResidualRows(values, spread, signals, np.ones(scans, dtype=bool))
+
+
+@pytest.mark.parametrize("block", [1, 13, 100])
+def test_a_position_step_takes_the_speed_out_for_as_long_as_the_kernel_sees_it(block):
+    trust, whole = SpeedTrust(has_encoder=False), moving(100, 20)
+    for start in range(0, 100, block):
+        at = slice(start, start + block)
+        part = ResidualRows(whole.values[at], whole.spread[at], whole.signals, whole.moving[at])
+        trust.leave_out(part)
+    speeds = [j for j, row in enumerate(RESIDUALS) if SPEED in row.needs]
+    lost = np.isnan(whole.values[:, speeds])
+    assert lost.any(axis=1).tolist() == [False] * 20 + [True] * LASTS + [False] * (80 - LASTS)
+    assert lost[20 : 20 + LASTS].all()
+    assert whole.moving.tolist() == [True] * 20 + [False] * LASTS + [True] * (80 - LASTS)
+    assert not np.isnan(np.delete(whole.values, speeds, axis=1)).any()
+
+
+def test_an_encoder_measures_the_speed_itself():
+    trust, whole = SpeedTrust(has_encoder=True), moving(50, 20)
+    trust.leave_out(whole)
+    assert whole.moving.all()
+    assert not np.isnan(whole.values).any()

@@ -1,0 +1,60 @@
+"""Scans out of order, lost or twice: what the observer makes of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from support import stands
+from support.observer_scans import counters, decisions, healthy, jammed
+
+from flea_diag.wire.records import DataQuality, Detection, Residual
+
+
+def test_duplicates_and_late_scans_change_nothing_but_the_counters():
+    disturbed = []
+    for k, scan in enumerate(jammed()):
+        disturbed.append(scan)
+        if k % 7 == 3:
+            disturbed.append(replace(scan, values=(99.0,) * len(scan.values)))
+        if k % 11 == 10:
+            disturbed.append(jammed()[k - 5])
+    stage, plain = stands.observer(), stands.observer()
+    told = [
+        [r for r in stands.feed(each, run) if not isinstance(r, DataQuality)]
+        for each, run in ((stage, disturbed), (plain, jammed()))
+    ]
+    assert repr(told[0]) == repr(told[1])
+    found = counters(stage, jammed()[-1], "sensors/slow")
+    # What comes again is twice, however late; so is the last scan.
+    assert found["duplicate"] == 1 + sum((k % 7 == 3) + (k % 11 == 10) for k in range(2000))
+    assert found["late"] == found["lost"] == 0
+    assert counters(plain, jammed()[-1], "sensors/slow") == {
+        "samples": 2001, "lost": 0, "late": 0, "duplicate": 1, "crowded": 0, "elsewhere": 0,
+        "jumps": 0,
+    }  # fmt: skip
+
+
+def test_a_jump_back_in_time_starts_afresh():
+    stage = stands.observer()
+    stands.feed(stage, jammed())
+    again = stands.feed(stage, healthy())
+    assert stands.of(Detection, again) == []
+    # The first nine are not yet believed.
+    fresh = stands.feed(stands.observer(), healthy()[9:])
+    assert repr(stands.of(Residual, again)) == repr(stands.of(Residual, fresh))
+
+
+def test_a_gap_empties_the_window_and_is_counted():
+    stage = stands.observer()
+    whole = healthy()
+    out = stands.feed(stage, whole[:1000] + whole[1050:])
+    assert counters(stage, whole[-1], "sensors/slow")["lost"] == 50
+    after_gap = stands.of(Residual, out)[1000]
+    assert math.isnan(after_gap.values[after_gap.names.index("parity_mechanical")])
+    assert decisions(out) == []
+
+
+def test_a_few_lost_scans_raise_nothing():
+    out = stands.feed(stands.observer(), [s for k, s in enumerate(healthy()) if k % 40 > 2])
+    assert decisions(out) == []

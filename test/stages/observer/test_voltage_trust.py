@@ -1,0 +1,78 @@
+"""A voltage that current and motion contradict, and one that nothing corroborates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support import stands
+from support.observer_scans import after, decisions, healthy, quality
+
+from flea_diag.core.residuals.residual import UNIT_PARAMETERS, Signals
+from flea_diag.core.residuals.residual_rows import (
+    RESIDUAL_INDEX,
+    RESIDUALS,
+    SPREAD_ROWS,
+    ResidualRows,
+)
+from flea_diag.stages.observer.voltage_trust import VoltageTrust
+from flea_diag.wire.records import DataQuality, Quality, Residual
+
+LIMIT_V = 5.0
+
+
+def test_a_bad_voltage_is_no_fault_and_is_named():
+    spoilt = [
+        after(s, motor_voltage=-24.0) if 800 <= k < 1000 else s for k, s in enumerate(healthy())
+    ]
+    out = stands.feed(stands.observer(), spoilt)
+    assert decisions(out) == []
+    found = [quality(r, "motor_voltage") for r in stands.of(DataQuality, out)]
+    assert [row.quality for row in found] == [Quality.GOOD, Quality.GOOD, Quality.BAD]
+    assert "disagrees with current and motion" in found[-1].reason
+    start_s = (found[-1].since_ns - spoilt[0].stamp_ns) / 1e9
+    assert start_s == pytest.approx(8.2, abs=0.3)
+
+
+def test_the_zero_of_a_voltage_that_nothing_corroborates_is_no_symptom():
+    at = healthy()[0].channels.index("motor_voltage")
+    faulty = [
+        after(s, motor_voltage=s.values[at] + 3.4) if k >= 1200 else s
+        for k, s in enumerate(healthy())
+    ]
+    out = stands.feed(stands.observer(), faulty)
+    assert decisions(out) == []
+    # The residual itself is there for whoever looks.
+    last = stands.of(Residual, out)[-1]
+    assert last.values[last.names.index("parity_electrical")] == pytest.approx(3.4, abs=0.5)
+
+
+def electrical(volts: list[float]) -> ResidualRows:
+    """Residuals of scans in which the electrical relation is off by so many volts."""
+    values = np.zeros((len(volts), len(RESIDUALS)))
+    values[:, RESIDUAL_INDEX["parity_electrical"]] = volts
+    still = np.zeros(len(volts), dtype=bool)
+    spread = np.zeros((len(volts), len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
+    return ResidualRows(values, spread, Signals(*(0.0,) * len(Signals._fields)), still)
+
+
+def test_a_voltage_loses_trust_with_the_twentieth_implausible_scan_in_a_row():
+    rows = electrical([0.0] * 5 + [9.0] * 30)
+    trust = VoltageTrust(LIMIT_V)
+    verdict = trust.judge(rows, np.ones(35, dtype=bool))
+    assert verdict.lost_at == 5 + 20 - 1
+    assert trust.lost
+    assert verdict.usable.tolist() == [True] * 5 + [False] * 30
+    assert verdict.trusted.tolist() == [True] * 25 + [False] * 10
+    verdict.leave_out(rows)
+    needs = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
+    assert np.isnan(rows.values[5:, needs]).all()
+    assert not np.isnan(rows.values[:5]).any()
+    assert not np.isnan(np.delete(rows.values, needs, axis=1)).any()
+
+
+def test_a_voltage_that_a_command_corroborates_is_not_judged():
+    trust = VoltageTrust(LIMIT_V)
+    verdict = trust.judge(electrical([9.0] * 30), np.zeros(30, dtype=bool))
+    assert verdict.usable.all()
+    assert verdict.trusted.all()
+    assert (verdict.lost_at, trust.lost) == (30, False)

@@ -1,0 +1,39 @@
+"""Offsets of this unit, learned in the warm-up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support import stands
+from support.observer_scans import after, decisions, healthy
+
+from flea_diag.stages.observer.warm_up import WarmUp
+from flea_diag.wire.records import Residual
+
+S = 1_000_000_000
+
+
+def test_an_offset_that_is_there_from_the_start_is_the_units_own():
+    at = healthy()[0].channels.index("motor_current")
+    other = [after(s, motor_current=s.values[at] + 0.25) for s in healthy()]
+    out = stands.feed(stands.observer(), other)
+    assert decisions(out) == []
+    last = stands.of(Residual, out)[-1]
+    current = last.regressors[last.regressor_names.index("current_a")]
+    plain = stands.of(Residual, stands.feed(stands.observer(), healthy()))[-1]
+    assert current == pytest.approx(
+        plain.regressors[plain.regressor_names.index("current_a")], abs=0.02
+    )
+    # Without the warm-up nothing is learned.
+    untaught = stands.of(Residual, stands.feed(stands.observer(warm_up_s=0.0), other))[-1]
+    assert untaught.regressors[last.regressor_names.index("current_a")] == pytest.approx(
+        current + 0.25, abs=0.03
+    )
+
+
+def test_the_scan_that_ends_the_warm_up_comes_alone():
+    warm_up = WarmUp(stands.calibration(), warm_up_s=6.0, start_ns=S)
+    stamps_ns = S * np.array([5, 6, 7, 8])
+    assert warm_up.leading(stamps_ns) == 2  # the warm-up ends 7 s after zero
+    assert warm_up.leading(stamps_ns[2:]) == 0
+    assert warm_up.leading(stamps_ns[:2]) == 2
