@@ -32,7 +32,7 @@ export default {
     this.beat(0);
     this.timer = setInterval(() => {
       const lost = Date.now() - this.last > LOST_MS;
-      if (lost) this.$el.textContent = `✕ DISCONNECTED since ${new Date(this.last).toISOString().slice(11, 19)} UTC: what stands below is old. Connecting again …`;
+      if (lost) this.$el.textContent = `✕ DISCONNECTED since ${new Date(this.last).toISOString().slice(11, 19)} UTC: the content below is outdated. Reconnecting …`;
       document.body.classList.toggle("lost", lost);
       if (this.ringing && Date.now() - this.rang >= RING_MS) this.rang = bell.ring() ? Date.now() : 0;
       document.body.classList.toggle("muted", this.ringing > 0 && bell.context?.state !== "running");
