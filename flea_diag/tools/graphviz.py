@@ -23,7 +23,7 @@ def draw(dot: str, target: Path) -> None:
     program = shutil.which("dot")
     if program is None:
         raise ConfigurationError(
-            f"{target}: drawing SVG needs Graphviz, not installed: install the package graphviz, "
+            f"{target}: Graphviz is not installed, needed for SVG: install the package graphviz, "
             "or print DOT text with --dot"
         )
     drawn = subprocess.run(

@@ -120,7 +120,7 @@ def test_a_node_that_cannot_start_ends_the_run(domain: int, tmp_path: Path) -> N
     ("arguments", "word"),
     [
         (["--at", "40"], "--at 40: the onset must lie before the end"),
-        (["--for", "-1"], "not within 0 to 86400 s"),
+        (["--for", "-1"], "must lie between 0 and 86400 s"),
         (["--for", "soon"], "invalid number of seconds: 'soon'"),
         (["--speed", "2"], "unrecognized"),
     ],

@@ -172,9 +172,9 @@ REFUSED = {
     "another period": ([{}, {"period_ns": 20_000_000}], "scans every 0.02 s"),
     "another set of channels": (
         [{}, {"channels": FLEA_CHANNELS[:-1]}],
-        "ambient_temperature is not in both",
+        "channel ambient_temperature is missing here or in run_0",
     ),
-    "a fault in it": ([{}, {"fault": "jam"}], "truth says 'jam', calibration needs nominal"),
+    "a fault in it": ([{}, {"fault": "jam"}], "truth is 'jam': calibration needs nominal"),
     "a wrong unit": ([{}, {"units": {"motor_current": "mA"}}], "motor_current is in 'mA'"),
     "no channel table": ([{}, {"with_table": False}], "no channel table"),
 }

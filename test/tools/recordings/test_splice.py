@@ -63,9 +63,9 @@ def test_all_readings_stay_as_they_were() -> None:
 
 def test_runs_that_nowhere_meet_are_refused() -> None:
     far = [replace(s, values=tuple(v + 1.0 for v in s.values)) for s in scans(JAMMED)]
-    with pytest.raises(RecordingError, match="nowhere pass within 1 mm"):
+    with pytest.raises(RecordingError, match="never pass within 1 mm"):
         splice(NOMINAL, far, MARGIN_S)
     with pytest.raises(RecordingError, match="3 scans: too few for a join"):
         splice(NOMINAL, scans(JAMMED)[:3], MARGIN_S)
-    with pytest.raises(RecordingError, match="nowhere pass"):
+    with pytest.raises(RecordingError, match="never pass"):
         splice(NOMINAL, JAMMED, margin_s=60.0)

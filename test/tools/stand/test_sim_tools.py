@@ -80,7 +80,7 @@ def test_a_bag_can_be_flown_again(tmp_path: Path) -> None:
         (["nominal", "-o", "bag", "--duration", "nan"], "nan"),
         (["nominal", "-o", "bag", "--duration", "1e9"], "is above its limit 86400.0 s"),
         (["nominal", "-o", "bag", "--fault", "jam", "--at", "-1"], "-1.0 s is below its limit"),
-        (["nominal", "-o", "bag", "--size", "2"], "name it with --fault"),
+        (["nominal", "-o", "bag", "--size", "2"], "--at and --size require --fault"),
     ],
 )
 def test_a_bad_command_is_one_line_and_leaves_nothing(
