@@ -35,6 +35,13 @@ REQUIRES = [
     f"ros-rclpy[fastrtps]==7.1.6; {WHEELS}",
     f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
 ]
+DOCS = [
+    "mkdocs>=1.6,<2",
+    "mkdocs-material>=9.7",
+    "mkdocstrings[python]>=1.0",
+    # Equations become MathML when the site is built: no script, no font, no network.
+    "latex2mathml>=3.78",
+]
 EXTRAS = {
     "numba": ["numba>=0.60"],
     "console": ["textual>=8.0"],
@@ -43,6 +50,7 @@ EXTRAS = {
     "evaluate": ["Jinja2>=3.1", "tqdm>=4.65"],
     "dask": ["distributed>=2024.1"],
     "web": ["nicegui>=3.0"],
+    "docs": DOCS,
     # Coverage-guided fuzzing, by hand alone: scripts/fuzz --atheris.
     "fuzz": ["atheris>=3.0"],
     "test": [
@@ -61,6 +69,7 @@ EXTRAS = {
         f"faultdiagnosistoolbox>=0.12.5; {WHEELS}",
         "tqdm>=4.65",
         "distributed>=2024.1",
+        *DOCS,  # test/project/test_site.py builds the site
     ],
 }
 

@@ -1,0 +1,29 @@
+"""Equations of the pages as MathML, which browsers draw by themselves: no script, no font.
+
+``pymdownx.arithmatex`` finds ``$...$`` and ``$$...$$``; this hook of MkDocs converts what it found.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from typing import Any
+
+from latex2mathml.converter import convert
+
+FOUND = re.compile(
+    r'<(?P<tag>span|div) class="arithmatex">\\[(\[](?P<latex>.*?)\\[)\]]</(?P=tag)>', re.DOTALL
+)
+
+
+def mathml(found: re.Match[str]) -> str:
+    """One equation; a display of its own where it was a paragraph."""
+    latex = html.unescape(found["latex"]).strip().replace("{aligned}", "{align*}")
+    if found["tag"] == "span":
+        return convert(latex)
+    return f'<div class="equation" tabindex="0">{convert(latex, display="block")}</div>'
+
+
+def on_page_content(content: str, **_: Any) -> str:
+    """Convert the equations of one page."""
+    return FOUND.sub(mathml, content)
