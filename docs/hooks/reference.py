@@ -11,8 +11,6 @@ import importlib
 import os
 import pkgutil
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -24,6 +22,7 @@ from flea_diag.wire.bus.declared import Common
 from flea_diag.wire.parameters import Descriptor, descriptors
 from flea_diag.wire.topics import TOPIC_OF
 
+HEAD = "| parameter | meaning | type | default | limits |\n|---|---|---|---|---|"
 WIDTH = "88"
 """Columns of a help text; argparse reads them from the environment."""
 
@@ -80,17 +79,17 @@ def nodes_page() -> Iterator[str]:
     yield "# Nodes and parameters\n"
     yield (
         "Each node is an executable of the package: `ros2 run flea_diag NODE --ros-args -p "
-        "NAME:=VALUE`. A parameter marked *fixed* is read at start; the others may be set while the "
-        "node runs. A value outside its limits is refused with the name, the value and the limit.\n"
+        "NAME:=VALUE`. A parameter marked *fixed* is read at start; the others may be set while "
+        "the node runs. A value outside its limits is refused with name, value and limit.\n"
     )
     for name, module in EXECUTABLES.items():
         program = importlib.import_module(module).program()
         yield f"\n## {name}\n\n{program.summary}\n"
         yield f"- subscribes: {_topics(program.subscribes)}"
         yield f"- publishes: {_topics(program.publishes)}\n"
-        yield "| parameter | meaning | type | default | limits |\n|---|---|---|---|---|"
+        yield HEAD
         yield from map(_row, descriptors(program.parameters))
-    yield "\n## Every node\n\n| parameter | meaning | type | default | limits |\n|---|---|---|---|---|"
+    yield f"\n## Every node\n\n{HEAD}"
     yield from map(_row, descriptors(Common))
 
 
@@ -103,7 +102,9 @@ def _row(entry: Descriptor) -> str:
     kind = "list" if entry.kind is tuple else entry.kind.__name__
     limits = [f"at least {entry.minimum:g}"] if entry.minimum is not None else []
     limits += [f"at most {entry.maximum:g}"] if entry.maximum is not None else []
-    limits += ["one of " + ", ".join(f"`{choice}`" for choice in entry.choices)] * bool(entry.choices)
+    limits += ["one of " + ", ".join(f"`{choice}`" for choice in entry.choices)] * bool(
+        entry.choices
+    )
     limits += ["fixed"] * entry.read_only
     default = list(entry.default) if entry.kind is tuple else entry.default
     doc = entry.doc.replace("|", "\\|")
@@ -113,7 +114,8 @@ def _row(entry: Descriptor) -> str:
 def docstrings_page(title: str, *modules: str) -> Iterator[str]:
     """Everything public of some modules, from their docstrings."""
     if title:
-        yield f"# {title}\n\n{flea_diag.core.__doc__}\nOne page a package; here what all of them use.\n"
+        yield f"# {title}\n\n{flea_diag.core.__doc__}\n"
+        yield "Each package has its page; this one has what all of them use.\n"
     for name in modules:
         level = "" if title else "\n    options: {heading_level: 1}"
         yield f"\n::: {name}{level}\n"

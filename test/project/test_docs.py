@@ -1,24 +1,33 @@
-"""What the documents name is there: files, links, topics, nodes, commands."""
+"""What the documents name is there: files, links, topics, outcomes, faults, nodes, commands."""
 
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 from support.places import ROOT
 
+from flea_diag.configuration import load_yaml
 from flea_diag.tools.main import commands
 from flea_diag.wire.records import Outcome
 from flea_diag.wire.topics import TOPICS, Topic
 
-DOCUMENTS = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md")
+IN_ROOT = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md")
+PAGES = tuple(
+    sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md"))
+)  # fmt: skip
+DOCUMENTS = (*IN_ROOT, *PAGES)
+README_LINES = 200
 FOLDERS = (ROOT, ROOT / "flea_diag")
 SUFFIXES = (".py", ".md", ".yaml", ".toml", ".xml", ".sh", ".dot", ".svg", ".csv")
-MADE_BY_USE = ("bags/runs", ".venv", "build/lib")
+MADE_BY_USE = ("bags/runs", ".venv", "build/lib", "site/")
 """What a fresh checkout does not have."""
+MADE_BY_BUILD = "reference/"
+"""Pages that the site makes of the program: its strict build holds the links to them."""
 
 WORDS = re.compile(r"`([^`\n]+)`")
-LINK = re.compile(r"\]\(([^)#\s]+)\)")
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)")
 COMMAND = re.compile(r"`flea ([a-z]+)")
 
 
@@ -60,30 +69,72 @@ def test_paths_are_told_from_other_words() -> None:
     assert [name for name in paths(text) if not exists(name)] == ["core/a.py", "test/no"]
 
 
+def broken(document: str, text: str) -> list[str]:
+    """Relative links and pictures of a document that lead nowhere."""
+    folder = (ROOT / document).parent
+    links = [link for link in LINK.findall(text) if "://" not in link]
+    links = [link for link in links if not link.startswith(MADE_BY_BUILD)]
+    return [link for link in links if not (folder / link).exists()]
+
+
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_every_relative_link_exists(document: str) -> None:
-    links = [link for link in LINK.findall(text_of(document)) if "://" not in link]
-    assert [link for link in links if not (ROOT / link).exists()] == []
+    assert broken(document, text_of(document)) == []
 
 
-@pytest.mark.parametrize("document", [*DOCUMENTS[1:], "LICENSE", "QUALITY_DECLARATION.md"])
+def test_links_are_taken_from_where_they_stand() -> None:
+    text = "[a](docs/method.md) [b](method.md#x) ![c](flow.svg) [d](https://example.org/e)"
+    assert broken("README.md", text) == ["method.md", "flow.svg"]
+    assert broken("docs/index.md", text) == ["docs/method.md"]
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        *IN_ROOT[1:],
+        "LICENSE",
+        "QUALITY_DECLARATION.md",
+        *(p for p in PAGES if p != "docs/index.md"),
+    ],
+)
 def test_the_readme_links_it(document: str) -> None:
     assert document in LINK.findall(text_of("README.md"))
 
 
+def test_the_readme_is_short() -> None:
+    assert len(text_of("README.md").splitlines()) <= README_LINES
+
+
 @pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)
-def test_the_readme_has_a_row_for_each_topic(topic: Topic) -> None:
-    assert row_of(topic) in text_of("README.md").splitlines()
+def test_the_messages_have_a_row_for_each_topic(topic: Topic) -> None:
+    assert row_of(topic) in text_of("docs/messages.md").splitlines()
 
 
 @pytest.mark.parametrize("outcome", Outcome, ids=lambda outcome: outcome.value)
-def test_the_readme_says_what_to_do_at_each_outcome(outcome: Outcome) -> None:
+def test_each_outcome_is_explained_with_what_to_do(outcome: Outcome) -> None:
+    assert f"\n| `{outcome.value}` |" in text_of("docs/outcomes.md")
     assert f"\n| `{outcome.value}` |" in text_of("README.md")
 
 
-def test_the_readme_has_a_row_for_each_node() -> None:
-    nodes = {path.name for path in (ROOT / "launcher").iterdir() if not path.suffix}
-    assert {node for node in nodes if f"\n| `{node}` |" not in text_of("README.md")} == set()
+def test_each_fault_of_the_catalogue_is_named() -> None:
+    sensors = tuple(f"{name}_" for name in load_yaml("actuator.yaml")["sensors"])
+    faults = [name for name in load_yaml("faults.yaml")["faults"] if not name.startswith(sensors)]
+    text = text_of("docs/outcomes.md")
+    assert faults
+    assert [fault for fault in faults if f"`{fault}`" not in text] == []
+
+
+def nodes() -> set[str]:
+    return {path.name for path in (ROOT / "launcher").iterdir() if not path.suffix}
+
+
+def test_there_is_a_row_for_each_node() -> None:
+    text = text_of("docs/ros.md")
+    assert {node for node in nodes() if f"\n| `{node}` |" not in text} == set()
+
+
+def test_the_readme_names_every_node() -> None:
+    assert {node for node in nodes() if f"`{node}`" not in text_of("README.md")} == set()
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
@@ -91,6 +142,25 @@ def test_every_command_named_exists(document: str) -> None:
     assert set(COMMAND.findall(text_of(document))) <= set(commands())
 
 
-def test_the_readme_names_every_command() -> None:
-    text = text_of("README.md")
-    assert [name for name in commands() if f"flea {name}" not in text] == []
+def test_every_command_has_a_row() -> None:
+    rows = [line for line in text_of("docs/your_stand.md").splitlines() if line.startswith("| `")]
+    first = " ".join(row.split("|")[1] for row in rows)
+    assert [name for name in commands() if f"`flea {name}" not in first] == []
+
+
+def test_every_script_is_named() -> None:
+    scripts = [path for path in (ROOT / "scripts").iterdir() if not path.suffix]
+    text = "".join(map(text_of, DOCUMENTS))
+    assert [path.name for path in scripts if f"scripts/{path.name}" not in text] == []
+
+
+def test_the_picture_is_drawn_from_its_source() -> None:
+    """Each label and each arrow of docs/flow.dot is in docs/flow.svg."""
+    source, drawn = text_of("docs/flow.dot"), Path(ROOT / "docs/flow.svg").read_text("utf-8")
+    labels = [
+        part for label in re.findall(r'label="([^"]*)"', source) for part in label.split("\\n")
+    ]
+    arrows = re.findall(r"^\s*(\w+) -> (\w+)", source, re.MULTILINE)
+    assert len(arrows) >= 8
+    assert [label for label in labels if label.strip() not in drawn] == []
+    assert sorted(re.findall(r"<title>(\w+)&#45;&gt;(\w+)</title>", drawn)) == sorted(arrows)
