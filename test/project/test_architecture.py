@@ -388,6 +388,18 @@ def test_every_package_has_its_arrows() -> None:
         assert packages == set(arrows) - {""}, room
 
 
+def test_the_architecture_page_has_these_arrows() -> None:
+    """A table for each room, a row for each package, and in it just what it may import."""
+    page = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    for room, arrows in ARROWS.items():
+        head = f"| package of `{room.removeprefix('flea_diag.')}` | what is in it | may import |"
+        table = page.partition(f"{head}\n|---|---|---|\n")[2].partition("\n\n")[0]
+        rows = [[cell.strip() for cell in row.split("|")[1:4]] for row in table.splitlines()]
+        said = {name.strip("`"): allowed.replace("`", "") for name, _, allowed in rows}
+        expected = {name: ", ".join(found) or "nothing" for name, found in arrows.items() if name}
+        assert said == expected, room
+
+
 def test_every_module_is_seen() -> None:
     """The check reads what is there: all rooms have modules, and the walk does not skip."""
     modules = {

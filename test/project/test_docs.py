@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 from support.places import ROOT
@@ -154,13 +153,22 @@ def test_every_script_is_named() -> None:
     assert [path.name for path in scripts if f"scripts/{path.name}" not in text] == []
 
 
-def test_the_picture_is_drawn_from_its_source() -> None:
-    """Each label and each arrow of docs/flow.dot is in docs/flow.svg."""
-    source, drawn = text_of("docs/flow.dot"), Path(ROOT / "docs/flow.svg").read_text("utf-8")
-    labels = [
-        part for label in re.findall(r'label="([^"]*)"', source) for part in label.split("\\n")
-    ]
-    arrows = re.findall(r"^\s*(\w+) -> (\w+)", source, re.MULTILINE)
-    assert len(arrows) >= 8
-    assert [label for label in labels if label.strip() not in drawn] == []
-    assert sorted(re.findall(r"<title>(\w+)&#45;&gt;(\w+)</title>", drawn)) == sorted(arrows)
+def arrows_of(source: str) -> list[tuple[str, str]]:
+    """Arrows of a DOT text, also those that are written one after the other."""
+    chains = [line.partition("[")[0] for line in source.splitlines() if "->" in line]
+    nodes = [re.findall(r"\w+", chain) for chain in chains]
+    return sorted(pair for chain in nodes for pair in zip(chain, chain[1:], strict=False))
+
+
+@pytest.mark.parametrize("name", ["flow", "chain"])
+def test_the_picture_is_drawn_from_its_source(name: str) -> None:
+    """Each label and each arrow of the source is in the picture, and no other arrow."""
+    source, drawn = text_of(f"docs/{name}.dot"), text_of(f"docs/{name}.svg")
+    source = re.sub(r"^//.*$", "", source, flags=re.MULTILINE)
+    labels = re.findall(r'label="([^"]*)"', source)
+    lines = [line.strip() for label in labels for line in label.split("\\n")]
+    squeezed = re.sub(r"[ \u00a0]+", " ", drawn.replace("&#160;", " "))
+    assert [line for line in lines if re.sub(" +", " ", line) not in squeezed] == []
+    found = re.findall(r"<title>(\w+)&#45;&gt;(\w+)</title>", drawn)
+    assert sorted(found) == arrows_of(source)
+    assert len(found) >= 8
