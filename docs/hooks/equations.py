@@ -16,12 +16,17 @@ FOUND = re.compile(
 )
 
 
+BAR, TIGHT = "<mo>&#x0007C;</mo>", '<mo lspace="0" rspace="0">|</mo>'
+"""The bar of an absolute value; browsers set an operator apart from what stands beside it."""
+
+
 def mathml(found: re.Match[str]) -> str:
     """One equation; a display of its own where it was a paragraph."""
     latex = html.unescape(found["latex"]).strip().replace("{aligned}", "{align*}")
     if found["tag"] == "span":
-        return convert(latex)
-    return f'<div class="equation" tabindex="0">{convert(latex, display="block")}</div>'
+        return convert(latex).replace(BAR, TIGHT)
+    drawn = convert(latex, display="block").replace(BAR, TIGHT)
+    return f'<div class="equation" tabindex="0">{drawn}</div>'
 
 
 def on_page_content(content: str, **_: Any) -> str:

@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = ("ARCHITECTURE", "CONTRIBUTING", "CHANGELOG", "QUALITY_DECLARATION")
 """Documents of the root that become pages below ``project``."""
 
-LINK = re.compile(r"(?<!!)\[(?P<text>[^\]\[]*)\]\((?P<path>[^)#:\s]+)(?P<anchor>#[^)\s]*)?\)")
+LINK = re.compile(r"(?P<mark>!?)\[(?P<text>[^\]\[]*)\]\((?P<path>[^)#:\s]+)(?P<anchor>#[^)\s]*)?\)")
 CORE, STAGES = "flea_diag/core/", "flea_diag/stages/"
 
 
@@ -47,7 +47,7 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
         page_path, _, own = target.partition("#")
         relative = posixpath.relpath(page_path, posixpath.dirname(at) or ".")
         anchor = f"#{own}" if own else found["anchor"] or ""
-        return f"[{found['text']}]({relative}{anchor})"
+        return f"{found['mark']}[{found['text']}]({relative}{anchor})"
 
     return LINK.sub(resolved, markdown)
 

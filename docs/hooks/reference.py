@@ -113,6 +113,7 @@ def _row(entry: Descriptor) -> str:
 
 def docstrings_page(title: str, *modules: str) -> Iterator[str]:
     """Everything public of some modules, from their docstrings."""
+    yield "---\nsearch: {boost: 0.5}\n---\n"  # pages that were written come first
     if title:
         yield f"# {title}\n\n{flea_diag.core.__doc__}\n"
         yield "Each package has its page; this one has what all of them use.\n"

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 import yaml
+from support import browser as browsers
 from support.places import ROOT
 
 CONFIGURATION = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
@@ -146,3 +147,15 @@ def test_the_reference_has_every_parameter_and_command(site: Path) -> None:
     assert [name for name in known if f"<code>{name}</code>" not in nodes] == []
     page = (site / "reference" / "commands.html").read_text(encoding="utf-8")
     assert [name for name in commands() if f'id="flea-{name}"' not in page] == []
+
+
+@needs_extra
+@pytest.mark.skipif(bool(browsers.missing()), reason=browsers.missing())
+def test_the_search_works_on_files_and_asks_nobody(site: Path) -> None:
+    with browsers.chromium() as window:
+        window.open((site / "method.html").as_uri())
+        window.run("document.querySelector('.md-search__input').focus()")
+        window.press("causality")
+        window.until("document.querySelectorAll('.md-search-result__item').length > 0")
+        assert "causality" in window.text(".md-search-result__list").lower()
+        assert window.foreign("") == []
