@@ -15,9 +15,13 @@ from flea_diag.wire.records import Outcome
 from flea_diag.wire.topics import TOPICS, Topic
 
 IN_ROOT = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md")
+FRAGMENTS = ("docs/results/summary.md",)
+"""Parts of pages, which stand in no navigation."""
 PAGES = tuple(
-    sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md"))
-)  # fmt: skip
+    name
+    for name in sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md"))
+    if name not in FRAGMENTS
+)
 DOCUMENTS = (*IN_ROOT, *PAGES)
 README_LINES = 200
 FOLDERS = (ROOT, ROOT / "flea_diag")
