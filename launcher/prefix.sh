@@ -16,3 +16,11 @@ else
     done
     export PYTHONPATH
 fi
+
+# Ctrl-C waits until Python has taken it, a moment later; see flea_diag/wire/ending.py.
+start() {
+    if env --block-signal=INT,TERM true 2>/dev/null; then
+        exec env --block-signal=INT,TERM "$python" -m flea_diag.nodes.main "$@"
+    fi
+    exec "$python" -m flea_diag.nodes.main "$@"
+}

@@ -7,7 +7,6 @@ for invalid input.
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -17,6 +16,7 @@ from typing import Any, Protocol, runtime_checkable
 from flea_diag.errors import ConfigurationError, FleaError
 from flea_diag.wire.bus.declared import Common, Declared
 from flea_diag.wire.bus.endpoint import Bus
+from flea_diag.wire.ending import Deadline, end_at_once, handed_over, ignore
 from flea_diag.wire.parameters import Descriptor, descriptors
 from flea_diag.wire.topics import TOPIC_OF
 
@@ -27,6 +27,11 @@ NO_RCLPY = (
     "ROS 2 is not installed: `pip install flea_diag` brings it on Linux x86-64, elsewhere install "
     "ROS 2 Jazzy and source its setup.bash (rclpy: {error})"
 )
+
+START_PATIENCE_S = 0.3
+"""A node that has nothing to close ends within so long of a signal, whatever it is busy with."""
+CLOSE_PATIENCE_S = 10.0
+"""One that has a bag or a screen to close may take so long, on a disk that is slow to answer."""
 
 Closing = Callable[[], None]
 
@@ -81,18 +86,26 @@ def run(make: Callable[[], Program], argv: Sequence[str] | None = None) -> int:
     # BLAS threads only slow down matrices of this size; numpy reads the setting at its import.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault(*TRANSPORT)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _end_at_once)
+    end_at_once()
     try:
         program = make()
         if _wants_help(arguments):
-            print(usage(program))
+            _print(usage(program))
             return 0
         _refuse_unknown(program, arguments)
         return _run(program, arguments)
     except FleaError as error:
         print(f"flea_diag: {error}", file=sys.stderr)
         return 2
+
+
+def _print(text: str) -> None:
+    """To standard output, whose reader may have gone (``--help | head``)."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        # Python flushes once more at its exit, so that has to go where it cannot fail.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def usage(program: Program) -> str:
@@ -145,11 +158,6 @@ def _refuse_unknown(program: Program, arguments: list[str]) -> None:
         )
 
 
-def _end_at_once(*_: Any) -> None:
-    # Nothing is open yet; an exception here would surface inside some import.
-    os._exit(0)
-
-
 def _run(program: Program, arguments: list[str]) -> int:
     try:
         import rclpy
@@ -157,11 +165,9 @@ def _run(program: Program, arguments: list[str]) -> int:
         from rclpy.task import Future
     except ImportError as error:
         raise ConfigurationError(NO_RCLPY.format(error=error)) from None
-    # From here on the handler of rclpy shuts the context down, which ends the spinning below. It
-    # then calls the previous handler; Python's would raise KeyboardInterrupt anywhere.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: None)
-    _init(rclpy, arguments)
+    with handed_over():
+        _init(rclpy, arguments)
+    deadline = Deadline(rclpy.ok, START_PATIENCE_S)
     close: Closing | None = None
     node = None
     try:
@@ -172,6 +178,8 @@ def _run(program: Program, arguments: list[str]) -> int:
         finished: Any = Future()
         started = program.start(Bus(node, executor, declared, finished), declared.value)
         close = started.close if isinstance(started, Foreground) else started
+        if close is not None:
+            deadline.patience_s = CLOSE_PATIENCE_S
         if isinstance(started, Foreground):
             _serve_behind(started, executor, finished)
         else:
@@ -189,10 +197,8 @@ def _run(program: Program, arguments: list[str]) -> int:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
-        # At exit the interpreter restores the default of signals with a handler, so that another
-        # SIGINT would kill the process; ignored signals stay ignored.
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
+        ignore()
+        deadline.met()
     return 0
 
 

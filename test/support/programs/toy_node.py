@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from dataclasses import dataclass
 
@@ -26,6 +27,7 @@ class ToyParameters:
     limit_a: float = parameter(5.0, "Current above which", unit="A", minimum=0.0, maximum=40.0)
     fault: str = parameter("jam", "Fault that it then says", choices=("jam", "spall"))
     serial: str = parameter("x", "Set once", read_only=True)
+    busy: bool = parameter(False, "Never get ready", read_only=True)
 
 
 class ToyStage:
@@ -82,8 +84,15 @@ class Toy:
     parameters = ToyParameters
 
     @staticmethod
+    def described(parameters: ToyParameters) -> str:
+        return f"a toy that says {parameters.fault}"
+
+    @staticmethod
     def warm_up(parameters: ToyParameters) -> None:
-        """Nothing is slow here."""
+        """Nothing is slow here, unless asked for: as a compiler, it lets no signal handler in."""
+        if parameters.busy:
+            signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))
+            signal.sigwait((signal.SIGUSR1,))
 
     @staticmethod
     def build(parameters: ToyParameters) -> Stage:

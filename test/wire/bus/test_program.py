@@ -29,6 +29,37 @@ def test_signals_end_a_node_in_order(
     assert "Traceback" not in process.output
 
 
+@pytest.mark.parametrize("number", [INT, TERM])
+def test_a_node_that_never_gets_ready_ends_all_the_same(
+    domain: int, number: signal.Signals
+) -> None:
+    """Its main thread waits in the system, as in a compiler: no handler of Python is called."""
+    with Process(toy("-p", "busy:=true"), domain) as process:
+        process.wait_for("warming up")
+        assert process.signal(number) == 0
+    assert "Traceback" not in process.output
+    assert "ready" not in process.output
+
+
+@pytest.mark.parametrize("number", [INT, TERM])
+def test_a_signal_that_a_launcher_held_back_ends_the_node(
+    domain: int, number: signal.Signals
+) -> None:
+    """It comes before Python has begun, and is delivered once Python has taken it."""
+    command = ["env", "--block-signal=INT,TERM", sys.executable]
+    module = ["-c", "import os, signal; os.kill(os.getpid(), int(os.environ['SENT']));"
+              "from flea_diag.nodes.main import main; main(['recorder'])"]  # fmt: skip
+    with Process([*command, *module], domain, SENT=str(int(number))) as process:
+        assert process.end() == 0
+    assert process.output == ""
+
+
+def test_an_executable_that_does_not_exist_is_refused(domain: int) -> None:
+    with Process([sys.executable, "-m", "flea_diag.nodes.main", "diagnosis"], domain) as process:
+        assert process.end() == 2
+    assert "no executable 'diagnosis', known are console, daq" in process.output
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -36,7 +67,7 @@ def test_signals_end_a_node_in_order(
         (("-p", "limit_a:=lots"), ["limit_a = 'lots'", "must be a number"]),
         (("-p", "limit_a:=.nan"), ["limit_a = nan"]),
         (("-p", "fault:=gremlin"), ["fault = 'gremlin'", "choose one of jam, spall"]),
-        (("-p", "fualt:=jam"), ["unknown parameter 'fualt'", "known are fault"]),
+        (("-p", "fualt:=jam"), ["unknown parameter 'fualt'", "known are busy, fault"]),
         (("-p", "executor:=multi"), ["executor = 'multi'", "events, single"]),
         (("-p", "fault"), ["ROS refuses the arguments"]),
     ],
@@ -83,6 +114,16 @@ def test_help_says_topics_parameters_and_examples(name: str) -> None:
     assert f"ros2 run flea_diag {name}" in done.stdout
     for word in ("subscribes:", "parameters", "executor", "examples:", "/msg/"):
         assert word in done.stdout
+
+
+def test_help_into_a_pipe_that_is_closed_early_is_no_error() -> None:
+    child = subprocess.Popen(
+        [*toy(), "--help"], env=environment(0), stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert child.stdout is not None
+    child.stdout.close()
+    _, errors = child.communicate()
+    assert (child.returncode, errors) == (0, b"")
 
 
 @pytest.fixture
