@@ -259,6 +259,15 @@ class Component(Generic[P]):
         stage: Stage = self.make(parameters)
         return stage
 
+    def described(self, parameters: Any) -> str:
+        """Which files, by name and content, a stage of these parameters rests on."""
+        calibration = load_calibration(parameters.calibration)
+        return (
+            f"calibration {parameters.calibration or CALIBRATION} of actuator "
+            f"{calibration.actuator} (sha256 {calibration_sha256(calibration)[:12]}), "
+            f"{parameters.actuator}, {parameters.faults}, {parameters.features}"
+        )
+
     def warm_up(self, parameters: Any) -> None:
         """Run scans and features through a throw-away stage, to compile and load its code.
 

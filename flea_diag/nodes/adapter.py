@@ -7,11 +7,14 @@ jump back (a looping replay). It uses a node through the bus and is none itself.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from flea_diag import __version__
 from flea_diag.nodes.health import HealthReport
+from flea_diag.nodes.record_log import RecordLog
 from flea_diag.nodes.stand_diagnostics import MIRRORED, mirrored
 from flea_diag.nodes.verdict import NumberedVerdict
 from flea_diag.nodes.verdict_memory import NONE, VerdictMemory
@@ -72,6 +75,10 @@ class StageFactory(Protocol):
         """Fresh stage with these parameters."""
         ...
 
+    def described(self, parameters: Any) -> str:
+        """What it rests on, in one line for the log."""
+        ...
+
     def warm_up(self, parameters: Any) -> None:
         """Compile and load beforehand what would otherwise delay the first records."""
         ...
@@ -100,9 +107,14 @@ def stage_program(
     """Program of a node that runs one stage."""
 
     def start(bus: Bus[Any], parameters: Any) -> None:
+        begin = time.monotonic()
+        bus.info(f"flea_diag {__version__}, stand {bus.stand}; {component.described(parameters)}")
+        bus.info("warming up; the first start after an installation compiles for up to a minute")
         component.warm_up(parameters)
         memory = getattr(parameters, "memory", NONE)
         Adapter(bus, component.build, parameters, ports, VerdictMemory(bus, memory))
+        topics = ", ".join(bus.full_name(kind) for kind in ports.subscribes)
+        bus.info(f"ready after {time.monotonic() - begin:.1f} s, listening to {topics}")
 
     return Program(
         name,
@@ -147,6 +159,7 @@ class Adapter:
         self._stage = build(parameters)
         self._verdict = NumberedVerdict()
         self._health = HealthReport(bus)
+        self._log = RecordLog(bus)
         self._latest_ns: dict[type, int] = {}
         self._held: list[Record] = []
         """Stream records received since their stamps stepped back, in order of arrival."""
@@ -180,6 +193,7 @@ class Adapter:
                 if AmbiguityGroup in self._stage.consumes:
                     self._said_once[AmbiguityGroup] = record
             self._bus.publish(record)
+            self._log.add(record)
             self._mirror(record)
 
     def _mirror(self, record: Record) -> None:
@@ -255,6 +269,8 @@ class Adapter:
         changed = self._verdict.source_silent(self._health.silent)
         if changed is not None:
             self._bus.publish(changed)
+            if changed.stale:
+                self._bus.caution("the source has stopped: the last verdict is repeated as stale")
             self._mirror(changed)
 
     def _repeat(self) -> None:

@@ -60,6 +60,24 @@ def test_verdict_on_change_repeated_and_stale(stand: Stand) -> None:
     assert seqs == sorted(set(seqs))
 
 
+def test_the_log_says_start_readiness_and_each_verdict_once(stand: Stand) -> None:
+    peer = stand.peer
+    for _ in range(3):
+        stand.scan(1.0)
+    stand.scan(9.0)
+    peer.find(lambda r: getattr(r, "outcome", None) == Outcome.ISOLATED)
+    peer.until(lambda: len(groups(peer)) >= 6)  # repeated, and stale by then
+    output = peer.process.wait_for("the source has stopped")  # type: ignore[attr-defined]
+    lines = [line for line in output.splitlines() if "[toy]" in line]
+    said = [line.split("[toy]: ")[1] for line in lines]
+    assert said[0].startswith("flea_diag ")
+    assert said[0].endswith("stand stand; a toy that says jam")
+    assert said[2].startswith("ready after ")
+    assert said[2].endswith("listening to /sensors/slow")
+    assert said[3:5] == ["NOMINAL: nominal", "ISOLATED: isolated"]
+    assert [line.split("]")[0] for line in lines[3:5]] == ["[INFO", "[ERROR"]
+
+
 def test_a_late_joiner_is_right_at_once(stand: Stand, domain: int) -> None:
     stand.scan(9.0)
     stand.peer.find(lambda r: getattr(r, "outcome", None) == Outcome.ISOLATED)

@@ -76,6 +76,7 @@ ROOMS = (
     Room(
         "flea_diag.nodes",
         (
+            "flea_diag",
             "flea_diag.nodes",
             "flea_diag.operator",
             "flea_diag.web",

@@ -113,7 +113,8 @@ class LiveRun:
     def _parameters(self, name: str) -> dict[str, str]:
         if name == "recorder":
             return {"directory": str(self._options.bag)}
-        journal = str(self._options.bag.with_name("alarms.sqlite"))
+        # A journal of its own: alarms of the run before are of another stand.
+        journal = str(self._options.bag.with_name(f"{self._options.bag.name}.alarms.sqlite"))
         if name == "console":
             return {"style": "lines" if self._plain() else "auto", "journal": journal}
         if name == "web":

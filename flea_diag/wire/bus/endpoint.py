@@ -218,6 +218,18 @@ class Bus(Generic[P]):
         """Log a line."""
         self._node.get_logger().info(text)
 
+    def debug(self, text: str) -> None:
+        """Log a line for those who ask for it."""
+        self._node.get_logger().debug(text)
+
+    def caution(self, text: str) -> None:
+        """Log a warning each time."""
+        self._node.get_logger().warning(text)
+
+    def error(self, text: str) -> None:
+        """Log an error each time."""
+        self._node.get_logger().error(text)
+
     def warn(self, text: str) -> None:
         """Log a warning, throttled."""
         # rclpy throttles per line of code, not per text: one limit for all warnings of a node.
@@ -228,6 +240,12 @@ class Bus(Generic[P]):
     def subscribers(self, record_type: type) -> int:
         """Number of subscriptions to the topic of a record type, in any process."""
         return int(self._node.count_subscribers(TOPIC_OF[record_type].name))
+
+    def listeners(self, record_type: type) -> set[str]:
+        """Names of the nodes of this namespace that have subscribed to the record's topic."""
+        found = self._node.get_subscriptions_info_by_topic(self.full_name(record_type))
+        here = self._node.get_namespace()
+        return {str(info.node_name) for info in found if info.node_namespace == here}
 
     def wait_for_subscribers(
         self, *record_types: type, count: int = 1, timeout_s: float = 10.0
