@@ -32,6 +32,7 @@ PHASE = 0.3
 """Deadlines lie this share of a tick before it: on it, a jitter of 1 us would cost a tick."""
 GRACE_S = 0.3
 HEALTH_S = 1.0
+WAIT_TOLD_S = 5.0
 LATE_S = 0.05
 JITTER_SCANS = 6000
 """Scans over which the jitter is told: a minute in real time."""
@@ -62,6 +63,15 @@ class DaqParameters:
     wait_for_subscribers: int = parameter(
         0, "subscribers of sensors/slow to wait for, up to 10 s", minimum=0, read_only=True
     )
+    wait_for: str = parameter(
+        "",
+        "nodes that must be ready before the stand starts, such as diagnoser or "
+        "observer,isolator,extractor: a node listens to sensors/channels once it is",
+        read_only=True,
+    )
+    wait_s: float = parameter(
+        300.0, "how long they are waited for", unit="s", minimum=0.0, read_only=True
+    )
     publish_clock: bool = parameter(
         False, "be the clock of a graph with use_sim_time: publish /clock", read_only=True
     )
@@ -86,16 +96,19 @@ def parsed_injection(text: str) -> InjectionRequest:
     Raises
     ------
     ConfigurationError
-        The size is no number.
+        The size is no finite number.
     """
     named, _, where = text.partition("@")
     fault, colon, size = named.partition(":")
     try:
-        return InjectionRequest(fault.strip(), float(size) if colon else math.nan, where.strip())
+        value = float(size) if colon else math.nan
     except ValueError:
+        value = math.inf
+    if colon and not math.isfinite(value):
         raise ConfigurationError(
             f"inject = {text!r}: size {size!r} is no number, write for example jam:0.5"
-        ) from None
+        )
+    return InjectionRequest(fault.strip(), value, where.strip())
 
 
 class Daq:
@@ -143,9 +156,31 @@ class Daq:
         stand.advance()
 
     def _wait(self) -> None:
+        self._wait_for_nodes()
         wanted = self._parameters.wait_for_subscribers
         if wanted and not self._bus.wait_for_subscribers(Scan, count=wanted):
             self._bus.warn(f"fewer than {wanted} subscribers of sensors/slow after 10 s: starting")
+
+    def _wait_for_nodes(self) -> None:
+        """Wait until the nodes named are ready, and say every few seconds who is not."""
+        named = {name.strip() for name in self._parameters.wait_for.split(",") if name.strip()}
+        begin = time.monotonic()
+        while missing := named - self._bus.listeners(ChannelTable):
+            waited_s = time.monotonic() - begin
+            who = ", ".join(sorted(missing))
+            if not self._bus.ok:
+                return
+            if waited_s > self._parameters.wait_s:
+                raise ConfigurationError(
+                    f"wait_for: {who} not ready after wait_s = {self._parameters.wait_s:g} s: "
+                    "start it, or raise wait_s"
+                )
+            if waited_s > WAIT_TOLD_S:
+                self._bus.info(f"the stand starts once {who} is ready ({waited_s:.0f} s so far)")
+            self._bus.wait_until(
+                lambda: named <= self._bus.listeners(ChannelTable),
+                min(WAIT_TOLD_S, self._parameters.wait_s),
+            )
 
     def _check_injection(self, parameters: DaqParameters) -> None:
         """Refuse what the stand cannot do, so that whoever set the parameter hears why."""

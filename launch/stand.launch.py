@@ -9,7 +9,7 @@ With stand:=false the nodes wait for the DAQ of a real stand.
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition, UnlessCondition
-from launch.substitutions import LaunchConfiguration
+from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
@@ -43,6 +43,15 @@ def node(executable, condition, parameters=()):
     )
 
 
+def diagnosis():
+    """The nodes whose readiness the stand waits for."""
+    composed = LaunchConfiguration("composed")
+    separate = "'observer,isolator,extractor'"
+    return PythonExpression(
+        ["'diagnoser' if '", composed, "'.lower() in ('true', '1') else ", separate]
+    )
+
+
 def generate_launch_description():
     composed = LaunchConfiguration("composed")
     calibration = {"calibration": value("calibration", str)}
@@ -51,7 +60,7 @@ def generate_launch_description():
         "fault": value("fault", str),
         "fault_onset_s": value("fault_onset_s", float),
         "duration_s": value("duration_s", float),
-        "wait_for_subscribers": 1,
+        "wait_for": ParameterValue(diagnosis(), value_type=str),
     }
     return LaunchDescription(
         [

@@ -40,6 +40,26 @@ def test_the_daq_streams_its_scenario_and_ends_by_itself(domain: int) -> None:
     assert 2.0 < step < 4.0
 
 
+def test_the_stand_starts_once_the_nodes_named_are_ready(domain: int) -> None:
+    with (
+        Process(daq("duration_s:=0.5", "wait_for:=diagnosis"), domain) as child,
+        Peer(domain, name="recorder") as early,
+    ):
+        early.listen(ChannelTable, Scan)
+        child.wait_for("the stand starts once diagnosis is ready")
+        assert not any(isinstance(record, Scan) for record in early.records)
+        with Peer(domain, name="diagnosis") as late:
+            late.listen(ChannelTable)
+            early.find(lambda record: isinstance(record, Scan))
+            assert child.end() == 0
+
+
+def test_a_stand_that_waits_in_vain_says_for_whom(domain: int) -> None:
+    with Process(daq("wait_for:=nobody,noone", "wait_s:=0.1"), domain) as child:
+        assert child.end() == 2
+    assert "nobody, noone not ready after wait_s = 0.1 s" in child.output
+
+
 def test_faults_come_and_go_while_it_runs(domain: int) -> None:
     from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
     from rcl_interfaces.srv import SetParameters
@@ -58,6 +78,7 @@ def test_faults_come_and_go_while_it_runs(domain: int) -> None:
         told = peer.find(lambda r: isinstance(r, Truth) and r.fault == "jam")
         assert dict(told.details)["size"] == "0.5"
         for text, words in (
+            ("jam:nan", ("'nan'", "no number")),
             ("rust", ("rust", "jam")),
             ("jam:99", ("jam", "99.0", "limits")),
             ("jam:a lot", ("a lot", "no number")),
