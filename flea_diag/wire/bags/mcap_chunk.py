@@ -7,9 +7,11 @@ import zlib
 from collections.abc import Iterator
 
 from flea_diag.errors import RecordingError
+from flea_diag.wire.bags.budget import Budget
 
-CHUNK_LIMIT_BYTES = 256 << 20
-"""Largest uncompressed size of a chunk; larger chunks are refused."""
+CHUNK_LIMIT_BYTES = 64 << 20
+"""Largest uncompressed size of a chunk. Writers start another after about a megabyte or after a
+single message, and no message of ours may be larger."""
 
 CHUNK_HEAD = struct.Struct("<QQQI")
 U32 = struct.Struct("<I")
@@ -44,16 +46,24 @@ def pairs(body: memoryview) -> Iterator[tuple[str, str]]:
         yield key, value
 
 
-def chunk_data(body: memoryview, whole: bool = True) -> memoryview:
+def chunk_data(body: memoryview, budget: Budget, whole: bool = True) -> memoryview:
     """Uncompressed records of a chunk, verified by their checksum.
 
     Of a chunk truncated by the end of the file (not ``whole``), as much as is available.
+
+    Raises
+    ------
+    DamageError
+        The chunk contradicts the format or is above its own limit.
+    RecordingError
+        The file is above its budget.
     """
     _, _, size, checksum = CHUNK_HEAD.unpack_from(body)
     compression, place = text(body, CHUNK_HEAD.size)
     packed = sized(body, place, U64) if whole else bytes(body[place + U64.size :])
     if size > CHUNK_LIMIT_BYTES:
         raise DamageError(f"uncompressed size {size} bytes, the limit is {CHUNK_LIMIT_BYTES}")
+    budget.unpack(size)
     data = _decompress(compression, packed, size)
     if whole and len(data) != size:
         raise DamageError(f"{len(data)} bytes after decompression, {size} announced")

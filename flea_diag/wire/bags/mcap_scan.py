@@ -9,6 +9,7 @@ Source of the layout: the MCAP specification, version 0.
 
 from __future__ import annotations
 
+import os
 import struct
 from bisect import bisect_left
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from flea_diag.errors import RecordingError
+from flea_diag.wire.bags.budget import Budget
 from flea_diag.wire.bags.mcap_chunk import (
     CHUNK_HEAD,
     U32,
@@ -28,11 +30,14 @@ from flea_diag.wire.bags.mcap_chunk import (
     text,
 )
 from flea_diag.wire.bags.mcap_file import MAGIC
+from flea_diag.wire.regular_file import opened
 
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 1, 2, 3, 4, 5, 6, 9
 _RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _log_ns = attrgetter("log_ns")
+_SMALL = (_SCHEMA, _CHANNEL, _ATTACHMENT)
+"""Records that are kept as long as the file is open, also where they stand inside a chunk."""
 _SMALL_LIMIT_BYTES = 16 << 20
 
 
@@ -112,8 +117,9 @@ class McapScan:
         self._schemas: dict[int, Schema] = {}
         self._pieces: list[_Piece] = []
         try:
-            self._size = path.stat().st_size
-            with path.open("rb") as stream:
+            with opened(path) as stream:
+                self._size = os.fstat(stream.fileno()).st_size
+                self._budget = Budget(path.name, self._size)
                 self._find_pieces(stream)
                 self._find_channels(stream)
         except OSError as error:
@@ -155,15 +161,19 @@ class McapScan:
         elif opcode == _MESSAGE:
             _, _, log_ns, _ = _MESSAGE_HEAD.unpack(stream.read(_MESSAGE_HEAD.size))
             self._pieces.append(_Piece(log_ns, log_ns, offset, size, opcode))
-        elif opcode in (_SCHEMA, _CHANNEL, _ATTACHMENT):
-            if size > _SMALL_LIMIT_BYTES:
-                raise DamageError(f"{size} bytes, the limit is {_SMALL_LIMIT_BYTES}")
+        elif opcode in _SMALL:
+            self._check_small(size)
             self._define(opcode, memoryview(stream.read(size)))
         elif opcode == _FOOTER:
             self.complete = True
             self.indexed = U64.unpack(stream.read(U64.size)) != (0,)
         elif opcode == _HEADER:
             self.profile, _ = text(memoryview(stream.read(min(size, _SMALL_LIMIT_BYTES))), 0)
+
+    def _check_small(self, size: int) -> None:
+        if size > _SMALL_LIMIT_BYTES:
+            raise DamageError(f"{size} bytes, the limit is {_SMALL_LIMIT_BYTES}")
+        self._budget.keep(size)
 
     def _find_channels(self, stream: IO[bytes]) -> None:
         """Find the channels of a file without summary: they are defined inside the chunks."""
@@ -192,17 +202,27 @@ class McapScan:
             _, place = text(body, place)
             self.attachments[name] = sized(body, place, U64)
 
-    def messages(self) -> Iterator[McapMessage]:
-        """All messages in order of log time; equal times keep their order in the file."""
-        waiting: list[McapMessage] = []
+    def messages(self) -> Iterator[Message]:
+        """All messages in order of log time; equal times keep their order in the file.
+
+        Raises
+        ------
+        RecordingError
+            The file unpacks to, or holds at one time, more than its budget.
+        """
+        waiting: list[Message] = []
         pieces = sorted(self._pieces, key=lambda piece: (piece.start_ns, piece.offset))
-        with self.path.open("rb") as stream:
+        with opened(self.path) as stream:
             for piece in pieces:
                 # Messages older than all later pieces are due; the others wait for those pieces.
                 due = bisect_left(waiting, piece.start_ns, key=_log_ns)
-                yield from waiting[:due]
+                for message in waiting[:due]:
+                    self._budget.release(len(message.data))
+                    yield message
                 waiting = waiting[due:]
-                waiting += self._unpacked(stream, piece)
+                for message in self._unpacked(stream, piece):
+                    self._budget.hold(len(message.data))
+                    waiting.append(message)
                 waiting.sort(key=_log_ns)
         yield from waiting
 
@@ -215,7 +235,7 @@ class McapScan:
             if piece.opcode == _MESSAGE:
                 yield self._message(data)
             else:
-                yield from self._records(chunk_data(data, piece.whole))
+                yield from self._records(chunk_data(data, self._budget, piece.whole))
         except (DamageError, struct.error, UnicodeDecodeError, IndexError) as error:
             if piece.whole and not quiet:
                 self.losses.append(f"{self.path.name}: rest of chunk at {piece.offset}: {error}")
@@ -232,7 +252,8 @@ class McapScan:
             place += size
             if opcode == _MESSAGE:
                 yield self._message(body)
-            else:
+            elif opcode in _SMALL:
+                self._check_small(size)
                 self._define(opcode, body)
 
     def _message(self, body: memoryview) -> McapMessage:
