@@ -126,6 +126,10 @@ class Recorder:
         def write(data: bytes) -> None:
             received_ns = time.time_ns()
             stamp_ns = CdrReader(data).stamp_ns()
+            if stamp_ns < 0:
+                # It is kept as it came; no file can say that it was sent before 1970.
+                self._bus.warn(f"{name}: stamp {stamp_ns} ns is before 1970: the source's clock")
+                stamp_ns = received_ns
             self._health.arrived(topic.record, stamp_ns, late=False)
             self._health.taken()
             try:

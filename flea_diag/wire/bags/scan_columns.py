@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flea_diag.wire.blocks import ScanBlock
+from flea_diag.wire.messages import gate
 from flea_diag.wire.messages.cdr import ENCAPSULATION, TRAILING, CdrReader
 
 STAMP = slice(len(ENCAPSULATION), len(ENCAPSULATION) + 8)
@@ -33,6 +34,8 @@ def scan_block(messages: Sequence[bytes]) -> ScanBlock | None:
         reader.align(8)
     start, size = reader.place, len(messages[0])
     end = start + 8 * count
+    if gate.twice(channels):
+        return None
     if count != len(channels) or not 0 <= size - end - EMPTY <= TRAILING:
         return None
     if any(len(message) != size for message in messages):
@@ -41,7 +44,8 @@ def scan_block(messages: Sequence[bytes]) -> ScanBlock | None:
     alike = (table[:, STAMP.stop : start] == table[0, STAMP.stop : start]).all()
     stamps = np.ascontiguousarray(table[:, STAMP]).view(np.dtype([("s", "<i4"), ("ns", "<u4")]))
     sound = (table[:, : STAMP.start] == table[0, : STAMP.start]).all()
-    sound &= not table[:, end : end + EMPTY].any() and bool((stamps["ns"] < SECOND_NS).all())
+    sound &= not table[:, end : end + EMPTY].any()
+    sound &= bool(((stamps["ns"] < SECOND_NS) & (stamps["s"] >= 0)).all())
     if not alike or not sound:
         return None
     stamps_ns = stamps["s"].astype(np.int64) * SECOND_NS + stamps["ns"]

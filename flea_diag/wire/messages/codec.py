@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar, cast
 
 from flea_diag.errors import WireError
-from flea_diag.wire.messages import diagnostic_array, joint_state, point_cloud
+from flea_diag.wire.messages import diagnostic_array, gate, joint_state, point_cloud
 from flea_diag.wire.messages.cdr import CdrReader
 from flea_diag.wire.records import Record
 from flea_diag.wire.topics import DIAGNOSTIC_ARRAY, JOINT_STATE, POINT_CLOUD, TOPIC_OF
@@ -62,9 +62,11 @@ def decode(record_type: type[R], data: bytes | memoryview) -> R:
     view = memoryview(data).cast("B")
     _check_size(record_type, message, len(view))
     try:
-        return cast(R, CARRIERS[message].decode(record_type, CdrReader(view)))
+        record = CARRIERS[message].decode(record_type, CdrReader(view))
+        gate.check(record)
     except WireError as error:
         raise WireError(f"{record_type.__name__}: {error}") from None
+    return cast(R, record)
 
 
 def message_class(record_type: type) -> Any:

@@ -44,6 +44,21 @@ def test_sigterm_closes_the_bag(domain: int, tmp_path: Path) -> None:
     assert opened(bag)["/sensors/channels"] == 1
 
 
+def test_a_message_from_before_1970_ends_no_recording(domain: int, tmp_path: Path) -> None:
+    bag = tmp_path / "run"
+    with Process(recorder(bag), domain) as process, Peer(domain) as peer:
+        peer.listen(Health)
+        publish(peer, 5)
+        peer.bus.publish(Scan(-1, ("motor_current",), (0.0,)))
+        peer.bus.publish(scan(5))
+        until_written(peer, 8)
+        assert process.signal(signal.SIGTERM) == 0
+    assert "is before 1970" in process.output
+    rows = read(bag)["/sensors/slow"]
+    assert len(rows) == 7, "it is kept, too"
+    assert rows[-1][1] == scan(5).stamp_ns
+
+
 def test_kill_9_leaves_a_bag_that_opens_as_it_stands(domain: int, tmp_path: Path) -> None:
     bag = tmp_path / "run"
     with Process(recorder(bag), domain) as process, Peer(domain) as peer:
