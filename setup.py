@@ -32,6 +32,7 @@ REQUIRES = [
     "PyWavelets>=1.4",
     "mcap>=1.2",
     "rosbags>=0.10.4",
+    "threadpoolctl>=3.1",
     f"ros-rclpy[fastrtps]==7.1.6; {WHEELS}",
     f"ros-jazzy-common-interfaces==5.3.6; {WHEELS}",
 ]

@@ -1,4 +1,4 @@
-"""Identity of the numeric backend: libraries, instruction set and processor (affect last bits)."""
+"""Identity of the numeric backend: libraries, BLAS kernels, instruction set and processor."""
 
 from __future__ import annotations
 
@@ -29,7 +29,21 @@ def _libraries() -> str:
     # Compiled by numba, the particle filter sums in another order.
     compiler = f"numba {version('numba')}" if find_spec("numba") else "no numba"
     libraries = f"numpy {version('numpy')}, scipy {version('scipy')}, {compiler}"
-    return f"{libraries}, {instructions}"
+    return f"{libraries}, {_kernels()}, {instructions}"
+
+
+def _kernels() -> str:
+    """Kernels that BLAS selected for this processor, or that OPENBLAS_CORETYPE names."""
+    try:
+        from threadpoolctl import threadpool_info
+    except ImportError:
+        return "BLAS unknown"
+    found = {
+        f"{library['internal_api']} {library.get('architecture', 'unknown')}"
+        for library in threadpool_info()
+        if library["user_api"] == "blas"
+    }
+    return " ".join(sorted(found)) or "BLAS unknown"
 
 
 def _processor(description: Path) -> str:

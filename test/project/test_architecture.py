@@ -100,7 +100,7 @@ ROOMS = (
             "flea_diag.errors",
             "flea_sim_driver",
         ),
-        (*SCIENCE, *BAGS, "matplotlib", "sklearn", *PAGES, *BATCH),
+        (*SCIENCE, *BAGS, "matplotlib", "sklearn", "threadpoolctl", *PAGES, *BATCH),
     ),
     Room(
         "flea_diag.configuration",

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import platform
+import subprocess
+import sys
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from support.places import ROOT
 
 from flea_diag.tools import numeric_backend
 
@@ -36,6 +41,21 @@ def test_names_libraries_and_the_first_processor(
     told = backend_with(description, monkeypatch)
     assert told.startswith(f"numpy {version('numpy')}, scipy {version('scipy')}, ")
     assert told.endswith(", GenuineIntel 6 106")
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the kernels named are of x86-64")
+def test_other_kernels_of_blas_are_another_backend() -> None:
+    program = "from flea_diag.tools.numeric_backend import *; print(numeric_backend())"
+    told = {
+        kernel: subprocess.run(
+            [sys.executable, "-c", program],
+            env={**os.environ, "OPENBLAS_CORETYPE": kernel, "PYTHONPATH": str(ROOT)},
+            cwd=ROOT, capture_output=True, text=True, check=True,
+        ).stdout
+        for kernel in ("Sandybridge", "Nehalem")
+    }  # fmt: skip
+    for kernel, name in told.items():
+        assert f"openblas {kernel}" in name
 
 
 @pytest.mark.parametrize("text", [None, "", "Hardware : of another kind\n"])

@@ -202,7 +202,7 @@ class McapScan:
             _, place = text(body, place)
             self.attachments[name] = sized(body, place, U64)
 
-    def messages(self) -> Iterator[Message]:
+    def messages(self) -> Iterator[McapMessage]:
         """All messages in order of log time; equal times keep their order in the file.
 
         Raises
@@ -210,7 +210,7 @@ class McapScan:
         RecordingError
             The file unpacks to, or holds at one time, more than its budget.
         """
-        waiting: list[Message] = []
+        waiting: list[McapMessage] = []
         pieces = sorted(self._pieces, key=lambda piece: (piece.start_ns, piece.offset))
         with opened(self.path) as stream:
             for piece in pieces:
