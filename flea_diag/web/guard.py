@@ -15,6 +15,7 @@ from typing import Any
 from urllib.parse import parse_qs, quote, urlsplit
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.web.throttle import Throttle
 
 Scope = MutableMapping[str, Any]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -24,6 +25,11 @@ COOKIE = "flea_token"
 SHORTEST_TOKEN = 16
 LOCAL_NAMES = ("localhost",)
 POLICY_VIOLATION = 1008
+MOST_GUESSES, GUESSES_S = 10, 60.0
+"""So many tokens may be tried from one address within so long."""
+MOST_LOADS, LOADS_S = 30, 10.0
+"""So often the page may be loaded from one address: each load takes a quarter of a megabyte for
+as long as a browser may still connect."""
 
 CONTENT_POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
@@ -100,6 +106,8 @@ class Guard:
 
     def __init__(self, app: App, token: str = "", local_only: bool = True) -> None:
         self._app, self._token, self._local_only = app, token.encode(), local_only
+        self._guesses = Throttle(MOST_GUESSES, GUESSES_S)
+        self._loads = Throttle(MOST_LOADS, LOADS_S)
 
     async def __call__(self, scope: Scope, receive: Any, send: Send) -> None:
         """Handle one connection."""
@@ -108,11 +116,20 @@ class Guard:
         headers = {
             key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]
         }
-        if not self._right_host(headers) or not _same_origin(headers):
+        try:
+            served = self._right_host(headers) and _same_origin(headers)
+        except ValueError:  # an address in brackets that do not close
+            return await _refuse(scope, send, 400, b"the Host or Origin is malformed\n")
+        if not served or not _asked_for_by_a_person(scope, headers):
             return await _refuse(scope, send, 403, b"this host or origin is not served\n")
+        who = (scope.get("client") or ("",))[0]
+        if _is_page(scope) and not self._loads.passes(who):
+            return await _refuse(scope, send, 429, b"the page was loaded too often just now\n")
         if not self._token or self._knows(headers.get("cookie", "")):
             return await self._app(scope, receive, _with_headers(send))
         given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[-1]
+        if given and not self._guesses.passes(who):
+            return await _refuse(scope, send, 429, b"too many tokens were tried just now\n")
         if scope["type"] == "http" and self._is_token(given):
             return await _welcome(scope, send, given)
         return await _refuse(scope, send, 401, ASK.encode(), b"text/html; charset=utf-8")
@@ -130,6 +147,16 @@ class Guard:
 
     def _is_token(self, given: str) -> bool:
         return hmac.compare_digest(given.encode(), self._token)
+
+
+def _is_page(scope: Scope) -> bool:
+    """Whether this makes a page, which the server keeps until its browser has gone."""
+    return scope["type"] == "http" and scope.get("method") == "GET" and scope["path"] == "/"
+
+
+def _asked_for_by_a_person(scope: Scope, headers: dict[str, str]) -> bool:
+    """Not by another page, as the address of a picture: browsers say what they want it for."""
+    return not _is_page(scope) or headers.get("sec-fetch-dest", "document") == "document"
 
 
 def _same_origin(headers: dict[str, str]) -> bool:
@@ -158,7 +185,9 @@ async def _refuse(
 async def _welcome(scope: Scope, send: Send, token: str) -> None:
     """Store the token in a cookie that scripts cannot read, and remove it from the URL."""
     cookie = f"{COOKIE}={quote(token)}; Path=/; HttpOnly; SameSite=Strict"
-    headers = [(b"location", scope["path"].encode()), (b"set-cookie", cookie.encode())]
+    # One slash: after two a browser takes what follows for another host.
+    path = "/" + quote(scope["path"].lstrip("/\\"))
+    headers = [(b"location", path.encode()), (b"set-cookie", cookie.encode())]
     await _answer(send, 303, headers, b"")
 
 

@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from nicegui import ui
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.web.connection import MOST_CONNECTIONS, PatientProtocol
 from flea_diag.web.guard import Guard, is_loopback
 
 END_S = 3.0
@@ -49,6 +50,8 @@ class Server:
                 lifespan="on",
                 ws_per_message_deflate=False,  # not worth its CPU for a few kB/s
                 timeout_graceful_shutdown=1,
+                http=PatientProtocol,
+                limit_concurrency=MOST_CONNECTIONS,
             )
         )
         self._thread = threading.Thread(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 
 from nicegui import Client, app, ui
 
@@ -16,6 +17,8 @@ from flea_diag.web.strips import StripCharts
 from flea_diag.web.view import View
 
 PERIOD_S = 0.1
+CONNECT_S = 15.0
+"""A browser that has loaded the page connects within so long, or loads it anew."""
 MOST_MARKS = 8
 """Largest number of events of a kind in strip charts."""
 
@@ -29,6 +32,7 @@ class Site:
         self._pages: dict[str, Page] = {}
         self._woken = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._expired_s = 0.0
         ui.page("/", title=title)(self._open)
         app.on_startup(self._run)
         app.on_delete(lambda client: self._pages.pop(client.id, None))
@@ -50,6 +54,14 @@ class Site:
                 await asyncio.wait_for(self._woken.wait(), PERIOD_S)
             self._woken.clear()
             self._update()
+            self._expire()
+
+    def _expire(self) -> None:
+        """Forget pages that no browser has connected to; NiceGUI keeps them for a minute."""
+        now_s = time.monotonic()
+        if now_s - self._expired_s > CONNECT_S / 2.0:
+            self._expired_s = now_s
+            Client.prune_instances(client_age_threshold=CONNECT_S)
 
     def _update(self) -> None:
         state = self.desk.state

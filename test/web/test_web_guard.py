@@ -16,7 +16,8 @@ from starlette.testclient import TestClient
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.web.guard import COOKIE, Guard, is_loopback, token_of
+from flea_diag.web.guard import COOKIE, MOST_GUESSES, MOST_LOADS, Guard, is_loopback, token_of
+from flea_diag.web.throttle import MOST_ASKERS, Throttle
 
 TOKEN = "0123456789abcdef"
 
@@ -95,6 +96,65 @@ def test_the_token_moves_from_the_address_into_a_cookie_that_scripts_cannot_read
     for part in ("HttpOnly", "SameSite=Strict"):
         assert part in answer.headers["set-cookie"]
     assert opened.get("/").text == "the page"
+
+
+@pytest.mark.parametrize("header", ["host", "origin"])
+@pytest.mark.parametrize("value", ["[", "http://[", "http://[::1", "[::1"])
+def test_a_malformed_address_is_the_askers_fault(
+    client: Callable[..., TestClient], header: str, value: str
+) -> None:
+    given = {"host": "127.0.0.1:8630", header: value}
+    answer = client().get("/", headers=given)
+    assert answer.status_code in (400, 403)
+    assert "Traceback" not in answer.text
+    assert not listens(client(), **{header: value})
+
+
+@pytest.mark.parametrize("path", ["//evil.example/x", "///evil.example", "/\\evil.example", "//"])
+def test_the_welcome_stays_on_this_host(client: Callable[..., TestClient], path: str) -> None:
+    opened = client(host="stand.example", token=TOKEN, local_only=False)
+    answer = opened.request("GET", f"http://stand.example{path}?token={TOKEN}")
+    assert answer.status_code == 303
+    target = answer.headers["location"]
+    assert target.startswith("/")
+    assert not target.startswith(("//", "/\\"))
+
+
+def test_tokens_cannot_be_tried_without_end(client: Callable[..., TestClient]) -> None:
+    opened = client(host="stand.example", token=TOKEN, local_only=False)
+    seen = [opened.get(f"/x?token=guess{k}").status_code for k in range(MOST_GUESSES + 5)]
+    assert seen == [401] * MOST_GUESSES + [429] * 5
+    assert opened.get(f"/x?token={TOKEN}").status_code == 429, "the right one has to wait, too"
+    assert opened.get("/x", headers={"cookie": f"{COOKIE}={TOKEN}"}).status_code == 404
+
+
+def test_the_page_cannot_be_loaded_without_end(client: Callable[..., TestClient]) -> None:
+    opened = client()
+    seen = [opened.get("/").status_code for _ in range(MOST_LOADS + 5)]
+    assert seen == [200] * MOST_LOADS + [429] * 5
+    assert opened.get("/other").status_code == 404
+    assert listens(opened)
+
+
+@pytest.mark.parametrize("wanted", ["image", "iframe", "script", "empty"])
+def test_a_foreign_page_cannot_load_it_as_a_picture(
+    client: Callable[..., TestClient], wanted: str
+) -> None:
+    assert client().get("/", headers={"sec-fetch-dest": wanted}).status_code == 403
+    assert client().get("/", headers={"sec-fetch-dest": "document"}).status_code == 200
+
+
+def test_a_throttle_forgets_and_stays_small() -> None:
+    now = [0.0]
+    throttle = Throttle(2, 10.0, lambda: now[0])
+    assert [throttle.passes("a") for _ in range(3)] == [True, True, False]
+    assert throttle.passes("b")
+    now[0] = 10.5
+    assert throttle.passes("a")
+    for k in range(3 * MOST_ASKERS):
+        throttle.passes(f"address {k}")
+    assert len(throttle._times) <= MOST_ASKERS + 1
+    assert not throttle.passes("one more"), "whoever asks from many addresses shares one count"
 
 
 def test_an_open_address_without_a_token_is_refused_by_name(tmp_path: Path) -> None:

@@ -1,0 +1,56 @@
+"""How often somebody may do a thing: guess a token, load the page.
+
+Counts go by who asks, and are bounded: whoever asks from many addresses shares one count.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+
+MOST_ASKERS = 1000
+OTHERS = ""
+
+
+class Throttle:
+    """Lets so many through in any period, from each who asks.
+
+    Parameters
+    ----------
+    most
+        So often within ``period_s``.
+    clock
+        Seconds that only grow.
+    """
+
+    def __init__(
+        self, most: int, period_s: float, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._most, self._period_s, self._clock = most, period_s, clock
+        self._times: dict[str, deque[float]] = {}
+
+    def passes(self, who: str) -> bool:
+        """Whether one more may pass; it counts where it may."""
+        times = self._recent(who)
+        if len(times) >= self._most:
+            return False
+        times.append(self._clock())
+        return True
+
+    def _recent(self, who: str) -> deque[float]:
+        if who not in self._times and len(self._times) >= MOST_ASKERS:
+            self._forget()
+            who = who if len(self._times) < MOST_ASKERS else OTHERS
+        times = self._times.setdefault(who, deque())
+        begin = self._clock() - self._period_s
+        while times and times[0] <= begin:
+            times.popleft()
+        return times
+
+    def _forget(self) -> None:
+        """Those of whom nothing is recent."""
+        begin = self._clock() - self._period_s
+        self._times = {
+            who: times for who, times in self._times.items() if times and times[-1] > begin
+        }
