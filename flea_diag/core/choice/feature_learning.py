@@ -15,7 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.vibration.features import FeatureId
-from flea_diag.core.vibration.nominal_range import NominalRange, OperatingPoint, learn_nominal
+from flea_diag.core.vibration.nominal_range import (
+    NominalRange,
+    VibrationOperatingPoint,
+    learn_nominal,
+)
 from flea_diag.errors import CalibrationError
 
 NOMINAL = "nominal"
@@ -45,7 +49,7 @@ class Sample:
     """
 
     fault: str
-    point: OperatingPoint
+    point: VibrationOperatingPoint
     values: Mapping[str, float]
     reverses: bool = True
 
@@ -56,7 +60,7 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class Learned:
+class FeatureStatistics:
     """Nominal ranges and, on their scale, the moving windows of each fault.
 
     ``deviations``: feature to fault to (windows,), -1 and +1 at the ends of the range.
@@ -97,7 +101,9 @@ class Score:
     cost: float
 
 
-def learn(samples: Sequence[Sample], features: Sequence[str], false_alarm_rate: float) -> Learned:
+def learn(
+    samples: Sequence[Sample], features: Sequence[str], false_alarm_rate: float
+) -> FeatureStatistics:
     """Nominal ranges at a false-alarm rate, and where the windows of each fault lie on them.
 
     Features that no nominal range can be made of are left out.
@@ -125,10 +131,12 @@ def learn(samples: Sequence[Sample], features: Sequence[str], false_alarm_rate: 
         }
         for feature, range_ in ranges.items()
     }
-    return Learned(ranges, deviations, {name: len(rows) for name, rows in classes.items()})
+    return FeatureStatistics(
+        ranges, deviations, {name: len(rows) for name, rows in classes.items()}
+    )
 
 
-def rank(learned: Learned, costs: Mapping[str, float]) -> list[Score]:
+def rank(learned: FeatureStatistics, costs: Mapping[str, float]) -> list[Score]:
     """Features by information per cost, best first.
 
     ``variance_ratio``: between-class over within-class variance of the deviations (squashed
@@ -150,7 +158,7 @@ def rank(learned: Learned, costs: Mapping[str, float]) -> list[Score]:
 
 
 def select(
-    learned: Learned, costs: Mapping[str, float], most: int, kept: Sequence[str] = ()
+    learned: FeatureStatistics, costs: Mapping[str, float], most: int, kept: Sequence[str] = ()
 ) -> dict[str, Ends]:
     """Features, with the ends of their symbols, that together split every pair of faults.
 
@@ -205,7 +213,7 @@ def _deviation(found: NominalRange, sample: Sample, feature: str) -> float:
 
 
 def _evidence(
-    learned: Learned, feature: str, pairs: Sequence[tuple[str, str]]
+    learned: FeatureStatistics, feature: str, pairs: Sequence[tuple[str, str]]
 ) -> npt.NDArray[np.float64]:
     """Bhattacharyya distance of each pair at each choice of ends, shape (ends, pairs).
 
@@ -223,7 +231,7 @@ def _evidence(
     return np.asarray(-np.log((first * second).sum(axis=2)) * coverage)
 
 
-def _variance_ratio(learned: Learned, feature: str) -> float:
+def _variance_ratio(learned: FeatureStatistics, feature: str) -> float:
     """Fisher's ratio of classes of equal weight."""
     classes = [np.tanh(values / 3.0) for values in learned.deviations[feature].values()]
     classes = [values[np.isfinite(values)] for values in classes]
@@ -233,7 +241,7 @@ def _variance_ratio(learned: Learned, feature: str) -> float:
     return between / within if within > 0.0 else math.inf
 
 
-def _auc(learned: Learned, feature: str) -> float:
+def _auc(learned: FeatureStatistics, feature: str) -> float:
     """Mean over faults of the AUC against nominal, folded to 0.5 and above."""
     values = {fault: v[~np.isnan(v)] for fault, v in learned.deviations[feature].items()}
     healthy = np.sort(values.get(NOMINAL, np.empty(0)))
@@ -247,13 +255,13 @@ def _auc(learned: Learned, feature: str) -> float:
     return float(np.mean(areas)) if areas else 0.5
 
 
-def _information(learned: Learned, feature: str) -> float:
+def _information(learned: FeatureStatistics, feature: str) -> float:
     """Mutual information of symbol and fault in bits, all faults equally likely."""
     rows = np.array([learned.probability(f, feature, (4.0, 4.0, 1.0)) for f in learned.faults])
     return float(np.mean(np.sum(rows * np.log2(rows / rows.mean(axis=0)), axis=1)))
 
 
-def nearest(learned: Learned, feature: str, chosen: Iterable[str]) -> tuple[str, float]:
+def nearest(learned: FeatureStatistics, feature: str, chosen: Iterable[str]) -> tuple[str, float]:
     """Which of the chosen features one resembles most, and their correlation (absolute).
 
     Pearson's, over the moving windows of all faults, of the squashed deviations; ("", 0) where
@@ -265,7 +273,7 @@ def nearest(learned: Learned, feature: str, chosen: Iterable[str]) -> tuple[str,
     return best, found.get(best, 0.0)
 
 
-def _redundant(learned: Learned, feature: str, chosen: Iterable[str]) -> bool:
+def _redundant(learned: FeatureStatistics, feature: str, chosen: Iterable[str]) -> bool:
     return nearest(learned, feature, chosen)[1] > REDUNDANT
 
 
@@ -276,5 +284,5 @@ def _correlation(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -
     return abs(float(np.corrcoef(one[both], other[both])[0, 1]))
 
 
-def _all_windows(learned: Learned, feature: str) -> npt.NDArray[np.float64]:
+def _all_windows(learned: FeatureStatistics, feature: str) -> npt.NDArray[np.float64]:
     return np.tanh(np.concatenate(list(learned.deviations[feature].values())) / 3.0)

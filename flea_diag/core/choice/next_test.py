@@ -24,7 +24,7 @@ import numpy.typing as npt
 from flea_diag.core.choice.fault_group import normalised, outcomes
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
-from flea_diag.core.likelihood.likelihood import Evidence, Fit
+from flea_diag.core.likelihood.likelihood import Fit, NormalEquations
 from flea_diag.core.likelihood.regressors import regressors
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual import Signals, direction, friction_n
@@ -41,7 +41,7 @@ WORTH_SIZE = 0.05
 
 
 @dataclass(frozen=True)
-class Motion:
+class PlannedMotion:
     """A motion to and fro, as a sine of the position, under a constant load."""
 
     name: str
@@ -52,12 +52,12 @@ class Motion:
 
 
 MOTIONS = (
-    Motion("slow to and fro, no load", 0.010, 8.0, 0.0, 8.0),
-    Motion("fast to and fro, no load", 0.040, 4.0, 0.0, 8.0),
-    Motion("slow to and fro, load 200 N", 0.010, 8.0, 200.0, 8.0),
-    Motion("slow to and fro, load -200 N", 0.010, 8.0, -200.0, 8.0),
-    Motion("fast to and fro, load 200 N", 0.040, 4.0, 200.0, 8.0),
-    Motion("fast to and fro, load -200 N", 0.040, 4.0, -200.0, 8.0),
+    PlannedMotion("slow to and fro, no load", 0.010, 8.0, 0.0, 8.0),
+    PlannedMotion("fast to and fro, no load", 0.040, 4.0, 0.0, 8.0),
+    PlannedMotion("slow to and fro, load 200 N", 0.010, 8.0, 200.0, 8.0),
+    PlannedMotion("slow to and fro, load -200 N", 0.010, 8.0, -200.0, 8.0),
+    PlannedMotion("fast to and fro, load 200 N", 0.040, 4.0, 200.0, 8.0),
+    PlannedMotion("fast to and fro, load -200 N", 0.040, 4.0, -200.0, 8.0),
 )
 """Within stroke, speed and load of the FLEA (0.1 m, 0.08 m/s, 311 N)."""
 
@@ -87,7 +87,7 @@ class Suspect:
 
 
 @dataclass(frozen=True)
-class Weighing:
+class LikelihoodTest:
     """What the likelihood test of the isolator works with."""
 
     models: Sequence[FaultModel]
@@ -151,11 +151,11 @@ def _after_feature(
 
 def motion_tests(
     suspects: Sequence[Suspect],
-    evidence: Evidence,
-    weighing: Weighing,
+    evidence: NormalEquations,
+    test: LikelihoodTest,
     parameters: ActuatorParameters,
     elapsed_s: float = 0.0,
-    motions: Sequence[Motion] = MOTIONS,
+    motions: Sequence[PlannedMotion] = MOTIONS,
 ) -> tuple[StandTest, ...]:
     """What each motion would leave, beside the evidence that is there already.
 
@@ -165,7 +165,7 @@ def motion_tests(
     for motion in motions:
         phi = planned(parameters, motion, elapsed_s)
         dropped = {
-            s.fault: _dropped(s, suspects, evidence, phi, weighing)
+            s.fault: _dropped(s, suspects, evidence, phi, test)
             for s in suspects
             if s.fit is not None
         }
@@ -194,25 +194,25 @@ def _pairs(dropped: Mapping[str, Collection[str]]) -> tuple[tuple[str, str], ...
 def _dropped(
     truth: Suspect,
     suspects: Sequence[Suspect],
-    evidence: Evidence,
+    evidence: NormalEquations,
     phi: Array,
-    weighing: Weighing,
+    test: LikelihoodTest,
 ) -> tuple[str, ...]:
     """Faults that the likelihood would drop if ``truth`` were there, in the size found for it."""
     assert truth.fit is not None
     names = {s.fault for s in suspects if s.fit is not None}
-    models = [model for model in weighing.models if model.fault in names]
+    models = [model for model in test.models if model.fault in names]
     count = len(truth.fit.sizes)
     own = next(m for m in models if m.fault == truth.fault and len(m.sizes) == count)
     foreseen = evidence.foreseen(phi, own, truth.fit.sizes)
     best: dict[str, float] = {}
-    for fit in foreseen.fit(models, weighing.sigma, weighing.correlation, weighing.tolerance):
+    for fit in foreseen.fit(models, test.sigma, test.correlation, test.tolerance):
         best[fit.fault] = max(fit.log_likelihood, best.get(fit.fault, -math.inf))
     leader = max(best.values())
-    return tuple(f for f, nats in best.items() if leader - nats > weighing.drop_nats)
+    return tuple(f for f, nats in best.items() if leader - nats > test.drop_nats)
 
 
-def planned(p: ActuatorParameters, motion: Motion, elapsed_s: float = 0.0) -> Array:
+def planned(p: ActuatorParameters, motion: PlannedMotion, elapsed_s: float = 0.0) -> Array:
     """Regressors of each scan of a motion by the calibrated model, shape (scans, regressors).
 
     To first order: currents are those of the healthy actuator. ``elapsed_s`` is how long the
@@ -224,7 +224,7 @@ def planned(p: ActuatorParameters, motion: Motion, elapsed_s: float = 0.0) -> Ar
 
 
 @lru_cache(maxsize=64)
-def _planned(p: ActuatorParameters, motion: Motion) -> Array:
+def _planned(p: ActuatorParameters, motion: PlannedMotion) -> Array:
     times = np.arange(0.0, motion.seconds, SCAN_S)
     phi = np.array([regressors(p, _signals(p, motion, t), EXPECTED) for t in times])
     phi[:, REGRESSORS.index("elapsed_s")] = times
@@ -234,7 +234,7 @@ def _planned(p: ActuatorParameters, motion: Motion) -> Array:
 EXPECTED = dict.fromkeys(TEMPERATURES, 25.0)
 
 
-def _signals(p: ActuatorParameters, motion: Motion, time_s: float) -> Signals:
+def _signals(p: ActuatorParameters, motion: PlannedMotion, time_s: float) -> Signals:
     omega = 2.0 * math.pi / motion.period_s
     speed = motion.peak_m_s * math.cos(omega * time_s)
     acceleration = -motion.peak_m_s * omega * math.sin(omega * time_s)

@@ -18,21 +18,21 @@ from flea_diag.core.likelihood.fault_models import FaultModel
 CONSTANT = "one"
 
 
-def unseen(
+def undetectable(
     faults: Mapping[str, Fault], models: Sequence[FaultModel], calibration: Calibration
 ) -> tuple[str, ...]:
     """Faults of the calibrated stand's own sensors that none of its tests can show."""
-    reach = least_constants(calibration)
+    reach = smallest_detectable_offsets(calibration)
     return tuple(
         name
         for name, fault in faults.items()
         if fault.channel in calibration.channels
         and not _tested_alone(fault)
-        and not any(_shows(model, reach) for model in models if model.fault == name)
+        and not any(_is_detectable(model, reach) for model in models if model.fault == name)
     )
 
 
-def least_constants(calibration: Calibration) -> dict[str, float]:
+def smallest_detectable_offsets(calibration: Calibration) -> dict[str, float]:
     """The smallest lasting offset of each residual that one of its tests could call, its unit."""
     found: dict[str, float] = {}
     for limit in calibration.limits:
@@ -48,7 +48,7 @@ def _tested_alone(fault: Fault) -> bool:
     return steps or any(fault.mode in modes for modes in OWN_TESTS.values())
 
 
-def _shows(model: FaultModel, reach: Mapping[str, float]) -> bool:
+def _is_detectable(model: FaultModel, reach: Mapping[str, float]) -> bool:
     """Whether the fault at its largest passes the limit of a residual that this stand has."""
     terms = [term for term in model.terms if term.residual in reach]
     if any(term.regressor != CONSTANT for term in terms):

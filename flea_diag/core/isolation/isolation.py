@@ -41,7 +41,7 @@ DEFINED_BY = {
     "dead": (("stuck", "+"), ("noise", "-")),
 }
 """Modes that such a test defines: without one of these symbols they are ruled out in time."""
-HEARD_AT_ONCE = ("noise", "dropout")
+IMMEDIATE_MODES = ("noise", "dropout")
 """Modes that the sensor's own test hears no later than any mean of a relation; that a reading
 has fallen quiet, or is held, takes longer."""
 TWINS = ("parity_speed", "parity_kinematic")
@@ -51,7 +51,7 @@ MOTION_TELLS = ("actuator_position", "load_position", "motor_speed")
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class ConsistencyCheck:
     """One observation held against one hypothesis."""
 
     stamp_ns: int
@@ -71,7 +71,7 @@ class Hypothesis:
     """
 
     fault: Fault
-    findings: list[Finding] = field(default_factory=list)
+    checks: list[ConsistencyCheck] = field(default_factory=list)
     why_dropped: str = ""
     log_likelihood: float = 0.0
     log_features: float = 0.0
@@ -89,11 +89,11 @@ class Hypothesis:
         groups = (", ".join(map(str, group)) for group in self.fault.alternatives)
         return " | ".join(groups) or "vibration only"
 
-    def add(self, finding: Finding) -> None:
-        """Record a finding; the first that does not fit drops the hypothesis for good."""
-        self.findings.append(finding)
-        if not finding.kept and not self.why_dropped:
-            self.why_dropped = f"{finding.source}: {finding.words}"
+    def add(self, check: ConsistencyCheck) -> None:
+        """Record a check; the first that does not fit drops the hypothesis for good."""
+        self.checks.append(check)
+        if not check.kept and not self.why_dropped:
+            self.why_dropped = f"{check.source}: {check.words}"
 
 
 class Isolation:
@@ -138,7 +138,7 @@ class Isolation:
             if overruled:
                 words = f"{words}; so of every fault left, hence not held against this one"
             hypothesis.add(
-                Finding(
+                ConsistencyCheck(
                     stamp_ns,
                     residual,
                     magnitude + slope,
@@ -148,7 +148,7 @@ class Isolation:
                     signature.path,
                 )
             )
-        self.share_out()
+        self.normalise()
 
     def _judge(
         self,
@@ -211,14 +211,14 @@ class Isolation:
             else:
                 words = f"{fault.channel} does not read as one with {fault.mode} would"
                 wanted = [symbol for _, symbol in defining]
-                timely = settled or _heard(fault, symbols)
+                timely = settled or _shows_at_once(fault, symbols)
                 ruled_out = timely and bool(defining) and not any(map(str.__eq__, seen, wanted))
             if ruled_out:
-                found = Finding(stamp_ns, source, "".join(seen[:1]), "", False, words)
+                found = ConsistencyCheck(stamp_ns, source, "".join(seen[:1]), "", False, words)
                 hypothesis.add(found)
-        self.share_out()
+        self.normalise()
 
-    def weigh(self, stamp_ns: int, fits: Sequence[Fit], drop_nats: float) -> None:
+    def apply_likelihoods(self, stamp_ns: int, fits: Sequence[Fit], drop_nats: float) -> None:
         """Take likelihoods in; drop what is less likely than the best by ``drop_nats``.
 
         A hypothesis without a quantitative model is neither favoured nor dropped.
@@ -227,33 +227,35 @@ class Isolation:
         for fit in fits:
             if fit.log_likelihood >= best_fit.get(fit.fault, fit).log_likelihood:
                 best_fit[fit.fault] = fit
-        weighed = [h for h in self.alive() if h.name in best_fit]
-        if not weighed:
+        fitted = [h for h in self.alive() if h.name in best_fit]
+        if not fitted:
             return
-        best = max(best_fit[h.name].log_likelihood for h in weighed)
-        for hypothesis in weighed:
+        best = max(best_fit[h.name].log_likelihood for h in fitted)
+        for hypothesis in fitted:
             fit = best_fit[hypothesis.name]
             hypothesis.fit, hypothesis.log_likelihood = fit, fit.log_likelihood
             behind = best - fit.log_likelihood
             if behind > drop_nats:
                 words = f"less likely than the best by {behind:.1f} nats (limit {drop_nats:.1f})"
                 hypothesis.add(
-                    Finding(stamp_ns, "likelihood", f"{fit.log_likelihood:.2f}", "", False, words)
+                    ConsistencyCheck(
+                        stamp_ns, "likelihood", f"{fit.log_likelihood:.2f}", "", False, words
+                    )
                 )
-        self.share_out()
+        self.normalise()
 
-    def believe(self, stamp_ns: int, feature: str, symbol: str, left: Mapping[str, float]) -> None:
+    def update(self, stamp_ns: int, feature: str, symbol: str, left: Mapping[str, float]) -> None:
         """Take a feature's answer in: ``left`` are the faults it leaves, with probabilities."""
         for hypothesis in self.alive():
             kept = hypothesis.name in left
             words = "fits the feature's value" if kept else "the feature's value speaks against it"
-            hypothesis.add(Finding(stamp_ns, feature, symbol, "", kept, words))
+            hypothesis.add(ConsistencyCheck(stamp_ns, feature, symbol, "", kept, words))
             after = left.get(hypothesis.name, 0.0)
             if after > 0.0 and hypothesis.probability > 0.0:
                 hypothesis.log_features += math.log(after / hypothesis.probability)
             hypothesis.probability = after
 
-    def share_out(self) -> None:
+    def normalise(self) -> None:
         """Probabilities of those alive from likelihoods and features, equal priors."""
         alive = [h for h in self.hypotheses.values() if not h.why_dropped]
         if not alive:
@@ -265,10 +267,10 @@ class Isolation:
             hypothesis.probability = weight / sum(weights)
 
 
-def _heard(fault: Fault, symbols: Collection[str]) -> bool:
+def _shows_at_once(fault: Fault, symbols: Collection[str]) -> bool:
     """Whether the sensor's own test is not behind what has deviated: a jump of it, or a twin's."""
     jumped = fault.channel in JUMP_RESIDUALS and fault.channel in symbols
-    return fault.mode in HEARD_AT_ONCE and not jumped and not any(t in symbols for t in TWINS)
+    return fault.mode in IMMEDIATE_MODES and not jumped and not any(t in symbols for t in TWINS)
 
 
 def _own(fault: Fault, channels: Collection[str], symbol: str, what: str) -> FaultSignature:

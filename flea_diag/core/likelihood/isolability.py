@@ -1,7 +1,7 @@
-"""Faults that relations tell apart by nothing: whatever one does to them, the other can do, too.
+"""Faults not isolable from each other by the residuals.
 
 A fault model adds a linear combination of regressors to each relation, its sizes being free. Two
-models are alike in some relations when these combinations span the same space there: a bias
+models are not isolable in some relations when these combinations span the same space there: a bias
 of the current moves the mechanical relation by K b and one of the load cell by -b, so that without
 another relation each is the other. Bounds of sizes are left out.
 """
@@ -17,35 +17,38 @@ from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.residuals.residual import PARITY_NAMED
 
 Array = npt.NDArray[np.float64]
+Effects = dict[tuple[str, str, int], float]
+"""Residual, regressor and number of the size -> gain."""
 
 
-def needed(residual: str) -> tuple[str, ...]:
+def required_channels(residual: str) -> tuple[str, ...]:
     """Channels without which a residual that is weighed cannot be formed."""
     parity = PARITY_NAMED.get(residual)
     return parity.needs if parity is not None else (residual,)
 
 
-def formable(residuals: Iterable[str], bad: Collection[str]) -> tuple[str, ...]:
+def computable(residuals: Iterable[str], bad: Collection[str]) -> tuple[str, ...]:
     """Of these residuals those that are left without the channels that are bad."""
-    return tuple(name for name in residuals if not set(needed(name)) & set(bad))
+    return tuple(name for name in residuals if not set(required_channels(name)) & set(bad))
 
 
-def all_alike(
+def isolable(
     models: Sequence[FaultModel], faults: Sequence[str], residuals: Collection[str]
 ) -> bool:
-    """Whether nothing in these residuals tells any of the faults from the first.
+    """Whether these residuals isolate any of the faults from the first.
 
-    A fault has several models where it may be one of several things: one that is alike will do.
+    A fault may have several models: it is not isolable where one model of each spans the same
+    space.
     """
     spaces = [[_effects(m, residuals) for m in models if m.fault == fault] for fault in faults]
-    return all(
-        any(_same(one, other) for one in spaces[0] for other in found) for found in spaces[1:]
+    return not all(
+        any(_same_space(one, other) for one in spaces[0] for other in found) for found in spaces[1:]
     )
 
 
-def _effects(model: FaultModel, residuals: Collection[str]) -> dict[tuple[str, str, int], float]:
+def _effects(model: FaultModel, residuals: Collection[str]) -> Effects:
     """Gain of each size on each regressor of these residuals."""
-    found: dict[tuple[str, str, int], float] = {}
+    found: Effects = {}
     for term in model.terms:
         if term.residual in residuals:
             key = term.residual, term.regressor, term.index
@@ -53,7 +56,7 @@ def _effects(model: FaultModel, residuals: Collection[str]) -> dict[tuple[str, s
     return found
 
 
-def _same(one: dict[tuple[str, str, int], float], other: dict[tuple[str, str, int], float]) -> bool:
+def _same_space(one: Effects, other: Effects) -> bool:
     """Whether two sets of effects span the same space, and any at all."""
     if not one or not other:
         return False
@@ -63,7 +66,7 @@ def _same(one: dict[tuple[str, str, int], float], other: dict[tuple[str, str, in
     return bool(min(ranks) == max(ranks))
 
 
-def _matrix(effects: dict[tuple[str, str, int], float], rows: list[tuple[str, str]]) -> Array:
+def _matrix(effects: Effects, rows: list[tuple[str, str]]) -> Array:
     """Effects as columns of unit length, shape (rows, sizes that show)."""
     sizes = sorted({key[2] for key in effects})
     made = np.array([[effects.get((*row, size), 0.0) for size in sizes] for row in rows])

@@ -45,7 +45,7 @@ class Fit:
     sigmas: tuple[float, ...]
 
 
-class Evidence:
+class NormalEquations:
     """Normal equations of every residual over an episode, constant memory."""
 
     def __init__(self, residuals: Sequence[str]) -> None:
@@ -92,7 +92,7 @@ class Evidence:
         for sums in (self._gram, self._cross, self._square, self.samples):
             sums *= share
 
-    def take(self, other: Evidence, times: float) -> None:
+    def take(self, other: NormalEquations, times: float) -> None:
         """Add other evidence, of which each sample stands for so many."""
         other._fold()
         self._gram += times * other._gram
@@ -100,14 +100,14 @@ class Evidence:
         self._square += times * other._square
         self.samples += times * other.samples
 
-    def foreseen(self, phi: Array, model: FaultModel, sizes: Sequence[float]) -> Evidence:
+    def foreseen(self, phi: Array, model: FaultModel, sizes: Sequence[float]) -> NormalEquations:
         """What a planned window would make of this evidence if ``model`` were there.
 
         Without noise: ``phi`` are the window's regressors, shape (samples, regressors); residuals
         that gave no sample so far give none then.
         """
         self._fold()
-        sum_of = Evidence(self.residuals)
+        sum_of = NormalEquations(self.residuals)
         known = np.nan_to_num(phi)
         gram = known.T @ known
         for index, name in enumerate(self.residuals):
@@ -125,22 +125,22 @@ class Evidence:
         sigma: Mapping[str, float],
         correlation: Mapping[str, float],
         tolerance: Sequence[float],
-        healthy: Evidence | None = None,
-        shown: Collection[str] = (),
+        baseline: NormalEquations | None = None,
+        baseline_residuals: Collection[str] = (),
     ) -> tuple[Fit, ...]:
         """Fits of all ``models``, in their order.
 
         ``sigma`` is the nominal scatter of each residual and ``correlation`` the samples to
-        one independent sample; ``tolerance`` is in the order of ``UNIT_DIFFERENCES``. What this
-        unit showed while it was ``healthy``, in the residuals ``shown``, narrows that tolerance.
+        one independent sample; ``tolerance`` is in the order of ``UNIT_DIFFERENCES``. The
+        unit's ``baseline``, in the residuals ``baseline_residuals``, narrows that tolerance.
         """
         self._fold()
         self._spacing = np.array([correlation[name] for name in self.residuals])
         weight = 1.0 / (self._spacing * np.square([sigma[name] for name in self.residuals]))
         unit = Unit.of(tolerance)
-        if healthy is not None:
-            told = weight * [name in shown for name in self.residuals]
-            unit = unit.shown(*healthy._normal(None, 0, told, Unit.unknown())[:2])
+        if baseline is not None:
+            known = weight * [name in baseline_residuals for name in self.residuals]
+            unit = unit.shown(*baseline._normal(None, 0, known, Unit.unknown())[:2])
         weight = weight / self._dispersion(models, weight, unit)
         nominal, _, _ = self._solve(None, weight, unit)
         moved = {term.residual for model in models for term in model.terms}

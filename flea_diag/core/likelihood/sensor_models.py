@@ -34,7 +34,7 @@ DRIFT_AGES_S = (0.3, 1.0, 2.0, 4.0, 8.0, 15.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class SensorErrorModel:
     """One sensor: where its error goes, and the largest errors that count as its faults.
 
     ``gains`` and ``rates``: (residual, gain) of the error and of its rate. ``reading`` and
@@ -55,7 +55,7 @@ class Reading:
     shares: tuple[float, float] = SHARES_OF_READING
 
 
-def readings(p: ActuatorParameters, commanded: bool = True) -> tuple[Reading, ...]:
+def error_models(p: ActuatorParameters, commanded: bool = True) -> tuple[SensorErrorModel, ...]:
     """Every sensor that enters a parity relation, for one calibrated actuator.
 
     A dead voltage has lost the one true voltage in both of its relations: that which was
@@ -65,7 +65,7 @@ def readings(p: ActuatorParameters, commanded: bool = True) -> tuple[Reading, ..
     K, R, Ke = p.force_constant_n_per_a, p.winding_resistance_ohm, p.back_emf_v_s_per_m
     applied = "commanded_voltage_v" if commanded else "emf_and_drop_v"
     return (
-        Reading(
+        SensorErrorModel(
             "motor_current",
             "A",
             3.0,
@@ -74,7 +74,7 @@ def readings(p: ActuatorParameters, commanded: bool = True) -> tuple[Reading, ..
             ((MECHANICAL, K), (ELECTRICAL, -R)),
             ((MECHANICAL, "resisting_force_n", -1.0), (ELECTRICAL, "driving_voltage_v", 1.0)),
         ),
-        Reading(
+        SensorErrorModel(
             "load_force",
             "N",
             600.0,
@@ -83,7 +83,7 @@ def readings(p: ActuatorParameters, commanded: bool = True) -> tuple[Reading, ..
             ((MECHANICAL, -1.0),),
             ((MECHANICAL, "motor_force_n", 1.0),),
         ),
-        Reading(
+        SensorErrorModel(
             "motor_voltage",
             "V",
             24.0,
@@ -93,7 +93,7 @@ def readings(p: ActuatorParameters, commanded: bool = True) -> tuple[Reading, ..
             ((ELECTRICAL, applied, -1.0), (DRIVE, applied, -1.0)),
         ),
         *(_encoder_and_position(p, Ke) if p.encoder_m_per_rad else _position_alone(p, Ke)),
-        Reading(
+        SensorErrorModel(
             "load_position",
             "m",
             0.1,
@@ -106,11 +106,11 @@ def readings(p: ActuatorParameters, commanded: bool = True) -> tuple[Reading, ..
     )
 
 
-def _encoder_and_position(p: ActuatorParameters, Ke: float) -> tuple[Reading, ...]:
+def _encoder_and_position(p: ActuatorParameters, Ke: float) -> tuple[SensorErrorModel, ...]:
     """Speed from the encoder (its error counted in m/s at the nut); position for itself."""
     B = p.viscous_friction_n_s_per_m
     return (
-        Reading(
+        SensorErrorModel(
             "motor_speed",
             "m/s",
             0.1,
@@ -124,7 +124,7 @@ def _encoder_and_position(p: ActuatorParameters, Ke: float) -> tuple[Reading, ..
                 (MECHANICAL, "rate_direction", p.coulomb_friction_n),
             ),
         ),
-        Reading(
+        SensorErrorModel(
             "actuator_position",
             "m",
             0.1,
@@ -138,11 +138,11 @@ def _encoder_and_position(p: ActuatorParameters, Ke: float) -> tuple[Reading, ..
     )
 
 
-def _position_alone(p: ActuatorParameters, Ke: float) -> tuple[Reading, ...]:
+def _position_alone(p: ActuatorParameters, Ke: float) -> tuple[SensorErrorModel, ...]:
     """Without an encoder the speed is the slope of the position, and takes over its error."""
     B = p.viscous_friction_n_s_per_m
     return (
-        Reading(
+        SensorErrorModel(
             "actuator_position",
             "m",
             0.1,
@@ -156,7 +156,7 @@ def _position_alone(p: ActuatorParameters, Ke: float) -> tuple[Reading, ...]:
     )
 
 
-def _temperatures(p: ActuatorParameters) -> tuple[Reading, ...]:
+def _temperatures(p: ActuatorParameters) -> tuple[SensorErrorModel, ...]:
     # Wrong air moves the models of motor and nut only by CORRECTION_S over their cooling time.
     air = (
         ("ambient_temperature", 1.0),
@@ -169,7 +169,7 @@ def _temperatures(p: ActuatorParameters) -> tuple[Reading, ...]:
         "ambient_temperature": air,
     }
     return tuple(
-        Reading(name, "K", 60.0, 2.0, f"{name}_degc", gains, shares=SHARES_OF_TRUTH)
+        SensorErrorModel(name, "K", 60.0, 2.0, f"{name}_degc", gains, shares=SHARES_OF_TRUTH)
         for name, gains in own.items()
     )
 
@@ -178,31 +178,31 @@ def sensor_models(p: ActuatorParameters, commanded: bool = True) -> tuple[FaultM
     """Bias, scaling, drift and dead of every sensor; a drift has one model for each age."""
     return tuple(
         model
-        for row in readings(p, commanded)
+        for row in error_models(p, commanded)
         for model in (_bias(row), _scaling(row), *_drifts(row), _dead(row))
     )
 
 
-def _level(row: Reading, regressor: str, index: int = 0) -> tuple[Term, ...]:
+def _level(row: SensorErrorModel, regressor: str, index: int = 0) -> tuple[Term, ...]:
     return tuple(Term(residual, regressor, gain, index) for residual, gain in row.gains)
 
 
-def _rate(row: Reading, regressor: str) -> tuple[Term, ...]:
+def _rate(row: SensorErrorModel, regressor: str) -> tuple[Term, ...]:
     return tuple(Term(residual, regressor, gain) for residual, gain in row.rates)
 
 
-def _bias(row: Reading) -> FaultModel:
+def _bias(row: SensorErrorModel) -> FaultModel:
     size = Size("bias", row.unit, -row.largest_bias, row.largest_bias)
     return FaultModel(f"{row.channel}_bias", (size,), _level(row, "one"))
 
 
-def _scaling(row: Reading) -> FaultModel:
+def _scaling(row: SensorErrorModel) -> FaultModel:
     size = Size("scaling share", "1", *row.shares)
     terms = _level(row, row.reading) + _rate(row, row.reading_rate)
     return FaultModel(f"{row.channel}_scaling", (size,), terms)
 
 
-def _drifts(row: Reading) -> tuple[FaultModel, ...]:
+def _drifts(row: SensorErrorModel) -> tuple[FaultModel, ...]:
     """One model for each age: what has grown by the detection is the rate times the age.
 
     A free offset beside the rate would make every bias a drift that has just stopped.
@@ -215,11 +215,11 @@ def _drifts(row: Reading) -> tuple[FaultModel, ...]:
     )
 
 
-def _aged(row: Reading, age_s: float) -> tuple[Term, ...]:
+def _aged(row: SensorErrorModel, age_s: float) -> tuple[Term, ...]:
     return tuple(Term(residual, "one", gain * age_s) for residual, gain in row.gains)
 
 
-def _dead(row: Reading) -> FaultModel:
+def _dead(row: SensorErrorModel) -> FaultModel:
     level = Size("level", row.unit, -row.largest_bias, row.largest_bias)
     if not row.truth:
         # Nothing else tells what the reading should be: a constant, like a bias.

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.likelihood.likelihood import Evidence
+from flea_diag.core.likelihood.likelihood import NormalEquations
 
 Array = npt.NDArray[np.float64]
 
@@ -29,18 +29,18 @@ MEMORY = 60.0
 """Pieces over which the evidence fades to a share of 1/e."""
 
 
-class HealthyStretch:
+class UnitBaseline:
     """Running evidence of the residuals ``residuals``, constant memory."""
 
     def __init__(self, residuals: Sequence[str]) -> None:
         self._residuals = tuple(residuals)
-        self._recent: deque[Evidence] = deque()
+        self._recent: deque[NormalEquations] = deque()
         self._scans = 0
-        self._known = Evidence(residuals)
+        self._known = NormalEquations(residuals)
         self._pieces = 0
 
     @property
-    def evidence(self) -> Evidence | None:
+    def evidence(self) -> NormalEquations | None:
         """What the unit has shown; None while that is too little to tell a fault from it."""
         return self._known if self._pieces >= LEAST_PIECES else None
 
@@ -76,7 +76,7 @@ class HealthyStretch:
         self._recent[-1].add(values, regressors)
 
     def _next_piece(self) -> None:
-        self._recent.append(Evidence(self._residuals))
+        self._recent.append(NormalEquations(self._residuals))
         if len(self._recent) > LEFT_OUT + 1:
             self._known.fade(np.exp(-1.0 / MEMORY))
             self._known.take(self._recent.popleft(), EVERY)

@@ -1,9 +1,9 @@
-"""Nominal ranges of level and kurtosis, learned for the rule by which the sentinel calls.
+"""Nominal ranges of level and kurtosis, learned for the rule that raises the vibration alarm.
 
-What is beyond its range in one block is nothing yet: `sentinel.RAISED` of `sentinel.BLOCKS` raise
-the alarm. So the ends of a range are not those that single blocks keep to, but those that this
-rule keeps to, over whole runs: units differ, and a unit is as loud in its next block as in this.
-Beyond what the runs show, the law of extremes says how far the largest may lie.
+One block beyond its range means nothing: ``RAISED`` of ``BLOCKS`` blocks raise the alarm. The ends
+of a range are therefore set by what this rule reaches over whole healthy runs, not by single
+blocks: units differ, and consecutive blocks of one unit are correlated. Beyond the observed runs
+the limits follow extreme-value theory.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import numpy.typing as npt
 
 from flea_diag.core.vibration.nominal_range import (
     NominalRange,
-    OperatingPoint,
+    VibrationOperatingPoint,
     learn_nominal,
     tail_end,
 )
 from flea_diag.core.vibration.vibration_monitor import BLOCKS, RAISED
 
-Levels = Sequence[tuple[OperatingPoint, Mapping[str, float]]]
+Levels = Sequence[tuple[VibrationOperatingPoint, Mapping[str, float]]]
 """Blocks of one healthy run in order of time: operating point, and an indicator by axis."""
 
 LEAST_RUNS = 20

@@ -28,7 +28,7 @@ NEAR_FASTEST = 0.8
 
 
 @dataclass(frozen=True)
-class OperatingPoint:
+class VibrationOperatingPoint:
     """Root mean square of speed and load over a window; NaN where not measured."""
 
     speed_rad_s: float = math.nan
@@ -62,13 +62,13 @@ class NominalRange:
     much: tuple[float, float] = (math.inf, math.inf)
     upper: float = 1.0
 
-    def at(self, point: OperatingPoint) -> tuple[float, float]:
+    def at(self, point: VibrationOperatingPoint) -> tuple[float, float]:
         """Lowest and highest nominal value at an operating point; NaN where it is unknown."""
         centre = self.centre(point)
         low, high = centre + self.low, centre + self.high
         return (math.exp(low), math.exp(high)) if self.logarithmic else (low, high)
 
-    def centre(self, point: OperatingPoint) -> float:
+    def centre(self, point: VibrationOperatingPoint) -> float:
         """Expected value, or its logarithm, at an operating point; NaN where it is unknown."""
         speed = min(max(point.speed_rad_s, self.speed_rad_s[0]), self.speed_rad_s[1])
         load = min(max(point.load_n, self.load_n[0]), self.load_n[1])
@@ -77,7 +77,7 @@ class NominalRange:
         row = _row(speed, 0.0 if math.isnan(point.load_n) else load)
         return sum(a * b for a, b in zip(self.coefficients, row, strict=False))
 
-    def symbol(self, value: float, point: OperatingPoint) -> str:
+    def symbol(self, value: float, point: VibrationOperatingPoint) -> str:
         """``--`` much below, ``-`` below, ``0`` inside, ``0^`` in the upper part, ``+``, ``++``.
 
         ``?`` where value or range is unknown.
@@ -91,7 +91,7 @@ class NominalRange:
             return "0" if deviation <= self.upper else "0^"
         return sign if abs(deviation) <= much else 2 * sign
 
-    def deviation(self, value: float, point: OperatingPoint) -> float:
+    def deviation(self, value: float, point: VibrationOperatingPoint) -> float:
         """Value on the scale of the range: -1 at its lower end, +1 at its upper; NaN unknown."""
         low, high = self.at(point)
         if math.isnan(value) or math.isnan(low):
@@ -168,7 +168,7 @@ class NominalRange:
 def learn_nominal(
     values: npt.ArrayLike,
     false_alarm_rate: float,
-    points: Sequence[OperatingPoint] = (),
+    points: Sequence[VibrationOperatingPoint] = (),
     *,
     logarithmic: bool = False,
     two_sided: bool = True,
@@ -239,7 +239,7 @@ def _row(speed_rad_s: float, load_n: float) -> tuple[float, ...]:
 
 
 def _fit(
-    values: npt.NDArray[np.float64], points: Sequence[OperatingPoint]
+    values: npt.NDArray[np.float64], points: Sequence[VibrationOperatingPoint]
 ) -> tuple[tuple[float, ...], npt.NDArray[np.float64]]:
     """Coefficients and what they leave; only the median where there are no points."""
     if not points:
@@ -267,7 +267,7 @@ def _pair(values: Any) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class NominalRanges:
-    """Nominal ranges of all features, and of what the sentinel hears of each axis, block by block.
+    """Nominal ranges of all features, and of what the monitor hears of each axis, block by block.
 
     ``levels`` and ``resting_levels``: the standard deviation, in motion and at rest; ``kurtosis``:
     in motion. The ranges of features hold for windows of ``window_s`` sampled at ``rate_hz``;
@@ -283,12 +283,12 @@ class NominalRanges:
     kurtosis: Mapping[str, NominalRange] = field(default_factory=dict)
     orders: Mapping[str, float] = field(default_factory=dict)
 
-    def symbol(self, feature: str, value: float, point: OperatingPoint) -> str:
+    def symbol(self, feature: str, value: float, point: VibrationOperatingPoint) -> str:
         """``-``, ``0`` or ``+`` against the nominal range, ``?`` where there is none."""
         found = self.ranges.get(feature)
         return found.symbol(value, point) if found else "?"
 
-    def at(self, feature: str, point: OperatingPoint) -> tuple[float, float]:
+    def at(self, feature: str, point: VibrationOperatingPoint) -> tuple[float, float]:
         """Nominal range at an operating point, NaN where there is none."""
         found = self.ranges.get(feature)
         return found.at(point) if found else (math.nan, math.nan)

@@ -16,7 +16,11 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from flea_diag.core.vibration.nominal_range import NominalRange, NominalRanges, OperatingPoint
+from flea_diag.core.vibration.nominal_range import (
+    NominalRange,
+    NominalRanges,
+    VibrationOperatingPoint,
+)
 
 BLOCKS = 10
 RAISED = 6
@@ -34,7 +38,7 @@ WORDS = {"std": "level {:.3g} m/s^2", "kurtosis": "kurtosis {:.3g}"}
 
 
 @dataclass(frozen=True)
-class Alarm:
+class VibrationAlarm:
     """What raised the alarm: an indicator of one axis, and on which side of its range it is."""
 
     axis: str
@@ -48,7 +52,7 @@ class Alarm:
         return f"{self.axis.rsplit('_', 1)[0]}_{self.indicator}"
 
 
-class Sentinel:
+class VibrationMonitor:
     """Streams indicators of blocks; silent where no nominal range was ever learned."""
 
     def __init__(self, nominal: NominalRanges) -> None:
@@ -70,9 +74,9 @@ class Sentinel:
 
     def step(
         self, axes: Sequence[str], std: Sequence[float], kurtosis: Sequence[float] = ()
-    ) -> Alarm | None:
+    ) -> VibrationAlarm | None:
         """The alarm that this block raises, the level before the kurtosis, or None."""
-        point = OperatingPoint(_rms(self._speed), _rms(self._load))
+        point = VibrationOperatingPoint(_rms(self._speed), _rms(self._load))
         alarm = None
         for indicator, values in (("std", std), ("kurtosis", kurtosis)):
             ranges = self._ranges.get((indicator, point.moving), {})
@@ -88,8 +92,8 @@ class Sentinel:
         indicator: str,
         value: float,
         nominal: tuple[float, float],
-        point: OperatingPoint,
-    ) -> Alarm | None:
+        point: VibrationOperatingPoint,
+    ) -> VibrationAlarm | None:
         """Note on which side of its range a value is; the alarm, if too many were there."""
         low, high = nominal
         recent = self._sides.setdefault((axis, indicator, point.moving), deque(maxlen=BLOCKS))
@@ -102,7 +106,7 @@ class Sentinel:
             f"in {out} of the last {len(recent)} blocks "
             f"{'in motion' if point.moving else 'at rest'}"
         )
-        return Alarm(axis, indicator, "+" if sum(recent) > 0 else "-", words)
+        return VibrationAlarm(axis, indicator, "+" if sum(recent) > 0 else "-", words)
 
 
 def _rms(values: Sequence[float]) -> float:

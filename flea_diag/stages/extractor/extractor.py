@@ -15,7 +15,7 @@ import numpy as np
 
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.vibration.features import FeatureId, Scope, evaluate
-from flea_diag.core.vibration.nominal_range import OperatingPoint
+from flea_diag.core.vibration.nominal_range import VibrationOperatingPoint
 from flea_diag.core.vibration.window import NotComputableError, Window
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages.extractor.condition_indicators import condition_indicators
@@ -81,7 +81,7 @@ class _Cut:
 
     start_ns: int
     end_ns: int
-    point: OperatingPoint
+    point: VibrationOperatingPoint
     windows: dict[str, Window] = field(default_factory=dict)
     moved: set[str] = field(default_factory=set)
 
@@ -107,7 +107,7 @@ class ExtractorStage:
         self.parameters = p = parameters or ExtractorParameters()
         self.windows = Windows(p.history_s, p.gap_limit_s, p.scan_gap_limit_s, table.nominal.orders)
         self.duplicates = 0
-        self._cut = _Cut(0, 0, OperatingPoint())
+        self._cut = _Cut(0, 0, VibrationOperatingPoint())
         self._stopwatch = stopwatch
         self._full_scale: dict[str, float] = {}
         self._pending: deque[FeatureRequest] = deque()

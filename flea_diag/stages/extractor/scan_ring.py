@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.vibration.nominal_range import OperatingPoint
+from flea_diag.core.vibration.nominal_range import VibrationOperatingPoint
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import Scan
 
@@ -64,10 +64,10 @@ class ScanRing:
         ]
         return dict(zip(names, np.array(rows, order="F").T, strict=True)), times_s
 
-    def operating_point(self, start_ns: int, end_ns: int) -> OperatingPoint:
+    def operating_point(self, start_ns: int, end_ns: int) -> VibrationOperatingPoint:
         """Root mean square of speed and load over the scans inside a window."""
         scans = self._inside(start_ns, end_ns)
-        return OperatingPoint(_rms(scans, "motor_speed"), _rms(scans, "load_force"))
+        return VibrationOperatingPoint(_rms(scans, "motor_speed"), _rms(scans, "load_force"))
 
     def _inside(self, start_ns: int, end_ns: int) -> list[Scan]:
         # A block may hold some that are too old by now.

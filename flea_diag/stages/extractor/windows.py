@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flea_diag.core.vibration.nominal_range import OperatingPoint
+from flea_diag.core.vibration.nominal_range import VibrationOperatingPoint
 from flea_diag.core.vibration.window import NotComputableError, Window
 from flea_diag.stages.extractor.scan_ring import SECOND_NS, ScanRing, interpolated
 from flea_diag.stages.extractor.vibration_ring import VibrationRing
@@ -50,7 +50,7 @@ class Windows:
             scan_ns < 0 or scan_ns >= end_ns
         )
 
-    def operating_point(self, start_ns: int, end_ns: int) -> OperatingPoint:
+    def operating_point(self, start_ns: int, end_ns: int) -> VibrationOperatingPoint:
         """Root mean square of speed and load over a window."""
         return self.scans.operating_point(start_ns, end_ns)
 

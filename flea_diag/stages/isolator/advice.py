@@ -6,9 +6,9 @@ from collections.abc import Collection, Sequence
 
 from flea_diag.core.choice.next_test import (
     MOTIONS,
+    LikelihoodTest,
     StandTest,
     Suspect,
-    Weighing,
     feature_tests,
     motion_tests,
     next_tests,
@@ -35,7 +35,7 @@ class Advice:
     ) -> None:
         self._k = knowledge
         limits = knowledge.calibration.limits
-        self._weighing = Weighing(
+        self._test = LikelihoodTest(
             models,
             {limit.name: limit.sigma[0] for limit in limits},
             {limit.name: limit.correlation_samples for limit in limits},
@@ -58,7 +58,7 @@ class Advice:
             motions = motion_tests(
                 suspects,
                 episode.likelihood,
-                self._weighing,
+                self._test,
                 self._k.calibration.parameters,
                 (stamp_ns - episode.start_ns) / 1e9,
             )

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flea_diag.core.isolation.isolation import Isolation
 from flea_diag.core.likelihood.fault_models import REGRESSORS
-from flea_diag.core.likelihood.likelihood import Evidence
+from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.stages.isolator.feature_query import Inquiry
 from flea_diag.wire.blocks import ResidualBlock
 from flea_diag.wire.records import EARLIER_LEVEL, TAKEN_OVER, Detection
@@ -38,7 +38,7 @@ class Episode:
     number: int
     start_ns: int
     isolation: Isolation
-    likelihood: Evidence
+    likelihood: NormalEquations
     inquiry: Inquiry
     opened_by: str = ""
     shifted: str = ""
@@ -80,7 +80,7 @@ class Episode:
         return self.heard and relation(residual) == relation(self.shifted)
 
     def learn(self, block: ResidualBlock, onset_ns: int) -> None:
-        """Evidence of more scans, but for those that still show the onset."""
+        """NormalEquations of more scans, but for those that still show the onset."""
         late = block.stamps_ns - self.start_ns >= onset_ns
         if not late.any():
             return

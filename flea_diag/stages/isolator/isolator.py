@@ -16,7 +16,7 @@ from flea_diag.core.causal_graph.operating_point import QUADRANTS
 from flea_diag.core.choice.fault_group import refine, refine_side
 from flea_diag.core.choice.feature_choice import FeatureChooser
 from flea_diag.core.isolation.isolation import Isolation
-from flea_diag.core.vibration.vibration_monitor import Alarm
+from flea_diag.core.vibration.vibration_monitor import VibrationAlarm
 from flea_diag.stages.isolator.episode import CONCLUSIVE_SAMPLES, Episode, cause, shifted
 from flea_diag.stages.isolator.feature_query import Inquiry
 from flea_diag.stages.isolator.motion import Motion
@@ -75,7 +75,7 @@ class IsolatorStage:
         self._watch = VibrationWatch(knowledge.features.nominal)
         self._window_ns = round(parameters.feature_window_s * 1e9)
         lead = knowledge.calibration.parameters.encoder_m_per_rad
-        self._motion = Motion(lead, self._window_ns, self._watch.sentinel)
+        self._motion = Motion(lead, self._window_ns, self._watch.monitor)
         self._said: tuple[object, ...] = ()
         self._last: AmbiguityGroup | None = None
         self._early: Symbols | None = None
@@ -95,7 +95,7 @@ class IsolatorStage:
         if self._episode is None:
             return ()
         self._episode = None
-        self._watch.sentinel.clear()
+        self._watch.monitor.clear()
         self._merge.hold(None)
         return self._say(self._merge.now_ns)
 
@@ -277,14 +277,14 @@ class IsolatorStage:
                     f"{alarm.axis} left its range, and this fault does not show in vibration"
                 )
         episode.settled = True
-        episode.isolation.share_out()
-        self._believe_alarm(stamp_ns, episode, alarm)
+        episode.isolation.normalise()
+        self._update_by_alarm(stamp_ns, episode, alarm)
         return self._go_on(stamp_ns)
 
-    def _believe_alarm(self, stamp_ns: int, episode: Episode, alarm: Alarm) -> None:
+    def _update_by_alarm(self, stamp_ns: int, episode: Episode, alarm: VibrationAlarm) -> None:
         """That an indicator left its range is an answer already: to that feature of its sensor."""
         left = refine_side(episode.group(), self._k.features, alarm.feature, alarm.side)
-        episode.isolation.believe(stamp_ns, alarm.feature, alarm.side, left)
+        episode.isolation.update(stamp_ns, alarm.feature, alarm.side, left)
         episode.inquiry.pass_over(alarm.feature)
 
     # --- features ---------------------------------------------------------------------
@@ -316,7 +316,7 @@ class IsolatorStage:
         self._merge.hold(None)
         if record.symbol != "?":
             left = refine(episode.group(), self._k.features, record.feature, record.symbol)
-            episode.isolation.believe(record.stamp_ns, record.feature, record.symbol, left)
+            episode.isolation.update(record.stamp_ns, record.feature, record.symbol, left)
         return self._go_on(record.stamp_ns)
 
     def _give_up(self, stamp_ns: int) -> None:

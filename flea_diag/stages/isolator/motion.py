@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.likelihood.fault_models import REGRESSORS
-from flea_diag.core.vibration.vibration_monitor import SCANS, Sentinel
+from flea_diag.core.vibration.vibration_monitor import SCANS, VibrationMonitor
 from flea_diag.stages.isolator.feature_query import Pace
 from flea_diag.wire.blocks import ResidualBlock
 
@@ -27,12 +27,12 @@ class Motion:
     ----------
     encoder_m_per_rad : travel of the nut, 0 where no speed of the shaft is known
     window_ns : over which ``pace`` looks back
-    sentinel : is told of speed and load
+    monitor : is told of speed and load
     """
 
-    def __init__(self, encoder_m_per_rad: float, window_ns: int, sentinel: Sentinel) -> None:
+    def __init__(self, encoder_m_per_rad: float, window_ns: int, monitor: VibrationMonitor) -> None:
         self._lead = encoder_m_per_rad
-        self._sentinel = sentinel
+        self._monitor = monitor
         self._visited: deque[tuple[float, float]] = deque(maxlen=VISITED_SCANS)
         self.pace = Pace(window_ns)
 
@@ -40,7 +40,7 @@ class Motion:
         """Take one scan."""
         screw_rad_s, load_n = self._screw_rad_s(regressors[SPEED]), regressors[LOAD]
         self.pace.add(stamp_ns, screw_rad_s, load_n)
-        self._sentinel.motion(screw_rad_s, load_n)
+        self._monitor.motion(screw_rad_s, load_n)
         if moving:
             self._visited.append((regressors[CURRENT], regressors[DIRECTION]))
 
@@ -55,7 +55,7 @@ class Motion:
         loads_n = last.regressors[:, LOAD].tolist()
         self.pace.extend(zip(last.stamps_ns.tolist(), speeds, loads_n, strict=True))
         for screw_rad_s, load_n in zip(speeds[-SCANS:], loads_n[-SCANS:], strict=True):
-            self._sentinel.motion(screw_rad_s, load_n)
+            self._monitor.motion(screw_rad_s, load_n)
 
     def _screw_rad_s(self, speed_m_s: float) -> float:
         return speed_m_s / self._lead if self._lead else math.nan

@@ -16,9 +16,9 @@ from flea_diag.core.likelihood.fault_models import (
     drag_models,
     plant_models,
 )
-from flea_diag.core.likelihood.likelihood import Evidence
+from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.likelihood.sensor_models import sensor_models
-from flea_diag.core.likelihood.unit_baseline import HealthyStretch
+from flea_diag.core.likelihood.unit_baseline import UnitBaseline
 from flea_diag.stages.isolator.episode import MOTION_ONLY, Episode, relation
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import Residual
@@ -65,23 +65,23 @@ class Weighing:
         self.names = tuple(name for name in WEIGHED if name in self._sigma)
         self.models = self._told(plant_models(fitted) + sensor_models(fitted, DRIVE in self.names))
         self._dragging = self._told(drag_models(fitted, dragging=True))
-        self._healthy = HealthyStretch(self.names)
+        self._healthy = UnitBaseline(self.names)
         self._waiting: list[Residual] = []
 
     def _told(self, models: tuple[FaultModel, ...]) -> tuple[FaultModel, ...]:
         """Models that move one of the residuals of this stand."""
         return tuple(m for m in models if any(term.residual in self.names for term in m.terms))
 
-    def begin(self) -> Evidence:
+    def begin(self) -> NormalEquations:
         """An episode begins: what the unit shows from now on is not its healthy self."""
         self._waiting.clear()
         self._healthy.interrupt()
-        return Evidence(self.names)
+        return NormalEquations(self.names)
 
     def forget(self) -> None:
         """Another unit is in use: what the last one showed says nothing of it."""
         self._waiting.clear()
-        self._healthy = HealthyStretch(self.names)
+        self._healthy = UnitBaseline(self.names)
 
     def see(self, record: Residual) -> None:
         """``show`` for one scan; those that are kept wait until their piece is over."""
@@ -134,7 +134,7 @@ class Weighing:
             SHOWN_BEFORE if own else SHOWN,
         )
         conclusive = episode.conclusive() or not gating
-        episode.isolation.weigh(stamp_ns, fits, drop_nats if conclusive else math.inf)
+        episode.isolation.apply_likelihoods(stamp_ns, fits, drop_nats if conclusive else math.inf)
 
 
 def _own_sigma(calibration: Calibration) -> dict[str, float]:

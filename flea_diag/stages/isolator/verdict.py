@@ -11,10 +11,10 @@ from collections.abc import Collection, Sequence
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.choice.feature_choice import FeatureChooser
-from flea_diag.core.isolation.detectability import unseen
+from flea_diag.core.isolation.detectability import undetectable
 from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
-from flea_diag.core.likelihood.isolability import all_alike, formable, needed
+from flea_diag.core.likelihood.isolability import computable, isolable, required_channels
 from flea_diag.stages.isolator.advice import Advice
 from flea_diag.stages.isolator.episode import Episode, relation
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
@@ -39,7 +39,7 @@ LOST = (
     "the state observer has lost its track and no relation says why: the calibration does not "
     "fit this actuator, calibrate on its own recordings"
 )
-UNSEEN = (
+UNDETECTABLE = (
     "even at its largest it moves no residual of this stand beyond its limit; a second sensor of "
     "the same quantity would show it"
 )
@@ -68,8 +68,9 @@ class Verdict:
         self._p = parameters
         self._models = tuple(models)
         self._weighed = weighed
-        self._unseen = tuple(
-            (name, UNSEEN) for name in unseen(knowledge.faults, self._models, knowledge.calibration)
+        self._undetectable = tuple(
+            (name, UNDETECTABLE)
+            for name in undetectable(knowledge.faults, self._models, knowledge.calibration)
         )
         self._advice = Advice(knowledge, parameters, self._models)
         self._chooser = FeatureChooser(knowledge.features, "information")
@@ -127,10 +128,10 @@ class Verdict:
         names = [h.name for h in alive]
         if episode.inquiry.computed:
             return "not split by this evidence"
-        if all_alike(self._models, names, self._weighed):
+        if not isolable(self._models, names, self._weighed):
             return self._would_vibration(standing, episode, alive)
-        left = formable(self._weighed, standing.bad)
-        if len(left) < len(self._weighed) and all_alike(self._models, names, left):
+        left = computable(self._weighed, standing.bad)
+        if len(left) < len(self._weighed) and not isolable(self._models, names, left):
             lost = ", ".join(channel for channel in standing.bad if self._reads(channel))
             return f"cannot be split without {lost}, {BY_DESIGN}; sound readings of it would"
         return "not split by this evidence"
@@ -147,7 +148,7 @@ class Verdict:
 
     def _reads(self, channel: str) -> bool:
         """Whether a relation that is weighed needs this channel."""
-        return any(channel in needed(residual) for residual in self._weighed)
+        return any(channel in required_channels(residual) for residual in self._weighed)
 
     def _quiet(self, stamp_ns: int, standing: Standing) -> tuple[Outcome, str]:
         bad = [channel for channel in NEEDED if channel in standing.bad]
@@ -207,14 +208,14 @@ class Verdict:
     def _not_observable(self, standing: Standing) -> tuple[tuple[str, str], ...]:
         """Faults that this stand cannot show, with the reason."""
         if standing.axes:
-            return self._unseen
+            return self._undetectable
         reason = "shows only in vibration, and this stand has no accelerometer"
         unheard = tuple(
             (name, reason)
             for name, fault in self._k.faults.items()
             if fault.vibration and fault.approach == "data"
         )
-        return unheard + self._unseen
+        return unheard + self._undetectable
 
 
 def _missed(standing: Standing) -> str:
@@ -275,7 +276,7 @@ def _candidate(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> Candidat
         hypothesis.why_dropped or "fits everything seen so far",
         tuple(
             Evidence(f.stamp_ns, f.source, f.observed, f.predicted, f.words, f.path)
-            for f in hypothesis.findings
+            for f in hypothesis.checks
         ),
         size,
         sigma,

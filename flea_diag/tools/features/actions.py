@@ -15,7 +15,7 @@ from flea_diag.core.choice.feature_choice import FeatureChooser
 from flea_diag.core.choice.feature_learning import (
     NOMINAL,
     Ends,
-    Learned,
+    FeatureStatistics,
     Sample,
     Score,
     learn,
@@ -237,7 +237,7 @@ def _candidates(samples: Sequence[Sample]) -> list[str]:
     return [feature for feature in ids if FeatureId.parse(feature).feature.name not in LEFT_OUT]
 
 
-def _unaffected(learned: Learned) -> list[str]:
+def _unaffected(learned: FeatureStatistics) -> list[str]:
     """Faults of the catalogue that affect neither an accelerometer nor the operating point."""
     described = actuator(load_yaml("actuator.yaml"), "actuator.yaml")
     rows = catalogue(load_yaml("faults.yaml"), described)
@@ -282,7 +282,7 @@ def _levels(runs: Sequence[FeatureRun], hop_s: float) -> dict[str, dict[str, Nom
     return found
 
 
-def _header(arguments: argparse.Namespace, making: Making, learned: Learned) -> list[str]:
+def _header(arguments: argparse.Namespace, making: Making, learned: FeatureStatistics) -> list[str]:
     command = f"flea features learn <{len(arguments.bags)} bags>"
     if arguments.stand:
         command = f"flea features learn --stand {arguments.stand} --loads {arguments.loads}"
@@ -306,7 +306,9 @@ def _header(arguments: argparse.Namespace, making: Making, learned: Learned) -> 
     ]
 
 
-def _print_ranking(ranking: Sequence[Score], chosen: Mapping[str, Ends], learned: Learned) -> None:
+def _print_ranking(
+    ranking: Sequence[Score], chosen: Mapping[str, Ends], learned: FeatureStatistics
+) -> None:
     """Print every feature with its scores, its measured cost, and its closest feature chosen."""
     spent_s = bench.costs_s(repeats=3)
     head = f"{'':2s}{'feature':40s}{'F':>8s}{'AUC':>7s}{'bit':>6s}{'cost':>6s}{'us':>7s}"

@@ -16,7 +16,11 @@ import numpy.typing as npt
 from flea_diag.core.vibration.bearing_frequencies import Bearing
 from flea_diag.core.vibration.features import FEATURES, Scope, compute_all
 from flea_diag.core.vibration.features_envelope import named_line
-from flea_diag.core.vibration.nominal_range import NominalRange, OperatingPoint, learn_nominal
+from flea_diag.core.vibration.nominal_range import (
+    NominalRange,
+    VibrationOperatingPoint,
+    learn_nominal,
+)
 from flea_diag.core.vibration.window import Window
 from flea_diag.errors import CalibrationError, RecordingError
 
@@ -132,5 +136,5 @@ def lines(recording: BearingRecording, window_s: float = 1.0) -> list[str]:
 
 
 def _outside(nominal: NominalRange, values: list[float]) -> float:
-    symbols = [nominal.symbol(value, OperatingPoint()) for value in values]
+    symbols = [nominal.symbol(value, VibrationOperatingPoint()) for value in values]
     return sum(symbol in "+-" for symbol in symbols) / len(symbols)

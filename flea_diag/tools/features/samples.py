@@ -13,7 +13,7 @@ from flea_diag.core.smoothing import KERNEL_LENGTH, hann_kernels
 from flea_diag.core.vibration.features import all_ids, compute_all
 from flea_diag.core.vibration.features_motion import reverses
 from flea_diag.core.vibration.level_learning import Levels
-from flea_diag.core.vibration.nominal_range import FAST_RAD_S, NEAR_FASTEST, OperatingPoint
+from flea_diag.core.vibration.nominal_range import FAST_RAD_S, NEAR_FASTEST, VibrationOperatingPoint
 from flea_diag.core.vibration.window import NotComputableError
 from flea_diag.stages.extractor.condition_indicators import condition_indicators
 from flea_diag.stages.extractor.windows import Windows
@@ -153,7 +153,7 @@ def _heard(windows: Windows, start_ns: int, end_ns: int) -> Iterator[_BlockIndic
 
 def _pointed(
     heard: Iterable[_BlockIndicators], scans: Sequence[tuple[int, float, float]]
-) -> Iterator[tuple[OperatingPoint, tuple[Mapping[str, float], ...]]]:
+) -> Iterator[tuple[VibrationOperatingPoint, tuple[Mapping[str, float], ...]]]:
     """Indicators with the operating point of the vibration monitor: smoothed speed and load.
 
     A load actuator that slips and sticks again causes steps within a few scans, in which smoothed
@@ -170,4 +170,4 @@ def _pointed(
         inside = smooth[(stamps_ns >= block.start_ns) & (stamps_ns <= block.end_ns)]
         if len(inside):
             speed, load = np.sqrt(np.mean(inside**2, axis=0)).tolist()
-            yield OperatingPoint(speed, load), block.indicators
+            yield VibrationOperatingPoint(speed, load), block.indicators

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from flea_diag.core.choice.feature_learning import NOMINAL, SYMBOLS, Ends, Learned
+from flea_diag.core.choice.feature_learning import NOMINAL, SYMBOLS, Ends, FeatureStatistics
 from flea_diag.core.vibration.nominal_range import NominalRange
 from flea_diag.errors import ConfigurationError
 
@@ -28,7 +28,7 @@ class Making:
 
 
 def table_mapping(
-    learned: Learned,
+    learned: FeatureStatistics,
     features: Mapping[str, Ends],
     heard: Mapping[str, Ends],
     costs: Mapping[str, float],

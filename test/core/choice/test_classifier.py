@@ -11,7 +11,7 @@ import pytest
 
 from flea_diag.core.choice.classifier import Perceptron, scaled, standardised
 from flea_diag.core.choice.feature_learning import Sample
-from flea_diag.core.vibration.nominal_range import OperatingPoint
+from flea_diag.core.vibration.nominal_range import VibrationOperatingPoint
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools.features.classifier import (
     HIDDEN,
@@ -33,7 +33,7 @@ CENTRES = {"nominal": (1.0, 3.0), "jam": (3.0, 3.0), "spall": (3.0, 9.0)}
 def samples(names: tuple[str, ...] = tuple(CENTRES), count: int = 120) -> list[Sample]:
     draw = np.random.default_rng(3)
     return [
-        Sample(name, OperatingPoint(80.0, 50.0), dict(zip(FEATURES, row, strict=True)))
+        Sample(name, VibrationOperatingPoint(80.0, 50.0), dict(zip(FEATURES, row, strict=True)))
         for name in names
         for row in np.exp(0.1 * draw.standard_normal((count, 2))) * CENTRES[name]
     ]

@@ -22,7 +22,7 @@ from flea_diag.core.choice.feature_learning import (
     select,
 )
 from flea_diag.core.choice.feature_table import FaultFeatureTable
-from flea_diag.core.vibration.nominal_range import OperatingPoint
+from flea_diag.core.vibration.nominal_range import VibrationOperatingPoint
 from flea_diag.errors import CalibrationError, ConfigurationError, RecordingError
 from flea_diag.tools.features import bearing
 from flea_diag.tools.features import features as tool
@@ -34,7 +34,7 @@ from flea_diag.wire.records import NEVER_NS, Scan, Truth, VibrationBlock
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import Stand
 
-POINT = OperatingPoint(80.0, 50.0)
+POINT = VibrationOperatingPoint(80.0, 50.0)
 STD, PEAK, CREST, TWIN = (
     f"accelerometer_2_{name}" for name in ("std", "peak", "crest", "shape_factor")
 )
@@ -131,7 +131,7 @@ def test_probabilities_are_counts_with_half_a_count_added() -> None:
      ((18.0, 14.0, 1.0), (18.0,)), ((1.0, math.nan), ())],
 )  # fmt: skip
 def test_features_are_asked_on_windows_that_are_fast_or_near_the_fastest(speeds, taken) -> None:
-    samples = tuple(Sample("jam", OperatingPoint(speed, 50.0), {}) for speed in speeds)
+    samples = tuple(Sample("jam", VibrationOperatingPoint(speed, 50.0), {}) for speed in speeds)
     run = FeatureRun("made up", 1.0, samples)
     assert tuple(sample.point.speed_rad_s for sample in run.typical) == taken
     assert run.asked(["jam"], 9) == list(run.typical)
@@ -139,7 +139,7 @@ def test_features_are_asked_on_windows_that_are_fast_or_near_the_fastest(speeds,
 
 def test_features_are_asked_on_windows_in_motion_those_with_a_reversal_first() -> None:
     turning, straight = Sample("jam", POINT, {}), Sample("jam", POINT, {}, reverses=False)
-    rest = Sample("jam", OperatingPoint(1.0, 50.0), {})
+    rest = Sample("jam", VibrationOperatingPoint(1.0, 50.0), {})
     run = FeatureRun("made up", 1.0, (rest, straight, turning, turning))
     assert run.asked(["jam"], 1) == [turning]
     assert run.asked(["jam"], 3) == [turning, turning, straight]
@@ -148,7 +148,7 @@ def test_features_are_asked_on_windows_in_motion_those_with_a_reversal_first() -
 
 
 def test_table_needs_nominal_and_faulty_windows_in_motion() -> None:
-    still = OperatingPoint(0.0, 0.0)
+    still = VibrationOperatingPoint(0.0, 0.0)
     resting = [Sample(s.fault, still, s.values) for s in made_up()]
     for samples in (made_up()[:100], made_up()[100:], resting, []):
         with pytest.raises(CalibrationError, match="a table needs both"):

@@ -14,7 +14,11 @@ from support.places import CONFIG
 
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.vibration.features import FeatureId
-from flea_diag.core.vibration.nominal_range import NominalRange, OperatingPoint, learn_nominal
+from flea_diag.core.vibration.nominal_range import (
+    NominalRange,
+    VibrationOperatingPoint,
+    learn_nominal,
+)
 from flea_diag.errors import CalibrationError, ConfigurationError
 
 TABLES = {name: yaml.safe_load((CONFIG / name).read_text()) for name in
@@ -155,7 +159,7 @@ def test_false_alarm_rate_holds_for_any_distribution(rate: float, kind: str) -> 
     shares = []
     for _ in range(40):
         found = learn_nominal(make(size=300), rate)
-        symbols = [found.symbol(value, OperatingPoint()) for value in make(size=200)]
+        symbols = [found.symbol(value, VibrationOperatingPoint()) for value in make(size=200)]
         shares.append(np.mean([symbol != "0" for symbol in symbols]))
     # 40 x 200 draws of the share: its standard error is below a fifth of the rate.
     assert np.mean(shares) == pytest.approx(rate, rel=0.35)
@@ -163,35 +167,35 @@ def test_false_alarm_rate_holds_for_any_distribution(rate: float, kind: str) -> 
 
 def test_few_values_are_extrapolated_beyond_their_extremes() -> None:
     values = np.random.default_rng(2).normal(size=30)
-    low, high = learn_nominal(values, 0.001).at(OperatingPoint())
+    low, high = learn_nominal(values, 0.001).at(VibrationOperatingPoint())
     assert low < values.min()
     assert high > values.max()
 
 
 def test_range_follows_the_operating_point() -> None:
     draw = np.random.default_rng(3)
-    points = [OperatingPoint(w, f) for w, f in draw.uniform([0, 0], [150, 300], (400, 2))]
+    points = [VibrationOperatingPoint(w, f) for w, f in draw.uniform([0, 0], [150, 300], (400, 2))]
     values = [(0.1 + p.speed_rad_s / 100.0) * math.exp(0.05 * draw.normal()) for p in points]
     found = learn_nominal(values, 0.02, points, logarithmic=True)
     for speed in (5.0, 40.0, 140.0):
-        low, high = found.at(OperatingPoint(speed, 100.0))
+        low, high = found.at(VibrationOperatingPoint(speed, 100.0))
         assert low < 0.1 + speed / 100.0 < high
         assert high / low < 1.5
-    assert found.symbol(1.0, OperatingPoint(20.0, 100.0)) == "+"
-    assert found.symbol(1.0, OperatingPoint(90.0, 100.0)) == "0"
-    assert found.symbol(0.0, OperatingPoint(90.0, 100.0)) == "-"
+    assert found.symbol(1.0, VibrationOperatingPoint(20.0, 100.0)) == "+"
+    assert found.symbol(1.0, VibrationOperatingPoint(90.0, 100.0)) == "0"
+    assert found.symbol(0.0, VibrationOperatingPoint(90.0, 100.0)) == "-"
     # Outside of what was seen the nearest end counts; an unknown point is not guessed at.
-    assert found.at(OperatingPoint(900.0, 100.0)) == found.at(
-        OperatingPoint(found.speed_rad_s[1], 100.0)
+    assert found.at(VibrationOperatingPoint(900.0, 100.0)) == found.at(
+        VibrationOperatingPoint(found.speed_rad_s[1], 100.0)
     )
-    assert found.symbol(1.0, OperatingPoint()) == "?"
-    assert math.isfinite(found.at(OperatingPoint(90.0))[0])
+    assert found.symbol(1.0, VibrationOperatingPoint()) == "?"
+    assert math.isfinite(found.at(VibrationOperatingPoint(90.0))[0])
 
 
 def test_symbols_tell_little_from_much() -> None:
     found = NominalRange((10.0,), -1.0, 1.0, much=(3.0, 5.0))
     values = [6.9, 7.1, 8.9, 9.1, 10.9, 11.1, 14.9, 15.1, math.nan]
-    assert [found.symbol(v, OperatingPoint()) for v in values] == [
+    assert [found.symbol(v, VibrationOperatingPoint()) for v in values] == [
         "--", "-", "-", "0", "0", "+", "+", "++", "?",
     ]  # fmt: skip
 
@@ -199,7 +203,14 @@ def test_symbols_tell_little_from_much() -> None:
 def test_the_upper_part_of_the_range_has_a_symbol_of_its_own() -> None:
     found = NominalRange((10.0,), -1.0, 1.0, upper=0.4)
     values = [8.9, 9.1, 10.3, 10.5, 10.9, 11.1]
-    assert [found.symbol(v, OperatingPoint()) for v in values] == ["-", "0", "0", "0^", "0^", "+"]
+    assert [found.symbol(v, VibrationOperatingPoint()) for v in values] == [
+        "-",
+        "0",
+        "0",
+        "0^",
+        "0^",
+        "+",
+    ]
 
 
 @given(

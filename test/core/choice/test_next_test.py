@@ -12,31 +12,31 @@ from support.places import ROOT
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.choice.next_test import (
     MOTIONS,
-    Motion,
+    LikelihoodTest,
+    PlannedMotion,
     StandTest,
     Suspect,
-    Weighing,
     feature_tests,
     motion_tests,
     next_tests,
     planned,
 )
 from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
-from flea_diag.core.likelihood.likelihood import Evidence
+from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.residuals.parameters import ActuatorParameters
 
 P = ActuatorParameters()
 DROP_NATS = 3.5
 MODELS = (DRAG, BIAS, LOAD)
-SHORT = Motion("to and fro", 0.03, 4.0, 100.0, 4.0)
+SHORT = PlannedMotion("to and fro", 0.03, 4.0, 100.0, 4.0)
 TRUE_SIZES = {"drag": (40.0, 100.0), "bias": (0.3,), "load": (40.0, 0.0)}
-WEIGHING = Weighing(MODELS, SIGMA, SPACING, TOLERANCE, DROP_NATS)
+TEST = LikelihoodTest(MODELS, SIGMA, SPACING, TOLERANCE, DROP_NATS)
 
 
-def window(model: FaultModel, phi: np.ndarray, random: np.random.Generator) -> Evidence:
+def window(model: FaultModel, phi: np.ndarray, random: np.random.Generator) -> NormalEquations:
     """Noisy residuals of a fault over a window; as coloured as the likelihood takes it."""
     at = {name: place for place, name in enumerate(REGRESSORS)}
-    evidence = Evidence(RESIDUALS)
+    evidence = NormalEquations(RESIDUALS)
     rows = {}
     for name in RESIDUALS:
         effect = sum(
@@ -51,7 +51,7 @@ def window(model: FaultModel, phi: np.ndarray, random: np.random.Generator) -> E
     return evidence
 
 
-def suspects(evidence: Evidence, *models: FaultModel) -> list[Suspect]:
+def suspects(evidence: NormalEquations, *models: FaultModel) -> list[Suspect]:
     fits = evidence.fit(models, SIGMA, SPACING, TOLERANCE)
     best = max(fit.log_likelihood for fit in fits)
     weights = [math.exp(fit.log_likelihood - best) for fit in fits]
@@ -64,10 +64,10 @@ def suspects(evidence: Evidence, *models: FaultModel) -> list[Suspect]:
 def test_the_expected_size_is_what_trials_of_the_test_give() -> None:
     """Drag against a load bias, after motion one way only; then the planned motion, 60 times."""
     random = np.random.default_rng(5)
-    one_way = planned(P, Motion("out", 0.03, 4.0, 100.0, 0.6))
+    one_way = planned(P, PlannedMotion("out", 0.03, 4.0, 100.0, 0.6))
     before = window(DRAG, one_way, random)
     group = suspects(before, DRAG, LOAD)
-    (foreseen,) = motion_tests(group, before, WEIGHING, P, motions=(SHORT,))
+    (foreseen,) = motion_tests(group, before, TEST, P, motions=(SHORT,))
     left = []
     for _ in range(60):
         after = window(DRAG, np.vstack([one_way, planned(P, SHORT)]), random)
@@ -84,15 +84,15 @@ def test_faults_of_one_and_the_same_model_are_split_by_no_motion() -> None:
     evidence = window(DRAG, planned(P, SHORT), np.random.default_rng(1))
     fit, same = evidence.fit((DRAG, twin), SIGMA, SPACING, TOLERANCE)
     group = [Suspect("drag", 0.5, fit), Suspect("twin", 0.5, same)]
-    weighing = Weighing((DRAG, twin), SIGMA, SPACING, TOLERANCE, DROP_NATS)
-    assert motion_tests(group, evidence, weighing, P) == ()
+    test = LikelihoodTest((DRAG, twin), SIGMA, SPACING, TOLERANCE, DROP_NATS)
+    assert motion_tests(group, evidence, test, P) == ()
 
 
 def test_a_fault_without_a_model_is_neither_dropped_nor_predicted() -> None:
     evidence = window(DRAG, planned(P, SHORT), np.random.default_rng(1))
     (fit,) = evidence.fit((DRAG,), SIGMA, SPACING, TOLERANCE)
     group = [Suspect("drag", 0.5, fit), Suspect("spall", 0.5)]
-    assert motion_tests(group, evidence, WEIGHING, P) == ()
+    assert motion_tests(group, evidence, TEST, P) == ()
 
 
 def test_foreseen_evidence_is_that_of_the_samples_without_noise() -> None:

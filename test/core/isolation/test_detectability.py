@@ -10,7 +10,7 @@ from flea_diag import configuration
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
-from flea_diag.core.isolation.detectability import least_constants, unseen
+from flea_diag.core.isolation.detectability import smallest_detectable_offsets, undetectable
 from flea_diag.stages.isolator.quantitative_isolation import Weighing
 
 SECOND = ("motor_speed", "load_position", "commanded_voltage")
@@ -43,10 +43,10 @@ def single(electrical_v: float) -> Calibration:
 
 def silent(stand: Calibration) -> tuple[str, ...]:
     known = configuration.knowledge(stand)
-    return unseen(known.faults, Weighing(stand).models, stand)
+    return undetectable(known.faults, Weighing(stand).models, stand)
 
 
-def test_with_an_encoder_and_a_second_position_nothing_of_a_sensor_stays_unseen():
+def test_with_an_encoder_and_a_second_position_nothing_of_a_sensor_stays_undetectable():
     assert silent(whole()) == ()
 
 
@@ -71,6 +71,6 @@ def test_the_least_offset_is_that_of_the_finest_test():
     )
     limits = (ResidualLimit("parity_mechanical", windows, (1.0,) * 3),)
     stand = replace(whole(), limits=limits, shifts=())
-    assert least_constants(stand) == {"parity_mechanical": 9.0}
+    assert smallest_detectable_offsets(stand) == {"parity_mechanical": 9.0}
     shifts = (MeanShiftLimit("parity_mechanical", 400, 1.0, 5.0),)
-    assert least_constants(replace(stand, shifts=shifts)) == {"parity_mechanical": 5.0}
+    assert smallest_detectable_offsets(replace(stand, shifts=shifts)) == {"parity_mechanical": 5.0}

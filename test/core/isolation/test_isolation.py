@@ -101,14 +101,14 @@ def test_every_hypothesis_carries_the_evidence():
     isolation = fresh()
     isolation.observe(5, "parity_mechanical_dn", "+", "?", BOTH)
     for hypothesis in isolation.hypotheses.values():
-        (finding,) = hypothesis.findings
-        assert (finding.stamp_ns, finding.source) == (5, "parity_mechanical_dn")
-        assert finding.observed == "+?"
-        assert finding.words
-        assert finding.kept is (hypothesis.why_dropped == "")
+        (check,) = hypothesis.checks
+        assert (check.stamp_ns, check.source) == (5, "parity_mechanical_dn")
+        assert check.observed == "+?"
+        assert check.words
+        assert check.kept is (hypothesis.why_dropped == "")
     jam = isolation.hypotheses["jam"]
-    assert jam.findings[0].predicted
-    assert jam.findings[0].path
+    assert jam.checks[0].predicted
+    assert jam.checks[0].path
     assert "screw_coulomb_friction+" in jam.deviation
     assert isolation.hypotheses["rotor_eccentricity"].deviation == "vibration only"
     dropped = isolation.hypotheses["winding_open"]
@@ -128,7 +128,7 @@ def test_the_dropped_stay_dropped_and_keep_their_first_reason():
     reason = isolation.hypotheses["jam"].why_dropped
     isolation.observe(6, "parity_mechanical", "+", "?", OUT)
     assert isolation.hypotheses["jam"].why_dropped == reason
-    assert len(isolation.hypotheses["jam"].findings) == 1
+    assert len(isolation.hypotheses["jam"].checks) == 1
 
 
 SYMBOLS = st.tuples(
@@ -162,13 +162,13 @@ def test_a_symbol_against_all_that_is_left_is_overruled_once_settled():
     for settled in (False, True):
         isolation = fresh()
         isolation.observe(1, "parity_mechanical_dn", "+", "?", BOTH)
-        isolation.weigh(
+        isolation.apply_likelihoods(
             2, [Fit(n, 50.0 * (n == "jam"), (1.0,), (0.1,)) for n in alive(isolation)], 5
         )
         assert alive(isolation) == {"jam"}
         isolation.observe(3, "motor_temperature_noise", "+", "?", BOTH, settled)
         assert alive(isolation) == ({"jam"} if settled else set())
-        last = isolation.hypotheses["jam"].findings[-1]
+        last = isolation.hypotheses["jam"].checks[-1]
         assert last.observed == "+?"
         assert ("not held against this one" in last.words) is settled
 
@@ -178,7 +178,7 @@ def test_likelihood_drops_what_is_far_behind_and_ranks_the_rest():
     isolation.observe(1, "parity_mechanical_dn", "+", "?", BOTH)
     gains = {"jam": 40.0, "ball_nut_friction": 38.0, "load_force_bias": 10.0}
     fits = [Fit(name, gain, (80.0,), (5.0,)) for name, gain in gains.items()]
-    isolation.weigh(2, [*fits, Fit("jam", 12.0, (1.0,), (1.0,))], 5.0)
+    isolation.apply_likelihoods(2, [*fits, Fit("jam", 12.0, (1.0,), (1.0,))], 5.0)
     names = [h.name for h in isolation.alive()]
     assert names[:2] == ["jam", "ball_nut_friction"]
     assert isolation.hypotheses["jam"].log_likelihood == 40.0
@@ -235,7 +235,7 @@ def test_noise_that_stays_out_is_ruled_out_early_but_where_a_reading_jumped(devi
 
 def test_a_feature_leaves_what_it_names():
     isolation = fresh()
-    isolation.believe(3, "accelerometer_2_std", "1", {"jam": 0.7, "spall": 0.3})
+    isolation.update(3, "accelerometer_2_std", "1", {"jam": 0.7, "spall": 0.3})
     assert [(h.name, h.probability) for h in isolation.alive()] == [("jam", 0.7), ("spall", 0.3)]
-    finding = isolation.hypotheses["winding_short"].findings[-1]
-    assert (finding.source, finding.observed, finding.kept) == ("accelerometer_2_std", "1", False)
+    check = isolation.hypotheses["winding_short"].checks[-1]
+    assert (check.source, check.observed, check.kept) == ("accelerometer_2_std", "1", False)

@@ -15,7 +15,7 @@ from flea_diag.core.likelihood.fault_models import (
     Size,
     Term,
 )
-from flea_diag.core.likelihood.likelihood import Evidence
+from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES
 
 UNITS = len(TOLERANCE)
@@ -51,8 +51,8 @@ def effect(model: FaultModel, sizes, columns) -> np.ndarray:
     return y
 
 
-def evidence(y: np.ndarray, columns) -> Evidence:
-    found = Evidence(RESIDUALS)
+def evidence(y: np.ndarray, columns) -> NormalEquations:
+    found = NormalEquations(RESIDUALS)
     table = np.stack([columns[name] for name in REGRESSORS], axis=1)
     for start in range(0, len(table), 37):
         found.add(y.T[start : start + 37], table[start : start + 37])
@@ -83,7 +83,7 @@ def reference(model: FaultModel | None, y, columns):
     return 2 * found.cost, found.x[:count] / scale[:count]
 
 
-def fits(found: Evidence, models=MODELS):
+def fits(found: NormalEquations, models=MODELS):
     return found.fit(models, SIGMA, SPACING, TOLERANCE)
 
 
@@ -115,7 +115,7 @@ def test_a_viscous_drag_is_fitted_however_sharp_a_temperature_is():
     columns, node = window(5), "ambient_temperature"
     columns["elapsed_s"] = np.linspace(0.0, 30.0, 300)
     y = effect(DRAG, (0.0, 400.0), columns)[0] + np.random.default_rng(5).normal(0.0, 2.0, 300)
-    found = Evidence((MECHANICAL, node))
+    found = NormalEquations((MECHANICAL, node))
     table = np.stack([columns[name] for name in REGRESSORS], axis=1)
     found.add(np.stack((y, np.zeros(300)), axis=1), table)
     sigma, spacing = {MECHANICAL: 4.0, node: 1e-4}, {MECHANICAL: 40.0, node: 40.0}
@@ -182,7 +182,7 @@ def test_a_fault_that_scatters_forgives_a_rough_effect_and_pays_for_it():
 
 
 def test_without_evidence_there_is_no_preference():
-    for fit in fits(Evidence(RESIDUALS)):
+    for fit in fits(NormalEquations(RESIDUALS)):
         assert fit.log_likelihood == pytest.approx(0.0, abs=2.0)
         assert all(math.isfinite(size) for size in fit.sizes)
 
@@ -253,7 +253,7 @@ def test_an_open_winding_pays_for_a_drive_nearer_to_its_command_only_where_there
     noise = np.random.default_rng(seed).standard_normal((2, count))
     y = np.stack((np.full(count, np.nan), voltage + 0.3 * noise[0],
                   lost_drop * columns["commanded_voltage_v"] + 0.1 * noise[1]))  # fmt: skip
-    found = Evidence(residuals)
+    found = NormalEquations(residuals)
     found.add(y.T, np.stack([columns[name] for name in REGRESSORS], axis=1))
     lost = Size("share lost", "1", 0.7, 1.1)
     plain = FaultModel("plain", (lost,), (Term(ELECTRICAL, "driving_voltage_v", 1.0),))
@@ -285,7 +285,7 @@ def test_a_bias_of_a_temperature_is_told_from_a_scaling_once_more_changes_than_a
     columns |= {"one": np.ones(count), "elapsed_s": elapsed, "motor_temperature_degc": expected}
     heated_k = 0.02 * (15.0 + elapsed)
     y = 0.15 * expected + heated_k + 0.1 * np.random.default_rng(7).standard_normal(count)
-    found = Evidence((node,))
+    found = NormalEquations((node,))
     found.add(y[:, None], np.stack([columns[name] for name in REGRESSORS], axis=1))
     one, other = found.fit((bias, scaling), {node: 0.5}, {node: 20.0}, TOLERANCE)
     assert (other.log_likelihood - one.log_likelihood > 3.5) is told_apart

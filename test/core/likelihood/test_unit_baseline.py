@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from flea_diag.core.likelihood.fault_models import REGRESSORS
-from flea_diag.core.likelihood.likelihood import Evidence
+from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.likelihood.sensor_models import sensor_models
 from flea_diag.core.likelihood.unit_baseline import (
     LEAST_PIECES,
     LEFT_OUT,
     PIECE_SCANS,
-    HealthyStretch,
+    UnitBaseline,
 )
 from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residuals.residual import UNIT_PARAMETERS
@@ -36,8 +36,8 @@ def scans(seed: int, count: int, current_bias_a: float = 0.0, zero_v: float = 0.
         yield np.array(error) * current_bias_a + (0.0, zero_v) + noise, regressors
 
 
-def stretch(seen) -> HealthyStretch:
-    found = HealthyStretch(RESIDUALS)
+def stretch(seen) -> UnitBaseline:
+    found = UnitBaseline(RESIDUALS)
     for values, regressors in seen:
         found.add(values[None], regressors[None])
     return found
@@ -73,13 +73,13 @@ def test_what_is_old_fades():
 
 def test_a_known_zero_of_the_voltage_tells_a_current_bias_from_a_load_bias():
     zero_v = 0.7  # another unit's voltage channel: within what healthy units differ by
-    episode = Evidence(RESIDUALS)
+    episode = NormalEquations(RESIDUALS)
     for values, regressors in scans(5, 500, current_bias_a=0.35, zero_v=zero_v):
         episode.add(values[None], regressors[None])
     models = [m for m in sensor_models(P) if m.fault in ("motor_current_bias", "load_force_bias")]
     healthy = stretch(scans(6, PIECE_SCANS * 12, zero_v=zero_v)).evidence
 
-    def ahead(known: Evidence | None) -> float:
+    def ahead(known: NormalEquations | None) -> float:
         fits = episode.fit(models, SIGMA, SPACING, TOLERANCE, known, RESIDUALS[1:])
         by_fault = {fit.fault: fit.log_likelihood for fit in fits}
         return by_fault["motor_current_bias"] - by_fault["load_force_bias"]
@@ -91,7 +91,7 @@ def test_a_known_zero_of_the_voltage_tells_a_current_bias_from_a_load_bias():
 
 
 def test_only_relations_that_are_named_show_the_units_own():
-    episode = Evidence(RESIDUALS)
+    episode = NormalEquations(RESIDUALS)
     for values, regressors in scans(5, 500, current_bias_a=0.1):
         episode.add(values[None], regressors[None])
     models = [m for m in sensor_models(P) if m.fault == "motor_current_bias"]
@@ -105,7 +105,7 @@ def test_only_relations_that_are_named_show_the_units_own():
 def test_blocks_show_the_same_as_single_scans(block):
     seen = list(scans(7, PIECE_SCANS * 13))
     values, regressors = (np.array(column) for column in zip(*seen, strict=True))
-    found = HealthyStretch(RESIDUALS)
+    found = UnitBaseline(RESIDUALS)
     for start in range(0, len(values), block):
         part = slice(start, start + block)
         found.add(values[part], regressors[part])

@@ -1,4 +1,4 @@
-"""Ranges of levels, against the sentinel that they are for and against fresh healthy units."""
+"""Ranges of levels, against the monitor that they are for and against fresh healthy units."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from flea_diag.core.vibration.level_learning import LEAST_RUNS, Levels, gumbel, 
 from flea_diag.core.vibration.nominal_range import (
     NominalRange,
     NominalRanges,
-    OperatingPoint,
+    VibrationOperatingPoint,
     learn_nominal,
 )
-from flea_diag.core.vibration.vibration_monitor import RAISED, Sentinel
+from flea_diag.core.vibration.vibration_monitor import RAISED, VibrationMonitor
 
 AXIS = "accelerometer_2_x"
 RATE = 0.05
@@ -22,16 +22,16 @@ RATE = 0.05
 def watch(nominal: NominalRange, run: Levels) -> bool:
     """Whether a run raises the alarm."""
     ranges = NominalRanges(levels={AXIS: nominal}, resting_levels={AXIS: nominal})
-    sentinel = Sentinel(ranges)
+    monitor = VibrationMonitor(ranges)
     found = []
     for point, levels in run:
-        sentinel.motion(point.speed_rad_s, point.load_n)
-        found.append(sentinel.step(tuple(levels), tuple(levels.values())))
+        monitor.motion(point.speed_rad_s, point.load_n)
+        found.append(monitor.step(tuple(levels), tuple(levels.values())))
     return any(alarm is not None for alarm in found)
 
 
 def constant_motion(values: np.ndarray) -> Levels:
-    return [(OperatingPoint(80.0, 100.0), {AXIS: float(value)}) for value in values]
+    return [(VibrationOperatingPoint(80.0, 100.0), {AXIS: float(value)}) for value in values]
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -53,7 +53,7 @@ def healthy_units(seed: int, count: int) -> list[Levels]:
         for k in range(120):
             speed = 90.0 if k % 40 < 25 else 2.0
             level = (0.2 + speed / 100.0) * np.exp(own + 0.15 * draw.normal())
-            run.append((OperatingPoint(speed, 100.0), {AXIS: float(level)}))
+            run.append((VibrationOperatingPoint(speed, 100.0), {AXIS: float(level)}))
         runs.append(run)
     return runs
 
@@ -88,8 +88,12 @@ def test_a_rate_that_no_run_of_these_shows_is_predicted_by_the_law_of_the_larges
 def test_levels_at_rest_are_another_range_and_few_runs_make_none() -> None:
     runs = healthy_units(3, 40)
     moving, resting = (learn_levels(runs, RATE, moving=state)[AXIS] for state in (True, False))
-    assert moving.centre(OperatingPoint(90.0, 100.0)) == pytest.approx(np.log(1.1), abs=0.1)
-    assert resting.centre(OperatingPoint(2.0, 100.0)) == pytest.approx(np.log(0.22), abs=0.1)
+    assert moving.centre(VibrationOperatingPoint(90.0, 100.0)) == pytest.approx(
+        np.log(1.1), abs=0.1
+    )
+    assert resting.centre(VibrationOperatingPoint(2.0, 100.0)) == pytest.approx(
+        np.log(0.22), abs=0.1
+    )
     assert moving.count == resting.count == 40
     assert learn_levels(runs[: LEAST_RUNS - 1], RATE, moving=True) == {}
 

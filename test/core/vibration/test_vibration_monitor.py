@@ -3,31 +3,37 @@ from __future__ import annotations
 import pytest
 
 from flea_diag.core.vibration.nominal_range import NominalRange, NominalRanges
-from flea_diag.core.vibration.vibration_monitor import BLOCKS, RAISED, SCANS, Alarm, Sentinel
+from flea_diag.core.vibration.vibration_monitor import (
+    BLOCKS,
+    RAISED,
+    SCANS,
+    VibrationAlarm,
+    VibrationMonitor,
+)
 
 AXIS = "accelerometer_2_z"
 
 
-def sentinel(limit: float = 2.0) -> Sentinel:
+def monitor(limit: float = 2.0) -> VibrationMonitor:
     """One that hears the same level in motion and at rest."""
     nominal = {AXIS: NominalRange((1.0,), -1.0, limit - 1.0)}
-    watch = Sentinel(NominalRanges(levels=nominal, resting_levels=nominal))
+    watch = VibrationMonitor(NominalRanges(levels=nominal, resting_levels=nominal))
     watch.motion(100.0, 50.0)
     return watch
 
 
-def alarms(watch: Sentinel, levels: list[float]) -> list[str | None]:
+def alarms(watch: VibrationMonitor, levels: list[float]) -> list[str | None]:
     found = [watch.step((AXIS,), (level,)) for level in levels]
     return [alarm and alarm.axis for alarm in found]
 
 
 def test_loud_blocks_raise_the_alarm_when_they_are_many():
-    found = alarms(sentinel(), [3.0] * RAISED)
+    found = alarms(monitor(), [3.0] * RAISED)
     assert found == [None] * (RAISED - 1) + [AXIS]
 
 
 def test_the_alarm_says_level_range_and_how_often():
-    watch = sentinel()
+    watch = monitor()
     alarms(watch, [1.0, *[3.0] * (RAISED - 1)])
     alarm = watch.step((AXIS,), (3.0,))
     assert alarm is not None
@@ -37,7 +43,7 @@ def test_the_alarm_says_level_range_and_how_often():
     )
 
 
-def impulses(watch: Sentinel, kurtosis: list[float]) -> list[Alarm | None]:
+def impulses(watch: VibrationMonitor, kurtosis: list[float]) -> list[VibrationAlarm | None]:
     """Blocks of a level that is nominal."""
     return [watch.step((AXIS,), (1.0,), (value,)) for value in kurtosis]
 
@@ -47,12 +53,12 @@ def test_what_strikes_is_heard_at_a_level_that_is_nominal() -> None:
         levels={AXIS: NominalRange((1.0,), -1.0, 1.0)},
         kurtosis={AXIS: NominalRange((3.0,), -1.0, 1.0)},
     )
-    watch, resting = Sentinel(nominal), Sentinel(nominal)
+    watch, resting = VibrationMonitor(nominal), VibrationMonitor(nominal)
     watch.motion(100.0, 50.0)
     resting.motion(0.0, 50.0)
     found = impulses(watch, [9.0] * RAISED)
     assert found[:-1] == [None] * (RAISED - 1)
-    assert found[-1] == Alarm(
+    assert found[-1] == VibrationAlarm(
         AXIS,
         "kurtosis",
         "+",
@@ -63,7 +69,7 @@ def test_what_strikes_is_heard_at_a_level_that_is_nominal() -> None:
 
 
 def test_one_block_in_two_with_a_knock_is_no_alarm_and_old_bags_have_no_kurtosis() -> None:
-    watch = Sentinel(NominalRanges(kurtosis={AXIS: NominalRange((3.0,), -1.0, 1.0)}))
+    watch = VibrationMonitor(NominalRanges(kurtosis={AXIS: NominalRange((3.0,), -1.0, 1.0)}))
     watch.motion(100.0, 50.0)
     assert impulses(watch, [30.0, 3.0] * BLOCKS) == [None] * (2 * BLOCKS)
     assert alarms(watch, [9.0] * BLOCKS) == [None] * BLOCKS
@@ -71,11 +77,11 @@ def test_one_block_in_two_with_a_knock_is_no_alarm_and_old_bags_have_no_kurtosis
 
 def test_a_few_loud_blocks_among_quiet_ones_do_not():
     pattern = ([3.0] * (RAISED - 1) + [1.0] * (BLOCKS - RAISED + 1)) * 5
-    assert alarms(sentinel(), pattern) == [None] * len(pattern)
+    assert alarms(monitor(), pattern) == [None] * len(pattern)
 
 
 def test_the_alarm_ends_with_the_noise():
-    watch = sentinel()
+    watch = monitor()
     alarms(watch, [3.0] * BLOCKS)
     later = alarms(watch, [1.0] * BLOCKS)
     assert later[BLOCKS - RAISED - 1] == AXIS
@@ -83,22 +89,22 @@ def test_the_alarm_ends_with_the_noise():
 
 
 def test_a_sensor_that_dies_is_an_alarm_too_but_both_sides_are_not_added_up():
-    loud, dead = sentinel(), sentinel()
+    loud, dead = monitor(), monitor()
     for watch, level, side in ((loud, 3.0, "+"), (dead, -1.0, "-")):
         alarms(watch, [level] * (RAISED - 1))
         alarm = watch.step((AXIS,), (level,))
         assert alarm is not None
         assert (alarm.axis, alarm.side) == (AXIS, side)
-    assert alarms(sentinel(), [-1.0, 3.0] * (RAISED - 1)) == [None] * (2 * RAISED - 2)
+    assert alarms(monitor(), [-1.0, 3.0] * (RAISED - 1)) == [None] * (2 * RAISED - 2)
 
 
 def test_what_was_never_learned_is_silent():
-    watch = sentinel()
+    watch = monitor()
     assert [watch.step(("other",), (99.0,)) for _ in range(BLOCKS)] == [None] * BLOCKS
 
 
 def test_loud_blocks_count_however_long_the_actuator_rests_between_them():
-    watch = sentinel()
+    watch = monitor()
     found = []
     for _ in range(RAISED):
         found += alarms(watch, [3.0])
@@ -114,7 +120,7 @@ def test_loud_blocks_count_however_long_the_actuator_rests_between_them():
 def test_the_range_follows_the_speed(speed, alarm):
     # Centre ln(0.1 + speed / 100): a level of 1.1 is nominal at full speed, loud at low speed.
     nominal = NominalRange((0.0, 1.0), -9.0, 0.2, logarithmic=True, speed_rad_s=(0.0, 200.0))
-    watch = Sentinel(NominalRanges(levels={AXIS: nominal}))
+    watch = VibrationMonitor(NominalRanges(levels={AXIS: nominal}))
     for _ in range(20):
         watch.motion(speed, 50.0)
     assert alarms(watch, [1.1] * RAISED)[-1] == alarm
