@@ -15,7 +15,7 @@ from flea_diag.core.choice.next_test import (
     planned,
 )
 from flea_diag.core.likelihood.fault_models import FaultModel
-from flea_diag.stages.isolator.episode import Episode
+from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.wire.records import NextTest
 
@@ -45,22 +45,22 @@ class Advice:
         for motion in MOTIONS:  # now, not when a verdict waits for it
             planned(knowledge.calibration.parameters, motion)
 
-    def tests(self, stamp_ns: int, episode: Episode, axes: Collection[str]) -> tuple[NextTest, ...]:
+    def tests(
+        self, stamp_ns: int, episode: FaultEpisode, axes: Collection[str]
+    ) -> tuple[NextTest, ...]:
         """Tests that would split what is left, the most gained for each second first."""
         suspects = [Suspect(h.name, h.probability, h.fit) for h in episode.isolation.alive()]
         if len(suspects) < 2:
             return ()
-        features, sensors = feature_tests(
-            suspects, self._k.features, axes, episode.inquiry.computed
-        )
+        features, sensors = feature_tests(suspects, self._k.features, axes, episode.query.computed)
         motions: tuple[StandTest, ...] = ()
-        if len(suspects) <= MOST_SUSPECTS and episode.scans:
+        if len(suspects) <= MOST_SUSPECTS and episode.evidence.scans:
             motions = motion_tests(
                 suspects,
-                episode.likelihood,
+                episode.evidence.equations,
                 self._test,
                 self._k.calibration.parameters,
-                (stamp_ns - episode.start_ns) / 1e9,
+                (stamp_ns - episode.shared.detected_ns) / 1e9,
             )
         ranked = next_tests(suspects, motions, features, sensors)[:MOST_TESTS]
         return tuple(

@@ -8,28 +8,21 @@ they are asked for anew on the next.
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-
-import numpy as np
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from flea_diag.core.choice.feature_choice import FeatureChooser
-from flea_diag.core.vibration.features_motion import reverses
 from flea_diag.core.vibration.nominal_range import FAST_RAD_S, MOVING_RAD_S, NEAR_FASTEST
+from flea_diag.stages.isolator.motion_window import MotionWindow
 from flea_diag.wire.records import FeatureRequest, FeatureValue
 
 Rules = tuple[tuple[int, float, float], ...]
 
 REVERSAL_NS = 2_000_000_000
 """So long a window with a reversal is waited for; half a period of the slowest usual motion."""
-LOOK_BACK_NS = 6_500_000_000
-"""So far back: the slowest usual motion, with its rests, is fast once in it."""
-RISING_NS = 200_000_000
 NO_SLOWER = 0.98
-"""A window that is no slower than any before, and faster in its last 0.2 s, is not the best yet."""
+"""A window that is no slower than any before, and still getting faster, is not the best yet."""
 LOOK_EVERY_NS = 100_000_000
 """More often than half a second, at which many a motion is always at the same place."""
 FASTEST_FIRST: Rules = (
@@ -44,7 +37,7 @@ RUBBING = frozenset(("jam", "ball_nut_friction"))
 
 
 @dataclass
-class Inquiry:
+class FeatureQuery:
     """Features of one episode.
 
     Parameters
@@ -87,23 +80,25 @@ class Inquiry:
         self.request = FeatureRequest(stamp_ns, episode, step, self.wanted, start_ns, end_ns)
         return self.request
 
-    def is_due(self, stamp_ns: int, pace: Pace) -> bool:
+    def is_due(self, stamp_ns: int, window: MotionWindow) -> bool:
         """Whether something is wanted, and there is a window to ask about."""
         if self.wanted is None or self._end_ns is not None:
             return self.wanted is not None
         waited_ns = stamp_ns - self.window_ns - self.since_ns
-        if waited_ns < 0 or not (waited_ns >= REVERSAL_NS or pace.reverses):
+        if waited_ns < 0 or not (waited_ns >= REVERSAL_NS or window.reverses):
             return False
         least, share = [taken for after_ns, *taken in self._rules if waited_ns >= after_ns][-1]
-        return pace.reaches(least) and (pace.reaches(FAST_RAD_S) or self._is_best(pace, share))
+        return window.reaches(least) and (
+            window.reaches(FAST_RAD_S) or self._is_best(window, share)
+        )
 
-    def _is_best(self, pace: Pace, share: float) -> bool:
+    def _is_best(self, window: MotionWindow, share: float) -> bool:
         """Whether this window of a slow motion is to be taken, for there will be none better."""
         if not share:
             return True
-        fastest = pace.fastest_rad_s(self.since_ns)
-        best_to_come = pace.rises and pace.reaches(NO_SLOWER * fastest)
-        return not best_to_come and pace.reaches(share * fastest)
+        fastest = window.fastest_rad_s(self.since_ns)
+        best_to_come = window.rises and window.reaches(NO_SLOWER * fastest)
+        return not best_to_come and window.reaches(share * fastest)
 
     def looks_out(self, stamp_ns: int) -> bool:
         """Whether it is time to look for a window once more; takes note that it is."""
@@ -141,68 +136,3 @@ class Inquiry:
         self._tried += (self.request.feature,)
         self._until_ns = self.request.window_end_ns
         self.request = None
-
-
-@dataclass
-class Pace:
-    """Speed of the shaft and load over the last window, and the fastest window of late."""
-
-    window_ns: int
-    _scans: deque[tuple[int, float, float]] = field(default_factory=deque)
-
-    def add(self, stamp_ns: int, speed_rad_s: float, load_n: float) -> None:
-        """One scan; not a number what is not measured."""
-        self.extend([(stamp_ns, speed_rad_s, load_n)])
-
-    def extend(self, scans: Iterable[tuple[int, float, float]]) -> None:
-        """Scans, one at least: stamp, speed and load of each."""
-        self._scans.extend(scans)
-        while self._scans[0][0] <= self._scans[-1][0] - self.history_ns:
-            self._scans.popleft()
-
-    @property
-    def history_ns(self) -> int:
-        """So far back scans are kept."""
-        return self.window_ns + LOOK_BACK_NS
-
-    def reaches(self, speed_rad_s: float) -> bool:
-        """Whether the shaft turned so fast, root mean square; true where nothing says."""
-        pace = _rms(scan[1] for scan in self._last(self.window_ns))
-        return not pace < speed_rad_s
-
-    @property
-    def rises(self) -> bool:
-        """Whether the shaft is faster now than in the window as a whole."""
-        now, whole = (
-            _rms(scan[1] for scan in self._last(reach)) for reach in (RISING_NS, self.window_ns)
-        )
-        return now > whole
-
-    def fastest_rad_s(self, since_ns: int) -> float:
-        """Root mean square speed of the fastest whole window since then; 0 where nothing says."""
-        scans = [scan for scan in self._scans if scan[0] > since_ns]
-        stamps_ns = np.array([stamp_ns for stamp_ns, _, _ in scans])
-        squares = np.square([speed for _, speed, _ in scans])
-        known = np.append(0, np.cumsum(np.isfinite(squares)))
-        sums = np.append(0.0, np.cumsum(np.nan_to_num(squares)))
-        ends = np.flatnonzero(stamps_ns - stamps_ns[:1] >= self.window_ns) + 1
-        starts = np.searchsorted(stamps_ns, stamps_ns[ends - 1] - self.window_ns, side="right")
-        means = (sums[ends] - sums[starts]) / np.maximum(known[ends] - known[starts], 1)
-        return math.sqrt(means.max(initial=0.0))
-
-    @property
-    def reverses(self) -> bool:
-        """Whether motion or load reverses in it."""
-        last = list(self._last(self.window_ns))
-        return reverses([scan[1] for scan in last], [scan[2] for scan in last])
-
-    def _last(self, reach_ns: int) -> Iterator[tuple[int, float, float]]:
-        """Scans of so long ago and later, the newest first."""
-        since_ns = self._scans[-1][0] - reach_ns if self._scans else 0
-        return itertools.takewhile(lambda scan: scan[0] > since_ns, reversed(self._scans))
-
-
-def _rms(values: Iterable[float]) -> float:
-    """Root mean square of those that are known; not a number where there are none."""
-    known = [value * value for value in values if math.isfinite(value)]
-    return math.sqrt(math.fsum(known) / len(known)) if known else math.nan

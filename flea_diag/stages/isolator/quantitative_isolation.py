@@ -1,9 +1,8 @@
-"""The quantitative half of isolation: which residuals are weighed, by which models, and when."""
+"""The quantitative half of isolation: fault models of this stand, and the baseline of its unit."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -16,17 +15,17 @@ from flea_diag.core.likelihood.fault_models import (
     drag_models,
     plant_models,
 )
-from flea_diag.core.likelihood.likelihood import NormalEquations
+from flea_diag.core.likelihood.likelihood import Fit
 from flea_diag.core.likelihood.sensor_models import sensor_models
 from flea_diag.core.likelihood.unit_baseline import UnitBaseline
-from flea_diag.stages.isolator.episode import MOTION_ONLY, Episode, relation
+from flea_diag.stages.isolator.episode_evidence import MOTION_ONLY
+from flea_diag.stages.isolator.fault_episode import FaultEpisode, relation
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import Residual
 
 Array = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
 
-WEIGHED = (
+QUANTIFIED = (
     "parity_mechanical",
     "parity_electrical",
     DRIVE,
@@ -37,23 +36,22 @@ WEIGHED = (
     "ambient_temperature",
 )
 """Residuals that the quantitative fault models explain."""
-SHOWN = ("parity_electrical",)
+BASELINE = ("parity_electrical",)
 """Relations in which a unit shows its own parameters. Not the one with friction: a drag that is
 there from the start would pass for the unit's."""
-SHOWN_BEFORE = (*SHOWN, *MOTION_ONLY)
+BASELINE_BEFORE_SHIFT = (*BASELINE, *MOTION_ONLY)
 """Where the relation with friction left its own level of this run, its drag is not of the start."""
-WEIGH_EVERY_NS = 500_000_000
 
 
-class Weighing:
-    """Models of the faults on this stand, and what its unit showed while it was healthy.
+class QuantitativeIsolation:
+    """Models of the faults on this stand, and the baseline of its unit.
 
     Attributes
     ----------
     names
-        Residuals that are weighed here.
+        Residuals of this stand that the models explain.
     models
-        Of the faults that move one of them: any other cannot be weighed on this stand.
+        Of the faults that move one of them: of any other no likelihood can be had here.
     """
 
     def __init__(self, calibration: Calibration) -> None:
@@ -62,79 +60,84 @@ class Weighing:
         self._sigma = {limit.name: limit.sigma[0] for limit in limits}
         self._own_sigma = self._sigma | _own_sigma(calibration)
         self._correlation = {limit.name: limit.correlation_samples for limit in limits}
-        self.names = tuple(name for name in WEIGHED if name in self._sigma)
-        self.models = self._told(plant_models(fitted) + sensor_models(fitted, DRIVE in self.names))
-        self._dragging = self._told(drag_models(fitted, dragging=True))
-        self._healthy = UnitBaseline(self.names)
+        self.names = tuple(name for name in QUANTIFIED if name in self._sigma)
+        self.models = self._of_stand(
+            plant_models(fitted) + sensor_models(fitted, DRIVE in self.names)
+        )
+        self._dragging = self._of_stand(drag_models(fitted, dragging=True))
+        self._baseline = UnitBaseline(self.names)
         self._waiting: list[Residual] = []
 
-    def _told(self, models: tuple[FaultModel, ...]) -> tuple[FaultModel, ...]:
+    def _of_stand(self, models: tuple[FaultModel, ...]) -> tuple[FaultModel, ...]:
         """Models that move one of the residuals of this stand."""
         return tuple(m for m in models if any(term.residual in self.names for term in m.terms))
 
-    def begin(self) -> NormalEquations:
-        """An episode begins: what the unit shows from now on is not its healthy self."""
+    def interrupt_baseline(self) -> None:
+        """An episode begins: what the unit shows from now on is not its baseline."""
         self._waiting.clear()
-        self._healthy.interrupt()
-        return NormalEquations(self.names)
+        self._baseline.interrupt()
 
     def forget(self) -> None:
-        """Another unit is in use: what the last one showed says nothing of it."""
+        """Another unit is in use: the baseline of the last one says nothing of it."""
         self._waiting.clear()
-        self._healthy = UnitBaseline(self.names)
+        self._baseline = UnitBaseline(self.names)
 
-    def see(self, record: Residual) -> None:
-        """``show`` for one scan; those that are kept wait until their piece is over."""
+    def learn_scan(self, record: Residual) -> None:
+        """``learn`` for one scan; those that are kept wait until their piece is over."""
         if self._waiting and record.names != self._waiting[0].names:
             self._keep()
-        if self._healthy.count():
+        if self._baseline.count():
             self._waiting.append(record)
-        if self._healthy.is_piece_over:
+        if self._baseline.is_piece_over:
             self._keep()
 
     def _keep(self) -> None:
         """What waits is taken in."""
         if self._waiting:
-            self._healthy.keep(*self._shown(block_of(*self._waiting)))
+            self._baseline.keep(*self._of_baseline(block_of(*self._waiting)))
             self._waiting.clear()
 
-    def show(self, block: ResidualBlock) -> None:
-        """What the unit shows of itself while nothing deviates."""
+    def learn(self, block: ResidualBlock) -> None:
+        """Scans without a deviation: what the unit shows of itself."""
         self._keep()
-        self._healthy.add(*self._shown(block))
+        self._baseline.add(*self._of_baseline(block))
 
-    def _shown(self, block: ResidualBlock) -> tuple[Array, Array]:
+    def _of_baseline(self, block: ResidualBlock) -> tuple[Array, Array]:
         """Residuals in which a unit shows its parameters, NaN where it does not; regressors."""
         values = np.full((len(block), len(self.names)), np.nan)
         resting = block.regressors[:, -1] <= 0.5
         for column, name in enumerate(self.names):
-            if name in SHOWN_BEFORE and name in block.names:
+            if name in BASELINE_BEFORE_SHIFT and name in block.names:
                 values[:, column] = block.values[:, block.names.index(name)]
                 if name in MOTION_ONLY:
                     values[resting, column] = np.nan
         return values, block.regressors[:, : len(REGRESSORS)]
 
-    def weigh(self, stamp_ns: int, episode: Episode, drop_nats: float, gating: bool) -> None:
-        """Take the likelihoods of an episode's evidence into its isolation."""
-        alive = {hypothesis.name for hypothesis in episode.isolation.alive()}
-        silent = episode.is_silent
-        known = self._dragging if silent else self.models
+    def fits(self, episode: FaultEpisode) -> tuple[Fit, ...]:
+        """Fits of the faults that are left to the evidence of an episode; none where it has none.
+
+        The mechanical baseline counts where the unit was seen healthy before: the episode opened
+        by a shift of the mechanical relation, or vibration deviates and no relation does.
+        """
+        alive = set(episode.names())
+        vibration_only, shared = episode.is_vibration_only, episode.shared
+        known = self._dragging if vibration_only else self.models
         models = [model for model in known if model.fault in alive]
-        if not (models and (episode.symbols or silent) and episode.scans):
-            return
-        healthy = self._healthy.evidence
-        slid = relation(episode.shifted) in MOTION_ONLY and not episode.heard
-        own = healthy is not None and (slid or silent)
-        fits = episode.likelihood.fit(
+        if not (models and (episode.symbols or vibration_only) and episode.evidence.scans):
+            return ()
+        baseline = self._baseline.evidence
+        mechanical_shift = (
+            relation(shared.opening_shift) in MOTION_ONLY and not shared.opened_by_vibration
+        )
+        own = baseline is not None and (mechanical_shift or vibration_only)
+        return episode.evidence.equations.fit(
             models,
             self._own_sigma if own else self._sigma,
             self._correlation,
             self._tolerances,
-            healthy,
-            SHOWN_BEFORE if own else SHOWN,
+            baseline,
+            BASELINE_BEFORE_SHIFT if own else BASELINE,
         )
-        conclusive = episode.conclusive() or not gating
-        episode.isolation.apply_likelihoods(stamp_ns, fits, drop_nats if conclusive else math.inf)
 
 
 def _own_sigma(calibration: Calibration) -> dict[str, float]:
@@ -145,20 +148,7 @@ def _own_sigma(calibration: Calibration) -> dict[str, float]:
     found = {}
     for shift in calibration.shifts:  # of one relation, the longest window comes last
         limit = calibration.limit(shift.name)
-        if shift.name in SHOWN_BEFORE and limit is not None:
+        if shift.name in BASELINE_BEFORE_SHIFT and limit is not None:
             independent = shift.window / limit.correlation_samples
             found[shift.name] = min(shift.sigma * math.sqrt(independent), limit.sigma[0])
     return found
-
-
-def due(episode: Episode, stamp_ns: int) -> bool:
-    """Whether another half second of evidence is there; takes note that it is."""
-    number = round((stamp_ns - episode.start_ns) / WEIGH_EVERY_NS)
-    before, episode.weighed_at = episode.weighed_at, number
-    return number != before
-
-
-def weighings(episode: Episode, stamps_ns: Stamps) -> Iterator[int]:
-    """Ends of the stretches of a block after which likelihoods are due."""
-    numbers = np.rint((stamps_ns - episode.start_ns) / WEIGH_EVERY_NS)
-    yield from (np.flatnonzero(numbers != np.append(episode.weighed_at, numbers[:-1])) + 1).tolist()

@@ -9,7 +9,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.wire.records import NEVER_NS, STREAM, DataQuality, Quality, UnitOffset
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.wire.records import (
+    NEVER_NS,
+    STREAM,
+    ChannelTable,
+    DataQuality,
+    Quality,
+    UnitOffset,
+)
 
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
@@ -24,7 +32,7 @@ SEEN_MOVING = 50
 
 
 @dataclass
-class Standing:
+class StandStatus:
     """State of the stand, kept from scan to scan."""
 
     axes: tuple[str, ...] = ()
@@ -49,6 +57,11 @@ class Standing:
     """Since when the state observer has lost its track; never while it follows."""
     last_ns: int = NEVER_NS
     """Stamp of the newest scan."""
+
+    def take_table(self, table: ChannelTable, mismatch: str) -> None:
+        """What the stand says of itself, and what keeps the calibration from being used on it."""
+        self.axes = tuple(r.name for r in table.channels if r.name.startswith("accelerometer"))
+        self.mismatch, self.table_ns = mismatch, table.stamp_ns
 
     def take(self, quality: DataQuality) -> bool:
         """What the observer says of the data; whether it is another one than at our first scan."""
@@ -124,3 +137,21 @@ def rested(stamp_ns: Any, moved_ns: Any, rest_ns: float) -> Any:
 def astray(stamp_ns: Any, lost_ns: Any) -> Any:
     """Whether the state observer is off its track for good; for one scan, or for many."""
     return (lost_ns != NEVER_NS) & (stamp_ns - lost_ns >= LOST_NS)
+
+
+def mismatch(calibration: Calibration, table: ChannelTable) -> str:
+    """What keeps a calibration from being used on a stand with this channel table, or ""."""
+    here = {row.name for row in table.channels}
+    missing = [name for name in calibration.channels if name not in here]
+    if missing:
+        return (
+            f"the calibration is of a stand with {missing[0]}, this one has none: "
+            "calibrate on recordings of this stand"
+        )
+    voltage = table.info("motor_voltage")
+    if voltage is not None and voltage.sampling != calibration.voltage_sampling:
+        return (
+            f"the calibration is for a voltage sampled as {calibration.voltage_sampling!r}, this "
+            f"stand samples {voltage.sampling!r}: calibrate on recordings of this stand"
+        )
+    return ""

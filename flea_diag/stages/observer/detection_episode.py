@@ -1,4 +1,7 @@
-"""The observer's episode: opened by the first test beyond its limit, closed when all is quiet."""
+"""The detection side of an episode: opened by the first test beyond its limit, closed when quiet.
+
+``Episode`` is what the isolator knows of it, too; symbols and the quiet time are the observer's.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from flea_diag.core.detection import symbols
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.detection.symbols import SLOPE_S, UNKNOWN, SymbolState
 from flea_diag.core.residuals.residual_rows import RESIDUALS
+from flea_diag.stages.episode import Episode
 from flea_diag.wire.records import (
     EARLIER_LEVEL,
     NEVER_NS,
@@ -29,19 +33,22 @@ QUIET = 0.7
 """A test within this share of its limit is quiet."""
 
 
-class Deviation:
-    """Symbols of the open episode, if there is one, and for how long all has been quiet."""
+class DetectionEpisode:
+    """The open episode, if there is one: its symbols, and for how long all has been quiet."""
 
     def __init__(self, rearm_after_s: float) -> None:
         self._wait_ns = rearm_after_s * 1e9
-        self._number = 0
-        self.is_open = False
+        self._last_number = 0
         self.forget()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether an episode is open."""
+        return self.episode is not None
 
     def forget(self) -> None:
         """No episode is open; the next has the next number."""
-        self.is_open = False
-        self._taken_over = False
+        self.episode: Episode | None = None
         self._symbols: dict[int, SymbolState] = {}
         self._quiet_since_ns = NEVER_NS
 
@@ -51,19 +58,23 @@ class Deviation:
         It has no slopes, for nobody knows how a residual began, and quiet does not close it: what
         is the same as at the return looks quiet.
         """
-        self._number = number
-        self.is_open = self._taken_over = True
-        return Detection(opened_ns, number, True, "", math.nan, math.nan, TAKEN_OVER)
+        return self._begin(Detection(opened_ns, number, True, "", math.nan, math.nan, TAKEN_OVER))
+
+    def _begin(self, detection: Detection) -> Detection:
+        """An episode is open; the observer's number is the one that joins both sides."""
+        self._last_number = detection.episode
+        self.episode = Episode.of(detection, detection.episode)
+        return detection
 
     def follow(self, stamps_ns: Stamps, results: TestResults) -> int:
         """Go through n scans; the first in which something happens, or n if nothing does."""
         happens = results.deviating()
-        if not self.is_open:
+        if self.episode is None:
             return _first(np.any(happens, axis=1))
         happens &= ISOLATING
         happens[:, list(self._symbols)] = False
         event = np.any(happens, axis=1)
-        if self._taken_over:
+        if self.episode.taken_over:
             return _first(event)
         for j, state in self._symbols.items():
             if state.slope == UNKNOWN:
@@ -79,17 +90,17 @@ class Deviation:
     def step(self, stamp_ns: int, results: TestResults) -> tuple[Record, ...]:
         """Records of one scan."""
         deviating = results.deviating()[0]
-        if not self.is_open:
+        if self.episode is None:
             return self._open(stamp_ns, results, deviating) if deviating.any() else ()
         before = dict(self._symbols)
         for j in np.flatnonzero(deviating & ISOLATING).tolist():
             self._symbols.setdefault(j, symbols.crossed(*results.test(j), stamp_ns))
-        if not self._taken_over:
+        if not self.episode.taken_over:
             for j, state in self._symbols.items():
                 self._symbols[j] = symbols.later(state, *results.test(j), stamp_ns)
         changed = self._symbols != before
         out: tuple[Record, ...] = (self._symbol_record(stamp_ns),) if changed else ()
-        if self._taken_over:
+        if self.episode.taken_over:
             return out
         quiet_ns = int(self._quiet_ns(np.array([stamp_ns]), results)[0])
         self._quiet_since_ns = stamp_ns - quiet_ns if quiet_ns >= 0 else NEVER_NS
@@ -108,8 +119,6 @@ class Deviation:
         return quiet
 
     def _open(self, stamp_ns: int, results: TestResults, deviating: Flags) -> tuple[Record, ...]:
-        self._number += 1
-        self.is_open = True
         z, k, shift = results.z[0], results.k[0], results.shift[0]
         self._symbols = {
             j: symbols.crossed(*results.test(j), stamp_ns)
@@ -120,14 +129,16 @@ class Deviation:
             np.flatnonzero(deviating).tolist(),
             key=lambda j: (float(abs(z[j]) / k[j]), not math.isnan(shift[j])),
         )
-        detection = Detection(
-            stamp_ns,
-            self._number,
-            True,
-            RESIDUALS[first].name,
-            float(z[first]),
-            float(k[first]),
-            _test(int(results.window[0, first]), float(shift[first]), RESIDUALS[first].unit),
+        detection = self._begin(
+            Detection(
+                stamp_ns,
+                self._last_number + 1,
+                True,
+                RESIDUALS[first].name,
+                float(z[first]),
+                float(k[first]),
+                _test(int(results.window[0, first]), float(shift[first]), RESIDUALS[first].unit),
+            )
         )
         # An innovation detects and has no symbol: those of the relations follow.
         return (detection, self._symbol_record(stamp_ns)) if self._symbols else (detection,)
@@ -137,11 +148,11 @@ class Deviation:
             Symbol(RESIDUALS[j].name, state.magnitude, state.slope, state.since_ns)
             for j, state in sorted(self._symbols.items(), key=lambda item: item[1].since_ns)
         )
-        return Symbols(stamp_ns, self._number, tuple(rows))
+        return Symbols(stamp_ns, self._last_number, tuple(rows))
 
     def close(self, stamp_ns: int, why: str) -> Detection:
         """Close the open episode."""
-        closed = Detection(stamp_ns, self._number, False, "", math.nan, math.nan, why)
+        closed = Detection(stamp_ns, self._last_number, False, "", math.nan, math.nan, why)
         self.forget()
         return closed
 

@@ -13,7 +13,7 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.residual_rows import INDEX, TEMPERATURES
 from flea_diag.core.sensors.unit_change import UnitChange
 from flea_diag.stages.observer.channels import ChannelReadings, Channels
-from flea_diag.stages.observer.detection_episode import Deviation
+from flea_diag.stages.observer.detection_episode import DetectionEpisode
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.observer.residual_stream import ResidualStream, StreamOutput
 from flea_diag.stages.observer.state_estimate import StateEstimate
@@ -31,7 +31,7 @@ class ObserverChain:
         self._calibration = calibration
         self._parameters = parameters
         self.order = StreamOrder(round(calibration.period_s * 1e9), parameters.gap_scans)
-        self.episode = Deviation(parameters.rearm_after_s)
+        self.episode = DetectionEpisode(parameters.rearm_after_s)
         self._unit = UnitChange()
         self.begin(0, None)
 

@@ -11,7 +11,7 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
 from flea_diag.core.isolation.detectability import smallest_detectable_offsets, undetectable
-from flea_diag.stages.isolator.quantitative_isolation import Weighing
+from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 
 SECOND = ("motor_speed", "load_position", "commanded_voltage")
 LARGEST_M_S = 0.005
@@ -43,7 +43,7 @@ def single(electrical_v: float) -> Calibration:
 
 def silent(stand: Calibration) -> tuple[str, ...]:
     known = configuration.knowledge(stand)
-    return undetectable(known.faults, Weighing(stand).models, stand)
+    return undetectable(known.faults, QuantitativeIsolation(stand).models, stand)
 
 
 def test_with_an_encoder_and_a_second_position_nothing_of_a_sensor_stays_undetectable():

@@ -8,7 +8,8 @@ import pytest
 
 from flea_diag.core.choice.feature_choice import FeatureChooser
 from flea_diag.core.choice.feature_table import FaultFeatureTable
-from flea_diag.stages.isolator.feature_query import Inquiry, Pace
+from flea_diag.stages.isolator.feature_query import FeatureQuery
+from flea_diag.stages.isolator.motion_window import MotionWindow
 from flea_diag.wire.records import FeatureRequest, FeatureValue
 
 S = 1_000_000_000
@@ -32,33 +33,33 @@ def answer(request: FeatureRequest, value: float = 1.0) -> FeatureValue:
     )  # fmt: skip
 
 
-def pace(*scans: tuple[float, float]) -> Pace:
+def motion(*scans: tuple[float, float]) -> MotionWindow:
     """Speed and load over the last second."""
-    made = Pace(S)
+    made = MotionWindow(S)
     for number, scan in enumerate(scans):
         made.add(number * S // len(scans), *scan)
     return made
 
 
-TURNING = pace((60.0, 40.0), (-60.0, 40.0))
-ONE_WAY = pace((60.0, 40.0), (60.0, 40.0))
+TURNING = motion((60.0, 40.0), (-60.0, 40.0))
+ONE_WAY = motion((60.0, 40.0), (60.0, 40.0))
 
 
 def ask(
-    inquiry: Inquiry, stamp_ns: int, step: int, motion: Pace = TURNING
+    query: FeatureQuery, stamp_ns: int, step: int, motion: MotionWindow = TURNING
 ) -> FeatureRequest | None:
-    inquiry.plan(PAIR, CHOOSER)
-    return inquiry.ask(stamp_ns, 1, step) if inquiry.is_due(stamp_ns, motion) else None
+    query.plan(PAIR, CHOOSER)
+    return query.ask(stamp_ns, 1, step) if query.is_due(stamp_ns, motion) else None
 
 
 def test_windows_begin_after_the_detection_and_follow_each_other_up_to_their_number() -> None:
-    inquiry = Inquiry(10 * S, S, most_windows=3)
+    query = FeatureQuery(10 * S, S, most_windows=3)
     asked: list[FeatureRequest] = []
     for tenth in range(200):
-        request = ask(inquiry, 10 * S + tenth * S // 10, tenth + 1)
+        request = ask(query, 10 * S + tenth * S // 10, tenth + 1)
         if request is not None:
             asked.append(request)
-            assert inquiry.take(answer(request))
+            assert query.take(answer(request))
     assert [request.feature for request in asked] == ["f", "g"] * 3
     starts = [request.window_start_ns for request in asked]
     assert starts[0] == 10 * S
@@ -66,19 +67,22 @@ def test_windows_begin_after_the_detection_and_follow_each_other_up_to_their_num
         assert starts[place] == starts[place + 1]
     for place in (2, 4):  # nothing of the window before
         assert starts[place] >= asked[place - 1].window_end_ns
-    assert inquiry.computed == ("f", "g")
-    assert not inquiry.is_open(10 * S, 0)
+    assert query.computed == ("f", "g")
+    assert not query.is_open(10 * S, 0)
 
 
 def test_a_window_with_a_reversal_is_waited_for_but_not_for_ever() -> None:
     """All fall silent but play at a reversal: a window without says the same of a worn nut."""
-    inquiry = Inquiry(10 * S, S, most_windows=1)
-    assert ask(inquiry, 12 * S, 1, ONE_WAY) is None
-    assert ask(inquiry, 12 * S, 1, TURNING) is not None
-    patient = Inquiry(10 * S, S, most_windows=1)
+    query = FeatureQuery(10 * S, S, most_windows=1)
+    assert ask(query, 12 * S, 1, ONE_WAY) is None
+    assert ask(query, 12 * S, 1, TURNING) is not None
+    patient = FeatureQuery(10 * S, S, most_windows=1)
     assert ask(patient, 13 * S - 1, 1, ONE_WAY) is None
     assert ask(patient, 13 * S, 1, ONE_WAY) is not None
-    assert ask(Inquiry(10 * S, S, most_windows=1), 13 * S, 1, pace((0.0, 9.0), (0.0, -9.0))) is None
+    assert (
+        ask(FeatureQuery(10 * S, S, most_windows=1), 13 * S, 1, motion((0.0, 9.0), (0.0, -9.0)))
+        is None
+    )
 
 
 @pytest.mark.parametrize(
@@ -87,9 +91,9 @@ def test_a_window_with_a_reversal_is_waited_for_but_not_for_ever() -> None:
      (8.0, 4, True), (6.0, 9, False)],
 )  # fmt: skip
 def test_the_longer_none_comes_the_slower_a_window_is_taken(speed, waited_s, due) -> None:
-    inquiry = Inquiry(10 * S, S, most_windows=1)
-    inquiry.plan(PAIR, CHOOSER)
-    assert inquiry.is_due((11 + waited_s) * S, pace((speed, 40.0), (-speed, 40.0))) is due
+    query = FeatureQuery(10 * S, S, most_windows=1)
+    query.plan(PAIR, CHOOSER)
+    assert query.is_due((11 + waited_s) * S, motion((speed, 40.0), (-speed, 40.0))) is due
 
 
 @pytest.mark.parametrize(
@@ -100,14 +104,14 @@ def test_what_rubs_is_asked_about_in_any_motion(speed, waited_s, due) -> None:
     rows = {"ball_nut_friction": {"f": "0"}, "jam": {"f": "+"}}
     table = {"features": {"f": {"cost": 1}}, "alphabet": ["-", "0", "+"], "faults": rows}
     chooser = FeatureChooser(FaultFeatureTable.from_mapping(table, "test"))
-    inquiry = Inquiry(10 * S, S, most_windows=1)
-    inquiry.plan(dict.fromkeys(rows, 0.5), chooser)
-    assert inquiry.is_due((11 + waited_s) * S, pace((speed, 40.0), (-speed, 40.0))) is due
+    query = FeatureQuery(10 * S, S, most_windows=1)
+    query.plan(dict.fromkeys(rows, 0.5), chooser)
+    assert query.is_due((11 + waited_s) * S, motion((speed, 40.0), (-speed, 40.0))) is due
 
 
-def moved(*speeds: float) -> Pace:
+def moved(*speeds: float) -> MotionWindow:
     """100 scans a second at each of these speeds in turn, from 10 s on."""
-    made = Pace(S)
+    made = MotionWindow(S)
     for number in range(100 * len(speeds)):
         made.add(10 * S + number * S // 100, speeds[number // 100], 40.0)
     return made
@@ -120,23 +124,23 @@ def moved(*speeds: float) -> Pace:
      ((54.0, 30.0, 30.0, 30.0), False)],
 )  # fmt: skip
 def test_of_a_slow_motion_a_window_near_its_fastest_is_taken(speeds, due) -> None:
-    inquiry = Inquiry(10 * S, S, most_windows=1)
-    inquiry.plan(PAIR, CHOOSER)
-    assert inquiry.is_due((10 + len(speeds)) * S, moved(*speeds)) is due
+    query = FeatureQuery(10 * S, S, most_windows=1)
+    query.plan(PAIR, CHOOSER)
+    assert query.is_due((10 + len(speeds)) * S, moved(*speeds)) is due
 
 
 def test_while_the_shaft_gathers_pace_a_better_window_is_to_come() -> None:
-    inquiry = Inquiry(10 * S, S, most_windows=1)
-    inquiry.plan(PAIR, CHOOSER)
+    query = FeatureQuery(10 * S, S, most_windows=1)
+    query.plan(PAIR, CHOOSER)
     gathers = moved(0.0, 0.0)
     for number in range(50):
         gathers.add(12 * S + number * S // 100, float(number), 40.0)
     assert gathers.rises
     assert gathers.reaches(15.0)
-    assert not inquiry.is_due(13 * S, gathers)
+    assert not query.is_due(13 * S, gathers)
     for number in range(50, 70):
         gathers.add(12 * S + number * S // 100, 15.0, 40.0)
-    assert inquiry.is_due(13 * S + S // 5, gathers)
+    assert query.is_due(13 * S + S // 5, gathers)
 
 
 def test_the_fastest_window_is_a_whole_one_since_then() -> None:
@@ -144,57 +148,57 @@ def test_the_fastest_window_is_a_whole_one_since_then() -> None:
     assert path.fastest_rad_s(9 * S) == pytest.approx(80.0, rel=0.01)
     assert path.fastest_rad_s(11 * S) == pytest.approx(40.0, rel=0.01)
     assert path.fastest_rad_s(13 * S) == 0.0
-    assert Pace(S).fastest_rad_s(0) == 0.0
+    assert MotionWindow(S).fastest_rad_s(0) == 0.0
 
 
 def test_a_window_is_looked_for_ten_times_a_second_while_one_is_wanted() -> None:
-    inquiry = Inquiry(0, S, most_windows=1)
-    assert not inquiry.looks_out(5 * S)
-    inquiry.plan(PAIR, CHOOSER)
-    looks = [stamp for stamp in range(5 * S, 6 * S, S // 100) if inquiry.looks_out(stamp)]
+    query = FeatureQuery(0, S, most_windows=1)
+    assert not query.looks_out(5 * S)
+    query.plan(PAIR, CHOOSER)
+    looks = [stamp for stamp in range(5 * S, 6 * S, S // 100) if query.looks_out(stamp)]
     assert len(looks) == 10
-    inquiry.ask(6 * S, 1, 1)
-    assert not inquiry.looks_out(7 * S)
+    query.ask(6 * S, 1, 1)
+    assert not query.looks_out(7 * S)
 
 
 def test_what_one_window_does_not_give_the_next_one_may() -> None:
-    inquiry = Inquiry(0, S, most_windows=1)
-    first = ask(inquiry, 2 * S, 1)
+    query = FeatureQuery(0, S, most_windows=1)
+    first = ask(query, 2 * S, 1)
     assert first is not None
-    assert inquiry.take(answer(first, math.nan))
-    second = ask(inquiry, 3 * S, 2)
+    assert query.take(answer(first, math.nan))
+    second = ask(query, 3 * S, 2)
     assert second is not None
     assert (second.feature, second.window_end_ns) == ("g", 3 * S)
 
 
 def test_a_lost_answer_is_not_asked_for_anew() -> None:
-    inquiry = Inquiry(0, S, most_windows=3)
+    query = FeatureQuery(0, S, most_windows=3)
     features = []
     for second in range(1, 20):
-        request = ask(inquiry, second * S, second)
+        request = ask(query, second * S, second)
         if request is not None:
             features.append(request.feature)
-            inquiry.give_up()
+            query.give_up()
     assert features == ["f", "g"]
 
 
 def test_only_the_open_request_is_answered_and_what_has_no_value_is_not_counted() -> None:
-    inquiry = Inquiry(0, S, most_windows=1)
-    request = ask(inquiry, 2 * S, 5)
+    query = FeatureQuery(0, S, most_windows=1)
+    request = ask(query, 2 * S, 5)
     assert request is not None
     wrong = answer(FeatureRequest(2 * S, 1, 6, "f", S, 2 * S))
-    assert not inquiry.take(wrong)
-    assert inquiry.is_open(2 * S, 0)
-    assert inquiry.take(answer(request, math.nan))
-    assert not inquiry.take(answer(request))
-    assert inquiry.computed == ()
+    assert not query.take(wrong)
+    assert query.is_open(2 * S, 0)
+    assert query.take(answer(request, math.nan))
+    assert not query.take(answer(request))
+    assert query.computed == ()
 
 
 def test_patience_for_a_window_ends() -> None:
-    inquiry = Inquiry(0, S, most_windows=1)
-    inquiry.plan(PAIR, CHOOSER)
-    assert inquiry.is_open(3 * S, 2 * S)
-    assert not inquiry.is_open(3 * S + 1, 2 * S)
+    query = FeatureQuery(0, S, most_windows=1)
+    query.plan(PAIR, CHOOSER)
+    assert query.is_open(3 * S, 2 * S)
+    assert not query.is_open(3 * S + 1, 2 * S)
 
 
 @pytest.mark.parametrize(
@@ -203,7 +207,7 @@ def test_patience_for_a_window_ends() -> None:
      ([60.0] * 100 + [0.0] * 100, False), ([0.0] * 90 + [60.0] * 10, True)],
 )  # fmt: skip
 def test_the_last_window_moved_or_not(speeds: list[float], moving: bool) -> None:
-    last = Pace(S)
+    last = MotionWindow(S)
     for number, speed in enumerate(speeds):
         last.add(number * S // 100, speed, 0.0)
     assert last.reaches(15.0) is moving
@@ -218,4 +222,4 @@ def test_the_last_window_moved_or_not(speeds: list[float], moving: bool) -> None
 def test_the_last_window_holds_a_reversal_of_motion_or_load(
     scans: list[tuple[float, float]], turns: bool
 ) -> None:
-    assert pace(*scans).reverses is turns
+    assert motion(*scans).reverses is turns

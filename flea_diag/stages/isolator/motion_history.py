@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.likelihood.fault_models import REGRESSORS
 from flea_diag.core.vibration.vibration_monitor import SCANS, VibrationMonitor
-from flea_diag.stages.isolator.feature_query import Pace
+from flea_diag.stages.isolator.motion_window import MotionWindow
 from flea_diag.wire.blocks import ResidualBlock
 
 CURRENT, SPEED = REGRESSORS.index("current_a"), REGRESSORS.index("speed_m_s")
@@ -20,13 +20,13 @@ IDLE_A = 0.1
 """Below this the sign of a current is that of its noise."""
 
 
-class Motion:
+class MotionHistory:
     """Follows the regressors of every scan; constant memory.
 
     Parameters
     ----------
     encoder_m_per_rad : travel of the nut, 0 where no speed of the shaft is known
-    window_ns : over which ``pace`` looks back
+    window_ns : over which ``window`` looks back
     monitor : is told of speed and load
     """
 
@@ -34,12 +34,12 @@ class Motion:
         self._lead = encoder_m_per_rad
         self._monitor = monitor
         self._visited: deque[tuple[float, float]] = deque(maxlen=VISITED_SCANS)
-        self.pace = Pace(window_ns)
+        self.window = MotionWindow(window_ns)
 
     def step(self, stamp_ns: int, regressors: Sequence[float], moving: bool) -> None:
         """Take one scan."""
         screw_rad_s, load_n = self._screw_rad_s(regressors[SPEED]), regressors[LOAD]
-        self.pace.add(stamp_ns, screw_rad_s, load_n)
+        self.window.add(stamp_ns, screw_rad_s, load_n)
         self._monitor.motion(screw_rad_s, load_n)
         if moving:
             self._visited.append((regressors[CURRENT], regressors[DIRECTION]))
@@ -49,11 +49,11 @@ class Motion:
         moving = block.regressors[:, -1] > 0.5
         visited = block.regressors[moving][-VISITED_SCANS:, [CURRENT, DIRECTION]].tolist()
         self._visited.extend((current, direction) for current, direction in visited)
-        recent = int((block.stamps_ns > block.stamps_ns[-1] - self.pace.history_ns).sum())
+        recent = int((block.stamps_ns > block.stamps_ns[-1] - self.window.history_ns).sum())
         last = block.part(slice(-max(recent, SCANS), None))
         speeds = [self._screw_rad_s(speed) for speed in last.regressors[:, SPEED].tolist()]
         loads_n = last.regressors[:, LOAD].tolist()
-        self.pace.extend(zip(last.stamps_ns.tolist(), speeds, loads_n, strict=True))
+        self.window.extend(zip(last.stamps_ns.tolist(), speeds, loads_n, strict=True))
         for screw_rad_s, load_n in zip(speeds[-SCANS:], loads_n[-SCANS:], strict=True):
             self._monitor.motion(screw_rad_s, load_n)
 

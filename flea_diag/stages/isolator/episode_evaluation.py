@@ -1,0 +1,56 @@
+"""Every half second of evidence: likelihoods, defining symptoms, whether slow channels are done."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.stages.isolator.fault_episode import CONCLUSIVE_SAMPLES, FaultEpisode
+from flea_diag.stages.isolator.parameters import IsolatorParameters
+from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
+
+Stamps = npt.NDArray[np.int64]
+
+EVALUATE_EVERY_NS = 500_000_000
+
+
+class EpisodeEvaluation:
+    """Holds the evidence of an episode against its hypotheses, at fixed times since detection."""
+
+    def __init__(self, quantitative: QuantitativeIsolation, parameters: IsolatorParameters) -> None:
+        self._quantitative = quantitative
+        self._p = parameters
+
+    def is_due(self, stamp_ns: int, episode: FaultEpisode) -> bool:
+        """Whether another half second of evidence is there; takes note that it is."""
+        number = round((stamp_ns - episode.shared.detected_ns) / EVALUATE_EVERY_NS)
+        before, episode.evaluated = episode.evaluated, number
+        return number != before
+
+    def evaluate(self, stamp_ns: int, episode: FaultEpisode) -> None:
+        """Drop what the evidence speaks against; settle the episode once slow channels are done."""
+        if self._p.likelihood:
+            self._apply_likelihoods(stamp_ns, episode)
+        waited = (stamp_ns - episode.shared.detected_ns) / 1e9 >= self._p.settle_s
+        if waited or episode.evidence.moving >= self._p.settle_samples:
+            episode.settled = True
+        if episode.symbols and (episode.settled or episode.evidence.scans >= CONCLUSIVE_SAMPLES):
+            episode.isolation.require(
+                stamp_ns, episode.magnitudes(), episode.evidence.moved_channels(), episode.settled
+            )
+
+    def _apply_likelihoods(self, stamp_ns: int, episode: FaultEpisode) -> None:
+        fits = self._quantitative.fits(episode)
+        may_drop = episode.is_conclusive() or not self._p.gating
+        episode.isolation.apply_likelihoods(
+            stamp_ns, fits, self._p.drop_nats if may_drop else math.inf
+        )
+
+
+def evaluation_ends(episode: FaultEpisode, stamps_ns: Stamps) -> Iterator[int]:
+    """Ends of the stretches of a block after which an evaluation is due."""
+    numbers = np.rint((stamps_ns - episode.shared.detected_ns) / EVALUATE_EVERY_NS)
+    yield from (np.flatnonzero(numbers != np.append(episode.evaluated, numbers[:-1])) + 1).tolist()

@@ -1,0 +1,76 @@
+"""Evidence of an episode from slow channels: residuals since the detection, and their motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.likelihood.fault_models import REGRESSORS
+from flea_diag.core.likelihood.likelihood import NormalEquations
+from flea_diag.wire.blocks import ResidualBlock
+
+Array = npt.NDArray[np.float64]
+
+ELAPSED, DIRECTION = REGRESSORS.index("elapsed_s"), REGRESSORS.index("direction")
+MOTION_CHANNELS = ("actuator_position", "motor_speed")
+MOTION = [REGRESSORS.index(name) for name in ("position_rate_m_s", "encoder_m_s")]
+"""Channels that say that the actuator moves, and the speeds that they say."""
+MOTION_ONLY = ("parity_mechanical",)
+MOVING_M_S = 0.010
+MOVED_SAMPLES = 50
+"""So many scans in motion since the detection say that a channel still reads."""
+
+
+class EpisodeEvidence:
+    """Normal equations of the scans since the detection, and how many of them were in motion.
+
+    Parameters
+    ----------
+    residuals : those that quantitative isolation uses
+    detected_ns : stamp of the detection
+    onset_ns : scans so soon after it are left out, for smoothing still shows the onset in them
+    """
+
+    def __init__(self, residuals: Sequence[str], detected_ns: int, onset_ns: int) -> None:
+        self.equations = NormalEquations(residuals)
+        self.scans = self.moving = 0
+        self._detected_ns, self._onset_ns = detected_ns, onset_ns
+        self._out = self._back = 0
+        self._moved = np.zeros(len(MOTION_CHANNELS), dtype=np.int64)
+
+    def add(self, block: ResidualBlock) -> None:
+        """More scans, n of them, in order."""
+        late = block.stamps_ns - self._detected_ns >= self._onset_ns
+        if not late.any():
+            return
+        moving = block.regressors[late, -1] > 0.5
+        values = np.full((len(moving), len(self.equations.residuals)), np.nan)
+        for column, name in enumerate(self.equations.residuals):
+            if name in block.names:
+                values[:, column] = block.values[late, block.names.index(name)]
+                if name in MOTION_ONLY:
+                    values[~moving, column] = np.nan
+        regressors = block.regressors[late, : len(REGRESSORS)]
+        regressors[:, ELAPSED] = (block.stamps_ns[late] - self._detected_ns) / 1e9
+        self.equations.add(values, regressors)
+        self._count(moving, regressors[:, MOTION], regressors[np.isfinite(values[:, 0]), DIRECTION])
+
+    def _count(self, moving: npt.NDArray[np.bool_], speeds: Array, directions: Array) -> None:
+        """Scans in motion, in each direction of it, and of each channel that says so."""
+        self.scans += len(moving)
+        self.moving += int(moving.sum())
+        self._out += int((directions > 0.0).sum())
+        self._back += int((directions < 0.0).sum())
+        self._moved += (np.abs(speeds) > MOVING_M_S).sum(axis=0)
+
+    @property
+    def least_one_way(self) -> int:
+        """Scans in that direction of motion of which there are fewer."""
+        return min(self._out, self._back)
+
+    def moved_channels(self) -> tuple[str, ...]:
+        """Channels whose reading has moved since the detection."""
+        pairs = zip(MOTION_CHANNELS, self._moved, strict=True)
+        return tuple(channel for channel, samples in pairs if samples >= MOVED_SAMPLES)

@@ -1,0 +1,144 @@
+"""When an episode of the isolator begins, joins the observer's, and ends; one is open at most."""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+
+from flea_diag.core.choice.fault_group import refine_side
+from flea_diag.core.isolation.isolation import Isolation
+from flea_diag.core.vibration.vibration_monitor import VibrationAlarm
+from flea_diag.stages.episode import Episode
+from flea_diag.stages.isolator.episode_evidence import EpisodeEvidence
+from flea_diag.stages.isolator.fault_episode import FaultEpisode
+from flea_diag.stages.isolator.feature_query import FeatureQuery
+from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
+from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
+from flea_diag.stages.merge import Merge
+from flea_diag.wire.records import ANOTHER_UNIT, TAKEN_OVER, Detection, Symbols
+
+
+class Change(Enum):
+    """What a detection has changed."""
+
+    NOTHING = auto()
+    OPENED = auto()
+    TAKEN_OVER = auto()
+    CLOSED = auto()
+    ANOTHER_UNIT = auto()
+
+
+class EpisodeLifecycle:
+    """Opens and closes episodes, numbered from 1.
+
+    Parameters
+    ----------
+    merge : is held for the answers of an episode, and released with its end
+
+    Attributes
+    ----------
+    current
+        The open episode, or None.
+    """
+
+    def __init__(
+        self,
+        knowledge: Knowledge,
+        parameters: IsolatorParameters,
+        quantitative: QuantitativeIsolation,
+        merge: Merge,
+    ) -> None:
+        self._k = knowledge
+        self._quantitative = quantitative
+        self._merge = merge
+        self._onset_ns = round(parameters.onset_s * 1e9)
+        self._window_ns = round(parameters.feature_window_s * 1e9)
+        self._windows = parameters.feature_windows
+        self._opened = 0
+        self._detection_number = 0
+        self._early: Symbols | None = None
+        self.current: FaultEpisode | None = None
+
+    def take(self, detection: Detection) -> Change:
+        """Open, join or close an episode, as a detection says."""
+        self._detection_number = detection.episode
+        episode = self.current
+        if detection.detected and episode is None:
+            self._open(Episode.of(detection, self._opened + 1))
+            return Change.OPENED
+        if detection.test == TAKEN_OVER and episode is not None:
+            episode.take_over()
+            return Change.TAKEN_OVER
+        if detection.detected and episode is not None and episode.shared.opened_by_vibration:
+            episode.join(detection)
+        if detection.test == ANOTHER_UNIT:
+            self._quantitative.forget()
+            self.close()
+            return Change.ANOTHER_UNIT
+        if detection.detected or episode is None:
+            return Change.NOTHING
+        self.close()
+        return Change.CLOSED
+
+    def early_symbols(self, detection: Detection) -> Symbols | None:
+        """Symbols of this detection that came before it, once.
+
+        Both are latched, on two topics: either may come first.
+        """
+        early, self._early = self._early, None
+        return early if early is not None and early.episode == detection.episode else None
+
+    def of(self, symbols: Symbols) -> FaultEpisode | None:
+        """The open episode, if these symbols are of its detection or of a later one.
+
+        Without an open episode they wait for their detection. An isolator that starts late is told
+        of earlier episodes, too.
+        """
+        if self.current is None:
+            self._early = symbols
+        return None if symbols.episode < self._detection_number else self.current
+
+    def open_by_vibration(self, stamp_ns: int, alarm: VibrationAlarm) -> FaultEpisode:
+        """Open an episode of the faults that show in vibration, in place of the open one."""
+        before = self.current.shared.opening_shift if self.current is not None else ""
+        self.close()
+        episode = self._open(
+            Episode(
+                self._opened + 1,
+                stamp_ns,
+                self._detection_number,
+                alarm.words,
+                before,
+                opened_by_vibration=True,
+            )
+        )
+        for hypothesis in episode.isolation.alive():
+            if not hypothesis.fault.vibration:
+                hypothesis.why_dropped = (
+                    f"{alarm.axis} left its range, and this fault does not show in vibration"
+                )
+        episode.settled = True
+        episode.isolation.normalise()
+        self._update_by_alarm(stamp_ns, episode, alarm)
+        return episode
+
+    def _update_by_alarm(self, stamp_ns: int, episode: FaultEpisode, alarm: VibrationAlarm) -> None:
+        """That an indicator left its range is an answer already: to that feature of its sensor."""
+        left = refine_side(episode.group(), self._k.features, alarm.feature, alarm.side)
+        episode.isolation.update(stamp_ns, alarm.feature, alarm.side, left)
+        episode.query.pass_over(alarm.feature)
+
+    def _open(self, shared: Episode) -> FaultEpisode:
+        self._opened = shared.number
+        self._quantitative.interrupt_baseline()
+        self.current = FaultEpisode(
+            shared,
+            Isolation(self._k.faults, self._k.signatures),
+            EpisodeEvidence(self._quantitative.names, shared.detected_ns, self._onset_ns),
+            FeatureQuery(shared.detected_ns, self._window_ns, self._windows),
+        )
+        return self.current
+
+    def close(self) -> None:
+        """No episode is open, and no answer is waited for."""
+        self.current = None
+        self._merge.hold(None)

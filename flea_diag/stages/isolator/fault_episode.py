@@ -1,0 +1,112 @@
+"""The isolation side of an episode: its hypotheses, its evidence, and how far it has got."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from flea_diag.core.causal_graph.operating_point import Quadrant
+from flea_diag.core.isolation.isolation import Isolation
+from flea_diag.stages.episode import Episode
+from flea_diag.stages.isolator.episode_evidence import EpisodeEvidence
+from flea_diag.stages.isolator.feature_query import FeatureQuery
+from flea_diag.wire.records import Detection, Symbols
+
+CIRCUIT = "parity_electrical"
+CONCLUSIVE_SAMPLES = 50
+"""Scans of evidence before likelihoods, or a symptom that stays out, may drop anything."""
+BOTH_WAYS_SAMPLES = 30
+"""Scans in each direction of motion before parity residuals may decide by likelihood."""
+
+
+@dataclass
+class FaultEpisode:
+    """What the isolator keeps beside the ``Episode`` that observer and isolator share.
+
+    ``symbols``: residual, magnitude and slope of each symbol observed. ``step`` counts verdicts
+    and requests. ``settled``: features may be asked for. ``evaluated``: half seconds evaluated.
+    """
+
+    shared: Episode
+    isolation: Isolation
+    evidence: EpisodeEvidence
+    query: FeatureQuery
+    symbols: tuple[tuple[str, str, str], ...] = ()
+    step: int = 0
+    settled: bool = False
+    evaluated: int = 0
+
+    def group(self) -> dict[str, float]:
+        """Faults still possible, each with its probability."""
+        return {h.name: h.probability for h in self.isolation.alive()}
+
+    def names(self) -> tuple[str, ...]:
+        """Faults still possible, the most probable first."""
+        return tuple(h.name for h in self.isolation.alive())
+
+    def magnitudes(self) -> dict[str, str]:
+        """Magnitude symbol of every residual that has deviated."""
+        return {residual: magnitude for residual, magnitude, _ in self.symbols}
+
+    def take_over(self) -> None:
+        """The observer has come back: only a reset ends this episode."""
+        self.shared = replace(self.shared, taken_over=True)
+
+    def join(self, detection: Detection) -> None:
+        """The observer now detects what vibration opened."""
+        self.shared = self.shared.shifted_by(detection)
+
+    def observe(self, record: Symbols, quadrants: Sequence[Quadrant]) -> None:
+        """Hold the symbols that are new against the hypotheses."""
+        for symbol in record.symbols:
+            seen = (symbol.residual, symbol.magnitude, symbol.slope)
+            if seen not in self.symbols and not self._is_unit_shift(symbol.residual):
+                self.symbols += (seen,)
+                self.isolation.observe(
+                    record.stamp_ns, *seen, quadrants=quadrants, settled=self.settled
+                )
+
+    def _is_unit_shift(self, residual: str) -> bool:
+        """Whether this has only left its own level of the run, and vibration opened the episode."""
+        shared = self.shared
+        return shared.opened_by_vibration and relation(residual) == relation(shared.opening_shift)
+
+    @property
+    def yields_to_vibration(self) -> bool:
+        """Whether only the circuit has left its own level: a vibration alarm then takes over.
+
+        Another unit, whose winding is another, may have come with a fault of its screw.
+        """
+        deviating = (self.shared.opening_shift, *(residual for residual, _, _ in self.symbols))
+        return not self.shared.opened_by_vibration and all(map(_is_circuit, deviating))
+
+    @property
+    def is_vibration_only(self) -> bool:
+        """Whether vibration deviates and no relation does: that there is no drag says much."""
+        shared = self.shared
+        return shared.opened_by_vibration and not self.symbols and not shared.opening_shift
+
+    @property
+    def awaits_symbols(self) -> bool:
+        """Whether an innovation has detected, and no relation has deviated yet."""
+        return not self.symbols and not self.settled
+
+    def is_conclusive(self) -> bool:
+        """Whether likelihoods may drop: in one direction a drag and a bias look alike.
+
+        Unless the circuit deviates as well, which no drag makes it do.
+        """
+        seen = self.magnitudes()
+        if any(residual.startswith("parity_mech") for residual in seen) and CIRCUIT not in seen:
+            return self.evidence.least_one_way >= BOTH_WAYS_SAMPLES
+        return self.evidence.scans >= CONCLUSIVE_SAMPLES
+
+
+def relation(residual: str) -> str:
+    """The residual itself, of which one normalised by the direction of motion is another view."""
+    return residual.removesuffix("_dn")
+
+
+def _is_circuit(residual: str) -> bool:
+    """Whether this is a relation of the winding."""
+    return relation(residual) == CIRCUIT

@@ -1,0 +1,58 @@
+"""Asks for features of vibration, one at a time; what comes after the answer waits for it."""
+
+from __future__ import annotations
+
+from flea_diag.core.choice.fault_group import refine
+from flea_diag.core.choice.feature_choice import FeatureChooser
+from flea_diag.stages.isolator.fault_episode import FaultEpisode
+from flea_diag.stages.isolator.motion_window import MotionWindow
+from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
+from flea_diag.stages.merge import Merge
+from flea_diag.wire.records import FeatureRequest, FeatureValue
+
+
+class FeatureRequests:
+    """Requests the next best feature, and takes its answer into the hypotheses.
+
+    Parameters
+    ----------
+    merge : is held at the stamp at which an answer is due
+    """
+
+    def __init__(self, knowledge: Knowledge, parameters: IsolatorParameters, merge: Merge) -> None:
+        self._table = knowledge.features
+        self._chooser = FeatureChooser(knowledge.features, parameters.strategy)
+        self._answer_after_ns = round(parameters.answer_budget_s * 1e9)
+        self._limit_ns = parameters.answer_limit_s * 1e9
+        self._merge = merge
+
+    def ask(
+        self, stamp_ns: int, episode: FaultEpisode, window: MotionWindow
+    ) -> tuple[FeatureRequest, ...]:
+        """Request the next best feature, if one can split the group that is left."""
+        query = episode.query
+        if not episode.settled or query.request is not None:
+            return ()
+        query.plan(episode.group(), self._chooser)
+        if not query.is_due(stamp_ns, window):
+            return ()
+        episode.step += 1
+        self._merge.hold(stamp_ns + self._answer_after_ns)
+        return (query.ask(stamp_ns, episode.shared.number, episode.step),)
+
+    def take(self, answer: FeatureValue, episode: FaultEpisode) -> bool:
+        """Take an answer in; False where it is not that to the open request."""
+        if not episode.query.take(answer):
+            return False
+        self._merge.hold(None)
+        if answer.symbol != "?":
+            left = refine(episode.group(), self._table, answer.feature, answer.symbol)
+            episode.isolation.update(answer.stamp_ns, answer.feature, answer.symbol, left)
+        return True
+
+    def give_up(self, stamp_ns: int, episode: FaultEpisode) -> None:
+        """A feature whose answer never came is taken as not computable."""
+        request = episode.query.request
+        if request is not None and stamp_ns - request.stamp_ns > self._limit_ns:
+            episode.query.give_up()
+            self._merge.hold(None)

@@ -1,0 +1,83 @@
+"""Speed of the shaft and load over the last seconds, of which a window of vibration is chosen."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flea_diag.core.vibration.features_motion import reverses
+
+LOOK_BACK_NS = 6_500_000_000
+"""So far back: the slowest usual motion, with its rests, is fast once in it."""
+RISING_NS = 200_000_000
+"""A motion that is faster over this last stretch than over the window is getting faster."""
+
+
+@dataclass
+class MotionWindow:
+    """Speed of the shaft and load over the last window, and the fastest window of late."""
+
+    window_ns: int
+    _scans: deque[tuple[int, float, float]] = field(default_factory=deque)
+
+    def add(self, stamp_ns: int, speed_rad_s: float, load_n: float) -> None:
+        """One scan; not a number what is not measured."""
+        self.extend([(stamp_ns, speed_rad_s, load_n)])
+
+    def extend(self, scans: Iterable[tuple[int, float, float]]) -> None:
+        """Scans, one at least: stamp, speed and load of each."""
+        self._scans.extend(scans)
+        while self._scans[0][0] <= self._scans[-1][0] - self.history_ns:
+            self._scans.popleft()
+
+    @property
+    def history_ns(self) -> int:
+        """So far back scans are kept."""
+        return self.window_ns + LOOK_BACK_NS
+
+    def reaches(self, speed_rad_s: float) -> bool:
+        """Whether the shaft turned so fast, root mean square; true where nothing says."""
+        speed = _rms(scan[1] for scan in self._last(self.window_ns))
+        return not speed < speed_rad_s
+
+    @property
+    def rises(self) -> bool:
+        """Whether the shaft is faster now than in the window as a whole."""
+        now, whole = (
+            _rms(scan[1] for scan in self._last(reach)) for reach in (RISING_NS, self.window_ns)
+        )
+        return now > whole
+
+    def fastest_rad_s(self, since_ns: int) -> float:
+        """Root mean square speed of the fastest whole window since then; 0 where nothing says."""
+        scans = [scan for scan in self._scans if scan[0] > since_ns]
+        stamps_ns = np.array([stamp_ns for stamp_ns, _, _ in scans])
+        squares = np.square([speed for _, speed, _ in scans])
+        known = np.append(0, np.cumsum(np.isfinite(squares)))
+        sums = np.append(0.0, np.cumsum(np.nan_to_num(squares)))
+        ends = np.flatnonzero(stamps_ns - stamps_ns[:1] >= self.window_ns) + 1
+        starts = np.searchsorted(stamps_ns, stamps_ns[ends - 1] - self.window_ns, side="right")
+        means = (sums[ends] - sums[starts]) / np.maximum(known[ends] - known[starts], 1)
+        return math.sqrt(means.max(initial=0.0))
+
+    @property
+    def reverses(self) -> bool:
+        """Whether motion or load reverses in it."""
+        last = list(self._last(self.window_ns))
+        return reverses([scan[1] for scan in last], [scan[2] for scan in last])
+
+    def _last(self, reach_ns: int) -> Iterator[tuple[int, float, float]]:
+        """Scans of so long ago and later, the newest first."""
+        since_ns = self._scans[-1][0] - reach_ns if self._scans else 0
+        return itertools.takewhile(lambda scan: scan[0] > since_ns, reversed(self._scans))
+
+
+def _rms(values: Iterable[float]) -> float:
+    """Root mean square of those that are known; not a number where there are none."""
+    known = [value * value for value in values if math.isfinite(value)]
+    return math.sqrt(math.fsum(known) / len(known)) if known else math.nan

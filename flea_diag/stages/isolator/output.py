@@ -1,0 +1,91 @@
+"""What the isolator says: a verdict that has changed, the same once more, a request."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from flea_diag.stages.isolator.episode_lifecycle import EpisodeLifecycle
+from flea_diag.stages.isolator.feature_requests import FeatureRequests
+from flea_diag.stages.isolator.motion_history import MotionHistory
+from flea_diag.stages.isolator.stand_status import StandStatus
+from flea_diag.stages.isolator.verdict_record import VerdictRecord
+from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, FeatureValue, Record
+
+Records = tuple[Record, ...]
+
+
+class IsolatorOutput:
+    """Makes the records of the isolator, and knows which verdict it has said last."""
+
+    def __init__(
+        self,
+        stand: StandStatus,
+        motion: MotionHistory,
+        episodes: EpisodeLifecycle,
+        requests: FeatureRequests,
+        verdict: VerdictRecord,
+    ) -> None:
+        self._stand = stand
+        self._motion = motion
+        self._episodes = episodes
+        self._requests = requests
+        self._verdict = verdict
+        self._said: tuple[object, ...] = ()
+        self._last: AmbiguityGroup | None = None
+
+    def forget(self) -> None:
+        """The next verdict is said even where it is the last one."""
+        self._said = ()
+
+    def say(self, stamp_ns: int) -> Records:
+        """The ambiguity group, if it or its outcome has changed."""
+        episode = self._episodes.current
+        if episode is not None:
+            self._requests.give_up(stamp_ns, episode)
+        outcome, _ = self._verdict.outcome(stamp_ns, self._stand, episode)
+        number = episode.shared.number if episode is not None else 0
+        names = episode.names() if episode is not None else ()
+        state = (outcome, number, names, self._stand.bad)
+        if state == self._said:
+            return ()
+        if episode is not None and self._said[:1] and self._said[1] == number:
+            episode.step += 1
+        self._said = state
+        self._last = self._verdict.record(stamp_ns, self._stand, episode)
+        return (self._last,)
+
+    def say_with_quality(self, stamp_ns: int) -> Records:
+        """``say``; the last verdict once more where only offsets or counters have changed.
+
+        It is what people see, and what an observer that comes back goes on from.
+        """
+        if self._stand.first_ns == NEVER_NS and self._last is None:
+            return ()  # older than what is to come: an open episode is told of next
+        said, last = self.say(stamp_ns), self._last
+        kept = self._stand.offsets, self._stand.counters
+        if said or last is None or kept == (last.offsets, last.counters):
+            return said
+        self._last = replace(last, offsets=self._stand.offsets, counters=self._stand.counters)
+        return (self._last,)
+
+    def ask(self, stamp_ns: int) -> Records:
+        """A request, where the stand has vibration and a feature can split the group."""
+        episode = self._episodes.current
+        if episode is None or not self._stand.axes:
+            return ()
+        return self._requests.ask(stamp_ns, episode, self._motion.window)
+
+    def go_on(self, stamp_ns: int) -> Records:
+        """Verdict and request; what is to be asked is known first.
+
+        For a group that waits for an answer is not final.
+        """
+        asked = self.ask(stamp_ns)
+        return *self.say(stamp_ns), *asked
+
+    def take(self, answer: FeatureValue) -> Records:
+        """What follows from the answer to a request."""
+        episode = self._episodes.current
+        if episode is None or not self._requests.take(answer, episode):
+            return ()
+        return self.go_on(answer.stamp_ns)

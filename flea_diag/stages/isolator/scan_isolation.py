@@ -1,0 +1,93 @@
+"""What each scan means: to the stand's status, to the unit's baseline, or to the open episode."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flea_diag.stages.isolator.episode_evaluation import EpisodeEvaluation, evaluation_ends
+from flea_diag.stages.isolator.episode_lifecycle import EpisodeLifecycle
+from flea_diag.stages.isolator.fault_episode import FaultEpisode
+from flea_diag.stages.isolator.motion_history import MotionHistory
+from flea_diag.stages.isolator.output import IsolatorOutput, Records
+from flea_diag.stages.isolator.parameters import IsolatorParameters
+from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
+from flea_diag.stages.isolator.stand_status import StandStatus
+from flea_diag.stages.isolator.vibration_watch import VibrationWatch
+from flea_diag.wire.blocks import ResidualBlock, block_of
+from flea_diag.wire.records import Record, Residual
+
+
+class ScanIsolation:
+    """Takes residuals, one scan or many; to the same answer."""
+
+    def __init__(
+        self,
+        parameters: IsolatorParameters,
+        quantitative: QuantitativeIsolation,
+        stand: StandStatus,
+        motion: MotionHistory,
+        vibration: VibrationWatch,
+        episodes: EpisodeLifecycle,
+        output: IsolatorOutput,
+    ) -> None:
+        self._rest_ns = parameters.rest_s * 1e9
+        self._quantitative = quantitative
+        self._evaluation = EpisodeEvaluation(quantitative, parameters)
+        self._stand = stand
+        self._motion = motion
+        self._vibration = vibration
+        self._episodes = episodes
+        self._output = output
+
+    def step(self, record: Residual) -> Records:
+        """What follows from one scan."""
+        moving = record.regressors[-1] > 0.5
+        self._stand.step(record.stamp_ns, moving, bool(record.health and record.health[-1]))
+        self._motion.step(record.stamp_ns, record.regressors, moving)
+        raised = self._listen(record.stamp_ns)
+        episode = self._episodes.current
+        if episode is None:
+            self._quantitative.learn_scan(record)
+        if episode is None or raised:
+            return raised or self._output.say(record.stamp_ns)
+        episode.evidence.add(block_of(record))
+        return self._evaluate(record.stamp_ns, episode)
+
+    def follow(self, block: ResidualBlock) -> Records:
+        """What follows from many scans between which nothing else comes."""
+        moving, lost = block.regressors[:, -1] > 0.5, np.any(block.health[:, -1:], axis=1)
+        self._motion.follow(block)
+        turns = self._stand.follow(block.stamps_ns, moving, lost, self._rest_ns)
+        episode = self._episodes.current
+        out: list[Record] = []
+        if episode is None:
+            self._quantitative.learn(block)
+            for row in turns:
+                out.extend(self._output.say(int(block.stamps_ns[row])))
+            return tuple(out)
+        for _ in turns:
+            pass  # what an episode amounts to does not rest on it
+        start = 0
+        for end in evaluation_ends(episode, block.stamps_ns):
+            episode.evidence.add(block.part(slice(start, end)))
+            out.extend(self._evaluate(int(block.stamps_ns[end - 1]), episode))
+            start = end
+        episode.evidence.add(block.part(slice(start, None)))
+        return tuple(out)
+
+    def _evaluate(self, stamp_ns: int, episode: FaultEpisode) -> Records:
+        """Hold the evidence against the hypotheses where that is due; else look for a window."""
+        if not self._evaluation.is_due(stamp_ns, episode):
+            return self._output.ask(stamp_ns) if episode.query.looks_out(stamp_ns) else ()
+        if episode.awaits_symbols:
+            return ()
+        self._evaluation.evaluate(stamp_ns, episode)
+        return self._output.go_on(stamp_ns)
+
+    def _listen(self, stamp_ns: int) -> Records:
+        """Vibration out of its nominal range opens an episode of its own."""
+        alarm, episode = self._vibration.alarm(stamp_ns), self._episodes.current
+        if alarm is None or (episode is not None and not episode.yields_to_vibration):
+            return ()
+        self._episodes.open_by_vibration(stamp_ns, alarm)
+        return self._output.go_on(stamp_ns)

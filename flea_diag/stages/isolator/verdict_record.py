@@ -1,0 +1,194 @@
+"""The ambiguity group as it goes out: outcome, candidates with their evidence, what to do next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+
+from flea_diag.core.isolation.detectability import undetectable
+from flea_diag.core.isolation.isolation import Hypothesis
+from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.stages.isolator.advice import Advice
+from flea_diag.stages.isolator.fault_episode import FaultEpisode
+from flea_diag.stages.isolator.outcome import Decision, OutcomeRules
+from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
+from flea_diag.stages.isolator.stand_status import StandStatus
+from flea_diag.wire.records import (
+    NEVER_NS,
+    AmbiguityGroup,
+    Candidate,
+    Evidence,
+    NextTest,
+    Outcome,
+)
+
+LATE_S = 2.0
+"""A stand that began so long before the observer's first scan was not watched meanwhile."""
+UNDETECTABLE = (
+    "even at its largest it moves no residual of this stand beyond its limit; a second sensor of "
+    "the same quantity would show it"
+)
+NO_ACCELEROMETER = "shows only in vibration, and this stand has no accelerometer"
+
+
+class VerdictRecord:
+    """Builds the record of what an episode, or its absence, amounts to."""
+
+    def __init__(
+        self,
+        knowledge: Knowledge,
+        parameters: IsolatorParameters,
+        models: Sequence[FaultModel],
+        quantified: Collection[str],
+    ) -> None:
+        self._k = knowledge
+        self._source = parameters.source
+        self._models = tuple(models)
+        self._undetectable = tuple(
+            (name, UNDETECTABLE)
+            for name in undetectable(knowledge.faults, self._models, knowledge.calibration)
+        )
+        self._rules = OutcomeRules(knowledge, parameters, self._models, quantified)
+        self._advice = Advice(knowledge, parameters, self._models)
+
+    def outcome(self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode | None) -> Decision:
+        """Outcome and its words."""
+        return self._rules.decide(stamp_ns, stand, episode)
+
+    def record(
+        self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode | None
+    ) -> AmbiguityGroup:
+        """The verdict as it goes out."""
+        outcome, words = self.outcome(stamp_ns, stand, episode)
+        if episode is None:
+            return self._without_episode(stamp_ns, outcome, words + _remarks(stand, None), stand)
+        shared, isolation = episode.shared, episode.isolation
+        return AmbiguityGroup(
+            stamp_ns=stamp_ns,
+            outcome=outcome,
+            episode=shared.number,
+            step=episode.step,
+            seq=0,
+            members=tuple(_candidate(h, self._models) for h in isolation.alive()),
+            dropped=tuple(_candidate(h, self._models) for h in isolation.dropped()),
+            detected_stamp_ns=shared.detected_ns,
+            words=words + _remarks(stand, episode),
+            calibration_sha256=self._k.calibration_sha256,
+            source=self._source,
+            not_observable=self._not_observable(stand),
+            features_computed=episode.query.computed,
+            features_available=self._features_available(stand),
+            opened_by=shared.opened_by,
+            next_tests=self._next_tests(stamp_ns, outcome, stand, episode),
+            offsets=stand.offsets,
+            counters=stand.counters,
+        )
+
+    def _without_episode(
+        self, stamp_ns: int, outcome: Outcome, words: str, stand: StandStatus
+    ) -> AmbiguityGroup:
+        return AmbiguityGroup(
+            stamp_ns=stamp_ns,
+            outcome=outcome,
+            episode=0,
+            step=0,
+            seq=0,
+            members=(),
+            dropped=(),
+            detected_stamp_ns=NEVER_NS,
+            words=words,
+            calibration_sha256=self._k.calibration_sha256,
+            source=self._source,
+            not_observable=self._not_observable(stand),
+            features_available=self._features_available(stand),
+            offsets=stand.offsets,
+            counters=stand.counters,
+        )
+
+    def _features_available(self, stand: StandStatus) -> int:
+        return len(self._k.features.features) if stand.axes else 0
+
+    def _next_tests(
+        self, stamp_ns: int, outcome: Outcome, stand: StandStatus, episode: FaultEpisode
+    ) -> tuple[NextTest, ...]:
+        """Advice for a group that nothing splits any further by itself."""
+        if outcome is not Outcome.INDISTINGUISHABLE:
+            return ()
+        return self._advice.tests(stamp_ns, episode, stand.axes)
+
+    def _not_observable(self, stand: StandStatus) -> tuple[tuple[str, str], ...]:
+        """Faults that this stand cannot show, with the reason."""
+        if stand.axes:
+            return self._undetectable
+        vibration_only = tuple(
+            (name, NO_ACCELEROMETER)
+            for name, fault in self._k.faults.items()
+            if fault.vibration and fault.approach == "data"
+        )
+        return vibration_only + self._undetectable
+
+
+def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:
+    """What limits a verdict, after its words."""
+    assumption = " (single-fault assumption)" if episode is not None else ""
+    return assumption + _another_unit(stand) + _missed(stand) + _returned(stand, episode)
+
+
+def _another_unit(stand: StandStatus) -> str:
+    """What it means that another unit than at the start is in use."""
+    if stand.unit_ns == NEVER_NS:
+        return ""
+    since_s = (stand.unit_ns - stand.first_ns) / 1e9
+    return f"; another unit since {since_s:.2f} s after the start, its offsets learned anew"
+
+
+def _missed(stand: StandStatus) -> str:
+    """What it means that nobody watched the stand when it began."""
+    if NEVER_NS in (stand.table_ns, stand.began_ns) or stand.returned_ns != NEVER_NS:
+        return ""
+    late_s = (stand.began_ns - stand.table_ns) / 1e9
+    if late_s < LATE_S:
+        return ""
+    return (
+        f"; watched from {late_s:.2f} s after the stand's start on: a fault of before may pass for "
+        "this unit's own"
+    )
+
+
+def _returned(stand: StandStatus, episode: FaultEpisode | None) -> str:
+    """What the return of an observer means for the verdict."""
+    if stand.returned_ns == NEVER_NS:
+        return ""
+    at_s = (stand.returned_ns - stand.first_ns) / 1e9
+    words = f"; the observer came back {at_s:.2f} s after the start"
+    if episode is not None and episode.shared.taken_over:
+        words += ", so that temperatures say no more and only ~/reset ends this episode"
+    return words
+
+
+def _candidate(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> Candidate:
+    size, sigma, unit = _size(hypothesis, models)
+    return Candidate(
+        hypothesis.name,
+        hypothesis.deviation,
+        hypothesis.probability if not hypothesis.why_dropped else 0.0,
+        hypothesis.why_dropped or "fits everything seen so far",
+        tuple(
+            Evidence(c.stamp_ns, c.source, c.observed, c.predicted, c.words, c.path)
+            for c in hypothesis.checks
+        ),
+        size,
+        sigma,
+        unit,
+    )
+
+
+def _size(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> tuple[float, float, str]:
+    """Size, standard error and unit by the best fit; NaN where there is none."""
+    if hypothesis.fit is None:
+        return math.nan, math.nan, ""
+    sizes = hypothesis.fit.sizes
+    model = next(m for m in models if m.fault == hypothesis.name and len(m.sizes) == len(sizes))
+    # The first that is there: a drag may be a viscous one alone.
+    index = next((k for k, value in enumerate(sizes) if value), 0)
+    return sizes[index], hypothesis.fit.sigmas[index], model.sizes[index].unit
