@@ -190,11 +190,6 @@ def select(
     return chosen
 
 
-def bhattacharyya(first: Sequence[float], second: Sequence[float]) -> float:
-    """Distance of two distributions, -ln sum sqrt(p q): 0 when they are equal."""
-    return -math.log(math.fsum(math.sqrt(p * q) for p, q in zip(first, second, strict=True)))
-
-
 def _range(nominal: Sequence[Sample], feature: str, rate: float) -> NominalRange | None:
     logarithmic = FeatureId.parse(feature).feature.logarithmic
     values = np.array([sample.values.get(feature, math.nan) for sample in nominal])
