@@ -61,7 +61,7 @@ def opening_shift(detection: Detection) -> str:
 def opening_cause(detection: Detection) -> str:
     """The test that passed its limit, with value and limit."""
     if detection.test == TAKEN_OVER:
-        return "open when the observer came back"
+        return "episode open when the observer restarted"
     return (
         f"{detection.residual}: z = {detection.z:.4g}, limit {detection.threshold:.4g}, "
         f"{detection.test}"

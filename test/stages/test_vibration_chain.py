@@ -143,7 +143,7 @@ def test_a_screw_that_shows_no_drag_is_not_jammed() -> None:
     found = last([said for record in kept for said in pipeline.handle(record)])
     assert [member.fault for member in found.members] == ["spall"]
     (jam,) = [row for row in found.dropped if row.fault == "jam"]
-    assert "less likely than the best" in jam.reason
+    assert "nats below the most likely fault" in jam.reason
 
 
 @pytest.mark.parametrize(
@@ -311,5 +311,5 @@ def test_where_no_feature_could_be_computed_the_verdict_says_that_one_would_spli
     group = verdict_without((Truth, VibrationBlock), jammed(1.0))
     assert {member.fault for member in group.members} == {"ball_nut_friction", "jam"}
     assert group.features_computed == ()
-    assert "not split yet: features of vibration would" in group.words
+    assert "not isolated yet; vibration features need" in group.words
     assert "by design" not in group.words

@@ -74,7 +74,7 @@ def test_a_diagnoser_that_was_killed_takes_its_verdict_over(domain: int, tmp_pat
         os.kill(process_of(process.child.pid, "flea_diag.nodes.diagnoser"), signal.SIGKILL)
         process.wait_for("diagnoser was ended by SIGKILL: restart 1 of at most 3", 10.0)
         process.output = ""
-        process.wait_for("before observer and isolator came back", limit_s=180.0)
+        process.wait_for("before observer and isolator restarted", limit_s=180.0)
         assert "NOMINAL" not in process.output
         assert process.signal(signal.SIGINT) == 1
 

@@ -1,4 +1,4 @@
-"""Which test would split a group that is left, how far, and in how much time of the stand.
+"""Next best test: which stand test would split the remaining group, how far, in what time.
 
 Two kinds of test. A feature of vibration: what its table says that it leaves (Bayes). A motion
 under a load: the calibrated model says what signals it would give, each fault of the group with
@@ -37,12 +37,12 @@ SCAN_S = 0.01
 FEATURE_S = 1.0
 """Stand time of one feature: a window of vibration in motion."""
 WORTH_SIZE = 0.05
-"""A test that is expected to leave hardly less than there is does not split."""
+"""Least expected reduction of the group size; a test with less does not split."""
 
 
 @dataclass(frozen=True)
 class PlannedMotion:
-    """A motion to and fro, as a sine of the position, under a constant load."""
+    """A reciprocating motion, sinusoidal in position, under a constant load."""
 
     name: str
     peak_m_s: float
@@ -52,12 +52,12 @@ class PlannedMotion:
 
 
 MOTIONS = (
-    PlannedMotion("slow to and fro, no load", 0.010, 8.0, 0.0, 8.0),
-    PlannedMotion("fast to and fro, no load", 0.040, 4.0, 0.0, 8.0),
-    PlannedMotion("slow to and fro, load 200 N", 0.010, 8.0, 200.0, 8.0),
-    PlannedMotion("slow to and fro, load -200 N", 0.010, 8.0, -200.0, 8.0),
-    PlannedMotion("fast to and fro, load 200 N", 0.040, 4.0, 200.0, 8.0),
-    PlannedMotion("fast to and fro, load -200 N", 0.040, 4.0, -200.0, 8.0),
+    PlannedMotion("slow reciprocating, no load", 0.010, 8.0, 0.0, 8.0),
+    PlannedMotion("fast reciprocating, no load", 0.040, 4.0, 0.0, 8.0),
+    PlannedMotion("slow reciprocating, load 200 N", 0.010, 8.0, 200.0, 8.0),
+    PlannedMotion("slow reciprocating, load -200 N", 0.010, 8.0, -200.0, 8.0),
+    PlannedMotion("fast reciprocating, load 200 N", 0.040, 4.0, 200.0, 8.0),
+    PlannedMotion("fast reciprocating, load -200 N", 0.040, 4.0, -200.0, 8.0),
 )
 """Within stroke, speed and load of the FLEA (0.1 m, 0.08 m/s, 311 N)."""
 
@@ -88,7 +88,7 @@ class Suspect:
 
 @dataclass(frozen=True)
 class LikelihoodTest:
-    """What the likelihood test of the isolator works with."""
+    """Models, noise and drop limit of the isolator's likelihood test."""
 
     models: Sequence[FaultModel]
     sigma: Mapping[str, float]
@@ -157,7 +157,7 @@ def motion_tests(
     elapsed_s: float = 0.0,
     motions: Sequence[PlannedMotion] = MOTIONS,
 ) -> tuple[StandTest, ...]:
-    """What each motion would leave, beside the evidence that is there already.
+    """Expected group after each motion, added to the evidence so far.
 
     A fault without a fitted model can neither be dropped by a likelihood nor be predicted.
     """

@@ -1,8 +1,8 @@
-"""Faults that a stand's sensors cannot show, however large: what it is silent on is said.
+"""Detectability: sensor faults that a stand cannot show at any size, so that it can say so.
 
-A sensor fault is seen by a test of that sensor alone (``sensor_tests``), by a relation whose
-terms vary or grow with it, or by a constant offset of a relation beyond what its test needs.
-One that only ever adds a constant below every limit is not seen: the drift of a single position
+A sensor fault is detectable by a test of that sensor alone (``sensor_tests``), by a relation whose
+terms vary or grow with it, or by a constant offset of a relation above the limit of its test. A
+fault that only adds a constant below every limit is not detectable: the drift of a single position
 sensor, whose slope is also the only speed, enters the relations as ``-B d`` and ``-Ke d``.
 """
 
@@ -21,7 +21,7 @@ CONSTANT = "one"
 def undetectable(
     faults: Mapping[str, Fault], models: Sequence[FaultModel], calibration: Calibration
 ) -> tuple[str, ...]:
-    """Faults of the calibrated stand's own sensors that none of its tests can show."""
+    """Sensor faults of the calibrated stand that none of its tests can detect."""
     reach = smallest_detectable_offsets(calibration)
     return tuple(
         name
@@ -33,7 +33,7 @@ def undetectable(
 
 
 def smallest_detectable_offsets(calibration: Calibration) -> dict[str, float]:
-    """The smallest lasting offset of each residual that one of its tests could call, its unit."""
+    """Smallest constant offset of each residual that one of its tests detects, in its unit."""
     found: dict[str, float] = {}
     for limit in calibration.limits:
         found[limit.name] = min(row.k * min(row.sigma) for row in limit.windows)
@@ -43,13 +43,13 @@ def smallest_detectable_offsets(calibration: Calibration) -> dict[str, float]:
 
 
 def _tested_alone(fault: Fault) -> bool:
-    """Whether the sensor's own readings tell this mode."""
+    """Whether a test of the sensor alone detects this mode."""
     steps = fault.channel in JUMP_RESIDUALS and fault.mode in JUMP_MODES
     return steps or any(fault.mode in modes for modes in OWN_TESTS.values())
 
 
 def _is_detectable(model: FaultModel, reach: Mapping[str, float]) -> bool:
-    """Whether the fault at its largest passes the limit of a residual that this stand has."""
+    """Whether the fault at its largest passes the limit of a residual of this stand."""
     terms = [term for term in model.terms if term.residual in reach]
     if any(term.regressor != CONSTANT for term in terms):
         return True

@@ -136,7 +136,7 @@ class Isolation:
         for hypothesis, fits, signature, words in judged:
             kept = fits or overruled
             if overruled:
-                words = f"{words}; so of every fault left, hence not held against this one"
+                words = f"{words}; contradicts all remaining faults, not used for rejection"
             hypothesis.add(
                 ConsistencyCheck(
                     stamp_ns,
@@ -159,7 +159,7 @@ class Isolation:
         visited: tuple[Quadrant, ...],
     ) -> tuple[bool, FaultSignature, str]:
         predictions = list(self._predictions(fault, residual, visited))
-        last = UNAFFECTED, "this fault does not move this residual"
+        last = UNAFFECTED, "this fault does not affect this residual"
         for signature in predictions:
             verdict = compatible(signature, magnitude, slope)
             if verdict:
@@ -206,10 +206,10 @@ class Isolation:
             tests = [f"{fault.channel}_{test}" for test, _ in defining]
             source, seen = (tests or [""])[0], [symbols.get(test, "0") for test in tests]
             if fault.mode == "dead" and fault.channel in MOTION_TELLS:
-                source, words = fault.channel, f"{fault.channel} goes on moving"
+                source, words = fault.channel, f"{fault.channel} still follows the motion"
                 ruled_out = fault.channel in moved
             else:
-                words = f"{fault.channel} does not read as one with {fault.mode} would"
+                words = f"{fault.channel} shows no symptom of {fault.mode}"
                 wanted = [symbol for _, symbol in defining]
                 timely = settled or _shows_at_once(fault, symbols)
                 ruled_out = timely and bool(defining) and not any(map(str.__eq__, seen, wanted))
@@ -236,7 +236,7 @@ class Isolation:
             hypothesis.fit, hypothesis.log_likelihood = fit, fit.log_likelihood
             behind = best - fit.log_likelihood
             if behind > drop_nats:
-                words = f"less likely than the best by {behind:.1f} nats (limit {drop_nats:.1f})"
+                words = f"{behind:.1f} nats below the most likely fault (limit {drop_nats:.1f})"
                 hypothesis.add(
                     ConsistencyCheck(
                         stamp_ns, "likelihood", f"{fit.log_likelihood:.2f}", "", False, words
@@ -248,7 +248,7 @@ class Isolation:
         """Take a feature's answer in: ``left`` are the faults it leaves, with probabilities."""
         for hypothesis in self.alive():
             kept = hypothesis.name in left
-            words = "fits the feature's value" if kept else "the feature's value speaks against it"
+            words = "consistent with the feature value" if kept else "feature value contradicts it"
             hypothesis.add(ConsistencyCheck(stamp_ns, feature, symbol, "", kept, words))
             after = left.get(hypothesis.name, 0.0)
             if after > 0.0 and hypothesis.probability > 0.0:

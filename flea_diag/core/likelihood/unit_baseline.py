@@ -1,9 +1,9 @@
-"""What this unit showed while nothing deviated: evidence on its own parameters.
+"""Baseline of a unit: evidence on its own parameters from scans without a deviation.
 
-Healthy units differ, so a spread of friction, resistance and offsets goes into every likelihood.
-A unit that has run for a while has shown where in that spread it lies. The last seconds before a
-detection are left out, for the fault may already be in them, and what is old fades, for a
-unit warms up.
+Healthy units differ, so every likelihood includes a spread of friction, resistance and offsets.
+A unit that has run for a while has shown where it lies within that spread. The last seconds before
+a detection are left out, as the fault may already be present, and old evidence fades, as a unit
+warms up.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from flea_diag.core.likelihood.likelihood import NormalEquations
 Array = npt.NDArray[np.float64]
 
 EVERY = 4
-"""One scan of so many is kept: residuals change slowly."""
+"""One scan in this many is kept: residuals change slowly."""
 PIECE_SCANS = 100
 LEFT_OUT = 3
-"""Pieces before a detection that are no evidence of health."""
+"""Pieces before a detection that are left out of the baseline."""
 LEAST_PIECES = 5
-"""A fault that was there from the start is mostly found before that."""
+"""Pieces before the baseline is used: a fault present at start is mostly detected earlier."""
 MEMORY = 60.0
-"""Pieces over which the evidence fades to a share of 1/e."""
+"""Pieces over which the evidence fades to 1/e."""
 
 
 class UnitBaseline:
@@ -41,13 +41,13 @@ class UnitBaseline:
 
     @property
     def evidence(self) -> NormalEquations | None:
-        """What the unit has shown; None while that is too little to tell a fault from it."""
+        """The baseline; None while there is too little of it to tell a fault from it."""
         return self._known if self._pieces >= LEAST_PIECES else None
 
     def add(self, values: Array, regressors: Array) -> None:
-        """N scans without a deviation: residuals, shape (n, residuals), NaN = none; regressors.
+        """Add n scans without a deviation: residuals, shape (n, residuals), NaN = none; regressors.
 
-        In whatever blocks they come, to the same last bit.
+        The result does not depend on the block sizes, to the last bit.
         """
         start = 0
         while start < len(values):
@@ -60,7 +60,7 @@ class UnitBaseline:
             start += count
 
     def count(self) -> bool:
-        """One scan, singly; whether it is to be handed to ``keep`` before its piece is over."""
+        """Count one scan; whether to hand it to ``keep`` before its piece is over."""
         if self._scans % PIECE_SCANS == 0:
             self._next_piece()
         self._scans += 1
@@ -72,7 +72,7 @@ class UnitBaseline:
         return self._scans % PIECE_SCANS == 0
 
     def keep(self, values: Array, regressors: Array) -> None:
-        """Scans of this piece that were counted, in their order; shapes as for ``add``."""
+        """Add scans of this piece that were counted, in order; shapes as for ``add``."""
         self._recent[-1].add(values, regressors)
 
     def _next_piece(self) -> None:
@@ -83,6 +83,6 @@ class UnitBaseline:
             self._pieces += 1
 
     def interrupt(self) -> None:
-        """Something deviated: what came just before it is no evidence of health."""
+        """A deviation was detected: discard the scans just before it."""
         self._recent.clear()
         self._scans = 0

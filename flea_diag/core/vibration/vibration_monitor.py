@@ -1,12 +1,11 @@
-"""Always-on watch of vibration, for faults that no slow channel shows (spall).
+"""Vibration monitor: always on, for faults that no slow channel shows (spall).
 
-Two condition indicators of each block are held against their nominal ranges at its operating
-point: the level, as standard deviation, and the kurtosis. Units differ in their level by more
-than a small pit adds to it; a pit strikes, and what strikes has a kurtosis that no gain, no
-resonance and no background gives a healthy unit. ``RAISED`` of the last ``BLOCKS`` blocks on the
-same side of the range raise the alarm: one loud block, or the knock of one reversal, does not.
-Blocks in motion and at rest are counted apart: a pit is heard in motion alone, however long the
-actuator rests in between.
+Two condition indicators of each block are compared with their nominal ranges at its operating
+point: the level, as standard deviation, and the kurtosis. Healthy units differ in level by more
+than a small pit adds. A pit causes impacts, which raise the kurtosis beyond what gain, resonance
+or background of a healthy unit can. An alarm needs ``RAISED`` of the last ``BLOCKS`` blocks on the
+same side of the range, so that one loud block or the knock of one reversal raises none. Blocks in
+motion and at rest are counted apart: a pit shows in motion only.
 """
 
 from __future__ import annotations
@@ -25,21 +24,21 @@ from flea_diag.core.vibration.nominal_range import (
 BLOCKS = 10
 RAISED = 6
 SCANS = 10
-"""Scans of one block, over which speed and load are averaged (rms)."""
+"""Scans of one block, over which the RMS of speed and load is taken."""
 
 SECTIONS: dict[tuple[str, bool], str] = {
     ("std", True): "levels",
     ("std", False): "resting_levels",
     ("kurtosis", True): "kurtosis",
 }
-"""Indicator, and whether the actuator moves -> the nominal ranges that it is held against."""
+"""Indicator, and whether the actuator moves -> section of the nominal ranges."""
 
 WORDS = {"std": "level {:.3g} m/s^2", "kurtosis": "kurtosis {:.3g}"}
 
 
 @dataclass(frozen=True)
 class VibrationAlarm:
-    """What raised the alarm: an indicator of one axis, and on which side of its range it is."""
+    """An indicator of one axis outside its nominal range, and on which side."""
 
     axis: str
     indicator: str
@@ -48,12 +47,12 @@ class VibrationAlarm:
 
     @property
     def feature(self) -> str:
-        """The feature of the accelerometer to which this is an answer."""
+        """The feature of the accelerometer that this alarm answers."""
         return f"{self.axis.rsplit('_', 1)[0]}_{self.indicator}"
 
 
 class VibrationMonitor:
-    """Streams indicators of blocks; silent where no nominal range was ever learned."""
+    """Takes the indicators of each block; without nominal ranges it never alarms."""
 
     def __init__(self, nominal: NominalRanges) -> None:
         self._ranges: dict[tuple[str, bool], Mapping[str, NominalRange]] = {
@@ -64,18 +63,18 @@ class VibrationMonitor:
         self._sides: dict[tuple[str, str, bool], deque[int]] = {}
 
     def motion(self, speed: float, load_n: float) -> None:
-        """Speed and load of one scan."""
+        """Take speed and load of one scan."""
         self._speed.append(speed)
         self._load.append(load_n)
 
     def clear(self) -> None:
-        """Forget which blocks were out of their range."""
+        """Forget which blocks were outside their range."""
         self._sides.clear()
 
     def step(
         self, axes: Sequence[str], std: Sequence[float], kurtosis: Sequence[float] = ()
     ) -> VibrationAlarm | None:
-        """The alarm that this block raises, the level before the kurtosis, or None."""
+        """The alarm raised by this block, level before kurtosis, or None."""
         point = VibrationOperatingPoint(_rms(self._speed), _rms(self._load))
         alarm = None
         for indicator, values in (("std", std), ("kurtosis", kurtosis)):
@@ -94,7 +93,7 @@ class VibrationMonitor:
         nominal: tuple[float, float],
         point: VibrationOperatingPoint,
     ) -> VibrationAlarm | None:
-        """Note on which side of its range a value is; the alarm, if too many were there."""
+        """Count the sides of its range that an indicator was on; the alarm, if too many."""
         low, high = nominal
         recent = self._sides.setdefault((axis, indicator, point.moving), deque(maxlen=BLOCKS))
         recent.append(int(value > high) - int(value < low))

@@ -67,7 +67,7 @@ class FeatureClassifierStage:
         """What can be said of a run without one window of vibration in motion."""
         if self._began or self._latched:
             return ()
-        words = "no window of vibration in motion: nothing to classify"
+        words = "no vibration window in motion to classify"
         stamp_ns = max(self._windows.scans.end_ns, self._windows.vibration.end_ns)
         return (plain_verdict(stamp_ns, Outcome.NOT_OBSERVABLE, words),)
 
@@ -93,14 +93,14 @@ class FeatureClassifierStage:
         if self._began:
             return ()
         self._began = True
-        words = "no fault is called in three windows in a row"
+        words = "no fault in three consecutive windows"
         features = self._classifier.features
         return (plain_verdict(end_ns, Outcome.NOMINAL, words, features=features),)
 
     def _detect(self, stamp_ns: int, fault: str) -> tuple[Record, ...]:
         self._latched = True
         odds = math.exp(math.fsum(math.log(max(c[fault], LEAST)) for c in self._calls) / IN_A_ROW)
-        words = f"{IN_A_ROW} windows of vibration in a row are called {fault}"
+        words = f"{IN_A_ROW} consecutive vibration windows classified as {fault}"
         member = Candidate(fault, "", odds, words)
         features = self._classifier.features
         return (

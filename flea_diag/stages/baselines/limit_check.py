@@ -74,7 +74,7 @@ class LimitCheckStage:
         if self._began:
             return ()
         self._began = True
-        return (plain_verdict(record.stamp_ns, Outcome.NOMINAL, "every channel within its limits"),)
+        return (plain_verdict(record.stamp_ns, Outcome.NOMINAL, "all channels within limits"),)
 
     def handle_block(self, block: ScanBlock) -> tuple[Record, ...]:
         """The same of many scans."""
@@ -96,7 +96,7 @@ class LimitCheckStage:
         self._latched = True
         low, high = self._limits[channel]
         limit = high if value > high else low
-        words = f"{channel} = {value:.6g} is beyond its limit {limit:.6g}"
+        words = f"{channel} = {value:.6g} exceeds its limit {limit:.6g}"
         named = [
             name
             for name, fault in self._faults.items()

@@ -1,7 +1,7 @@
-"""Features on request: one feature, one window, one answer; and the always-on sentinel.
+"""Features on request: one feature, one window, one answer; and the levels of every block.
 
 The answer's stamp is the request's stamp plus the answer budget, whatever the computation
-took: whoever merges records by stamp sees the same order live and in replay.
+took: records merged by stamp have the same order live and in replay.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from flea_diag.wire.records import (
 
 @dataclass(frozen=True)
 class ExtractorParameters:
-    """What the extractor may be told."""
+    """Parameters that a user may set on the extractor."""
 
     history_s: float = parameter(
         10.0, "vibration and scans kept for requests", unit="s", minimum=0.5, maximum=60.0
@@ -69,7 +69,9 @@ class ExtractorParameters:
     most_pending: int = parameter(
         32, "requests kept until their window is complete", unit="1", minimum=1, maximum=10_000
     )
-    sentinel: bool = parameter(True, "publish level and kurtosis of every block on vibration_level")
+    sentinel: bool = parameter(
+        True, "publish level and kurtosis of every vibration block on vibration_level"
+    )
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,7 @@ class ExtractorStage:
         return len(block), ()
 
     def _level(self, block: VibrationBlock) -> tuple[Record, ...]:
-        """Take a block in; the sentinel's record is stamped with the end of the block."""
+        """Take a block in; its levels are stamped with the end of the block."""
         if not self.windows.vibration.add(block) or not self.parameters.sentinel:
             return ()
         if not self._is_rate_known(self.windows.vibration.rate_hz):
@@ -217,7 +219,7 @@ class ExtractorStage:
     def _why_no_range(self, feature: str) -> str:
         if feature not in self.table.nominal.ranges:
             return f"{self.table.title!r} has no nominal range of {feature}"
-        return "motor_speed is not measured in the window, so the nominal range is not known"
+        return "motor_speed is not measured in the window: nominal range unknown"
 
     def _window(self, request: FeatureRequest, wanted: FeatureId) -> Window:
         """Decode what one feature needs, and nothing else; the next one finds it decoded."""

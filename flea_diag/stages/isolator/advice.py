@@ -1,4 +1,4 @@
-"""What to do next about a group that is left unsplit: tests of the stand, as advice."""
+"""Advice on a group that is not isolated: stand tests that would isolate it further."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.wire.records import NextTest
 
 MOST_SUSPECTS = 6
-"""Motions are weighed for groups up to this size: the work grows with its square."""
+"""Largest group for which motions are evaluated: the effort grows with its square."""
 MOST_TESTS = 6
 
 
 class Advice:
-    """Ranks the tests that would split the group of an episode."""
+    """Ranks the tests that would isolate the group of an episode further."""
 
     def __init__(
         self,
@@ -42,13 +42,13 @@ class Advice:
             knowledge.calibration.differences(),
             parameters.drop_nats,
         )
-        for motion in MOTIONS:  # now, not when a verdict waits for it
+        for motion in MOTIONS:  # cached now, so that no verdict waits for it
             planned(knowledge.calibration.parameters, motion)
 
     def tests(
         self, stamp_ns: int, episode: FaultEpisode, axes: Collection[str]
     ) -> tuple[NextTest, ...]:
-        """Tests that would split what is left, the most gained for each second first."""
+        """Tests that would split the group, highest gain per second first."""
         suspects = [Suspect(h.name, h.probability, h.fit) for h in episode.isolation.alive()]
         if len(suspects) < 2:
             return ()

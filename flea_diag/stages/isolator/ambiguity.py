@@ -1,4 +1,4 @@
-"""Why several faults are left: by design of the sensor set, or by this evidence alone."""
+"""Why a group is not isolated further: by design of the sensor set, or for lack of evidence."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.wire.records import BY_DESIGN
 
-BY_EVIDENCE = "not split by this evidence"
+VIBRATION_PENDING = "not isolated yet; vibration features need a valid window in motion"
+BY_EVIDENCE = "not isolated by the evidence so far"
 
 
 class Ambiguity:
-    """Says what would split a group of faults.
+    """Says what would isolate the faults of a group.
 
     Parameters
     ----------
@@ -35,7 +36,7 @@ class Ambiguity:
         self._chooser = FeatureChooser(table, "information")
 
     def reason(self, stand: StandStatus, episode: FaultEpisode, alive: list[Hypothesis]) -> str:
-        """Faults that no residual isolates, no further scan will ever tell apart."""
+        """Why the faults left are not isolated; where possible, what would isolate them."""
         names = [h.name for h in alive]
         if episode.query.computed:
             return BY_EVIDENCE
@@ -44,16 +45,18 @@ class Ambiguity:
         left = computable(self._quantified, stand.bad)
         if len(left) < len(self._quantified) and not isolable(self._models, names, left):
             lost = ", ".join(channel for channel in stand.bad if self._is_required(channel))
-            return f"cannot be split without {lost}, {BY_DESIGN}; sound readings of it would"
+            return f"not isolable without {lost}, {BY_DESIGN}; valid readings would isolate them"
         return BY_EVIDENCE
 
     def _vibration(self, stand: StandStatus, episode: FaultEpisode, alive: list[Hypothesis]) -> str:
-        """Whether vibration would isolate what residuals cannot."""
+        """The same for faults that no residual isolates: whether vibration would."""
         if not stand.axes and any(h.fault.vibration for h in alive):
-            return f"cannot be split by this sensor set, {BY_DESIGN}; accelerometers would"
+            return (
+                f"not isolable with these sensors, {BY_DESIGN}; accelerometers would isolate them"
+            )
         if not stand.axes or self._chooser.next(episode.group()) is None:
-            return f"cannot be split by this sensor set, {BY_DESIGN}"
-        return "not split yet: features of vibration would, on a usable second of motion"
+            return f"not isolable with these sensors, {BY_DESIGN}"
+        return VIBRATION_PENDING
 
     def _is_required(self, channel: str) -> bool:
         """Whether a residual of the fault models needs this channel."""

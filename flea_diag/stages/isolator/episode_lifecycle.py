@@ -114,7 +114,7 @@ class EpisodeLifecycle:
         for hypothesis in episode.isolation.alive():
             if not hypothesis.fault.vibration:
                 hypothesis.why_dropped = (
-                    f"{alarm.axis} left its range, and this fault does not show in vibration"
+                    f"{alarm.axis} outside its nominal range; this fault has no vibration signature"
                 )
         episode.settled = True
         episode.isolation.normalise()

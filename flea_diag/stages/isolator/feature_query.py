@@ -1,9 +1,9 @@
-"""What an episode asks of vibration: which feature next, on which window, and how long.
+"""Feature requests of one episode: which feature next, on which window, and until when.
 
-What a fault does to a feature was learned on windows in motion with the fault there throughout.
-So a window begins after the detection and holds motion, with a reversal, in which play shows.
-All features are asked of the same window; when they are used up and several faults are left,
-they are asked for anew on the next.
+The fault feature table was learned on windows in motion with the fault present throughout.
+A window therefore begins after the detection and holds motion, with a reversal, which excites
+backlash. All features are requested on the same window; if several faults remain after them, they
+are requested again on the next window.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from flea_diag.wire.records import FeatureRequest, FeatureValue
 Rules = tuple[tuple[int, float, float], ...]
 
 REVERSAL_NS = 2_000_000_000
-"""So long a window with a reversal is waited for; half a period of the slowest usual motion."""
+"""Time to wait for a window with a reversal: half a period of the slowest usual motion."""
 NO_SLOWER = 0.98
-"""A window that is no slower than any before, and still getting faster, is not the best yet."""
+"""A window at least this fast relative to the fastest, and accelerating, is not yet the best."""
 LOOK_EVERY_NS = 100_000_000
-"""More often than half a second, at which many a motion is always at the same place."""
+"""Not a multiple of half a second: periodic motions would be sampled at one phase only."""
 FASTEST_FIRST: Rules = (
     (0, FAST_RAD_S, 1.0), (REVERSAL_NS, MOVING_RAD_S, NEAR_FASTEST),
     (2 * REVERSAL_NS, 7.0, 0.5),
 )  # fmt: skip
-"""Which window is taken: from when on, how fast at least, and how near to the fastest since the
-detection. A jam often lets the shaft do no more than creep."""
+"""Windows accepted: waiting time from which the rule holds, least speed (rad/s), and least share
+of the fastest window since detection. A jammed shaft often only creeps."""
 ANY_MOTION: Rules = ((0, MOVING_RAD_S, 0.0), (2 * REVERSAL_NS, 7.0, 0.0))
 RUBBING = frozenset(("jam", "ball_nut_friction"))
-"""These two are told apart in slow motion as well: what is left to do then is done at once."""
+"""Isolable from each other in slow motion as well: any motion is accepted for this pair."""
 
 
 @dataclass
 class FeatureQuery:
-    """Features of one episode.
+    """State of the feature requests of one episode.
 
     Parameters
     ----------
-    since_ns : windows begin no earlier
-    most_windows : after so many windows what is left is left
+    since_ns : earliest start of a window
+    most_windows : number of windows after which the remaining group is final
     """
 
     since_ns: int
@@ -61,7 +61,7 @@ class FeatureQuery:
     _rules: Rules = FASTEST_FIRST
 
     def plan(self, group: Mapping[str, float], chooser: FeatureChooser) -> None:
-        """Choose what to ask for next, of this window or of a fresh one; `wanted` holds it."""
+        """Choose the next feature, on this window or on a new one; `wanted` holds it."""
         self._rules = ANY_MOTION if RUBBING.issuperset(group) else FASTEST_FIRST
         self.wanted = chooser.next(group, self._tried) if len(group) > 1 else None
         if self.wanted or not self._answered or self._windows >= self.most_windows:
@@ -73,7 +73,7 @@ class FeatureQuery:
             self.since_ns, self._end_ns = self._until_ns, None
 
     def ask(self, stamp_ns: int, episode: int, step: int) -> FeatureRequest:
-        """Request what is wanted, of the window in use or of the one that ends now."""
+        """Request the wanted feature on the window in use, or on the one that ends now."""
         assert self.wanted is not None
         end_ns = self._end_ns = stamp_ns if self._end_ns is None else self._end_ns
         start_ns = end_ns - self.window_ns
@@ -81,7 +81,7 @@ class FeatureQuery:
         return self.request
 
     def is_due(self, stamp_ns: int, window: MotionWindow) -> bool:
-        """Whether something is wanted, and there is a window to ask about."""
+        """Whether a feature is wanted and a window for it exists."""
         if self.wanted is None or self._end_ns is not None:
             return self.wanted is not None
         waited_ns = stamp_ns - self.window_ns - self.since_ns
@@ -93,7 +93,7 @@ class FeatureQuery:
         )
 
     def _is_best(self, window: MotionWindow, share: float) -> bool:
-        """Whether this window of a slow motion is to be taken, for there will be none better."""
+        """Whether a window of slow motion is accepted, as none better is to be expected."""
         if not share:
             return True
         fastest = window.fastest_rad_s(self.since_ns)
@@ -101,7 +101,7 @@ class FeatureQuery:
         return not best_to_come and window.reaches(share * fastest)
 
     def looks_out(self, stamp_ns: int) -> bool:
-        """Whether it is time to look for a window once more; takes note that it is."""
+        """Whether it is time to look for a window again; records the time."""
         waits = self.wanted is not None and self._end_ns is None and self.request is None
         if not waits or stamp_ns - self._looked_ns < LOOK_EVERY_NS:
             return False
@@ -109,29 +109,29 @@ class FeatureQuery:
         return True
 
     def is_open(self, stamp_ns: int, patience_ns: int) -> bool:
-        """Whether an answer, or a window to ask about, is still waited for."""
+        """Whether an answer or a window is still awaited."""
         late = stamp_ns > self.since_ns + self.window_ns + patience_ns
         return self.request is not None or (self.wanted is not None and not late)
 
     def take(self, answer: FeatureValue) -> bool:
-        """Whether an answer is that to the open request, which it then closes."""
+        """Whether this answers the open request, which it then closes."""
         asked = self.request
         if asked is None or (asked.episode, asked.step) != (answer.episode, answer.step):
             return False
         self.give_up()
         self._answered = True
         if math.isnan(answer.value):
-            self._end_ns = None  # the next feature on another window: this one may be spoilt
+            self._end_ns = None  # next feature on another window: this one may be invalid
         elif answer.feature not in self.computed:
             self.computed += (answer.feature,)
         return True
 
     def pass_over(self, feature: str) -> None:
-        """A feature of which the first window would tell nothing new."""
+        """Skip a feature whose answer is already known on the first window."""
         self._tried += (feature,)
 
     def give_up(self) -> None:
-        """Close the open request: its feature is not asked for again on this window."""
+        """Close the open request; its feature is not requested again on this window."""
         assert self.request is not None
         self._tried += (self.request.feature,)
         self._until_ns = self.request.window_end_ns

@@ -1,4 +1,4 @@
-"""How the actuator has moved lately: what vibration and the signs of symbols rest on."""
+"""Recent motion of the actuator: speed, load and the quadrants visited."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from flea_diag.wire.blocks import ResidualBlock
 CURRENT, SPEED = REGRESSORS.index("current_a"), REGRESSORS.index("speed_m_s")
 LOAD, DIRECTION = REGRESSORS.index("load_n"), REGRESSORS.index("direction")
 VISITED_SCANS = 400
-"""Scans in motion over which the quadrants that were passed through are remembered."""
+"""Scans in motion over which visited quadrants are kept."""
 IDLE_A = 0.1
-"""Below this the sign of a current is that of its noise."""
+"""Below this the sign of a current is noise."""
 
 
 class MotionHistory:
@@ -26,8 +26,8 @@ class MotionHistory:
     Parameters
     ----------
     encoder_m_per_rad : travel of the nut, 0 where no speed of the shaft is known
-    window_ns : over which ``window`` looks back
-    monitor : is told of speed and load
+    window_ns : length of ``window``
+    monitor : receives speed and load of each scan
     """
 
     def __init__(self, encoder_m_per_rad: float, window_ns: int, monitor: VibrationMonitor) -> None:
@@ -45,7 +45,7 @@ class MotionHistory:
             self._visited.append((regressors[CURRENT], regressors[DIRECTION]))
 
     def follow(self, block: ResidualBlock) -> None:
-        """Take many scans: only the last of them will be remembered."""
+        """Take many scans, of which only the last are kept."""
         moving = block.regressors[:, -1] > 0.5
         visited = block.regressors[moving][-VISITED_SCANS:, [CURRENT, DIRECTION]].tolist()
         self._visited.extend((current, direction) for current, direction in visited)
@@ -61,12 +61,12 @@ class MotionHistory:
         return speed_m_s / self._lead if self._lead else math.nan
 
     def quadrants(self) -> set[Quadrant]:
-        """Quadrants that the last scans in motion lay in."""
+        """Quadrants visited by the last scans in motion."""
         return {quadrant for scan in self._visited for quadrant in _quadrants(*scan)}
 
 
 def _quadrants(current_a: float, direction: float) -> tuple[Quadrant, ...]:
-    """Quadrants that a scan lies in; a current within its noise lies in both of its signs."""
+    """Quadrants of a scan; a current within its noise counts with both signs."""
     if not math.isfinite(current_a):
         return ()
     signs = (-1, 1) if abs(current_a) < IDLE_A else (1 if current_a > 0 else -1,)

@@ -1,4 +1,4 @@
-"""Speed of the shaft and load over the last seconds, of which a window of vibration is chosen."""
+"""Shaft speed and load of the last seconds, from which vibration windows are selected."""
 
 from __future__ import annotations
 
@@ -13,48 +13,48 @@ import numpy as np
 from flea_diag.core.vibration.features_motion import reverses
 
 LOOK_BACK_NS = 6_500_000_000
-"""So far back: the slowest usual motion, with its rests, is fast once in it."""
+"""History kept: the slowest usual motion, including its rests, is fast once within it."""
 RISING_NS = 200_000_000
-"""A motion that is faster over this last stretch than over the window is getting faster."""
+"""The motion is accelerating if it is faster over this time than over the whole window."""
 
 
 @dataclass
 class MotionWindow:
-    """Speed of the shaft and load over the last window, and the fastest window of late."""
+    """Shaft speed and load over the last window, and the fastest window in the history."""
 
     window_ns: int
     _scans: deque[tuple[int, float, float]] = field(default_factory=deque)
 
     def add(self, stamp_ns: int, speed_rad_s: float, load_n: float) -> None:
-        """One scan; not a number what is not measured."""
+        """Add one scan; NaN where not measured."""
         self.extend([(stamp_ns, speed_rad_s, load_n)])
 
     def extend(self, scans: Iterable[tuple[int, float, float]]) -> None:
-        """Scans, one at least: stamp, speed and load of each."""
+        """Add at least one scan: stamp, speed and load of each."""
         self._scans.extend(scans)
         while self._scans[0][0] <= self._scans[-1][0] - self.history_ns:
             self._scans.popleft()
 
     @property
     def history_ns(self) -> int:
-        """So far back scans are kept."""
+        """Time for which scans are kept."""
         return self.window_ns + LOOK_BACK_NS
 
     def reaches(self, speed_rad_s: float) -> bool:
-        """Whether the shaft turned so fast, root mean square; true where nothing says."""
+        """Whether the RMS speed reaches this value; true where the speed is not measured."""
         speed = _rms(scan[1] for scan in self._last(self.window_ns))
         return not speed < speed_rad_s
 
     @property
     def rises(self) -> bool:
-        """Whether the shaft is faster now than in the window as a whole."""
+        """Whether the shaft is accelerating."""
         now, whole = (
             _rms(scan[1] for scan in self._last(reach)) for reach in (RISING_NS, self.window_ns)
         )
         return now > whole
 
     def fastest_rad_s(self, since_ns: int) -> float:
-        """Root mean square speed of the fastest whole window since then; 0 where nothing says."""
+        """RMS speed of the fastest whole window since then; 0 where not measured."""
         scans = [scan for scan in self._scans if scan[0] > since_ns]
         stamps_ns = np.array([stamp_ns for stamp_ns, _, _ in scans])
         squares = np.square([speed for _, speed, _ in scans])
@@ -67,17 +67,17 @@ class MotionWindow:
 
     @property
     def reverses(self) -> bool:
-        """Whether motion or load reverses in it."""
+        """Whether motion or load reverses within the last window."""
         last = list(self._last(self.window_ns))
         return reverses([scan[1] for scan in last], [scan[2] for scan in last])
 
     def _last(self, reach_ns: int) -> Iterator[tuple[int, float, float]]:
-        """Scans of so long ago and later, the newest first."""
+        """Scans of the last ``reach_ns``, the newest first."""
         since_ns = self._scans[-1][0] - reach_ns if self._scans else 0
         return itertools.takewhile(lambda scan: scan[0] > since_ns, reversed(self._scans))
 
 
 def _rms(values: Iterable[float]) -> float:
-    """Root mean square of those that are known; not a number where there are none."""
+    """Root mean square of the finite values; NaN where there are none."""
     known = [value * value for value in values if math.isfinite(value)]
     return math.sqrt(math.fsum(known) / len(known)) if known else math.nan

@@ -1,7 +1,7 @@
-"""Which outcome the state of the isolator amounts to, and in which words.
+"""Outcome of the diagnosis, and its words, from the state of stand and episode.
 
-The order of the questions is the order of the functions: does the calibration fit, is there
-an episode, what is left of its hypotheses; and without one, is anything to be seen at all.
+Decided in this order: does the calibration fit, is an episode open, which hypotheses remain;
+without an episode, are the data usable and is the actuator observable.
 """
 
 from __future__ import annotations
@@ -13,26 +13,24 @@ from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.stages.isolator.ambiguity import Ambiguity
 from flea_diag.stages.isolator.fault_episode import FaultEpisode, relation
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
-from flea_diag.stages.isolator.stand_status import SEEN_MOVING, StandStatus, astray, rested
+from flea_diag.stages.isolator.stand_status import SEEN_MOVING, StandStatus, diverged, rested
 from flea_diag.wire.records import DRIVER_DEAD, STARVING, STREAM, Outcome
 
 Decision = tuple[Outcome, str]
 """An outcome and its words."""
 
 EARLY_NS = 8_000_000_000
-"""A deviation within this time of the stream's start was there before it."""
+"""A deviation this soon after the start of the stream counts as present since the start."""
 NEEDED = ("motor_current", "load_force", "actuator_position")
-"""Without these the stand shows too little of the actuator to say anything."""
-LOST = (
-    "the state observer has lost its track and no relation says why: the calibration does not "
-    "fit this actuator, calibrate on its own recordings"
+"""Without these channels nothing can be diagnosed."""
+DIVERGED = (
+    "state observer diverged and no residual isolates a cause: the calibration does not fit this "
+    "actuator, calibrate on its own recordings"
 )
-UNTOLD = (
-    "readings leave the state observer's prediction; no relation that would say which fault has "
-    "deviated yet"
-)
-LEFT = "an episode from before observer and isolator came back: what was found of it is lost"
-AT_REST = "the actuator does not move: faults of motor and screw show only in motion"
+NOT_ISOLATING = "innovation above threshold; no isolating residual yet"
+EVIDENCE_LOST = "episode opened before observer and isolator restarted; its evidence is lost"
+AT_REST = "actuator at rest: motor and screw faults are observable only in motion"
+NO_DEVIATION = "no deviation"
 
 
 class OutcomeRules:
@@ -56,16 +54,16 @@ class OutcomeRules:
         if stand.mismatch:
             return Outcome.MODEL_MISMATCH, stand.mismatch
         if episode is None:
-            # Not beyond what was seen: the record that is due may come after a leap of the clock.
-            if astray(min(stamp_ns, stand.last_ns), stand.lost_ns):
-                return Outcome.MODEL_MISMATCH, LOST
+            # At most the last scan: the record being answered may come after a jump of the clock.
+            if diverged(min(stamp_ns, stand.last_ns), stand.lost_ns):
+                return Outcome.MODEL_MISMATCH, DIVERGED
             return self._quiet(stamp_ns, stand)
         outcome, words = self._of_episode(stamp_ns, stand, episode)
         early = episode.shared.detected_ns - max(stand.first_ns, stand.unit_ns) <= EARLY_NS
         if outcome is Outcome.UNEXPLAINED and early:
             return (
                 Outcome.MODEL_MISMATCH,
-                f"{words}, and so from the start: the calibration does not fit this actuator",
+                f"{words}; present since the start: the calibration does not fit this actuator",
             )
         return outcome, words
 
@@ -74,20 +72,20 @@ class OutcomeRules:
         names = ", ".join(h.name for h in alive)
         what = f" ({episode.shared.opened_by})"
         if episode.awaits_symbols:
-            return Outcome.DETECTED, LEFT if episode.shared.taken_over else UNTOLD
+            return Outcome.DETECTED, EVIDENCE_LOST if episode.shared.taken_over else NOT_ISOLATING
         if not alive:
-            return Outcome.UNEXPLAINED, f"a deviation that no fault of the catalogue explains{what}"
+            return Outcome.UNEXPLAINED, f"no fault of the catalogue explains the deviation{what}"
         if not episode.settled or episode.query.is_open(stamp_ns, self._patience_ns):
-            return Outcome.DETECTED, f"a fault, one of: {names}"
+            return Outcome.DETECTED, f"fault detected, one of: {names}"
         if self._is_unexplained(episode, alive):
-            return Outcome.UNEXPLAINED, f"a deviation that none of {names} explains well{what}"
+            return Outcome.UNEXPLAINED, f"none of {names} explains the deviation{what}"
         if len(alive) == 1:
             return Outcome.ISOLATED, f"the fault is {names}"
         why = self._ambiguity.reason(stand, episode, alive)
         return Outcome.INDISTINGUISHABLE, f"one of {names}: {why}"
 
     def _is_unexplained(self, episode: FaultEpisode, alive: list[Hypothesis]) -> bool:
-        """Relations deviate, every hypothesis has a model of them, and none gains on 'no fault'."""
+        """Whether no quantified hypothesis explains the residuals better than 'no fault' does."""
         deviating = {relation(residual) for residual, _, _ in episode.symbols}
         if not deviating or not deviating <= self._quantified:
             return False
@@ -100,8 +98,8 @@ class OutcomeRules:
         if STREAM in stand.bad:
             return Outcome.DATA_UNUSABLE, DRIVER_DEAD if bad else STARVING
         if bad:
-            return Outcome.DATA_UNUSABLE, f"{', '.join(bad)} cannot be used, other channels can"
+            return Outcome.DATA_UNUSABLE, f"{', '.join(bad)} unusable; the other channels are valid"
         resting = rested(stamp_ns, stand.moved_ns, self._rest_ns)
         if stand.moved < SEEN_MOVING or resting:
             return Outcome.NOT_OBSERVABLE, AT_REST
-        return Outcome.NOMINAL, "nothing deviates"
+        return Outcome.NOMINAL, NO_DEVIATION

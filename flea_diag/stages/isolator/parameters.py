@@ -1,4 +1,4 @@
-"""What the isolator is told: parameters of a user, and the knowledge it starts with."""
+"""Parameters of the isolator, and the knowledge it starts with."""
 
 from __future__ import annotations
 
@@ -15,71 +15,87 @@ from flea_diag.wire.parameters import parameter
 
 @dataclass(frozen=True)
 class IsolatorParameters:
-    """What a user may set on the isolator."""
+    """Parameters that a user may set on the isolator."""
 
     watermark_s: float = parameter(
         0.2,
-        "how long records wait for those of other topics",
+        "time that records wait for those of other topics",
         unit="s",
         minimum=0.0,
         maximum=5.0,
     )
     answer_budget_s: float = parameter(
-        0.15, "stamp of a feature's answer after its request", unit="s", minimum=0.0, maximum=5.0
+        0.15,
+        "delay from a feature request to the stamp of its answer",
+        unit="s",
+        minimum=0.0,
+        maximum=5.0,
     )
     answer_limit_s: float = parameter(
-        2.0, "give a feature up when no answer has come by then", unit="s", minimum=0.1, maximum=60
+        2.0,
+        "time without an answer after which a feature request is abandoned",
+        unit="s",
+        minimum=0.1,
+        maximum=60,
     )
     feature_window_s: float = parameter(
-        1.0, "length of vibration that a feature is computed on", unit="s", minimum=0.1, maximum=5
+        1.0, "length of the vibration window of a feature", unit="s", minimum=0.1, maximum=5
     )
     feature_windows: int = parameter(
-        3, "windows, one after the other, that features are asked for on", minimum=1, maximum=100
+        3, "consecutive windows on which features are requested", minimum=1, maximum=100
     )
     feature_patience_s: float = parameter(
-        5.0, "wait so long for a window in motion before the group is final", unit="s", minimum=0.0
+        5.0, "time to wait for a window in motion before the group is final", unit="s", minimum=0.0
     )
     onset_s: float = parameter(
         0.2,
-        "scans this soon after the detection are no evidence: smoothing still shows the onset",
+        "time after detection in which scans are not used as evidence (smoothing transient)",
         unit="s",
         minimum=0.0,
         maximum=5.0,
     )
     settle_samples: int = parameter(
-        200, "moving scans after the detection before features are asked for", minimum=1
+        200, "scans in motion after detection before features are requested", minimum=1
     )
     settle_s: float = parameter(
-        4.0, "the same as a time, for a stand that hardly moves", unit="s", minimum=0.1
+        4.0,
+        "time after detection at which features are requested in any case",
+        unit="s",
+        minimum=0.1,
     )
     drop_nats: float = parameter(
-        3.5, "log-likelihood behind the best at which a fault is dropped", unit="1", minimum=0.1
+        3.5,
+        "log-likelihood below the most likely fault at which a fault is dropped",
+        unit="1",
+        minimum=0.1,
     )
     explain_nats: float = parameter(
-        3.0, "log-likelihood a fault must gain over no fault to explain anything", minimum=0.0
+        3.0,
+        "log-likelihood gain over no fault that a fault needs to explain a deviation",
+        minimum=0.0,
     )
     rest_s: float = parameter(
-        60.0, "without motion for so long nothing is observable", unit="s", minimum=1.0
+        60.0, "time at rest after which nothing is observable", unit="s", minimum=1.0
     )
     likelihood: bool = parameter(
-        True, "weigh the faults that are left by likelihood (off: signs and features alone)"
+        True, "isolate by likelihood as well (off: symbols and features only)"
     )
     gating: bool = parameter(
         True,
-        "hold symbols against the quadrants passed through only, and let likelihoods wait for "
-        "motion both ways (off: for comparisons)",
+        "compare symbols with the quadrants visited only, and drop by likelihood only after "
+        "motion in both directions (off: for comparisons)",
     )
     strategy: str = parameter(
         "optimal",
-        "how the next feature is chosen",
+        "strategy that chooses the next feature",
         choices=("optimal", "information", "balanced", "paper"),
     )
-    source: str = parameter("live", "what the verdicts rest on", choices=("live", "replay"))
+    source: str = parameter("live", "source of the data", choices=("live", "replay"))
 
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What the isolator knows before the first record; ``features``: what it may ask for."""
+    """Knowledge before the first record; ``features``: those that may be requested."""
 
     calibration: Calibration
     calibration_sha256: str

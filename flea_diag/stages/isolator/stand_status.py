@@ -1,4 +1,4 @@
-"""What is known of the stand apart from any episode: whether it moves, and is to be believed."""
+"""Status of the stand apart from any episode: motion, usable channels, restarts, calibration."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ Stamps = npt.NDArray[np.int64]
 
 UNUSABLE = (Quality.BAD, Quality.STALE, Quality.ABSENT)
 LOST_NS = 3_000_000_000
-"""A state observer that has been off its track for so long has a model that does not fit."""
+"""A state observer that has diverged for this long has a model that does not fit."""
 GAP_NS = 1_000_000_000
-"""Nobody knows whether a track that was lost before so long a gap was lost all through it."""
+"""After a gap this long an earlier divergence is not counted on."""
 SEEN_MOVING = 50
-"""Scans in motion without which nothing can be said of motor and screw."""
+"""Scans in motion before motor and screw are observable."""
 
 
 @dataclass
@@ -42,29 +42,29 @@ class StandStatus:
     """When the stand began: the stamp of its channel table."""
     first_ns: int = NEVER_NS
     unit_ns: int = NEVER_NS
-    """Since when another unit than at the start is in use."""
+    """When the unit was exchanged for another one."""
     offsets: tuple[UnitOffset, ...] = ()
     """What the observer has learned of this unit."""
     counters: tuple[tuple[str, int], ...] = ()
-    """What was wrong with the data so far: ``channel/counter`` and how often."""
+    """Counts of bad samples so far, by ``channel/counter``."""
     began_ns: int = NEVER_NS
-    """First scan of the observer that is there now."""
+    """First scan of the observer now running."""
     returned_ns: int = NEVER_NS
-    """First scan of an observer that has come back in mid-run."""
+    """First scan of an observer that was restarted during the run."""
     moved: int = 0
     moved_ns: int = NEVER_NS
     lost_ns: int = NEVER_NS
-    """Since when the state observer has lost its track; never while it follows."""
+    """Since when the state observer has diverged; never while it tracks."""
     last_ns: int = NEVER_NS
     """Stamp of the newest scan."""
 
     def take_table(self, table: ChannelTable, mismatch: str) -> None:
-        """What the stand says of itself, and what keeps the calibration from being used on it."""
+        """Take the channel table, and why the calibration does not fit it (empty: it does)."""
         self.axes = tuple(r.name for r in table.channels if r.name.startswith("accelerometer"))
         self.mismatch, self.table_ns = mismatch, table.stamp_ns
 
     def take(self, quality: DataQuality) -> bool:
-        """What the observer says of the data; whether it is another one than at our first scan."""
+        """Take the observer's data quality; whether the observer has been restarted."""
         self.bad = tuple(row.channel for row in quality.channels if row.quality in UNUSABLE)
         self.offsets, self.counters = quality.offsets, wrong_samples(quality)
         began_ns = self.began_ns = max(
@@ -97,9 +97,9 @@ class StandStatus:
     def follow(
         self, stamps_ns: Stamps, moving: Flags, lost: Flags, rest_ns: float
     ) -> Iterator[int]:
-        """Take n scans; stops at those with which another outcome may stand.
+        """Take n scans; yields the index of each scan at which the outcome may change.
 
-        The state is then that of the scan given, and at the end that of the last one.
+        The state is that of the scan yielded, and finally that of the last scan.
         """
         self._begin(int(stamps_ns[0]))
         self.last_ns = int(stamps_ns[-1])
@@ -109,7 +109,11 @@ class StandStatus:
         lost_ns = np.maximum.accumulate(np.where(begins, stamps_ns, self.lost_ns))
         lost_ns = np.where(lost, lost_ns, NEVER_NS)
         seen = np.stack(
-            (moved < SEEN_MOVING, rested(stamps_ns, moved_ns, rest_ns), astray(stamps_ns, lost_ns))
+            (
+                moved < SEEN_MOVING,
+                rested(stamps_ns, moved_ns, rest_ns),
+                diverged(stamps_ns, lost_ns),
+            )
         )
         turns = np.flatnonzero((seen[:, 1:] != seen[:, :-1]).any(axis=0)) + 1
         for row in (0, *turns.tolist(), len(stamps_ns) - 1):
@@ -119,7 +123,7 @@ class StandStatus:
 
 
 def wrong_samples(quality: DataQuality) -> tuple[tuple[str, int], ...]:
-    """Every counter that has counted something wrong, as ``channel/counter``."""
+    """Counters of bad samples that are not 0, as ``channel/counter``."""
     return tuple(
         (f"{row.channel}/{name}", count)
         for row in quality.channels
@@ -130,28 +134,28 @@ def wrong_samples(quality: DataQuality) -> tuple[tuple[str, int], ...]:
 
 
 def rested(stamp_ns: Any, moved_ns: Any, rest_ns: float) -> Any:
-    """Whether there was no motion for too long; for one scan, or elementwise for many."""
+    """Whether the last motion is too long ago; for one scan, or elementwise for many."""
     return (moved_ns == NEVER_NS) | (stamp_ns - moved_ns > rest_ns)
 
 
-def astray(stamp_ns: Any, lost_ns: Any) -> Any:
-    """Whether the state observer is off its track for good; for one scan, or for many."""
+def diverged(stamp_ns: Any, lost_ns: Any) -> Any:
+    """Whether the state observer has diverged for too long; for one scan, or for many."""
     return (lost_ns != NEVER_NS) & (stamp_ns - lost_ns >= LOST_NS)
 
 
 def mismatch(calibration: Calibration, table: ChannelTable) -> str:
-    """What keeps a calibration from being used on a stand with this channel table, or ""."""
+    """Why a calibration does not fit a stand with this channel table; empty where it does."""
     here = {row.name for row in table.channels}
     missing = [name for name in calibration.channels if name not in here]
     if missing:
         return (
-            f"the calibration is of a stand with {missing[0]}, this one has none: "
+            f"the calibration requires {missing[0]}, which this stand does not have: "
             "calibrate on recordings of this stand"
         )
     voltage = table.info("motor_voltage")
     if voltage is not None and voltage.sampling != calibration.voltage_sampling:
         return (
-            f"the calibration is for a voltage sampled as {calibration.voltage_sampling!r}, this "
-            f"stand samples {voltage.sampling!r}: calibrate on recordings of this stand"
+            f"the calibration is for a motor_voltage sampled as {calibration.voltage_sampling!r}, "
+            f"this stand samples {voltage.sampling!r}: calibrate on recordings of this stand"
         )
     return ""

@@ -1,4 +1,4 @@
-"""The ambiguity group as it goes out: outcome, candidates with their evidence, what to do next."""
+"""Builds the ambiguity group: outcome, candidates with their evidence, next tests, remarks."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from flea_diag.wire.records import (
 )
 
 LATE_S = 2.0
-"""A stand that began so long before the observer's first scan was not watched meanwhile."""
+"""A later first scan than this after the start of the stand is remarked on."""
 UNDETECTABLE = (
-    "even at its largest it moves no residual of this stand beyond its limit; a second sensor of "
-    "the same quantity would show it"
+    "not detectable at any size with these sensors; a second sensor of the same quantity would "
+    "show it"
 )
 NO_ACCELEROMETER = "shows only in vibration, and this stand has no accelerometer"
 
 
 class VerdictRecord:
-    """Builds the record of what an episode, or its absence, amounts to."""
+    """Builds the verdict of an open episode, or of a stand without one."""
 
     def __init__(
         self,
@@ -111,7 +111,7 @@ class VerdictRecord:
     def _next_tests(
         self, stamp_ns: int, outcome: Outcome, stand: StandStatus, episode: FaultEpisode
     ) -> tuple[NextTest, ...]:
-        """Advice for a group that nothing splits any further by itself."""
+        """Advice for a group that is not isolated further without a test."""
         if outcome is not Outcome.INDISTINGUISHABLE:
             return ()
         return self._advice.tests(stamp_ns, episode, stand.axes)
@@ -129,40 +129,40 @@ class VerdictRecord:
 
 
 def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:
-    """What limits a verdict, after its words."""
+    """Remarks that qualify a verdict, appended to its words."""
     assumption = " (single-fault assumption)" if episode is not None else ""
     return assumption + _another_unit(stand) + _missed(stand) + _returned(stand, episode)
 
 
 def _another_unit(stand: StandStatus) -> str:
-    """What it means that another unit than at the start is in use."""
+    """Remark that the unit was exchanged during the run."""
     if stand.unit_ns == NEVER_NS:
         return ""
     since_s = (stand.unit_ns - stand.first_ns) / 1e9
-    return f"; another unit since {since_s:.2f} s after the start, its offsets learned anew"
+    return f"; unit exchanged {since_s:.2f} s after the start, sensor offsets relearned"
 
 
 def _missed(stand: StandStatus) -> str:
-    """What it means that nobody watched the stand when it began."""
+    """Remark that the observer started later than the stand."""
     if NEVER_NS in (stand.table_ns, stand.began_ns) or stand.returned_ns != NEVER_NS:
         return ""
     late_s = (stand.began_ns - stand.table_ns) / 1e9
     if late_s < LATE_S:
         return ""
     return (
-        f"; watched from {late_s:.2f} s after the stand's start on: a fault of before may pass for "
-        "this unit's own"
+        f"; observation began {late_s:.2f} s after stand start: a fault already present at start "
+        "may have been learned as baseline"
     )
 
 
 def _returned(stand: StandStatus, episode: FaultEpisode | None) -> str:
-    """What the return of an observer means for the verdict."""
+    """Remark that the observer was restarted during the run."""
     if stand.returned_ns == NEVER_NS:
         return ""
     at_s = (stand.returned_ns - stand.first_ns) / 1e9
-    words = f"; the observer came back {at_s:.2f} s after the start"
+    words = f"; observer restarted {at_s:.2f} s after the start"
     if episode is not None and episode.shared.taken_over:
-        words += ", so that temperatures say no more and only ~/reset ends this episode"
+        words += ", thermal residuals disabled until reset; only ~/reset ends this episode"
     return words
 
 
@@ -172,7 +172,7 @@ def _candidate(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> Candidat
         hypothesis.name,
         hypothesis.deviation,
         hypothesis.probability if not hypothesis.why_dropped else 0.0,
-        hypothesis.why_dropped or "fits everything seen so far",
+        hypothesis.why_dropped or "consistent with all evidence so far",
         tuple(
             Evidence(c.stamp_ns, c.source, c.observed, c.predicted, c.words, c.path)
             for c in hypothesis.checks
@@ -189,6 +189,6 @@ def _size(hypothesis: Hypothesis, models: Sequence[FaultModel]) -> tuple[float, 
         return math.nan, math.nan, ""
     sizes = hypothesis.fit.sizes
     model = next(m for m in models if m.fault == hypothesis.name and len(m.sizes) == len(sizes))
-    # The first that is there: a drag may be a viscous one alone.
+    # The first size that is not 0: a drag may be purely viscous.
     index = next((k for k, value in enumerate(sizes) if value), 0)
     return sizes[index], hypothesis.fit.sigmas[index], model.sizes[index].unit

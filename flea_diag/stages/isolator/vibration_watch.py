@@ -1,7 +1,7 @@
-"""Levels of vibration meet the motion of their time, and the monitor judges them.
+"""Pairs vibration levels with the motion of the same time for the vibration monitor.
 
-A block of vibration is here at once, the smoothed speed of the same time half a kernel later. So
-it waits for that; one for which none comes is of a time at which the observer was away.
+The smoothed speed of a block's time is known half a smoothing kernel after the block. Each block
+waits for it; a block whose speed never arrives was recorded while no observer was running.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from flea_diag.core.vibration.vibration_monitor import VibrationAlarm, Vibration
 from flea_diag.wire.records import VibrationLevel
 
 LEVEL_DELAY_NS = 150_000_000
-"""From the end of a block until the smoothed speed of that time is known: half a kernel."""
+"""Delay of the smoothed speed behind the end of a block: half a kernel."""
 LATEST_NS = 2 * LEVEL_DELAY_NS
-"""A block that waits longer is of a time from which no speed came."""
+"""A block that waits longer is discarded: its speed never arrived."""
 
 
 class VibrationWatch:
-    """The monitor of one stand, and the levels that still wait for their motion.
+    """The vibration monitor of one stand, and the levels that still wait for their motion.
 
     Attributes
     ----------
     monitor
-        To be told of speed and load, scan by scan.
+        Receives speed and load of each scan.
     """
 
     def __init__(self, nominal: NominalRanges) -> None:
@@ -32,7 +32,7 @@ class VibrationWatch:
         self._levels: deque[VibrationLevel] = deque(maxlen=100)
 
     def add(self, level: VibrationLevel) -> None:
-        """One more block."""
+        """Add the levels of one block."""
         self._levels.append(level)
 
     @property
@@ -41,7 +41,7 @@ class VibrationWatch:
         return bool(self._levels)
 
     def alarm(self, stamp_ns: int) -> VibrationAlarm | None:
-        """The alarm that the block raises whose motion is known with this scan, or None."""
+        """The alarm raised by the block whose motion is known with this scan, or None."""
         if not self._levels or self._levels[0].stamp_ns + LEVEL_DELAY_NS > stamp_ns:
             return None
         level = self._levels.popleft()

@@ -170,7 +170,7 @@ def test_a_symbol_against_all_that_is_left_is_overruled_once_settled():
         assert alive(isolation) == ({"jam"} if settled else set())
         last = isolation.hypotheses["jam"].checks[-1]
         assert last.observed == "+?"
-        assert ("not held against this one" in last.words) is settled
+        assert ("contradicts all remaining faults, not used for rejection" in last.words) is settled
 
 
 def test_likelihood_drops_what_is_far_behind_and_ranks_the_rest():
@@ -188,7 +188,7 @@ def test_likelihood_drops_what_is_far_behind_and_ranks_the_rest():
     )
     assert odds == pytest.approx(7.389, rel=1e-3)
     why = isolation.hypotheses["load_force_bias"].why_dropped
-    assert "less likely than the best by 30.0 nats (limit 5.0)" in why
+    assert "30.0 nats below the most likely fault (limit 5.0)" in why
     # A fault without a quantitative model is neither favoured nor dropped.
     assert "backlash" not in gains
     assert isolation.hypotheses["backlash"].fit is None
@@ -203,7 +203,7 @@ def test_faults_defined_by_a_symptom_go_when_it_stays_out():
     assert {"jam", "motor_current_bias", "actuator_position_dead"} <= alive(isolation)
     isolation.require(10, {}, ("actuator_position",))
     assert "actuator_position_dead" not in alive(isolation)
-    assert "goes on moving" in isolation.hypotheses["actuator_position_dead"].why_dropped
+    assert "still follows the motion" in isolation.hypotheses["actuator_position_dead"].why_dropped
 
 
 def test_faults_defined_by_a_symptom_stay_when_it_shows():

@@ -108,7 +108,7 @@ def test_an_open_episode_is_taken_over_and_no_verdict_is_wrong(fault: str, kille
         assert group.outcome is not Outcome.NOMINAL
         assert fault in stands.members(group)
         assert group.detected_stamp_ns < stands.START_NS + killed * stands.PERIOD_NS
-    assert "the observer came back" in groups[-1].words
+    assert "observer restarted" in groups[-1].words
     (detection,) = stands.of(Detection, stand.said)
     assert (detection.detected, detection.test) == (True, TAKEN_OVER)
 
@@ -125,10 +125,10 @@ def test_a_diagnosis_that_comes_late_says_from_when_on_it_watched() -> None:
     stand = Stand()
     stand.run(late)
     stand.said += stand.pipeline.finish()
-    assert "watched from 17.00 s after the stand's start on" in stand.verdict.words
+    assert "observation began 17.00 s after stand start" in stand.verdict.words
     in_time = Stand()
     in_time.run(stands.scans(healthy())[100:900])
-    assert "watched from" not in in_time.verdict.words
+    assert "observation began" not in in_time.verdict.words
 
 
 @pytest.mark.parametrize(
@@ -169,7 +169,7 @@ def test_what_was_learned_of_the_unit_is_taken_over() -> None:
     assert stands.of(DataQuality, stand.said)[-1].offsets == kept
     assert stand.verdict.offsets == kept
     assert stand.verdict.outcome is Outcome.NOMINAL
-    assert "the observer came back 10.50 s after the start" in stand.verdict.words
+    assert "observer restarted 10.50 s after the start" in stand.verdict.words
     assert not stands.of(Detection, stand.said)
 
 
@@ -240,5 +240,5 @@ def test_an_isolator_that_comes_back_after_the_observer_knows_that_an_episode_is
     later = [r for r in stand.said if isinstance(r, Residual)][-100:]
     groups = stands.of(AmbiguityGroup, stands.feed(fresh, [*latched, *later]))
     assert groups[0].outcome is Outcome.DETECTED
-    assert "came back" in groups[0].words
+    assert "before observer and isolator restarted" in groups[0].words
     assert all(group.episode for group in groups)

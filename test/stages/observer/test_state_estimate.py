@@ -192,4 +192,4 @@ def test_a_lost_track_that_no_relation_explains_is_a_model_mismatch():
     lost += stage.finish()
     groups = [record.outcome for record in lost]
     assert groups[-1] is Outcome.MODEL_MISMATCH
-    assert "lost its track" in lost[-1].words
+    assert "state observer diverged" in lost[-1].words
