@@ -1,8 +1,8 @@
-"""An episode: one period in which the stand deviates, as observer and isolator both know it.
+"""An episode: one period of deviation, as shared by observer and isolator.
 
-The observer detects and owns the number of its Detection and Symbols. The isolator names faults
-and counts its own episodes, for vibration opens some without any detection. What joins the two is
-``detection_number``.
+The observer owns the detection and numbers its Detection and Symbols. The isolator owns the
+hypotheses and numbers its own episodes, as vibration may open one without a detection.
+``detection_number`` joins the two.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from flea_diag.wire.records import EARLIER_LEVEL, TAKEN_OVER, Detection
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """How an episode began; the state that its owners keep beside it changes, this hardly does.
+    """How an episode began.
 
     Parameters
     ----------
-    number : in the records of its owner
+    number : as in the records of its owner
     detected_ns : stamp of the detection, or of the vibration alarm
-    detection_number : the observer's number of it; of one that vibration opened without a
-        detection, the newest that was known then
+    detection_number : number of the observer's episode; if vibration opened this one, the
+        newest number received until then
     opened_by : the test that passed its limit, with value and limit
-    opening_shift : the residual that left its own level of this run; empty where none did
+    opening_shift : residual that left its earlier level in this run; empty if none did
     opened_by_vibration : whether the vibration monitor opened it
-    taken_over : whether the observer came back within it: then only a reset ends it
+    taken_over : whether the observer was restarted within it: then only a reset ends it
     """
 
     number: int
@@ -38,7 +38,7 @@ class Episode:
 
     @classmethod
     def of(cls, detection: Detection, number: int) -> Episode:
-        """The episode that a detection opens, under the number of its owner."""
+        """The episode opened by a detection, under the number of its owner."""
         return cls(
             number,
             detection.stamp_ns,
@@ -49,17 +49,17 @@ class Episode:
         )
 
     def shifted_by(self, detection: Detection) -> Episode:
-        """The same episode, in which the observer now detects as well."""
+        """The same episode, now detected by the observer as well."""
         return replace(self, opening_shift=opening_shift(detection))
 
 
 def opening_shift(detection: Detection) -> str:
-    """The residual that left its own level of this run, and no limit; empty where none did."""
+    """Residual that left its earlier level in this run; empty for other tests."""
     return detection.residual if detection.test.endswith(EARLIER_LEVEL) else ""
 
 
 def opening_cause(detection: Detection) -> str:
-    """The test that passed its limit, with value and limit."""
+    """The test above its limit, with value and limit."""
     if detection.test == TAKEN_OVER:
         return "episode open when the observer restarted"
     return (

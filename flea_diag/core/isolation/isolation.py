@@ -23,8 +23,8 @@ OWN_RESIDUALS = {
     "ambient_temperature": ("ambient_temperature",),
     "parity_speed": ("motor_speed", "actuator_position"),
 }
-"""Residuals that nothing but the faults of these sensors can move: one is held against the
-sensor's own past, the other one sensor against the other."""
+"""Residuals that only faults of these sensors can move: one compares the sensor with its own past,
+the other compares two sensors with each other."""
 JUMP_RESIDUALS = ("actuator_position", "load_position")
 """Innovations over three samples. The position of a mass cannot jump: no fault of the plant
 has an effect of order 0 on it, so only the sensor's own faults move these."""
@@ -34,25 +34,25 @@ OWN_TESTS: Mapping[str, Mapping[str, str]] = {
     "stuck": {"dead": "+"},
     "dropout": {"dropout": "+"},
 }
-"""How the modes of a sensor fault move the tests of that sensor alone (``sensor_tests``)."""
+"""Effect of the modes of a sensor fault on the tests of that sensor alone (``sensor_tests``)."""
 DEFINED_BY = {
     "noise": (("noise", "+"),),
     "dropout": (("dropout", "+"),),
     "dead": (("stuck", "+"), ("noise", "-")),
 }
-"""Modes that such a test defines: without one of these symbols they are ruled out in time."""
+"""Modes defined by such a test: ruled out if none of these symbols appears in time."""
 IMMEDIATE_MODES = ("noise", "dropout")
-"""Modes that the sensor's own test hears no later than any mean of a relation; that a reading
-has fallen quiet, or is held, takes longer."""
+"""Modes that the sensor's own test detects no later than any mean of a relation does; loss of noise
+and held readings take longer."""
 TWINS = ("parity_speed", "parity_kinematic")
-"""Relations of two sensors of one motion: they hear either of them before its own test does."""
+"""Relations between two sensors of one motion: faults of either show here before its own test."""
 MOTION_TELLS = ("actuator_position", "load_position", "motor_speed")
-"""Channels whose death motion itself tells: a reading that goes on moving is not dead."""
+"""Channels of motion: one whose reading still follows the motion is not dead."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConsistencyCheck:
-    """One observation held against one hypothesis."""
+    """One observation compared with the prediction of one hypothesis."""
 
     stamp_ns: int
     source: str
@@ -67,7 +67,7 @@ class ConsistencyCheck:
 class Hypothesis:
     """A fault under consideration; ``why_dropped`` is empty while it is alive.
 
-    ``log_features``: what the answers of features have added, up to a constant of the group.
+    ``log_features``: log-likelihood added by feature values, up to a constant of the group.
     """
 
     fault: Fault
@@ -85,12 +85,12 @@ class Hypothesis:
 
     @property
     def deviation(self) -> str:
-        """The parameters or the sensor mode that the fault stands for, with directions."""
+        """The deviating parameters, or the sensor mode, with directions."""
         groups = (", ".join(map(str, group)) for group in self.fault.alternatives)
         return " | ".join(groups) or "vibration only"
 
     def add(self, check: ConsistencyCheck) -> None:
-        """Record a check; the first that does not fit drops the hypothesis for good."""
+        """Record a check; the first contradiction drops the hypothesis for good."""
         self.checks.append(check)
         if not check.kept and not self.why_dropped:
             self.why_dropped = f"{check.source}: {check.words}"
@@ -123,10 +123,10 @@ class Isolation:
         quadrants: Iterable[Quadrant],
         settled: bool = False,
     ) -> None:
-        """Hold one symbol against every hypothesis that is still possible.
+        """Compare one symbol with every remaining hypothesis.
 
-        A symbol that speaks against all that is left of a ``settled`` group is no news of the
-        fault that was found: a second fault, or the limits of the model. It is recorded.
+        A symbol that contradicts all hypotheses of a ``settled`` group points to a second fault or
+        to model error: it is recorded and rejects none.
         """
         visited = tuple(quadrants)
         judged = [
@@ -194,11 +194,11 @@ class Isolation:
         moved: Collection[str],
         settled: bool = True,
     ) -> None:
-        """Drop faults whose defining symptom has stayed out, once there was time for it.
+        """Drop faults whose defining symptom is absent, once it had time to appear.
 
         Noise and dropout are changes of noise, a dead sensor reads a constant. ``symbols`` are
         the magnitudes seen so far; ``moved`` the channels that moved since the detection. Before
-        all is ``settled`` only those are dropped whose symptom would have come with the detection.
+        the group is ``settled`` only modes are dropped whose symptom comes with the detection.
         """
         for hypothesis in self.alive():
             fault = hypothesis.fault
@@ -219,7 +219,7 @@ class Isolation:
         self.normalise()
 
     def apply_likelihoods(self, stamp_ns: int, fits: Sequence[Fit], drop_nats: float) -> None:
-        """Take likelihoods in; drop what is less likely than the best by ``drop_nats``.
+        """Apply likelihoods; drop faults that are ``drop_nats`` below the most likely one.
 
         A hypothesis without a quantitative model is neither favoured nor dropped.
         """
@@ -245,7 +245,7 @@ class Isolation:
         self.normalise()
 
     def update(self, stamp_ns: int, feature: str, symbol: str, left: Mapping[str, float]) -> None:
-        """Take a feature's answer in: ``left`` are the faults it leaves, with probabilities."""
+        """Apply a feature value: ``left`` are the remaining faults, with probabilities."""
         for hypothesis in self.alive():
             kept = hypothesis.name in left
             words = "consistent with the feature value" if kept else "feature value contradicts it"
@@ -256,7 +256,7 @@ class Isolation:
             hypothesis.probability = after
 
     def normalise(self) -> None:
-        """Probabilities of those alive from likelihoods and features, equal priors."""
+        """Normalise the probabilities of the remaining hypotheses, from equal priors."""
         alive = [h for h in self.hypotheses.values() if not h.why_dropped]
         if not alive:
             return
@@ -268,7 +268,7 @@ class Isolation:
 
 
 def _shows_at_once(fault: Fault, symbols: Collection[str]) -> bool:
-    """Whether the sensor's own test is not behind what has deviated: a jump of it, or a twin's."""
+    """Whether the sensor's own test responds first: neither its jump nor a twin has deviated."""
     jumped = fault.channel in JUMP_RESIDUALS and fault.channel in symbols
     return fault.mode in IMMEDIATE_MODES and not jumped and not any(t in symbols for t in TWINS)
 

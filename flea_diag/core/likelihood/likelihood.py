@@ -66,7 +66,7 @@ class NormalEquations:
             self._wait(values[part], regressors[part])
 
     def _wait(self, values: Array, regressors: Array) -> None:
-        """Samples wait until ``FOLD`` of them are there, in whatever blocks they come."""
+        """Buffer samples until ``FOLD`` are there: the sums do not depend on block sizes."""
         room = FOLD - self._waiting
         for some, more in ((values[:room], regressors[:room]), (values[room:], regressors[room:])):
             rows = slice(self._waiting, self._waiting + len(some))
@@ -76,7 +76,7 @@ class NormalEquations:
                 self._fold()
 
     def _fold(self) -> None:
-        """Take the samples that wait into the sums."""
+        """Add the buffered samples to the sums."""
         values, phi = self._values[: self._waiting], np.nan_to_num(self._phi[: self._waiting])
         for index, known in enumerate(np.isfinite(values).T):
             y, signals = values[known, index], phi[known]
@@ -87,13 +87,13 @@ class NormalEquations:
         self._waiting = 0
 
     def fade(self, share: float) -> None:
-        """Let all that is known count for so much less."""
+        """Scale all sums by ``share``."""
         self._fold()
         for sums in (self._gram, self._cross, self._square, self.samples):
             sums *= share
 
     def take(self, other: NormalEquations, times: float) -> None:
-        """Add other evidence, of which each sample stands for so many."""
+        """Add other evidence, each of its samples counted ``times``."""
         other._fold()
         self._gram += times * other._gram
         self._cross += times * other._cross
@@ -101,10 +101,10 @@ class NormalEquations:
         self.samples += times * other.samples
 
     def foreseen(self, phi: Array, model: FaultModel, sizes: Sequence[float]) -> NormalEquations:
-        """What a planned window would make of this evidence if ``model`` were there.
+        """Expected evidence after a planned window in which ``model`` is present.
 
         Without noise: ``phi`` are the window's regressors, shape (samples, regressors); residuals
-        that gave no sample so far give none then.
+        without a sample so far have none then either.
         """
         self._fold()
         sum_of = NormalEquations(self.residuals)
@@ -149,10 +149,10 @@ class NormalEquations:
         return tuple(self._fit(model, nominal, weight, unit, independent) for model in models)
 
     def _dispersion(self, models: Sequence[FaultModel], weight: Array, unit: Unit) -> Array:
-        """By how much each residual scatters more than noise under the model that fits it best.
+        """Excess scatter of each residual over noise, under the model that fits it best.
 
-        Where even that leaves a misfit of phi > 1 for each independent sample, the models of
-        this residual are that much too sure (quasi-likelihood); other residuals are not.
+        Where even that leaves a misfit of phi > 1 for each independent sample, the variance of
+        this residual is scaled by phi (quasi-likelihood); other residuals are not affected.
         """
         least = np.full(len(self.residuals), np.inf)
         for model in models:
@@ -273,8 +273,8 @@ def _bounded(model: FaultModel | None, A: Array, b: Array) -> Array:
 def _penalty(sizes: Sequence[float], independent: float) -> float:
     """BIC: half a logarithm of the sample count for each size that is not 0.
 
-    One that the evidence drives against a bound is fitted as any: else the largest spall would be
-    the simpler explanation of a weak jam, and the weakest jam that of lost lubrication.
+    A size at a bound counts as fitted: otherwise the largest spall would be the simpler
+    explanation of a weak jam, and the weakest jam that of lost lubrication.
     """
     fitted = sum(map(bool, sizes))
     return 0.5 * fitted * float(np.log(independent))
@@ -292,10 +292,9 @@ def _errors(A: Array) -> Array:
 
 
 def _scaled(A: Array) -> tuple[Array, Array]:
-    """Normal equations in units in which each parameter counts alike, and those units.
+    """Normal equations scaled to a unit diagonal, and the scale of each parameter.
 
-    In SI a viscous drag counts for so little beside the rate of a temperature that it would be
-    taken for nothing.
+    In SI units a viscous drag would fall below the rank tolerance beside the rate of a temperature.
     """
     scale = np.sqrt(np.diag(A))
     scale[scale == 0.0] = 1.0
@@ -305,7 +304,7 @@ def _scaled(A: Array) -> tuple[Array, Array]:
 def _outside(
     model: FaultModel | None, x: Array, free: npt.NDArray[np.bool_]
 ) -> tuple[int, float] | None:
-    """The first free size that is out of its bounds, and the bound it is to be held at."""
+    """The first free size outside its bounds, and the bound at which to hold it."""
     for index, size in enumerate(() if model is None else model.sizes):
         if free[index] and not size.low <= x[index] <= size.high:
             return index, float(np.clip(x[index], size.low, size.high))

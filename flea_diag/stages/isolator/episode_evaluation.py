@@ -1,4 +1,4 @@
-"""Every half second of evidence: likelihoods, defining symptoms, whether slow channels are done."""
+"""Evaluation of an episode every half second: likelihoods, defining symptoms, settling."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ EVALUATE_EVERY_NS = 500_000_000
 
 
 class EpisodeEvaluation:
-    """Holds the evidence of an episode against its hypotheses, at fixed times since detection."""
+    """Compares the evidence of an episode with its hypotheses, at fixed times since detection."""
 
     def __init__(self, quantitative: QuantitativeIsolation, parameters: IsolatorParameters) -> None:
         self._quantitative = quantitative
         self._p = parameters
 
     def is_due(self, stamp_ns: int, episode: FaultEpisode) -> bool:
-        """Whether another half second of evidence is there; takes note that it is."""
+        """Whether another half second has passed; records that it has."""
         number = round((stamp_ns - episode.shared.detected_ns) / EVALUATE_EVERY_NS)
         before, episode.evaluated = episode.evaluated, number
         return number != before
 
     def evaluate(self, stamp_ns: int, episode: FaultEpisode) -> None:
-        """Drop what the evidence speaks against; settle the episode once slow channels are done."""
+        """Drop contradicted hypotheses; settle after enough scans in motion, or enough time."""
         if self._p.likelihood:
             self._apply_likelihoods(stamp_ns, episode)
         waited = (stamp_ns - episode.shared.detected_ns) / 1e9 >= self._p.settle_s

@@ -1,4 +1,4 @@
-"""Evidence of an episode from slow channels: residuals since the detection, and their motion."""
+"""Evidence of an episode from slow channels: residuals and motion since the detection."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ Array = npt.NDArray[np.float64]
 ELAPSED, DIRECTION = REGRESSORS.index("elapsed_s"), REGRESSORS.index("direction")
 MOTION_CHANNELS = ("actuator_position", "motor_speed")
 MOTION = [REGRESSORS.index(name) for name in ("position_rate_m_s", "encoder_m_s")]
-"""Channels that say that the actuator moves, and the speeds that they say."""
+"""Channels of motion, and the speeds derived from them."""
 MOTION_ONLY = ("parity_mechanical",)
 MOVING_M_S = 0.010
 MOVED_SAMPLES = 50
-"""So many scans in motion since the detection say that a channel still reads."""
+"""Scans in motion since the detection after which a channel counts as alive."""
 
 
 class EpisodeEvidence:
-    """Normal equations of the scans since the detection, and how many of them were in motion.
+    """Normal equations of the scans since the detection, and counts of those in motion.
 
     Parameters
     ----------
     residuals : those that quantitative isolation uses
     detected_ns : stamp of the detection
-    onset_ns : scans so soon after it are left out, for smoothing still shows the onset in them
+    onset_ns : time after it in which scans are left out (smoothing transient)
     """
 
     def __init__(self, residuals: Sequence[str], detected_ns: int, onset_ns: int) -> None:
@@ -41,7 +41,7 @@ class EpisodeEvidence:
         self._moved = np.zeros(len(MOTION_CHANNELS), dtype=np.int64)
 
     def add(self, block: ResidualBlock) -> None:
-        """More scans, n of them, in order."""
+        """Add n scans, in order."""
         late = block.stamps_ns - self._detected_ns >= self._onset_ns
         if not late.any():
             return
@@ -58,7 +58,7 @@ class EpisodeEvidence:
         self._count(moving, regressors[:, MOTION], regressors[np.isfinite(values[:, 0]), DIRECTION])
 
     def _count(self, moving: npt.NDArray[np.bool_], speeds: Array, directions: Array) -> None:
-        """Scans in motion, in each direction of it, and of each channel that says so."""
+        """Count scans in motion, in each direction, and by each channel of motion."""
         self.scans += len(moving)
         self.moving += int(moving.sum())
         self._out += int((directions > 0.0).sum())
@@ -67,7 +67,7 @@ class EpisodeEvidence:
 
     @property
     def least_one_way(self) -> int:
-        """Scans in that direction of motion of which there are fewer."""
+        """Scans in the direction of motion with fewer scans."""
         return min(self._out, self._back)
 
     def moved_channels(self) -> tuple[str, ...]:

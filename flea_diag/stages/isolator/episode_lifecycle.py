@@ -1,4 +1,4 @@
-"""When an episode of the isolator begins, joins the observer's, and ends; one is open at most."""
+"""Lifecycle of the isolator's episodes: opened, joined with the observer's, closed; one at a time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flea_diag.wire.records import ANOTHER_UNIT, TAKEN_OVER, Detection, Symbols
 
 
 class Change(Enum):
-    """What a detection has changed."""
+    """Effect of a detection."""
 
     NOTHING = auto()
     OPENED = auto()
@@ -32,7 +32,7 @@ class EpisodeLifecycle:
 
     Parameters
     ----------
-    merge : is held for the answers of an episode, and released with its end
+    merge : held for the answers of an episode; released when it closes
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class EpisodeLifecycle:
         self.current: FaultEpisode | None = None
 
     def take(self, detection: Detection) -> Change:
-        """Open, join or close an episode, as a detection says."""
+        """Open, join or close an episode according to a detection."""
         self._detection_number = detection.episode
         episode = self.current
         if detection.detected and episode is None:
@@ -80,18 +80,18 @@ class EpisodeLifecycle:
         return Change.CLOSED
 
     def early_symbols(self, detection: Detection) -> Symbols | None:
-        """Symbols of this detection that came before it, once.
+        """Symbols of this detection that arrived before it; returned once.
 
-        Both are latched, on two topics: either may come first.
+        Both are latched on topics of their own: either may arrive first.
         """
         early, self._early = self._early, None
         return early if early is not None and early.episode == detection.episode else None
 
     def of(self, symbols: Symbols) -> FaultEpisode | None:
-        """The open episode, if these symbols are of its detection or of a later one.
+        """The open episode, unless these symbols are of an earlier detection.
 
-        Without an open episode they wait for their detection. An isolator that starts late is told
-        of earlier episodes, too.
+        Without an open episode they are kept for their detection. An isolator that starts late
+        receives latched symbols of earlier episodes, too.
         """
         if self.current is None:
             self._early = symbols
@@ -122,7 +122,7 @@ class EpisodeLifecycle:
         return episode
 
     def _update_by_alarm(self, stamp_ns: int, episode: FaultEpisode, alarm: VibrationAlarm) -> None:
-        """That an indicator left its range is an answer already: to that feature of its sensor."""
+        """An alarm answers the feature of the same indicator and sensor: it is not requested."""
         left = refine_side(episode.group(), self._k.features, alarm.feature, alarm.side)
         episode.isolation.update(stamp_ns, alarm.feature, alarm.side, left)
         episode.query.pass_over(alarm.feature)
@@ -139,6 +139,6 @@ class EpisodeLifecycle:
         return self.current
 
     def close(self) -> None:
-        """No episode is open, and no answer is waited for."""
+        """Close the open episode, if any; no answer is awaited any more."""
         self.current = None
         self._merge.hold(None)

@@ -1,4 +1,4 @@
-"""The isolation side of an episode: its hypotheses, its evidence, and how far it has got."""
+"""The isolation side of an episode: hypotheses, evidence, feature query and progress."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from flea_diag.wire.records import Detection, Symbols
 
 CIRCUIT = "parity_electrical"
 CONCLUSIVE_SAMPLES = 50
-"""Scans of evidence before likelihoods, or a symptom that stays out, may drop anything."""
+"""Scans of evidence before likelihoods or absent symptoms may drop a fault."""
 BOTH_WAYS_SAMPLES = 30
 """Scans in each direction of motion before parity residuals may decide by likelihood."""
 
 
 @dataclass
 class FaultEpisode:
-    """What the isolator keeps beside the ``Episode`` that observer and isolator share.
+    """State of the isolator beside the ``Episode`` shared with the observer.
 
     ``symbols``: residual, magnitude and slope of each symbol observed. ``step`` counts verdicts
     and requests. ``settled``: features may be asked for. ``evaluated``: half seconds evaluated.
@@ -49,15 +49,15 @@ class FaultEpisode:
         return {residual: magnitude for residual, magnitude, _ in self.symbols}
 
     def take_over(self) -> None:
-        """The observer has come back: only a reset ends this episode."""
+        """The observer was restarted: only a reset ends this episode."""
         self.shared = replace(self.shared, taken_over=True)
 
     def join(self, detection: Detection) -> None:
-        """The observer now detects what vibration opened."""
+        """The observer now detects as well what vibration opened."""
         self.shared = self.shared.shifted_by(detection)
 
     def observe(self, record: Symbols, quadrants: Sequence[Quadrant]) -> None:
-        """Hold the symbols that are new against the hypotheses."""
+        """Compare new symbols with the hypotheses."""
         for symbol in record.symbols:
             seen = (symbol.residual, symbol.magnitude, symbol.slope)
             if seen not in self.symbols and not self._is_unit_shift(symbol.residual):
@@ -67,22 +67,22 @@ class FaultEpisode:
                 )
 
     def _is_unit_shift(self, residual: str) -> bool:
-        """Whether this has only left its own level of the run, and vibration opened the episode."""
+        """Whether this residual has only left its earlier level, in an episode vibration opened."""
         shared = self.shared
         return shared.opened_by_vibration and relation(residual) == relation(shared.opening_shift)
 
     @property
     def yields_to_vibration(self) -> bool:
-        """Whether only the circuit has left its own level: a vibration alarm then takes over.
+        """Whether only the circuit has deviated: a vibration alarm then opens its own episode.
 
-        Another unit, whose winding is another, may have come with a fault of its screw.
+        A unit exchanged for another has another winding, and may have a fault of its screw.
         """
         deviating = (self.shared.opening_shift, *(residual for residual, _, _ in self.symbols))
         return not self.shared.opened_by_vibration and all(map(_is_circuit, deviating))
 
     @property
     def is_vibration_only(self) -> bool:
-        """Whether vibration deviates and no relation does: that there is no drag says much."""
+        """Whether vibration deviates and no relation does: the absence of drag is evidence then."""
         shared = self.shared
         return shared.opened_by_vibration and not self.symbols and not shared.opening_shift
 
@@ -92,9 +92,10 @@ class FaultEpisode:
         return not self.symbols and not self.settled
 
     def is_conclusive(self) -> bool:
-        """Whether likelihoods may drop: in one direction a drag and a bias look alike.
+        """Whether likelihoods may drop faults.
 
-        Unless the circuit deviates as well, which no drag makes it do.
+        In one direction of motion drag and bias are not isolable, unless the circuit deviates as
+        well, which no drag causes.
         """
         seen = self.magnitudes()
         if any(residual.startswith("parity_mech") for residual in seen) and CIRCUIT not in seen:
@@ -103,10 +104,10 @@ class FaultEpisode:
 
 
 def relation(residual: str) -> str:
-    """The residual itself, of which one normalised by the direction of motion is another view."""
+    """The relation of a residual, with or without normalisation by the direction of motion."""
     return residual.removesuffix("_dn")
 
 
 def _is_circuit(residual: str) -> bool:
-    """Whether this is a relation of the winding."""
+    """Whether this residual is of the relation of the winding."""
     return relation(residual) == CIRCUIT

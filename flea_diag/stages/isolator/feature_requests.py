@@ -1,4 +1,4 @@
-"""Asks for features of vibration, one at a time; what comes after the answer waits for it."""
+"""Requests vibration features one at a time, and holds later records until the answer."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from flea_diag.wire.records import FeatureRequest, FeatureValue
 
 
 class FeatureRequests:
-    """Requests the next best feature, and takes its answer into the hypotheses.
+    """Requests the next best feature and applies its answer to the hypotheses.
 
     Parameters
     ----------
-    merge : is held at the stamp at which an answer is due
+    merge : held at the stamp at which the answer is due
     """
 
     def __init__(self, knowledge: Knowledge, parameters: IsolatorParameters, merge: Merge) -> None:
@@ -29,7 +29,7 @@ class FeatureRequests:
     def ask(
         self, stamp_ns: int, episode: FaultEpisode, window: MotionWindow
     ) -> tuple[FeatureRequest, ...]:
-        """Request the next best feature, if one can split the group that is left."""
+        """Request the next best feature, if one can split the remaining group."""
         query = episode.query
         if not episode.settled or query.request is not None:
             return ()
@@ -41,7 +41,7 @@ class FeatureRequests:
         return (query.ask(stamp_ns, episode.shared.number, episode.step),)
 
     def take(self, answer: FeatureValue, episode: FaultEpisode) -> bool:
-        """Take an answer in; False where it is not that to the open request."""
+        """Apply an answer; False if it does not belong to the open request."""
         if not episode.query.take(answer):
             return False
         self._merge.hold(None)
@@ -51,7 +51,7 @@ class FeatureRequests:
         return True
 
     def give_up(self, stamp_ns: int, episode: FaultEpisode) -> None:
-        """A feature whose answer never came is taken as not computable."""
+        """Treat a feature without an answer as not computable."""
         request = episode.query.request
         if request is not None and stamp_ns - request.stamp_ns > self._limit_ns:
             episode.query.give_up()

@@ -1,4 +1,4 @@
-"""What the isolator says: a verdict that has changed, the same once more, a request."""
+"""Output of the isolator: verdicts that changed, repeated verdicts, feature requests."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Records = tuple[Record, ...]
 
 
 class IsolatorOutput:
-    """Makes the records of the isolator, and knows which verdict it has said last."""
+    """Makes the records of the isolator and keeps the last verdict."""
 
     def __init__(
         self,
@@ -34,7 +34,7 @@ class IsolatorOutput:
         self._last: AmbiguityGroup | None = None
 
     def forget(self) -> None:
-        """The next verdict is said even where it is the last one."""
+        """Publish the next verdict even if it equals the last one."""
         self._said = ()
 
     def say(self, stamp_ns: int) -> Records:
@@ -55,12 +55,12 @@ class IsolatorOutput:
         return (self._last,)
 
     def say_with_quality(self, stamp_ns: int) -> Records:
-        """``say``; the last verdict once more where only offsets or counters have changed.
+        """``say``, or the last verdict again if only offsets or counters have changed.
 
-        It is what people see, and what an observer that comes back goes on from.
+        Screens show them, and a restarted observer resumes from them.
         """
         if self._stand.first_ns == NEVER_NS and self._last is None:
-            return ()  # older than what is to come: an open episode is told of next
+            return ()  # latched before the first scan: an open episode follows
         said, last = self.say(stamp_ns), self._last
         kept = self._stand.offsets, self._stand.counters
         if said or last is None or kept == (last.offsets, last.counters):
@@ -76,15 +76,12 @@ class IsolatorOutput:
         return self._requests.ask(stamp_ns, episode, self._motion.window)
 
     def go_on(self, stamp_ns: int) -> Records:
-        """Verdict and request; what is to be asked is known first.
-
-        For a group that waits for an answer is not final.
-        """
+        """Verdict and request; the request is made first: the group is final only without one."""
         asked = self.ask(stamp_ns)
         return *self.say(stamp_ns), *asked
 
     def take(self, answer: FeatureValue) -> Records:
-        """What follows from the answer to a request."""
+        """Records caused by the answer to a request."""
         episode = self._episodes.current
         if episode is None or not self._requests.take(answer, episode):
             return ()

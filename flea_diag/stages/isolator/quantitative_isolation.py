@@ -1,4 +1,4 @@
-"""The quantitative half of isolation: fault models of this stand, and the baseline of its unit."""
+"""Quantitative isolation: fault models of this stand and the baseline of its unit."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ QUANTIFIED = (
 )
 """Residuals that the quantitative fault models explain."""
 BASELINE = ("parity_electrical",)
-"""Relations in which a unit shows its own parameters. Not the one with friction: a drag that is
-there from the start would pass for the unit's."""
+"""Relations used for the baseline of the unit. Not the one with friction: a drag already present at
+start would be learned as baseline."""
 BASELINE_BEFORE_SHIFT = (*BASELINE, *MOTION_ONLY)
-"""Where the relation with friction left its own level of this run, its drag is not of the start."""
+"""Where the relation with friction left its earlier level, the drag began within the run."""
 
 
 class QuantitativeIsolation:
@@ -51,7 +51,7 @@ class QuantitativeIsolation:
     names
         Residuals of this stand that the models explain.
     models
-        Of the faults that move one of them: of any other no likelihood can be had here.
+        Models of the faults that move one of them; other faults have no likelihood here.
     """
 
     def __init__(self, calibration: Calibration) -> None:
@@ -73,17 +73,17 @@ class QuantitativeIsolation:
         return tuple(m for m in models if any(term.residual in self.names for term in m.terms))
 
     def interrupt_baseline(self) -> None:
-        """An episode begins: what the unit shows from now on is not its baseline."""
+        """An episode begins: scans from now on are not part of the baseline."""
         self._waiting.clear()
         self._baseline.interrupt()
 
     def forget(self) -> None:
-        """Another unit is in use: the baseline of the last one says nothing of it."""
+        """The unit was exchanged: the baseline of the previous one does not apply."""
         self._waiting.clear()
         self._baseline = UnitBaseline(self.names)
 
     def learn_scan(self, record: Residual) -> None:
-        """``learn`` for one scan; those that are kept wait until their piece is over."""
+        """``learn`` for one scan; kept scans are buffered until their piece is over."""
         if self._waiting and record.names != self._waiting[0].names:
             self._keep()
         if self._baseline.count():
@@ -92,18 +92,18 @@ class QuantitativeIsolation:
             self._keep()
 
     def _keep(self) -> None:
-        """What waits is taken in."""
+        """Add the buffered scans."""
         if self._waiting:
             self._baseline.keep(*self._of_baseline(block_of(*self._waiting)))
             self._waiting.clear()
 
     def learn(self, block: ResidualBlock) -> None:
-        """Scans without a deviation: what the unit shows of itself."""
+        """Learn the baseline from scans without a deviation."""
         self._keep()
         self._baseline.add(*self._of_baseline(block))
 
     def _of_baseline(self, block: ResidualBlock) -> tuple[Array, Array]:
-        """Residuals in which a unit shows its parameters, NaN where it does not; regressors."""
+        """Residuals of the baseline, NaN where they do not count; regressors."""
         values = np.full((len(block), len(self.names)), np.nan)
         resting = block.regressors[:, -1] <= 0.5
         for column, name in enumerate(self.names):
@@ -114,10 +114,10 @@ class QuantitativeIsolation:
         return values, block.regressors[:, : len(REGRESSORS)]
 
     def fits(self, episode: FaultEpisode) -> tuple[Fit, ...]:
-        """Fits of the faults that are left to the evidence of an episode; none where it has none.
+        """Fits of the remaining faults to the evidence of an episode; none without evidence.
 
-        The mechanical baseline counts where the unit was seen healthy before: the episode opened
-        by a shift of the mechanical relation, or vibration deviates and no relation does.
+        The mechanical baseline is used only where it was learned without the fault: a shift of the
+        mechanical relation opened the episode, or vibration deviates and no relation does.
         """
         alive = set(episode.names())
         vibration_only, shared = episode.is_vibration_only, episode.shared
@@ -141,9 +141,9 @@ class QuantitativeIsolation:
 
 
 def _own_sigma(calibration: Calibration) -> dict[str, float]:
-    """Scatter of the relations about one unit's own level, as the means of their shifts have it.
+    """Scatter of the relations about the level of one unit, from the limits of their shift tests.
 
-    That of all recordings also holds what units differ by.
+    The scatter over all recordings includes the variation between units.
     """
     found = {}
     for shift in calibration.shifts:  # of one relation, the longest window comes last

@@ -1,4 +1,4 @@
-"""What each scan means: to the stand's status, to the unit's baseline, or to the open episode."""
+"""Takes each scan: to the status of the stand, and to the baseline or the open episode."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flea_diag.wire.records import Record, Residual
 
 
 class ScanIsolation:
-    """Takes residuals, one scan or many; to the same answer."""
+    """Takes residuals, one scan or many, with the same result."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class ScanIsolation:
         self._output = output
 
     def step(self, record: Residual) -> Records:
-        """What follows from one scan."""
+        """Records caused by one scan."""
         moving = record.regressors[-1] > 0.5
         self._stand.step(record.stamp_ns, moving, bool(record.health and record.health[-1]))
         self._motion.step(record.stamp_ns, record.regressors, moving)
@@ -54,7 +54,7 @@ class ScanIsolation:
         return self._evaluate(record.stamp_ns, episode)
 
     def follow(self, block: ResidualBlock) -> Records:
-        """What follows from many scans between which nothing else comes."""
+        """Records caused by many scans with no other record between them."""
         moving, lost = block.regressors[:, -1] > 0.5, np.any(block.health[:, -1:], axis=1)
         self._motion.follow(block)
         turns = self._stand.follow(block.stamps_ns, moving, lost, self._rest_ns)
@@ -66,7 +66,7 @@ class ScanIsolation:
                 out.extend(self._output.say(int(block.stamps_ns[row])))
             return tuple(out)
         for _ in turns:
-            pass  # what an episode amounts to does not rest on it
+            pass  # the outcome of an episode does not depend on it
         start = 0
         for end in evaluation_ends(episode, block.stamps_ns):
             episode.evidence.add(block.part(slice(start, end)))
@@ -76,7 +76,7 @@ class ScanIsolation:
         return tuple(out)
 
     def _evaluate(self, stamp_ns: int, episode: FaultEpisode) -> Records:
-        """Hold the evidence against the hypotheses where that is due; else look for a window."""
+        """Evaluate the episode if due; otherwise look for a window for the next feature."""
         if not self._evaluation.is_due(stamp_ns, episode):
             return self._output.ask(stamp_ns) if episode.query.looks_out(stamp_ns) else ()
         if episode.awaits_symbols:
@@ -85,7 +85,7 @@ class ScanIsolation:
         return self._output.go_on(stamp_ns)
 
     def _listen(self, stamp_ns: int) -> Records:
-        """Vibration out of its nominal range opens an episode of its own."""
+        """A vibration alarm opens an episode of its own."""
         alarm, episode = self._vibration.alarm(stamp_ns), self._episodes.current
         if alarm is None or (episode is not None and not episode.yields_to_vibration):
             return ()

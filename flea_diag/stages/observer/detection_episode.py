@@ -1,6 +1,6 @@
-"""The detection side of an episode: opened by the first test beyond its limit, closed when quiet.
+"""The detection side of an episode: opened by the first test above its limit, closed when quiet.
 
-``Episode`` is what the isolator knows of it, too; symbols and the quiet time are the observer's.
+``Episode`` is shared with the isolator; symbols and quiet time belong to the observer.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ Stamps = npt.NDArray[np.int64]
 
 ISOLATING = np.array([row.isolates for row in RESIDUALS])
 QUIET = 0.7
-"""A test within this share of its limit is quiet."""
+"""A test below this share of its limit is quiet."""
 
 
 class DetectionEpisode:
-    """The open episode, if there is one: its symbols, and for how long all has been quiet."""
+    """The open episode, if any: its symbols, and for how long all tests have been quiet."""
 
     def __init__(self, rearm_after_s: float) -> None:
         self._wait_ns = rearm_after_s * 1e9
@@ -47,27 +47,27 @@ class DetectionEpisode:
         return self.episode is not None
 
     def forget(self) -> None:
-        """No episode is open; the next has the next number."""
+        """Drop the open episode, if any; numbering continues."""
         self.episode: Episode | None = None
         self._symbols: dict[int, SymbolState] = {}
         self._quiet_since_ns = NEVER_NS
 
     def take_over(self, opened_ns: int, number: int) -> Detection:
-        """Go on with an episode that was opened before this observer was there.
+        """Continue an episode opened before this observer was started.
 
-        It has no slopes, for nobody knows how a residual began, and quiet does not close it: what
-        is the same as at the return looks quiet.
+        Slopes are unknown, as the onset was not observed, and quiet does not close it: a deviation
+        already present at the restart looks quiet.
         """
         return self._begin(Detection(opened_ns, number, True, "", math.nan, math.nan, TAKEN_OVER))
 
     def _begin(self, detection: Detection) -> Detection:
-        """An episode is open; the observer's number is the one that joins both sides."""
+        """Open the episode of a detection, whose number joins both sides."""
         self._last_number = detection.episode
         self.episode = Episode.of(detection, detection.episode)
         return detection
 
     def follow(self, stamps_ns: Stamps, results: TestResults) -> int:
-        """Go through n scans; the first in which something happens, or n if nothing does."""
+        """Follow n scans; index of the first that causes a record, or n."""
         happens = results.deviating()
         if self.episode is None:
             return _first(np.any(happens, axis=1))
@@ -109,9 +109,9 @@ class DetectionEpisode:
         return out
 
     def _quiet_ns(self, stamps_ns: Stamps, results: TestResults) -> Stamps:
-        """For how long all had been quiet at each scan; -1 where it is not."""
+        """Time (ns) for which all tests had been quiet at each scan; -1 where one is not."""
         loud: Flags = np.any(np.abs(results.z) > QUIET * results.k, axis=1)
-        # Time counts from the first quiet scan after a loud one.
+        # Quiet time counts from the first quiet scan after one that was not.
         begins = np.append(self._quiet_since_ns < 0, loud[:-1])
         begun = np.where(begins, stamps_ns, self._quiet_since_ns)
         since = np.maximum.accumulate(begun)
@@ -124,7 +124,7 @@ class DetectionEpisode:
             j: symbols.crossed(*results.test(j), stamp_ns)
             for j in np.flatnonzero(deviating & ISOLATING).tolist()
         }
-        # Of a shift and its witness, which deviate alike, the shift is what has happened.
+        # A shift and its witness deviate alike: the shift is reported.
         first = max(
             np.flatnonzero(deviating).tolist(),
             key=lambda j: (float(abs(z[j]) / k[j]), not math.isnan(shift[j])),
@@ -140,7 +140,7 @@ class DetectionEpisode:
                 _test(int(results.window[0, first]), float(shift[first]), RESIDUALS[first].unit),
             )
         )
-        # An innovation detects and has no symbol: those of the relations follow.
+        # An innovation has no symbol: symbols follow once a relation deviates.
         return (detection, self._symbol_record(stamp_ns)) if self._symbols else (detection,)
 
     def _symbol_record(self, stamp_ns: int) -> Symbols:
@@ -158,7 +158,7 @@ class DetectionEpisode:
 
 
 def _test(window: int, shift: float, unit: str) -> str:
-    """Words for the test that opens an episode: what was held against what."""
+    """Description of the test that opens an episode."""
     mean = f"mean of {window} samples"
     if math.isnan(shift):
         return mean
@@ -167,5 +167,5 @@ def _test(window: int, shift: float, unit: str) -> str:
 
 
 def _first(event: Flags) -> int:
-    """Index of the first true one, their number if there is none."""
+    """Index of the first true entry, or the number of entries."""
     return int(event.argmax()) if event.any() else len(event)
