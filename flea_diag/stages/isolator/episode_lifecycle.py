@@ -1,4 +1,4 @@
-"""Lifecycle of the isolator's episodes: opened, joined with the observer's, closed; one at a time."""
+"""Lifecycle of the isolator's episodes: opened, joined with the observer's, closed."""
 
 from __future__ import annotations
 
