@@ -1,7 +1,7 @@
-"""The feature-only alternative: all features at once into a classifier, and no model.
+"""Feature-only baseline: a classifier on all features at once, without a model.
 
-Narasimhan et al. 2010, section 3.2, name it as what others do; here it is the baseline. A small
-network of plain numbers: trained elsewhere, read from JSON, never from executable code.
+Named as the usual alternative by Narasimhan et al. 2010, section 3.2. A small network of plain
+numbers: trained elsewhere, read from JSON, never from executable code.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from flea_diag.errors import ConfigurationError
 Array = npt.NDArray[np.float64]
 KEYS = frozenset({"schema_version", "source", "features", "faults", "means", "scales", "layers"})
 FARTHEST = 5.0
-"""Inputs are cut at so many spreads: what was never seen must not run away with the answer."""
+"""Inputs are clipped at this many spreads, so that unseen values cannot dominate the answer."""
 
 
 class Classifier(Protocol):

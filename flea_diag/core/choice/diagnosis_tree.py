@@ -1,6 +1,6 @@
-"""The diagnosis tree: groups of faults as nodes, answers as edges, drawn as text.
+"""The diagnosis tree: groups of faults as nodes, answers as edges, rendered as text.
 
-Built whole, offline, it has the same leaves as `FeatureChooser` reaches one step at a time
+Built offline as a whole, it has the same leaves that `FeatureChooser` reaches step by step
 (Narasimhan et al. 2010, section 3.3).
 """
 

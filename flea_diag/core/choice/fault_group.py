@@ -1,4 +1,4 @@
-"""Groups of faults with probabilities, and what one answer makes of them (Bayes)."""
+"""Groups of faults with probabilities, and their update by one answer (Bayes)."""
 
 from __future__ import annotations
 

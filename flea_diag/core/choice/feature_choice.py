@@ -19,10 +19,10 @@ from flea_diag.errors import ConfigurationError
 __all__ = ["STRATEGIES", "FeatureChooser", "Rules", "next_feature", "outcomes", "refine"]
 
 NEARER = (0.5, 0.2, 0.1, 0.05, 0.02)
-"""Horizons of the first passes of a search, which may end before it comes to the last."""
+"""Horizons of the first passes of a search, which may end before the last."""
 
 MOST_REMEMBERED = 4096
-"""Choices kept with a table; the same groups come again and again."""
+"""Choices cached with a table: the same groups recur."""
 
 
 def partition_sizes(group: Group, table: FaultFeatureTable, feature: str) -> list[int]:

@@ -1,7 +1,7 @@
-"""From windows of known faults to a fault feature table: ranges, ranking, selection, entries.
+"""Learning a fault feature table from labelled windows: ranges, ranking, selection, entries.
 
-Good features vary much between faults and little within one, are cheap, and tell what the
-others do not (Narasimhan et al. 2010, section 3.2).
+Good features vary much between faults and little within one, are cheap, and are not redundant
+(Narasimhan et al. 2010, section 3.2).
 """
 
 from __future__ import annotations

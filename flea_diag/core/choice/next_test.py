@@ -1,14 +1,14 @@
 """Next best test: which stand test would split the remaining group, how far, in what time.
 
-Two kinds of test. A feature of vibration: what its table says that it leaves (Bayes). A motion
-under a load: the calibrated model says what signals it would give, each fault of the group with
-the size that was found for it then says what residuals it would add, and the likelihood test
-that isolates says which faults it would drop. Both give the expected size of the group,
-sum over f of P(f) * (faults left when f is there). Ranked by what they gain for each second of
-stand time, after the idea of experiment design for discrimination (Box and Hill 1967).
+Two kinds of test. A vibration feature: the group left follows from its table (Bayes). A motion
+under load: the calibrated model predicts the signals, each fault of the group with its estimated
+size predicts the residuals, and the likelihood test of the isolator determines which faults would
+be dropped. Both give the expected size of the group, sum over f of P(f) * (faults left if f is
+present). Tests are ranked by gain per second of stand time, after experiment design for
+discrimination (Box and Hill 1967).
 
-What no test splits with these sensors is split by none by design, and then the sensor is
-named whose features would. Advice only: nothing here moves a stand.
+If no test with these sensors splits the group, the sensor whose features would is named.
+Advice only: nothing here moves a stand.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class StandTest:
 
 @dataclass(frozen=True)
 class Suspect:
-    """A fault that is left: its probability, and its best fit where it has one."""
+    """A remaining fault: its probability, and its best fit if it has one."""
 
     fault: str
     probability: float
@@ -103,7 +103,7 @@ def next_tests(
     features: Sequence[StandTest],
     sensors: Sequence[StandTest],
 ) -> tuple[StandTest, ...]:
-    """Tests that split, most gained for each second first; sensors only where no test does."""
+    """Tests that split the group, highest gain per second first; sensors only if no test does."""
     size = len(suspects)
     splitting = [t for t in (*features, *motions) if t.splits]
     splitting.sort(key=lambda t: (-(size - t.expected_size) / t.seconds, t.what))
@@ -116,7 +116,7 @@ def feature_tests(
     axes: Collection[str],
     tried: Collection[str] = (),
 ) -> tuple[tuple[StandTest, ...], tuple[StandTest, ...]]:
-    """Features that would split: those that can be computed here, and sensors to be fitted."""
+    """Features that would split the group: those computable here, and sensors to be fitted."""
     group = normalised({s.fault: s.probability for s in suspects})
     here: list[StandTest] = []
     missing: dict[str, StandTest] = {}
@@ -136,7 +136,7 @@ def feature_tests(
 def _after_feature(
     group: Mapping[str, float], table: FaultFeatureTable, feature: str
 ) -> tuple[float, tuple[tuple[str, str], ...]]:
-    """Expected size of the group after a feature, and the pairs that some answer splits."""
+    """Expected size of the group after a feature, and the pairs split by some answer."""
     answers = outcomes(group, table, feature).values()
     size = sum(p * len(left) for p, left in answers)
     names = sorted(group)
@@ -159,7 +159,7 @@ def motion_tests(
 ) -> tuple[StandTest, ...]:
     """Expected group after each motion, added to the evidence so far.
 
-    A fault without a fitted model can neither be dropped by a likelihood nor be predicted.
+    A fault without a fitted model can be neither dropped by likelihood nor predicted.
     """
     found = []
     for motion in motions:
@@ -184,7 +184,7 @@ def motion_tests(
 
 
 def _pairs(dropped: Mapping[str, Collection[str]]) -> tuple[tuple[str, str], ...]:
-    """Pairs of which one drops the other."""
+    """Pairs of which one, if present, drops the other."""
     pairs = {
         (min(truth, gone), max(truth, gone)) for truth, faults in dropped.items() for gone in faults
     }
@@ -198,7 +198,7 @@ def _dropped(
     phi: Array,
     test: LikelihoodTest,
 ) -> tuple[str, ...]:
-    """Faults that the likelihood would drop if ``truth`` were there, in the size found for it."""
+    """Faults that the likelihood would drop if ``truth`` were present, in its estimated size."""
     assert truth.fit is not None
     names = {s.fault for s in suspects if s.fit is not None}
     models = [model for model in test.models if model.fault in names]
@@ -215,8 +215,8 @@ def _dropped(
 def planned(p: ActuatorParameters, motion: PlannedMotion, elapsed_s: float = 0.0) -> Array:
     """Regressors of each scan of a motion by the calibrated model, shape (scans, regressors).
 
-    To first order: currents are those of the healthy actuator. ``elapsed_s`` is how long the
-    fault has been there when the motion begins.
+    To first order: currents are those of the healthy actuator. ``elapsed_s`` is the age of the
+    fault at the start of the motion.
     """
     phi = _planned(p, motion).copy()
     phi[:, REGRESSORS.index("elapsed_s")] += elapsed_s

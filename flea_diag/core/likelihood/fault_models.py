@@ -1,4 +1,4 @@
-"""How each fault moves the parity relations, quantitatively: one row of terms a fault.
+"""Quantitative effect of each fault on the parity relations: one row of terms per fault.
 
 A term says: in this residual the fault adds ``size[k] * gain * regressor``. With measured
 voltage and load as inputs these are exact consequences of the relations in ``residual``
@@ -46,8 +46,8 @@ class Size:
 class FaultModel:
     """Additive model of one fault in the parity relations.
 
-    ``roughness`` is the scatter of the fault's own effect, as a share of it: a rubbing screw
-    does not rub evenly, a sensor's scale factor does not scatter at all.
+    ``roughness`` is the scatter of the fault's own effect, as a share of it: friction of a rubbing
+    screw varies along the stroke, a sensor's scale factor does not.
     """
 
     fault: str
@@ -62,13 +62,13 @@ SPALL_DRAG_N = 20.0
 ROUGHNESS = 0.3
 """Drag of the real jammed units scatters by about this share along the stroke."""
 DRIED = 1.5
-"""By how many times its own dry friction lost lubrication adds to it at most: it is a drag that
-grows with the speed. So much the real jammed unit added (110 N beside 45 N), which nothing in the
-slow channels tells from it; what stalls holds against twice as much."""
+"""Largest dry friction that lost lubrication adds, as a multiple of the unit's own: its drag mainly
+grows with speed. The real jammed unit added this much (110 N beside 45 N) and is not isolable from
+it by slow channels; a stalled unit holds against twice as much."""
 LEAST_DRY, LEAST_VISCOUS, LEAST_FORCED = 0.5, 0.3, 0.1
-"""Where a screw shows no drag: a jam adds at least this share of the unit's own dry friction, lost
-lubrication of its viscous one, either of the motor's force where it grows with that. By about so
-much healthy units differ."""
+"""Least drag if a relation would show it: a jam adds at least this share of the unit's own dry
+friction, lost lubrication of its viscous friction, either of them of the motor's force if the drag
+grows with it. About the variation between healthy units."""
 REGRESSORS = (
     "one",
     "elapsed_s",
@@ -108,8 +108,8 @@ KINEMATIC, SPEED = "parity_kinematic", "parity_speed"
 def drag_models(p: ActuatorParameters, dragging: bool = False) -> tuple[FaultModel, ...]:
     """Faults of the screw, by the drag that they add.
 
-    ``dragging``: a jam and lost lubrication do add some, a spall perhaps none at all. To be held
-    against a screw that vibrates, and in which no relation deviates.
+    ``dragging``: a jam and lost lubrication add a least drag, a spall may add none. For a screw
+    that vibrates while no relation deviates.
     """
     fc, B = p.coulomb_friction_n, p.viscous_friction_n_s_per_m
     dry, viscous, forced = (
@@ -117,7 +117,7 @@ def drag_models(p: ActuatorParameters, dragging: bool = False) -> tuple[FaultMod
     )
     jammed = _frictions((dry, INFINITE), 0.0, INFINITE, forced)
     dried = _frictions((0.0, DRIED * fc), viscous, DRIED * p.load_friction_ratio, forced)
-    # A spall is a rattle with next to no mean drag: no more than healthy units differ by.
+    # A spall has next to no mean drag: no more than the variation between healthy units.
     rattle = (Term(MECHANICAL, "direction", 1.0),)
     rattling_n = (SPALL_DRAG_N, 0.0) if dragging else (SPALL_DRAG_N,)
     return (
@@ -148,7 +148,7 @@ def plant_models(p: ActuatorParameters) -> tuple[FaultModel, ...]:
     )
     most = Size("share lost", "1", 0.7, 1.1)
     opened = (Term(ELECTRICAL, "driving_voltage_v", 1.0),)
-    # The drive's gain holds what the bridge loses to the current, which now is none.
+    # The drive's gain includes the bridge drop at the usual current, which is now zero.
     regained = Size("bridge drop lost", "1", 0.0, 0.1)
     nearer = (*opened, Term(DRIVE, "commanded_voltage_v", 1.0, 1))
     torqueless = (Term(MECHANICAL, "current_a", K), Term(ELECTRICAL, "speed_m_s", -Ke))
@@ -172,7 +172,7 @@ def _frictions(
 ) -> tuple[tuple[tuple[Size, ...], Terms], ...]:
     """Shapes of a drag at the nut, within these bounds of its parts.
 
-    The dry one of lost lubrication never holds the shaft against a push under which it counts as
+    The dry part of lost lubrication never holds the shaft against a force at which it counts as
     stalled.
     """
     rub = (
@@ -183,7 +183,7 @@ def _frictions(
         Size("coulomb drag", "N", *coulomb_n),
         Size("viscous drag", "N s/m", least_viscous, INFINITE),
     )
-    # Drag that grows with what the screw carries: with the load, or with the motor's force.
+    # Drag that grows with the force in the screw: with the load, or with the motor's force.
     pressed = (Size("load-dependent drag", "1", 0.0, most_share),)
     forced = (Size("force-dependent drag", "1", least_forced, 0.9),)
     return (

@@ -1,4 +1,4 @@
-"""How a fault of one sensor moves the parity relations: one row a channel, one rule a mode.
+"""Effect of a sensor fault on the parity relations: one row per channel, one rule per mode.
 
 An error e of a reading enters a relation as ``gain * e``, or through its rate as
 ``gain * de/dt``. The modes differ only in what e is (y' is the true signal):
@@ -30,16 +30,16 @@ SHARES_OF_READING = (1.0 - 1.0 / 0.6, 1.0 - 1.0 / 1.6)
 SHARES_OF_TRUTH = (0.6 - 1.0, 1.6 - 1.0)
 
 DRIFT_AGES_S = (0.3, 1.0, 2.0, 4.0, 8.0, 15.0)
-"""How long a drift may have gone on when it is detected."""
+"""Ages that a drift may have when it is detected."""
 
 
 @dataclass(frozen=True, slots=True)
 class SensorErrorModel:
-    """One sensor: where its error goes, and the largest errors that count as its faults.
+    """One sensor: effect of its error on the residuals, and the largest errors of its faults.
 
     ``gains`` and ``rates``: (residual, gain) of the error and of its rate. ``reading`` and
     ``reading_rate``: regressors of its own signal, of which a scaling adds one of ``shares``.
-    ``truth``: (residual, regressor, gain), what is missing from each relation once the signal is
+    ``truth``: (residual, regressor, gain), the term missing from each relation if the signal is
     dead.
     """
 
@@ -58,9 +58,9 @@ class SensorErrorModel:
 def error_models(p: ActuatorParameters, commanded: bool = True) -> tuple[SensorErrorModel, ...]:
     """Every sensor that enters a parity relation, for one calibrated actuator.
 
-    A dead voltage has lost the one true voltage in both of its relations: that which was
-    ``commanded``, where that is known. Left to each relation's own idea of it, it would explain
-    a motor that draws nothing at full voltage.
+    A dead voltage loses the same true voltage in both of its relations: the ``commanded`` one,
+    where known. With a separate estimate in each relation it would also explain a motor that
+    draws no current at full voltage.
     """
     K, R, Ke = p.force_constant_n_per_a, p.winding_resistance_ohm, p.back_emf_v_s_per_m
     applied = "commanded_voltage_v" if commanded else "emf_and_drop_v"
@@ -157,7 +157,7 @@ def _position_alone(p: ActuatorParameters, Ke: float) -> tuple[SensorErrorModel,
 
 
 def _temperatures(p: ActuatorParameters) -> tuple[SensorErrorModel, ...]:
-    # Wrong air moves the models of motor and nut only by CORRECTION_S over their cooling time.
+    # An error of the air moves the models of motor and nut by CORRECTION_S over their cooling time.
     air = (
         ("ambient_temperature", 1.0),
         ("motor_temperature", -CORRECTION_S / p.motor_cooling_s),
@@ -203,9 +203,9 @@ def _scaling(row: SensorErrorModel) -> FaultModel:
 
 
 def _drifts(row: SensorErrorModel) -> tuple[FaultModel, ...]:
-    """One model for each age: what has grown by the detection is the rate times the age.
+    """One model per age: the offset at detection is the rate times the age.
 
-    A free offset beside the rate would make every bias a drift that has just stopped.
+    With a free offset beside the rate, every bias would fit as a drift that has just stopped.
     """
     rate = Size("drift", f"{row.unit}/s", -row.largest_drift, row.largest_drift)
     fault = f"{row.channel}_drift"
@@ -222,7 +222,7 @@ def _aged(row: SensorErrorModel, age_s: float) -> tuple[Term, ...]:
 def _dead(row: SensorErrorModel) -> FaultModel:
     level = Size("level", row.unit, -row.largest_bias, row.largest_bias)
     if not row.truth:
-        # Nothing else tells what the reading should be: a constant, like a bias.
+        # No other signal gives the true value: a constant, like a bias.
         return FaultModel(f"{row.channel}_dead", (level,), _level(row, "one"))
     lost = Size("lost share", "1", 0.9, 1.1)
     gone = tuple(Term(residual, source, gain) for residual, source, gain in row.truth)

@@ -1,7 +1,7 @@
-"""What a feature reads on a healthy actuator, as a range that follows the operating point.
+"""Nominal range of a feature on a healthy actuator, as a function of the operating point.
 
 Vibration grows with speed and load. The expected value is a polynomial in both; the range
-around it holds all but a stated part of the nominal windows that it was learned from.
+around it contains all but a stated share of the nominal windows it was learned from.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ LOAD_UNIT_N = 100.0
 MOVING_RAD_S = 15.0
 """Root mean square speed from which on mechanical faults show."""
 FAST_RAD_S = 55.0
-"""From this one on impacts follow so close upon one another that a pit is told from a jam: the few
-that a slow shaft gives look alike."""
+"""RMS speed from which impacts are frequent enough to isolate a pit from a jam; at low speed the
+few impacts of both look alike."""
 NEAR_FASTEST = 0.8
-"""Of a slower motion windows are taken that are this near to the fastest of it."""
+"""In slower motion, windows of at least this share of its fastest window are used."""
 
 
 @dataclass(frozen=True)

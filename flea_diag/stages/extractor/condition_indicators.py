@@ -1,7 +1,7 @@
-"""Standard deviation and kurtosis of each axis of one block of vibration, cheap enough for always.
+"""Standard deviation and kurtosis of each axis of one vibration block, cheap enough to run always.
 
-What shakes more raises the first. What strikes, as balls do that pass a pit, raises the second,
-which has no unit: neither a sensor's gain nor how loud a unit is moves it.
+Stronger vibration raises the first. Impacts, as of balls passing a pit, raise the second, which has
+no unit and depends neither on the gain of the sensor nor on the level of the unit.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy.typing as npt
 from flea_diag.wire.records import VibrationBlock
 
 POINTS = 500
-"""So many points, spread over a block, stand for it: of 2000 every fourth. On noise the standard
-deviation is then good to 3 %, the kurtosis to 0.22, and one ball in a pit rings for 20 of them."""
+"""Points used of each block, evenly spread: of 2000 every fourth. On noise the standard deviation
+is then accurate to 3 %, the kurtosis to 0.22; one impact rings for 20 of them."""
 
 POINT = np.dtype("<f4")
 """One number of a point of a block: its time, of the same size, and one value an axis."""

@@ -1,4 +1,4 @@
-"""The scans of the last seconds, as the motion that went with a window of vibration."""
+"""The scans of the last seconds: the motion during a window of vibration."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class ScanRing:
         self._scans: deque[tuple[int, Scan | ScanBlock]] = deque()
 
     def add(self, scan: Scan) -> bool:
-        """Keep a scan and forget what is too old; a jump back in time starts afresh."""
+        """Keep a scan and drop old ones; a jump back in time clears the store."""
         stamp_ns = scan.stamp_ns
         if stamp_ns <= self.end_ns:
             if self.end_ns - stamp_ns <= self.history_ns:
@@ -40,7 +40,7 @@ class ScanRing:
         return True
 
     def add_block(self, block: ScanBlock) -> None:
-        """Keep scans that come in order, all at once; they are parted when they are needed."""
+        """Keep a block of scans in order; it is split when needed."""
         if block.stamps_ns[0] <= self.end_ns:
             for scan in block.records():
                 self.add(scan)
@@ -76,7 +76,7 @@ class ScanRing:
         return found[::-1]
 
     def _backwards(self, start_ns: int) -> Iterator[Scan]:
-        """Scans from the newest to the first before a time: windows are of late."""
+        """Scans from the newest back to the first before a time: windows are recent."""
         for last_ns, scans in reversed(self._scans):
             if last_ns < start_ns:
                 return
@@ -89,7 +89,7 @@ class ScanRing:
 def interpolated(
     values: Doubles, at_s: Doubles, times_s: Doubles, gap_limit_s: float
 ) -> Doubles | None:
-    """A channel at ``times_s``; None where its readings leave a break longer than the limit."""
+    """A channel at ``times_s``; None if its readings have a gap longer than the limit."""
     known = np.isfinite(values)
     if not known.any() or not len(times_s):
         return None

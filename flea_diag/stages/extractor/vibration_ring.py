@@ -1,4 +1,4 @@
-"""The last seconds of vibration as the bytes they came in; only what is asked for is decoded."""
+"""The last seconds of vibration as received bytes, decoded only on request."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Stretch:
 
 
 class _Kept(NamedTuple):
-    """A block with the two numbers that are read without decoding it."""
+    """A block with its rate and end, which are read without decoding it."""
 
     block: VibrationBlock
     rate_hz: float
@@ -56,12 +56,12 @@ class VibrationRing:
 
     @property
     def end_ns(self) -> int:
-        """Time up to which samples are here; -1 without any."""
+        """End of the newest sample; -1 without any."""
         return self._kept[-1].end_ns if self._kept else -1
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Axes of the blocks that are here."""
+        """Axes of the stored blocks."""
         return self._kept[-1].block.axes if self._kept else ()
 
     @property
@@ -76,7 +76,7 @@ class VibrationRing:
                 yield kept.block, kept.end_ns
 
     def add(self, block: VibrationBlock) -> bool:
-        """Keep a block and forget what is too old; False where it cannot be used."""
+        """Keep a block and drop old ones; False if it cannot be used."""
         kept = _measured(block)
         if kept is None:
             self.invalid += 1

@@ -1,4 +1,4 @@
-"""Windows of vibration with the motion that went with them, cut from the two rings."""
+"""Windows of vibration with the motion of the same time, cut from the two rings."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class Windows:
         return self.vibration.add(record)
 
     def covers(self, end_ns: int) -> bool:
-        """Whether all that a stream can still bring up to ``end_ns`` is here.
+        """Whether both streams have reached ``end_ns``.
 
-        A stream of which nothing was ever received is not waited for.
+        A stream that was never received is not waited for.
         """
         vibration_ns, scan_ns = self.vibration.end_ns, self.scans.end_ns
         return (vibration_ns < 0 or vibration_ns >= end_ns - self.vibration.gap_limit_ns) and (
@@ -81,7 +81,7 @@ class Windows:
         return self.moved(window, start_ns, end_ns) if with_motion else window
 
     def moved(self, window: Window, start_ns: int, end_ns: int) -> Window:
-        """A window that was cut from here without its motion, now with it."""
+        """Add the motion to a window that was cut without it."""
         sample_times_s = window.start_s + np.arange(window.count) / window.rate_hz
         slow, times_s = self.scans.columns(start_ns, end_ns)
         speed = slow.get("motor_speed", np.empty(0))
