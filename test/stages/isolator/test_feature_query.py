@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from support.motion_windows import motion, moved
 
 from flea_diag.core.choice.feature_choice import FeatureChooser
 from flea_diag.core.choice.feature_table import FaultFeatureTable
@@ -31,14 +32,6 @@ def answer(request: FeatureRequest, value: float = 1.0) -> FeatureValue:
         request.stamp_ns + S // 10, request.episode, request.step, request.feature,
         request.window_start_ns, request.window_end_ns, value, "", "0", 0.0, 1.0, "", 0.1,
     )  # fmt: skip
-
-
-def motion(*scans: tuple[float, float]) -> MotionWindow:
-    """Speed and load over the last second."""
-    made = MotionWindow(S)
-    for number, scan in enumerate(scans):
-        made.add(number * S // len(scans), *scan)
-    return made
 
 
 TURNING = motion((60.0, 40.0), (-60.0, 40.0))
@@ -109,14 +102,6 @@ def test_what_rubs_is_asked_about_in_any_motion(speed, waited_s, due) -> None:
     assert query.is_due((11 + waited_s) * S, motion((speed, 40.0), (-speed, 40.0))) is due
 
 
-def moved(*speeds: float) -> MotionWindow:
-    """100 scans a second at each of these speeds in turn, from 10 s on."""
-    made = MotionWindow(S)
-    for number in range(100 * len(speeds)):
-        made.add(10 * S + number * S // 100, speeds[number // 100], 40.0)
-    return made
-
-
 @pytest.mark.parametrize(
     ("speeds", "due"),
     [((50.0, 50.0, 50.0), True), ((50.0, 50.0, 30.0), False), ((50.0, 50.0, 45.0), True),
@@ -141,14 +126,6 @@ def test_while_the_shaft_gathers_pace_a_better_window_is_to_come() -> None:
     for number in range(50, 70):
         gathers.add(12 * S + number * S // 100, 15.0, 40.0)
     assert query.is_due(13 * S + S // 5, gathers)
-
-
-def test_the_fastest_window_is_a_whole_one_since_then() -> None:
-    path = moved(80.0, 20.0, 40.0, math.nan)
-    assert path.fastest_rad_s(9 * S) == pytest.approx(80.0, rel=0.01)
-    assert path.fastest_rad_s(11 * S) == pytest.approx(40.0, rel=0.01)
-    assert path.fastest_rad_s(13 * S) == 0.0
-    assert MotionWindow(S).fastest_rad_s(0) == 0.0
 
 
 def test_a_window_is_looked_for_ten_times_a_second_while_one_is_wanted() -> None:
@@ -199,27 +176,3 @@ def test_patience_for_a_window_ends() -> None:
     query.plan(PAIR, CHOOSER)
     assert query.is_open(3 * S, 2 * S)
     assert not query.is_open(3 * S + 1, 2 * S)
-
-
-@pytest.mark.parametrize(
-    ("speeds", "moving"),
-    [([0.0] * 100, False), ([30.0] * 100, True), ([math.nan] * 100, True), ([], True),
-     ([60.0] * 100 + [0.0] * 100, False), ([0.0] * 90 + [60.0] * 10, True)],
-)  # fmt: skip
-def test_the_last_window_moved_or_not(speeds: list[float], moving: bool) -> None:
-    last = MotionWindow(S)
-    for number, speed in enumerate(speeds):
-        last.add(number * S // 100, speed, 0.0)
-    assert last.reaches(15.0) is moving
-
-
-@pytest.mark.parametrize(
-    ("scans", "turns"),
-    [([(30.0, 9.0), (-30.0, 9.0)], True), ([(30.0, 9.0), (-1.0, 9.0)], False),
-     ([(30.0, 9.0), (30.0, -9.0)], True), ([(30.0, 9.0), (30.0, -4.0)], False),
-     ([(math.nan, math.nan)], False), ([], False)],
-)  # fmt: skip
-def test_the_last_window_holds_a_reversal_of_motion_or_load(
-    scans: list[tuple[float, float]], turns: bool
-) -> None:
-    assert motion(*scans).reverses is turns

@@ -1,0 +1,23 @@
+"""Motions of the shaft as the isolator sees them: speed and load of the last seconds."""
+
+from __future__ import annotations
+
+from flea_diag.stages.isolator.motion_window import MotionWindow
+
+S = 1_000_000_000
+
+
+def motion(*scans: tuple[float, float]) -> MotionWindow:
+    """Speed and load over the last second."""
+    made = MotionWindow(S)
+    for number, scan in enumerate(scans):
+        made.add(number * S // len(scans), *scan)
+    return made
+
+
+def moved(*speeds: float) -> MotionWindow:
+    """100 scans a second at each of these speeds in turn, from 10 s on."""
+    made = MotionWindow(S)
+    for number in range(100 * len(speeds)):
+        made.add(10 * S + number * S // 100, speeds[number // 100], 40.0)
+    return made
