@@ -21,7 +21,7 @@ class Episode:
     number : as in the records of its owner
     detected_ns : stamp of the detection, or of the vibration alarm
     detection_number : number of the observer's episode; if vibration opened this one, the
-        newest number received until then
+        newest number received until then, later that of the detection that joins it
     opened_by : the test that passed its limit, with value and limit
     opening_shift : residual that left its earlier level in this run; empty if none did
     opened_by_vibration : whether the vibration monitor opened it
@@ -48,9 +48,13 @@ class Episode:
             taken_over=detection.test == TAKEN_OVER,
         )
 
-    def shifted_by(self, detection: Detection) -> Episode:
+    def joined_by(self, detection: Detection) -> Episode:
         """The same episode, now detected by the observer as well."""
-        return replace(self, opening_shift=opening_shift(detection))
+        return replace(
+            self,
+            detection_number=detection.episode,
+            opening_shift=opening_shift(detection),
+        )
 
 
 def opening_shift(detection: Detection) -> str:

@@ -54,7 +54,7 @@ class FaultEpisode:
 
     def join(self, detection: Detection) -> None:
         """The observer now detects as well what vibration opened."""
-        self.shared = self.shared.shifted_by(detection)
+        self.shared = self.shared.joined_by(detection)
 
     def observe(self, record: Symbols, quadrants: Sequence[Quadrant]) -> None:
         """Compare new symbols with the hypotheses."""

@@ -105,12 +105,13 @@ def test_vibration_opens_an_episode_of_the_faults_that_vibrate_and_the_observer_
     assert "spall" in episode.names()
     assert episode.is_vibration_only
     assert (episode.shared.number, episode.shared.detection_number) == (1, 0)
-    assert episodes.take(opened(1, SHIFT)) is Change.NOTHING
+    assert episodes.take(opened(4, SHIFT)) is Change.NOTHING
+    assert (episode.shared.number, episode.shared.detection_number) == (1, 4)
     assert episode.shared.opening_shift == "parity_electrical"
     assert not episode.is_vibration_only
     # What only left its own level of the run is not held against what vibration opened.
     before = episode.names()
-    episode.observe(symbols(1), ())
+    episode.observe(symbols(4), ())
     assert (episode.symbols, episode.names()) == ((), before)
 
 
