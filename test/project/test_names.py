@@ -9,8 +9,6 @@ from pathlib import Path
 from support.places import ROOT
 
 PACKAGES = ("flea_diag", "flea_sim_driver")
-STILL_TWICE = frozenset({"Alarm", "Evidence", "Motion", "OperatingPoint", "Weighing"})
-"""Names that still have two meanings: to be renamed, never to be added to."""
 
 
 def defined_twice(root: Path) -> dict[str, list[str]]:
@@ -26,13 +24,7 @@ def defined_twice(root: Path) -> dict[str, list[str]]:
 
 
 def test_no_class_name_is_defined_twice() -> None:
-    found = {name: where for name, where in defined_twice(ROOT).items() if name not in STILL_TWICE}
-    assert found == {}
-
-
-def test_no_name_is_excused_that_is_defined_once() -> None:
-    once = sorted(STILL_TWICE - set(defined_twice(ROOT)))
-    assert once == [], "renamed by now: take these out of STILL_TWICE"
+    assert defined_twice(ROOT) == {}
 
 
 def test_a_planted_second_class_is_found(tmp_path: Path) -> None:
