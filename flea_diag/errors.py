@@ -10,7 +10,18 @@ FleaError
 
 Every command reports a ``FleaError`` as one line on standard error, with exit status 2; any other
 exception is a defect of flea_diag and keeps its traceback.
+
+A message that quotes a value of somebody else quotes it through ``shown``.
 """
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+LONGEST_SHOWN = 80
+"""Characters of a value that a message quotes."""
+LONGEST_INTEGER_BITS = 200
+"""Beyond, the digits of a whole number are counted, not written: writing them takes long."""
 
 
 class FleaError(Exception):
@@ -39,3 +50,44 @@ class WireError(InputError):
 
 class ModelError(FleaError):
     """A bond graph has no valid causality, or its equations cannot be formed."""
+
+
+def shown(value: object) -> str:
+    """Value as an error message quotes it: its literal in at most 80 characters of one line.
+
+    Control and direction characters are escaped, what is longer ends in ``...``. The work is
+    bounded too: a value that would fill gigabytes when written out costs no more than another.
+    """
+    text = ""
+    for piece in _pieces(value):
+        text += piece
+        if len(text) > LONGEST_SHOWN:
+            return text[: LONGEST_SHOWN - 3] + "..."
+    return text
+
+
+def _pieces(value: object) -> Iterator[str]:
+    """Literal of a value piece by piece; no piece is much longer than what is shown."""
+    if isinstance(value, (str, bytes)):
+        yield repr(value[: LONGEST_SHOWN + 1])
+    elif isinstance(value, Mapping):
+        yield "{"
+        for number, (key, entry) in enumerate(value.items()):
+            yield ", " if number else ""
+            yield from _pieces(key)
+            yield ": "
+            yield from _pieces(entry)
+        yield "}"
+    elif isinstance(value, (list, tuple, set, frozenset)):
+        opening, closing = "[]" if isinstance(value, list) else "()"
+        yield opening
+        for number, entry in enumerate(value):
+            yield ", " if number else ""
+            yield from _pieces(entry)
+        yield closing
+    elif isinstance(value, int) and value.bit_length() > LONGEST_INTEGER_BITS:
+        yield f"a whole number of some {round(value.bit_length() * 0.30103)} digits"
+    elif isinstance(value, (bool, int, float, type(None))):
+        yield repr(value)
+    else:
+        yield f"{type(value).__name__} {str(value)[: LONGEST_SHOWN + 1]!r}"

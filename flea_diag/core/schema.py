@@ -120,12 +120,3 @@ def numbers(content: Any, where: str) -> dict[str, float]:
     """A mapping of name -> number."""
     keys = dict.fromkeys(rows(content, where), (float, REQUIRED))
     return read(content, where, keys)
-
-
-def version(content: Any, where: str, known: int) -> None:
-    """Refuse a file of any version but ``known``."""
-    found = content.get("schema_version") if isinstance(content, Mapping) else None
-    if found != known:
-        raise ConfigurationError(
-            f"{where}: schema_version is {found!r}, this program reads {known}; convert the file"
-        )

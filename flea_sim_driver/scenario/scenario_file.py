@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.formats import migrated
 from flea_diag.wire.parameters import build
 from flea_diag.wire.yaml_text import parse_yaml
 from flea_sim_driver.plant.structure import StructureSpread
@@ -32,7 +33,7 @@ SECTIONS: dict[str, type] = {
 }  # fmt: skip
 
 
-def scenario_from_mapping(values: Mapping[str, Any], where: str, folder: Path = Path()) -> Scenario:
+def scenario_from_mapping(content: object, where: str, folder: Path = Path()) -> Scenario:
     """A checked scenario.
 
     Raises
@@ -40,7 +41,7 @@ def scenario_from_mapping(values: Mapping[str, Any], where: str, folder: Path = 
     ConfigurationError
         Unknown key, wrong type, value out of its limits, or a run that the stand cannot follow.
     """
-    values = _mapping(values, where, "the file")
+    values = migrated("scenario", content, where)
     plain = {k: v for k, v in values.items() if k not in SECTIONS and k != "faults"}
     sections: dict[str, Any] = {
         name: build(kind, _mapping(values.get(name, {}), where, name), f"{where}: {name}")

@@ -32,7 +32,12 @@ SCIENCE = ("numpy", "scipy", "numba", "pywt")
 
 # The first room whose name a module starts with is its room.
 ROOMS = (
-    Room("flea_diag.core", ("flea_diag.core", "flea_diag.errors"), SCIENCE, pure=True),
+    Room(
+        "flea_diag.core",
+        ("flea_diag.core", "flea_diag.formats", "flea_diag.errors"),
+        SCIENCE,
+        pure=True,
+    ),
     Room(
         "flea_diag.stages",
         (
@@ -62,6 +67,7 @@ ROOMS = (
     Room("flea_diag.wire.bus", ("flea_diag.wire", "flea_diag.errors"), ROS),
     Room("flea_diag.wire", ("flea_diag.wire", "flea_diag.errors", "flea_diag"), ("numpy", *BAGS)),
     Room("flea_diag.errors", (), ()),
+    Room("flea_diag.formats", ("flea_diag.errors",), (), pure=True),
     Room(
         "flea_diag.web",
         (
@@ -83,6 +89,7 @@ ROOMS = (
             "flea_diag.wire",
             "flea_diag.stages",
             "flea_diag.configuration",
+            "flea_diag.formats",
             "flea_diag.errors",
         ),
         (*ROS, "numpy", "textual", "rich"),
@@ -97,6 +104,7 @@ ROOMS = (
             "flea_diag.stages",
             "flea_diag.core",
             "flea_diag.configuration",
+            "flea_diag.formats",
             "flea_diag.errors",
             "flea_sim_driver",
         ),
@@ -108,7 +116,11 @@ ROOMS = (
         ("numpy", "yaml"),
     ),
     Room("flea_diag", (), ()),
-    Room("flea_sim_driver", ("flea_sim_driver", "flea_diag.wire", "flea_diag.errors"), None),
+    Room(
+        "flea_sim_driver",
+        ("flea_sim_driver", "flea_diag.wire", "flea_diag.formats", "flea_diag.errors"),
+        None,
+    ),
 )
 
 # Within a room: package -> packages of the room that it may import. Modules of the room itself
@@ -456,6 +468,8 @@ PLANTED = {
         "import flea_diag.stages.observer.observer",
     ),
     "the simulator goes around the bus": ("flea_sim_driver/a.py", "import rclpy"),
+    "the formats know a kind of file": ("flea_diag/formats.py", "import flea_diag.core.schema"),
+    "the formats open a file": ("flea_diag/formats.py", "x = open('f')"),
     "configuration knows a node": ("flea_diag/configuration.py", "import flea_diag.nodes.adapter"),
 }
 

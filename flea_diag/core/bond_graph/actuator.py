@@ -22,6 +22,7 @@ from flea_diag.core.bond_graph.causality import require_sound
 from flea_diag.core.schema import REQUIRED
 from flea_diag.core.symbolic.unit import SECOND, dimension, spelled, times
 from flea_diag.errors import ConfigurationError
+from flea_diag.formats import migrated
 
 __all__ = ["Actuator", "ModelView", "OperatingPoint", "ResidualSpec", "Sensor", "actuator"]
 
@@ -64,7 +65,6 @@ _RESIDUAL: schema.Keys = {
     "motion": (str, ""),
 }
 _TOP: schema.Keys = {
-    "schema_version": (int, REQUIRED),
     "name": (str, REQUIRED),
     "description": (str, ""),
     "scan_period_s": (float, REQUIRED),
@@ -90,8 +90,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
     ModelError
         A graph that is no bond graph, or has no sound causality.
     """
-    schema.version(content, where, 1)
-    top = schema.read(content, where, _TOP)
+    top = schema.read(migrated("actuator description", content, where), where, _TOP)
     if not top["scan_period_s"] > 0:
         raise ConfigurationError(f"{where}: scan_period_s = {top['scan_period_s']} must be > 0")
     sensors, inputs = _sensors(top, where)

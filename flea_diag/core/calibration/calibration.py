@@ -26,10 +26,9 @@ from flea_diag.core.residuals.residual_rows import RESIDUALS
 from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES
 from flea_diag.core.sensors.sensor_limits import SensorLimit
 from flea_diag.errors import CalibrationError
+from flea_diag.formats import migrated, stamped
 
 Array = npt.NDArray[np.float64]
-
-SCHEMA_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -104,11 +103,7 @@ class Calibration(Frozen):
     def to_mapping(self) -> dict[str, Any]:
         """Plain mapping of numbers, strings and lists (what a YAML file holds)."""
         plain = {name: _plain(getattr(self, name)) for name in (f.name for f in fields(self))}
-        return {
-            "schema_version": SCHEMA_VERSION,
-            **plain,
-            "speed_regions_m_s": list(SPEED_REGIONS_M_S),
-        }
+        return stamped("calibration", {**plain, "speed_regions_m_s": list(SPEED_REGIONS_M_S)})
 
 
 def _plain(value: Any) -> Any:
@@ -123,7 +118,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def from_mapping(mapping: object, where: str) -> Calibration:
+def from_mapping(content: object, where: str) -> Calibration:
     """Calibration from its plain mapping.
 
     Raises
@@ -131,21 +126,13 @@ def from_mapping(mapping: object, where: str) -> Calibration:
     CalibrationError
         Naming ``where`` and the entry that is missing, unknown, of the wrong kind or not finite.
     """
-    if not isinstance(mapping, Mapping):
-        raise CalibrationError(
-            f"{where}: a calibration is a mapping, this is {type(mapping).__name__}"
-        )
-    if mapping.get("schema_version") != SCHEMA_VERSION:
-        raise CalibrationError(
-            f"{where}: schema_version = {short(mapping.get('schema_version'))}, this version reads "
-            f"{SCHEMA_VERSION}; make it anew with 'flea calibrate'"
-        )
+    mapping = migrated("calibration", content, where)
     if mapping.get("speed_regions_m_s") != list(SPEED_REGIONS_M_S):
         raise CalibrationError(
             f"{where}: speed_regions_m_s = {short(mapping.get('speed_regions_m_s'))}, this version "
             f"tests in {list(SPEED_REGIONS_M_S)!r}; make it anew with 'flea calibrate'"
         )
-    known = {"schema_version", "speed_regions_m_s", *_READERS}
+    known = {"speed_regions_m_s", *_READERS}
     for key in mapping:
         if key not in known:
             raise CalibrationError(

@@ -15,9 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.formats import migrated, stamped
 
 Array = npt.NDArray[np.float64]
-KEYS = frozenset({"schema_version", "source", "features", "faults", "means", "scales", "layers"})
+KEYS = frozenset({"source", "features", "faults", "means", "scales", "layers"})
 FARTHEST = 5.0
 """Inputs are clipped at this many spreads, so that unseen values cannot dominate the answer."""
 
@@ -62,8 +63,7 @@ class Perceptron:
 
     def as_mapping(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        return {
-            "schema_version": 1,
+        content = {
             "source": self.source,
             "features": list(self.features),
             "faults": list(self.faults),
@@ -71,9 +71,10 @@ class Perceptron:
             "scales": self.scales.tolist(),
             "layers": [{"weights": w.tolist(), "offsets": b.tolist()} for w, b in self.layers],
         }
+        return stamped("classifier", content)
 
     @classmethod
-    def from_mapping(cls, mapping: Any, where: str) -> Perceptron:
+    def from_mapping(cls, content: object, where: str) -> Perceptron:
         """Network from plain values.
 
         Raises
@@ -81,7 +82,8 @@ class Perceptron:
         ConfigurationError
             Naming ``where`` and what does not fit: a key, a shape, a number.
         """
-        if not isinstance(mapping, Mapping) or set(mapping) != KEYS:
+        mapping = migrated("classifier", content, where)
+        if set(mapping) != KEYS:
             raise ConfigurationError(f"{where}: must hold exactly {', '.join(sorted(KEYS))}")
         try:
             found = cls(

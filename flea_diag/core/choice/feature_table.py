@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from flea_diag.core.vibration.nominal_range import NominalRange, NominalRanges
 from flea_diag.errors import ConfigurationError
+from flea_diag.formats import migrated
 
 Floats = npt.NDArray[np.float64]
 
@@ -150,7 +151,7 @@ class FaultFeatureTable:
         return tuple(tuple(group) for group in groups.values())
 
     @classmethod
-    def from_mapping(cls, mapping: Mapping[str, Any], where: str) -> FaultFeatureTable:
+    def from_mapping(cls, content: object, where: str) -> FaultFeatureTable:
         """Table from parsed YAML.
 
         Raises
@@ -158,6 +159,7 @@ class FaultFeatureTable:
         ConfigurationError
             Naming file, fault, feature and value of what does not fit.
         """
+        mapping = migrated("feature table", content, where)
         _known(_mapping(mapping, where), KEYS, where)
         alphabet = tuple(str(symbol) for symbol in mapping.get("alphabet", ("-", "0", "+")))
         if alphabet not in ALPHABETS:

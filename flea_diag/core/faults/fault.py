@@ -13,6 +13,7 @@ from flea_diag.core import schema
 from flea_diag.core.bond_graph.actuator_model import Actuator
 from flea_diag.core.schema import REQUIRED
 from flea_diag.errors import ConfigurationError
+from flea_diag.formats import migrated
 
 MODES = ("bias", "drift", "scaling", "dead", "noise", "dropout")
 APPROACHES = ("physics", "data", "hybrid")
@@ -97,7 +98,6 @@ _MODE: schema.Keys = {
     "excitation": (str, ""),
 }
 _TOP: schema.Keys = {
-    "schema_version": (int, REQUIRED),
     "faults": (dict, REQUIRED),
     "sensor_modes": (dict, {}),
 }
@@ -111,8 +111,7 @@ def catalogue(content: Any, actuator: Actuator, where: str = "faults.yaml") -> d
     ConfigurationError
         A row names an unknown parameter, mode or word.
     """
-    schema.version(content, where, 1)
-    top = schema.read(content, where, _TOP)
+    top = schema.read(migrated("fault catalogue", content, where), where, _TOP)
     found = {
         name: _fault(name, row, actuator, f"{where}: fault {name!r}")
         for name, row in schema.rows(top["faults"], f"{where}: faults").items()

@@ -14,6 +14,7 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 from flea_diag.errors import ConfigurationError, RecordingError
+from flea_diag.formats import FORMATS, KEY, migrated
 from flea_diag.nodes.state_folder import state_folder
 from flea_diag.operator.alarm import Alarm, Comment, Key, Member
 from flea_diag.wire.records import NEVER_NS, Outcome, Remark, RemarkKind, Symbol
@@ -46,7 +47,7 @@ class AlarmJournal:
     Raises
     ------
     ConfigurationError
-        The file cannot be opened, or is not a journal.
+        The file cannot be opened, is not a journal, or is a newer one.
     """
 
     def __init__(self, path: Path, stand: str = "stand") -> None:
@@ -58,11 +59,20 @@ class AlarmJournal:
                 path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
             )
             self._db.execute("PRAGMA journal_mode = WAL")
-            self._db.executescript(SCHEMA)
+            self._make_tables()
         except (OSError, sqlite3.Error) as error:
             raise ConfigurationError(
                 f"journal = {str(path)!r} cannot be used ({error}): name a writable file"
             ) from None
+
+    def _make_tables(self) -> None:
+        """Make what is missing; SQLite's ``user_version`` (0: never set) is the format's."""
+        (found,) = self._db.execute("PRAGMA user_version").fetchone()
+        migrated("alarm journal", {KEY: found}, f"journal {self.path}")
+        self._db.executescript(SCHEMA)
+        version = FORMATS["alarm journal"].version
+        if found != version:
+            self._db.execute(f"PRAGMA user_version = {version}")
 
     def close(self) -> None:
         """Close the file."""

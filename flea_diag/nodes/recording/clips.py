@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from flea_diag.errors import RecordingError, WireError
+from flea_diag.formats import stamped
 from flea_diag.wire.bags.bag import BagWriter
 from flea_diag.wire.messages import codec
 from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, Outcome, Scan
@@ -222,7 +223,7 @@ class Clips:
         try:
             self._directory.mkdir(parents=True, exist_ok=True)
             with (self._directory / INDEX).open("a", encoding="utf-8") as index:
-                index.write(json.dumps(row) + "\n")
+                index.write(json.dumps(stamped("clip index", row)) + "\n")
         except OSError as error:
             self.last += f"; {INDEX}: {error.strerror}"
 

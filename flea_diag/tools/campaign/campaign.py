@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.formats import migrated
 from flea_diag.tools.campaign.run_result import NOMINAL
 from flea_diag.wire.parameters import build, parameter
 
-SCHEMA_VERSION = 1
 HYBRID = "hybrid"
 """The diagnoser as `flea replay` runs it; others are baselines."""
 CLASSIFIER = "feature_classifier"
@@ -172,9 +172,7 @@ def _shipped(name: Path) -> Path:
 
 def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Campaign:
     """Campaign from the content of a YAML file; see ``load_campaign``."""
-    from flea_diag.core.schema import version
-
-    version(content, where, SCHEMA_VERSION)
+    content = migrated("campaign", content, where)
     plain = {k: v for k, v in content.items() if k not in _STRUCTURED}
     campaign = build(Campaign, plain, where)
     expect = _mapping(content.get("expect", {}), f"{where}: expect")
@@ -197,7 +195,7 @@ def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Ca
     )
 
 
-_STRUCTURED = ("schema_version", "configurations", "expect", "learn_from", "sources")
+_STRUCTURED = ("configurations", "expect", "learn_from", "sources")
 
 
 def _source(content: Any, where: str) -> Source:

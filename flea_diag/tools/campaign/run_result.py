@@ -11,9 +11,9 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from flea_diag.errors import RecordingError
+from flea_diag.formats import FORMATS, migrated
 from flea_diag.wire.records import BY_DESIGN
 
-SCHEMA_VERSION = 1
 KINDS = ("real", "simulated", "injected", "spliced")
 """Where the signals come from: recorded; simulated; recorded with an injected software fault;
 two recordings joined. Kinds are never added up in one figure."""
@@ -104,7 +104,7 @@ class RunResult:
     detail: str = ""
     date: str = ""
     commit: str = ""
-    schema_version: int = SCHEMA_VERSION
+    schema_version: int = FORMATS["run result"].version
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -171,8 +171,7 @@ def from_mapping(content: Any, where: str) -> RunResult:
     RecordingError
         The line is no result of this version.
     """
-    if not isinstance(content, dict) or content.get("schema_version") != SCHEMA_VERSION:
-        raise RecordingError(f"{where}: no run result of version {SCHEMA_VERSION}: evaluate anew")
+    content = migrated("run result", content, where)
     known = {entry.name for entry in fields(RunResult)}
     odd = sorted(set(content) - known) or sorted({"id", "kind", "row"} - set(content))
     if odd:

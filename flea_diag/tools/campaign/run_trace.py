@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.errors import RecordingError
+from flea_diag.formats import migrated, stamped
 from flea_diag.tools.campaign.envelope import Envelope
 from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, block_of
 from flea_diag.wire.records import (
@@ -26,7 +28,6 @@ from flea_diag.wire.records import (
     Truth,
 )
 
-SCHEMA_VERSION = 1
 SUFFIX = ".trace.json.gz"
 LARGEST_BYTES = 16 << 20
 """Unpacked; usual traces have at most a tenth of this."""
@@ -164,7 +165,6 @@ class RunTrace:
     def to_mapping(self) -> dict[str, Any]:
         """The trace as plain data; None where a signal has no value."""
         return {
-            "schema_version": SCHEMA_VERSION,
             "duration_s": self._last_s,
             "traces": {
                 name: {
@@ -189,7 +189,8 @@ def trace_path(detail: Path) -> Path:
 
 def write_trace(detail: Path, trace: RunTrace) -> None:
     """Write a trace beside the run's details; equal traces give equal bytes."""
-    text = json.dumps(trace.to_mapping(), allow_nan=False, separators=(",", ":"))
+    content = stamped("run trace", trace.to_mapping())
+    text = json.dumps(content, allow_nan=False, separators=(",", ":"))
     trace_path(detail).write_bytes(gzip.compress(text.encode(), mtime=0))
 
 
@@ -198,7 +199,6 @@ def read_trace(detail: Path) -> dict[str, Any] | None:
     try:
         with gzip.open(trace_path(detail)) as stream:
             content = json.loads(stream.read(LARGEST_BYTES))
-    except (OSError, EOFError, zlib.error, ValueError):
+        return migrated("run trace", content, str(detail))
+    except (OSError, EOFError, zlib.error, ValueError, RecordingError):
         return None
-    known = isinstance(content, dict) and content.get("schema_version") == SCHEMA_VERSION
-    return content if known else None

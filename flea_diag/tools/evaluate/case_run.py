@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flea_diag.errors import FleaError, RecordingError
+from flea_diag.formats import stamped
 from flea_diag.tools.campaign.campaign import expected_of
 from flea_diag.tools.campaign.case import Case
 from flea_diag.tools.campaign.run_result import NOMINAL, RunResult
@@ -242,4 +243,5 @@ def _write_detail(path: Path, case: Case, result: RunResult, summary: dict[str, 
 
     make_folder(path.parent)
     said = {**summary, "words": result.words}
-    write_json(str(path), {"case": asdict(case), "result": asdict(result), "summary": said})
+    content = {"case": asdict(case), "result": asdict(result), "summary": said}
+    write_json(str(path), stamped("run detail", content))

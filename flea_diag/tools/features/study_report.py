@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.formats import stamped
 from flea_diag.tools.extra import require
 from flea_diag.tools.features.study import Study
 from flea_diag.tools.interval import wilson
@@ -76,7 +77,7 @@ def write_study(path: Path, runs: Sequence[Study]) -> None:
     """
     judged = {name: right for name, (_, right) in WAYS.items()}
     rows = [{**asdict(run), "right": {n: r(run) for n, r in judged.items()}} for run in runs]
-    write_json(str(path), {"schema_version": 2, "runs": rows})
+    write_json(str(path), stamped("feature study", {"runs": rows}))
 
 
 def draw_study(path: Path, runs: Sequence[Study]) -> None:

@@ -12,6 +12,7 @@ import yaml
 from flea_diag.core.choice.feature_learning import NOMINAL, SYMBOLS, Ends, FeatureStatistics
 from flea_diag.core.vibration.nominal_range import NominalRange
 from flea_diag.errors import ConfigurationError
+from flea_diag.formats import stamped
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def write_table(path: Path, mapping: Mapping[str, Any], header: Sequence[str]) -
         The file cannot be written.
     """
     lines = [f"# {line}".rstrip() for line in header]
-    body = yaml.dump(dict(mapping), Dumper=_Dumper, sort_keys=False, width=100)
+    body = yaml.dump(stamped("feature table", mapping), Dumper=_Dumper, sort_keys=False, width=100)
     try:
         path.write_text("\n".join([*lines, body]), encoding="utf-8")
     except OSError as error:

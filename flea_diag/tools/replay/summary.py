@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flea_diag.formats import stamped
 from flea_diag.stages.digest import decision_digest, digest
 from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, Stamps
 from flea_diag.wire.records import (
@@ -25,7 +26,6 @@ from flea_diag.wire.records import (
     VibrationLevel,
 )
 
-SCHEMA_VERSION = 1
 _SOUND = (Quality.GOOD, Quality.ABSENT)
 BULK = (Residual, ResidualBlock, VibrationLevel, VibrationBlock)
 """Frequent record types that a summary does not need."""
@@ -58,8 +58,7 @@ def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
         "ambiguity_group": [],
     }
     first = episodes[0] if episodes else quiet
-    return {
-        "schema_version": SCHEMA_VERSION,
+    summary = {
         **{key: first[key] for key in quiet},
         "episodes": episodes,
         "not_observable": _not_observable(last),
@@ -70,6 +69,7 @@ def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
         "scans": len(scans),
         "duration_s": _seconds(int(scans.max()), start_ns) if len(scans) else 0.0,
     }
+    return stamped("replay summary", summary)
 
 
 def _stamps_ns(records: Sequence[Record | Block]) -> Stamps:

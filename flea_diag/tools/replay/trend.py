@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import FleaError
+from flea_diag.formats import stamped
 from flea_diag.tools.terminal import IN_PART, progress, warn, write_json, write_text
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.csv:
         _write_csv(arguments.csv, found)
     if arguments.json:
-        write_json(arguments.json, {"schema_version": 1, "trends": trends})
+        write_json(arguments.json, stamped("trend", {"trends": trends}))
     if arguments.json != "-":
         print("\n".join(map(_words, trends)) or "no fault size was estimated in these bags")
     if refused == len(arguments.bags):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import RecordingError
+from flea_diag.formats import migrated
 from flea_diag.tools.campaign.result_log import RESULTS, read_results
 from flea_diag.tools.campaign.run_result import RunResult
 from flea_diag.wire.bags.bag_layout import refuse_closed
@@ -85,6 +86,7 @@ def _of_files(paths: list[Path]) -> dict[str, Decision]:
     for path in paths:
         content = _json(path)
         for summary in content if isinstance(content, list) else [content]:
+            summary = migrated("replay summary", summary, str(path))
             decision = _of_summary(summary, path)
             found[decision.name] = decision
     return found
@@ -111,7 +113,8 @@ def _of_results(results: tuple[RunResult, ...], folder: Path) -> Iterator[Decisi
 
 def _of_detail(path: Path) -> tuple[Episode, ...]:
     with _shaped(path):
-        return _episodes(_json(path)["summary"])
+        detail = migrated("run detail", _json(path), str(path))
+        return _episodes(migrated("replay summary", detail["summary"], str(path)))
 
 
 def _of_summary(summary: Any, path: Path) -> Decision:

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flea_diag.formats import stamped
+
 if TYPE_CHECKING:
     from flea_diag.tools.score.decision import Decision
 
@@ -64,8 +66,7 @@ def compare(a: dict[str, Decision], b: dict[str, Decision]) -> dict[str, Any]:
         for name in both
         if a[name].verdict != b[name].verdict
     ]
-    return {
-        "schema_version": 1,
+    report = {
         "compared": len(both),
         "changed": changed,
         "only_a": sorted(set(a) - set(b)),
@@ -77,6 +78,7 @@ def compare(a: dict[str, Decision], b: dict[str, Decision]) -> dict[str, Any]:
             if a[name].same_numbers(b[name]) and a[name].digest != b[name].digest
         ],
     }
+    return stamped("comparison", report)
 
 
 _BETTER = {(False, True): " (now right)", (True, False): " (NO LONGER RIGHT)"}

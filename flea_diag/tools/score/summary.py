@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from flea_diag.formats import stamped
 from flea_diag.tools.campaign.campaign import Campaign
 from flea_diag.tools.campaign.run_result import KINDS, RunResult
 from flea_diag.tools.score.score import component_right, confusion, once, right_share, scores, share
 from flea_diag.tools.score.severity import ladder
 
-SCHEMA_VERSION = 2
-"""2 added dates, commits and the seed of each part; `flea diff` reads the lines, of both."""
 LISTED = 200
 """At most so many wrong runs are named in the summary; the lines have all."""
 
@@ -56,8 +55,7 @@ def summarise(campaign: Campaign, results: Iterable[RunResult]) -> dict[str, Any
         and row["count"]
         and (row["percent"] or 0.0) < campaign.limit_percent
     ]
-    return {
-        "schema_version": SCHEMA_VERSION,
+    summary = {
         "campaign": campaign.name,
         "dates": sorted({result.date for result in known if result.date}),
         "commits": sorted({result.commit for result in known if result.commit}),
@@ -68,6 +66,7 @@ def summarise(campaign: Campaign, results: Iterable[RunResult]) -> dict[str, Any
         "backends": sorted({result.backend for result in known if result.backend}),
         "parts": parts,
     }
+    return stamped("evaluation summary", summary)
 
 
 def _sources(results: Sequence[RunResult]) -> list[tuple[str, list[RunResult]]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.formats import stamped
 from flea_diag.tools.terminal import write_json
 
 if TYPE_CHECKING:
@@ -84,11 +85,10 @@ def as_text(table: list[Summary]) -> str:
 
 def _write(path: Path, rows: list[Comparison], table: list[Summary]) -> None:
     content = {
-        "schema_version": 1,
         "summaries": [_finite(asdict(row)) for row in table],
         "runs": [_finite({**asdict(row), "distance": row.distance}) for row in rows],
     }
-    write_json(str(path), content)
+    write_json(str(path), stamped("realism report", content))
 
 
 def _finite(row: dict[str, Any]) -> dict[str, Any]:

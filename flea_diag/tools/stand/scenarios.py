@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.formats import stamped
 from flea_diag.tools.terminal import make_folder, write_text
 
 if TYPE_CHECKING:
@@ -61,7 +62,8 @@ def write_files(scenarios: tuple[Scenario, ...], folder: Path) -> None:
 
     make_folder(folder)
     for scenario in scenarios:
-        text = yaml.safe_dump(scenario_to_mapping(scenario), sort_keys=False)
+        content = stamped("scenario", scenario_to_mapping(scenario))
+        text = yaml.safe_dump(content, sort_keys=False)
         write_text(folder / f"{scenario.run.name}.yaml", text)
 
 

@@ -180,7 +180,7 @@ WRONG = [
     (bad("elements.rotor.state", "lambda"), "'lambda' cannot be a name"),
     (bad("scan_period_s", 0.0), "scan_period_s"),
     (bad("scan_period_s", None), "scan_period_s is missing"),
-    (bad("schema_version", 2), "schema_version is 2"),
+    (bad("schema_version", 2), "schema_version = 2"),
     (bad("comment", "hello"), "unknown key 'comment'"),
     (bad("bonds", "none"), "bonds.*list"),
     (bad("inputs.commanded_load", None), "'commanded_load'.*no input"),

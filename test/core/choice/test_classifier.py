@@ -108,6 +108,9 @@ def test_foreign_files_are_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"foreign\.json: not valid JSON"):
         read_classifier(path)
     path.write_text(json.dumps([1, 2]))
+    with pytest.raises(ConfigurationError, match=r"foreign\.json: classifier must be a mapping"):
+        read_classifier(path)
+    path.write_text(json.dumps({"schema_version": 1, "features": []}))
     with pytest.raises(ConfigurationError, match=r"foreign\.json: must hold"):
         read_classifier(path)
 

@@ -64,7 +64,7 @@ def test_a_folder_is_a_campaign(tmp_path: Path) -> None:
     ("changes", "words"),
     [
         ({"colour": "red"}, "unknown parameter 'colour'"),
-        ({"schema_version": 2}, "schema_version is 2"),
+        ({"schema_version": 2}, "schema_version = 2"),
         ({"sources": []}, "sources must be a list of 1 to 10000"),
         ({"sources": [{"kind": "films"}]}, "kind = 'films' is unknown"),
         ({"sources": [DRAWN, DRAWN]}, "two sources are named 'a'"),

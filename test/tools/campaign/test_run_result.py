@@ -66,7 +66,7 @@ def test_what_is_right(result: RunResult, right: bool) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ([], "version"),
+        ([], "run result must be a mapping"),
         ({"id": "a"}, "version"),
         ({"schema_version": 1, "id": "a", "kind": "real"}, "'row'"),
         ({"schema_version": 1, "id": "a", "kind": "real", "row": "x", "colour": 1}, "'colour'"),

@@ -100,9 +100,12 @@ def test_evaluations_say_who_is_no_longer_right(
     ("content", "words"),
     [
         ("{", "cannot be read as JSON"),
-        ("[1]", "not the JSON of a replay"),
-        ('{"episodes": [1]}', "not the JSON of a replay"),
-        ('{"episodes": [{"outcome": "ISOLATED", "detected_at_s": null}]}', "make it with flea"),
+        ("[1]", "replay summary must be a mapping"),
+        ('{"schema_version": 1, "episodes": [1]}', "not the JSON of a replay"),
+        (
+            '{"schema_version": 1, "episodes": [{"outcome": "ISOLATED", "detected_at_s": null}]}',
+            "make it with flea",
+        ),
         (None, "cannot be"),
     ],
 )

@@ -1,0 +1,175 @@
+"""The versions of our file formats, and the only place that migrates an older file.
+
+Every kind of file that flea_diag writes or reads carries its version under ``schema_version``.
+Whoever writes one calls ``stamped``, whoever reads one calls ``migrated`` before anything else.
+A change that older files do not survive raises the version by one and adds a step to it.
+
+Not listed: bags (rosbag2's format, with a version of its own), the verdict that a diagnoser keeps
+for its next start (a message of its topic) and the digest of a campaign's plan (one line).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from flea_diag.errors import (
+    CalibrationError,
+    ConfigurationError,
+    InputError,
+    RecordingError,
+    shown,
+)
+
+KEY = "schema_version"
+
+Step = Callable[[Mapping[str, Any]], Mapping[str, Any]]
+"""Content of version n -> content of version n + 1.
+
+It is given what somebody wrote, unchecked: what is not as it should be it leaves as it is, for
+the reader to refuse. It changes nothing in place.
+"""
+
+
+@dataclass(frozen=True)
+class Format:
+    """One kind of file.
+
+    Parameters
+    ----------
+    version
+        Version that is written now.
+    remedy
+        What to do with a file that is too old.
+    error
+        What a file that cannot be used raises.
+    steps
+        Version n -> step to n + 1; together they lead from the oldest readable version to
+        ``version`` without a gap.
+    unversioned
+        Version of a file without the key; None where every release wrote one.
+    """
+
+    version: int
+    remedy: str
+    error: type[InputError] = ConfigurationError
+    steps: Mapping[int, Step] = field(default_factory=dict)
+    unversioned: int | None = None
+
+    @property
+    def oldest(self) -> int:
+        """The oldest version that can be read."""
+        return min(self.steps, default=self.version)
+
+
+def _unchanged(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Step to the first version with a number: nothing else is new."""
+    return content
+
+
+def _upper_part(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Feature tables called the upper part of the range ``0+``, it is ``0^`` since."""
+    alphabet = content.get("alphabet")
+    if not isinstance(alphabet, list) or "0+" not in alphabet:
+        return content
+    renamed = dict(content)
+    renamed["alphabet"] = ["0^" if symbol == "0+" else symbol for symbol in alphabet]
+    for section in ("faults", "unaffected"):
+        if section in renamed:
+            renamed[section] = _renamed(renamed[section], "0+", "0^")
+    return renamed
+
+
+def _renamed(value: Any, old: str, new: str) -> Any:
+    """The same with a word renamed wherever it stands alone, as a key or as an entry."""
+    if isinstance(value, Mapping):
+        return {_renamed(k, old, new): _renamed(v, old, new) for k, v in value.items()}
+    return new if value == old else value
+
+
+_FIRST: Mapping[int, Step] = {0: _unchanged}
+_REPLAY = "make it with flea replay --json"
+_EVALUATE = "evaluate again"
+
+FORMATS: Mapping[str, Format] = {
+    # What the diagnosis rests on.
+    "actuator description": Format(1, "write it anew after config/actuator.yaml"),
+    "fault catalogue": Format(1, "write it anew after config/faults.yaml"),
+    "feature table": Format(
+        1, "learn it again with flea features learn", steps={0: _upper_part}, unversioned=0
+    ),
+    "calibration": Format(1, "calibrate again with flea calibrate", CalibrationError),
+    "classifier": Format(1, "train it again with flea features train"),
+    # What runs are made of.
+    "scenario": Format(1, "write it anew after config/scenarios", steps=_FIRST, unversioned=0),
+    "campaign": Format(1, "write it anew after config/campaigns"),
+    # What came of them.
+    "run result": Format(1, _EVALUATE, RecordingError),
+    "run detail": Format(1, _EVALUATE, RecordingError, _FIRST, unversioned=0),
+    "run trace": Format(1, _EVALUATE, RecordingError),
+    "evaluation summary": Format(1, _EVALUATE, RecordingError),
+    "replay summary": Format(1, _REPLAY, RecordingError),
+    "comparison": Format(1, "compare again with flea diff", RecordingError),
+    "trend": Format(1, "make it again with flea trend", RecordingError),
+    "feature study": Format(2, "make it again with flea features study", RecordingError),
+    "realism report": Format(1, "make it again with flea realism", RecordingError),
+    # What a stand keeps.
+    "clip index": Format(1, "read the clips themselves", RecordingError, _FIRST, unversioned=0),
+    "alarm journal": Format(1, "name another journal", steps=_FIRST, unversioned=0),
+}
+
+
+def stamped(kind: str, content: Mapping[str, Any]) -> dict[str, Any]:
+    """Content of a new file of this kind, its version first."""
+    return {KEY: FORMATS[kind].version, **content}
+
+
+def migrated(kind: str, content: object, where: str) -> dict[str, Any]:
+    """Content of a file of this kind as the current version has it, without its version.
+
+    Parameters
+    ----------
+    kind
+        Key of ``FORMATS``.
+    content
+        What the file held; it stays as it is.
+    where
+        Name of the file, for messages.
+
+    Raises
+    ------
+    InputError
+        The error of this kind, in one line: no mapping, no version, no whole number, newer than
+        this release, or older than any that it migrates.
+    """
+    known = FORMATS[kind]
+    if not isinstance(content, Mapping):
+        raise known.error(f"{where}: {kind} must be a mapping, not {shown(content)}")
+    found = _found(kind, content, where)
+    current: Mapping[str, Any] = content
+    for version in range(found, known.version):
+        current = known.steps[version](current)
+    return {key: value for key, value in current.items() if key != KEY}
+
+
+def _found(kind: str, content: Mapping[str, Any], where: str) -> int:
+    """Version of a file, of those that can be read."""
+    known = FORMATS[kind]
+    found = content.get(KEY, known.unversioned)
+    reads = f"this flea_diag reads {_range(known)}"
+    if found is None and KEY not in content:
+        raise known.error(f"{where}: {kind} has no {KEY}, {reads}: {known.remedy}")
+    said = f"{where}: {kind} has {KEY} = {shown(found)}"
+    if type(found) is not int:
+        raise known.error(f"{said}, it must be a whole number, {reads}: {known.remedy}")
+    if found > known.version:
+        raise known.error(f"{said}, {reads}: made by a newer flea_diag, update this one")
+    if found < known.oldest:
+        raise known.error(f"{said}, {reads}: {known.remedy}")
+    return found
+
+
+def _range(known: Format) -> str:
+    several = known.oldest != known.version
+    return f"{known.oldest} to {known.version}" if several else str(known.version)
