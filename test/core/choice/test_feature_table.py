@@ -144,7 +144,9 @@ def test_bad_table_is_refused_by_name(change: dict[str, Any], words: str) -> Non
 
 @pytest.mark.parametrize("content", ["hello " * 10_000, [1], None])
 def test_what_is_no_table_at_all_is_said_to_be_none(content: Any) -> None:
-    with pytest.raises(ConfigurationError, match=r"^t.yaml: feature table must be a mapping, not .{1,80}$"):
+    with pytest.raises(
+        ConfigurationError, match=r"^t.yaml: feature table must be a mapping, not .{1,80}$"
+    ):
         FaultFeatureTable.from_mapping(content, "t.yaml")
 
 
