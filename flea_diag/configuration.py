@@ -28,7 +28,7 @@ from flea_diag.core.drawing.causal_map import CausalMap, causal_map
 from flea_diag.core.faults.fault import Fault, catalogue
 from flea_diag.core.signatures.signature import SignatureTable, signature_table
 from flea_diag.core.vibration.features import try_out
-from flea_diag.errors import CalibrationError, ConfigurationError
+from flea_diag.errors import CalibrationError, ConfigurationError, shown
 from flea_diag.stages import Stage
 from flea_diag.stages.extractor.extractor import ExtractorParameters, ExtractorStage
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
@@ -166,8 +166,8 @@ def knowledge(
     name, rows, tables = _signatures(actuator, faults, calibration.channels, calibration.period_s)
     if name != calibration.actuator:
         raise CalibrationError(
-            f"the calibration is for actuator {calibration.actuator!r}, {actuator} describes "
-            f"{name!r}: choose the matching description, or calibrate this actuator"
+            f"the calibration is for actuator {shown(calibration.actuator)}, {actuator} describes "
+            f"{shown(name)}: choose the matching description, or calibrate this actuator"
         )
     table = load_features(features).of_vibration()
     return Knowledge(calibration, calibration_sha256(calibration), rows, tables, table)

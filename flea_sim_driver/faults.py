@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_sim_driver.plant.plant import Coefficients
 
 Change = Callable[[Coefficients, float], Coefficients]
@@ -187,7 +187,7 @@ def fault_named(fault: str, where: str) -> FaultRow:
     """
     if fault not in CATALOGUE:
         raise ConfigurationError(
-            f"{where}: unknown fault {fault!r}, known are "
+            f"{where}: unknown fault {shown(fault)}, known are "
             f"{', '.join(row.id for row in PLANT_FAULTS)} and <channel>_<mode> with channel "
             f"{', '.join(SENSOR_CHANNELS)} and mode {', '.join(MODES)}"
         )

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 
 REQUIRED = object()
 """Marks a key without a default."""
@@ -40,7 +40,7 @@ def read(content: Any, where: str, keys: Keys) -> dict[str, Any]:
     unknown = [key for key in content if key not in keys]
     if unknown:
         raise ConfigurationError(
-            f"{where}: unknown key {unknown[0]!r}, known are {', '.join(keys)}"
+            f"{where}: unknown key {shown(unknown[0])}, known are {', '.join(keys)}"
         )
     return {
         key: _value(content.get(key, default), kind, f"{where}: {key}", default)
@@ -59,7 +59,7 @@ def _value(value: Any, kind: Any, where: str, default: Any) -> Any:
     if not isinstance(value, kind) or (kind is not bool and isinstance(value, bool)):
         hint = " (YAML reads 5e6 as text, write 5.0e+6)" if isinstance(value, str) else ""
         raise ConfigurationError(
-            f"{where} = {value!r} is {kind_name(value)}, it must be a {_WORD[kind]}{hint}"
+            f"{where} = {shown(value)} is {kind_name(value)}, it must be a {_WORD[kind]}{hint}"
         )
     if kind is float:
         _check_number(value, where)
@@ -97,7 +97,7 @@ def kind_name(value: Any) -> str:
 def texts(values: Any, where: str) -> tuple[str, ...]:
     """A list of texts."""
     if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
-        raise ConfigurationError(f"{where} = {values!r} must be a list of names")
+        raise ConfigurationError(f"{where} = {shown(values)} must be a list of names")
     return tuple(values)
 
 
@@ -112,7 +112,7 @@ def pairs(content: Any, where: str) -> dict[str, str]:
     """A mapping of name -> name."""
     found = rows(content, where)
     if not all(isinstance(value, str) for value in found.values()):
-        raise ConfigurationError(f"{where} = {found!r} must map names to names")
+        raise ConfigurationError(f"{where} = {shown(found)} must map names to names")
     return found
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, TypeVar
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 
 P = TypeVar("P")
 Value = Any
@@ -82,11 +82,12 @@ def checked(descriptor: Descriptor, value: Value, where: str) -> Value:
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         # An integer beyond the range of a float is refused as infinite.
         value = float(value) if abs(value) < 2**1023 else math.inf if value > 0 else -math.inf
+    said = f"{where}: {name} = {shown(value)}"
     if type(value) is not kind:
-        raise ConfigurationError(f"{where}: {name} = {value!r} must be {_NAME[kind]}")
+        raise ConfigurationError(f"{said} must be {_NAME[kind]}")
     if descriptor.choices and value not in descriptor.choices:
         raise ConfigurationError(
-            f"{where}: {name} = {value!r} is unknown, choose one of {', '.join(descriptor.choices)}"
+            f"{said} is unknown, choose one of {', '.join(descriptor.choices)}"
         )
     _check_bounds(descriptor, value, where)
     return value
@@ -104,7 +105,7 @@ _NAME: dict[type, str] = {
 
 def _check_bounds(descriptor: Descriptor, value: Value, where: str) -> None:
     unit = f" {descriptor.unit}" if descriptor.unit else ""
-    given = f"{where}: {descriptor.name} = {value!r}{unit}"
+    given = f"{where}: {descriptor.name} = {shown(value)}{unit}"
     if descriptor.kind is float and math.isnan(value):
         if math.isnan(descriptor.default):
             return
@@ -123,6 +124,6 @@ def build(parameters: type[P], values: Mapping[str, Value], where: str) -> P:
     unknown = sorted(set(values) - set(known), key=repr)
     if unknown:
         raise ConfigurationError(
-            f"{where}: unknown parameter {unknown[0]!r}, known are {', '.join(sorted(known))}"
+            f"{where}: unknown parameter {shown(unknown[0])}, known are {', '.join(sorted(known))}"
         )
     return parameters(**{key: checked(known[key], value, where) for key, value in values.items()})

@@ -1,24 +1,144 @@
-"""Safe reading of YAML: plain values only, and one type of error."""
+"""YAML of others, read safely: plain values alone, of bounded size, and one kind of error.
+
+A few hundred bytes of aliases or merge keys can stand for more values than fit into any memory.
+So a document is counted as if every alias were written out, while it is composed and before
+anything is made of it.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
-# The parser also passes on Python's errors for invalid dates, numbers and tags.
-_UNREADABLE = (yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError)
+from flea_diag.errors import shown
+
+LARGEST_TEXT = 1 << 20
+"""Characters."""
+MOST_VALUES = 100_000
+"""Keys and values of a document, aliases and merge keys written out."""
+DEEPEST = 50
+LONGEST_NUMBER = 100
+"""Characters of a number, date or truth value."""
+LONGEST_KEY = 80
+"""Characters of a key, which messages name: all of them are such as can be shown."""
+LONGEST_PROBLEM = 160
+
+# What Python makes of a date, number or tag that is none.
+_UNREADABLE = (ValueError, LookupError, AttributeError, TypeError, OverflowError)
+_TEXTS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:binary")
+
+
+class _Extent(NamedTuple):
+    """Of a node with its aliases written out."""
+
+    values: int
+    depth: int
+
+
+class _BoundedLoader(yaml.SafeLoader):  # type: ignore[misc,unused-ignore]
+    """Composes no more than the limits of this module allow."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._composed = self._depth = 0
+        self._extents: dict[yaml.Node, _Extent] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Node of the next event, within the limits."""
+        alias = self.check_event(yaml.AliasEvent)
+        mark = self.peek_event().start_mark
+        self._composed += 1
+        self._depth += 1
+        self._bound(_Extent(self._composed, self._depth), mark)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if alias and node not in self._extents:
+            raise _refusal("an alias that refers to what it stands in", mark)
+        if not alias:
+            self._extents[node] = self._extent(node)
+        self._bound(self._extents[node], mark)
+        return node
+
+    def _extent(self, node: Any) -> _Extent:
+        if isinstance(node, yaml.ScalarNode):
+            _check_number(node)
+            return _Extent(1, 1)
+        parts = node.value
+        if isinstance(node, yaml.MappingNode):
+            for key, _ in node.value:
+                _check_key(key)
+            parts = [part for pair in node.value for part in pair]
+        inner = [self._extents[part] for part in parts]
+        depth = max((each.depth for each in inner), default=0)
+        return _Extent(1 + sum(each.values for each in inner), 1 + depth)
+
+    @staticmethod
+    def _bound(extent: _Extent, mark: Any) -> None:
+        if extent.values > MOST_VALUES:
+            raise _refusal(f"more than {MOST_VALUES} values, with its aliases written out", mark)
+        if extent.depth > DEEPEST:
+            raise _refusal(f"nested deeper than {DEEPEST} levels", mark)
+
+    def construct_object(self, node: Any, deep: bool = False) -> Any:
+        """Value of a node."""
+        try:
+            return super().construct_object(node, deep)
+        except _UNREADABLE as error:
+            said = shown(node.value) if isinstance(node, yaml.ScalarNode) else "this"
+            kind = node.tag.rpartition(":")[2]
+            raise _refusal(f"{said} is no {kind}", node.start_mark) from error
+
+
+def _check_key(node: Any) -> None:
+    text = node.value if isinstance(node, yaml.ScalarNode) else ""
+    if len(text) > LONGEST_KEY or not text.isprintable():
+        words = f"a key of at most {LONGEST_KEY} characters that can be shown"
+        raise _refusal(f"{shown(text)} is not {words}", node.start_mark)
+
+
+def _check_number(node: Any) -> None:
+    if node.tag not in _TEXTS and len(node.value) > LONGEST_NUMBER:
+        words = f"a number of {len(node.value)} characters, at most {LONGEST_NUMBER} are read"
+        raise _refusal(words, node.start_mark)
+
+
+def _refusal(problem: str, mark: Any) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
 
 
 def parse_yaml(text: str) -> Any:
-    """Content of a YAML text; the caller limits its size.
+    """What a text says.
 
     Raises
     ------
     ValueError
-        The text is not YAML; one line.
+        Where it is none or exceeds a limit of this module, in one line with the place; the text
+        itself is not quoted, but for the value at that place.
     """
+    if len(text) > LARGEST_TEXT:
+        raise ValueError(f"{len(text)} characters, at most {LARGEST_TEXT} are read")
     try:
-        return yaml.safe_load(text)
-    except _UNREADABLE as error:
-        raise ValueError(" ".join(str(error).split())[:300]) from error
+        loader = _BoundedLoader(text)
+        try:
+            return loader.get_single_data()
+        finally:
+            loader.dispose()
+    except yaml.YAMLError as error:
+        raise ValueError(_words(error)) from error
+    except RecursionError as error:
+        raise ValueError("nested too deep") from error
+
+
+def _words(error: yaml.YAMLError) -> str:
+    """What is wrong and where, without the lines of the text that the parser would show."""
+    problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "no YAML"
+    mark = getattr(error, "problem_mark", None)
+    place = f" (line {mark.line + 1}, column {mark.column + 1})" if mark else ""
+    return f"{_printable(problem)}{place}"
+
+
+def _printable(problem: str) -> str:
+    """Words of the parser, which quote an alias or a tag as long as it is."""
+    words = "".join(c if c.isprintable() else repr(c)[1:-1] for c in problem[:LONGEST_PROBLEM])
+    return words if len(problem) <= LONGEST_PROBLEM else f"{words}..."

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_sim_driver import faults
 from flea_sim_driver.scenario.profile import Peaks, peaks
 from flea_sim_driver.scenario.scenario import Scenario
@@ -41,7 +41,7 @@ def _check_motion(scenario: Scenario, where: str) -> None:
         )
     if motion.kind == "trapezoid" and 2.0 * motion.rise_s * motion.frequency_hz > 1.0:
         raise ConfigurationError(
-            f"{where}: motion.rise_s = {motion.rise_s!r} s does not fit twice into the period "
+            f"{where}: motion.rise_s = {shown(motion.rise_s)} s does not fit twice into the period "
             f"of {1.0 / motion.frequency_hz:.3f} s"
         )
     _check_peaks(peaks(motion), where)
@@ -77,13 +77,13 @@ def _check_stand(scenario: Scenario, where: str) -> None:
         )
     if scenario.switch.at_s > scenario.run.duration_s:
         raise ConfigurationError(
-            f"{where}: switch.at_s = {scenario.switch.at_s!r} s is after the end at "
-            f"{scenario.run.duration_s!r} s"
+            f"{where}: switch.at_s = {shown(scenario.switch.at_s)} s is after the end at "
+            f"{shown(scenario.run.duration_s)} s"
         )
     if scenario.sensors.defective and scenario.sensors.defective not in faults.SENSOR_CHANNELS:
         raise ConfigurationError(
-            f"{where}: sensors.defective = {scenario.sensors.defective!r} is no channel, known "
-            f"are {', '.join(faults.SENSOR_CHANNELS)}"
+            f"{where}: sensors.defective = {shown(scenario.sensors.defective)} is no channel, "
+            f"known are {', '.join(faults.SENSOR_CHANNELS)}"
         )
 
 
@@ -111,19 +111,19 @@ def checked_fault(setting: FaultSetting, duration_s: float, where: str) -> Fault
     row = faults.fault_named(setting.fault, where)
     if setting.unit and row.change is None:
         raise ConfigurationError(
-            f"{where}: {setting.fault}: unit = {setting.unit!r}, a sensor belongs to the stand and "
-            "not to one unit; leave it out"
+            f"{where}: {setting.fault}: unit = {shown(setting.unit)}, a sensor belongs to the "
+            "stand and not to one unit; leave it out"
         )
     if setting.onset_s >= duration_s:
         raise ConfigurationError(
-            f"{where}: {setting.fault}: onset_s = {setting.onset_s!r} s is not before the end "
-            f"at {duration_s!r} s"
+            f"{where}: {setting.fault}: onset_s = {shown(setting.onset_s)} s is not before the end "
+            f"at {shown(duration_s)} s"
         )
     size = row.default_size if setting.size != setting.size else setting.size
     if not row.minimum <= size <= row.maximum:
         raise ConfigurationError(
-            f"{where}: {setting.fault}: size = {size!r} {row.size_unit} is outside its limits "
-            f"{row.minimum!r} to {row.maximum!r} {row.size_unit}"
+            f"{where}: {setting.fault}: size = {shown(size)} {row.size_unit} is outside its limits "
+            f"{shown(row.minimum)} to {shown(row.maximum)} {row.size_unit}"
         )
     if (setting.on_s > 0.0) != (setting.off_s > 0.0):
         raise ConfigurationError(
@@ -132,7 +132,7 @@ def checked_fault(setting: FaultSetting, duration_s: float, where: str) -> Fault
     place = setting.where or row.places[0]
     if place not in row.places:
         raise ConfigurationError(
-            f"{where}: {setting.fault}: where = {place!r} is not possible, it acts in "
+            f"{where}: {setting.fault}: where = {shown(place)} is not possible, it acts in "
             f"{', '.join(row.places)}"
         )
     return replace(setting, size=float(size), where=place)

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_sim_driver.scenario.settings import LOAD_LIMIT_N, STROKE_M
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ def _row(cells: list[str], path: Path, line: int) -> list[float]:
         values = []
     if len(values) != len(COLUMNS) or not all(math.isfinite(value) for value in values):
         raise ConfigurationError(
-            f"{path}, line {line}: {','.join(cells)!r} is not three finite numbers"
+            f"{path}, line {line}: {shown(','.join(cells))} is not three finite numbers"
         )
     return values
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_diag.formats import migrated
 from flea_diag.wire.parameters import build
 from flea_diag.wire.yaml_text import parse_yaml
@@ -73,7 +73,7 @@ def _flight(motion: Motion, where: str, folder: Path) -> Flight | None:
 def _mapping(value: Any, where: str, name: str) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise ConfigurationError(
-            f"{where}: {name} = {value!r} must be a mapping, not a {type(value).__name__}"
+            f"{where}: {name} = {shown(value)} must be a mapping, not a {type(value).__name__}"
         )
     return value
 

@@ -21,7 +21,7 @@ from flea_diag.core.bond_graph.bond_graph import DOMAINS, BondGraph, Element, Pa
 from flea_diag.core.bond_graph.causality import require_sound
 from flea_diag.core.schema import REQUIRED
 from flea_diag.core.symbolic.unit import SECOND, dimension, spelled, times
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_diag.formats import migrated
 
 __all__ = ["Actuator", "ModelView", "OperatingPoint", "ResidualSpec", "Sensor", "actuator"]
@@ -95,7 +95,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         raise ConfigurationError(f"{where}: scan_period_s = {top['scan_period_s']} must be > 0")
     sensors, inputs = _sensors(top, where)
     parameters = tuple(
-        Parameter(name, **schema.read(row, f"{where}: parameter {name!r}", _PARAMETER))
+        Parameter(name, **schema.read(row, f"{where}: parameter {shown(name)}", _PARAMETER))
         for name, row in schema.rows(top["parameters"], f"{where}: parameters").items()
     )
     elements, arrows = _elements(top, where), _arrows(top, where)
@@ -123,10 +123,10 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
 def _elements(top: Mapping[str, Any], where: str) -> list[Element]:
     found = []
     for name, row in schema.rows(top["junctions"], f"{where}: junctions").items():
-        values = schema.read(row, f"{where}: junction {name!r}", _JUNCTION)
+        values = schema.read(row, f"{where}: junction {shown(name)}", _JUNCTION)
         found.append(Element(name, values["type"], values["domain"]))
     for name, row in schema.rows(top["elements"], f"{where}: elements").items():
-        place = f"{where}: element {name!r}"
+        place = f"{where}: element {shown(name)}"
         values = schema.read(row, place, _ELEMENT)
         roles = schema.pairs(values.pop("parameters"), f"{place}: parameters")
         powers = schema.texts(values.pop("powers"), f"{place}: powers")
@@ -139,7 +139,7 @@ def _arrows(top: Mapping[str, Any], where: str) -> list[tuple[str, str]]:
     for bond in schema.texts(top["bonds"], f"{where}: bonds"):
         ends = [end.strip() for end in bond.split("->")]
         if len(ends) != 2 or not all(ends):
-            raise ConfigurationError(f"{where}: bond {bond!r} must be written 'tail -> head'")
+            raise ConfigurationError(f"{where}: bond {shown(bond)} must be written 'tail -> head'")
         found.append((ends[0], ends[1]))
     return found
 
@@ -147,10 +147,10 @@ def _arrows(top: Mapping[str, Any], where: str) -> list[tuple[str, str]]:
 def _sensors(top: Mapping[str, Any], where: str) -> tuple[dict[str, Sensor], dict[str, str]]:
     sensors, inputs = {}, {}
     for name, row in schema.rows(top["sensors"], f"{where}: sensors").items():
-        values = schema.read(row, f"{where}: sensor {name!r}", _SENSOR)
+        values = schema.read(row, f"{where}: sensor {shown(name)}", _SENSOR)
         sensors[name] = Sensor(name, **values)
     for name, row in schema.rows(top["inputs"], f"{where}: inputs").items():
-        values = schema.read(row, f"{where}: input {name!r}", _INPUT)
+        values = schema.read(row, f"{where}: input {shown(name)}", _INPUT)
         inputs[name] = values["unit"]
         if values["sensor"]:
             sensors[name] = Sensor(name, "", values["unit"], values["noise"])
@@ -158,7 +158,7 @@ def _sensors(top: Mapping[str, Any], where: str) -> tuple[dict[str, Sensor], dic
         dimension(sensor.unit)
         if not sensor.noise > 0:
             raise ConfigurationError(
-                f"{where}: sensor {sensor.channel!r}, noise = {sensor.noise} must be > 0"
+                f"{where}: sensor {shown(sensor.channel)}, noise = {sensor.noise} must be > 0"
             )
     return sensors, inputs
 
@@ -167,8 +167,8 @@ def _detector(sensor: Sensor, elements: list[Element], where: str) -> Element:
     place = next((e for e in elements if e.name == sensor.at and e.kind in ("0", "1")), None)
     if place is None:
         raise ConfigurationError(
-            f"{where}: sensor {sensor.channel!r} is at {sensor.at!r}, which is no junction;"
-            " attach it to one"
+            f"{where}: sensor {shown(sensor.channel)} is at {shown(sensor.at)}, which is no "
+            "junction; attach it to one"
         )
     _check_sensor_unit(sensor, place, where)
     return Element(
@@ -187,8 +187,8 @@ def _check_sensor_unit(sensor: Sensor, place: Element, where: str) -> None:
     wanted = times(wanted, SECOND) if sensor.integrates else wanted
     if dimension(sensor.unit) != wanted:
         raise ConfigurationError(
-            f"{where}: sensor {sensor.channel!r} has unit {sensor.unit!r},"
-            f" at {sensor.at!r} it reads {spelled(wanted)}; correct unit or place"
+            f"{where}: sensor {shown(sensor.channel)} has unit {shown(sensor.unit)},"
+            f" at {shown(sensor.at)} it reads {spelled(wanted)}; correct unit or place"
         )
 
 
@@ -197,20 +197,23 @@ def _views(
 ) -> dict[str, ModelView]:
     found = {"stand": ModelView("stand", (), {})}
     for name, row in schema.rows(top["models"], f"{where}: models").items():
-        place = f"{where}: model {name!r}"
+        place = f"{where}: model {shown(name)}"
         values = schema.read(row, place, _VIEW)
         measured = schema.texts(values["measured"], f"{place}: measured")
         moved = schema.pairs(values["moved"], f"{place}: moved")
         for channel in (*measured, *moved):
             if channel not in sensors or not sensors[channel].at:
-                raise ConfigurationError(f"{place}: {channel!r} is no sensor of the graph")
+                raise ConfigurationError(f"{place}: {shown(channel)} is no sensor of the graph")
             if channel in measured and sensors[channel].integrates:
                 raise ConfigurationError(
-                    f"{place}: {channel!r} is an integral; an input must be an effort or a flow"
+                    f"{place}: {shown(channel)} is an integral; an input must be an effort or a "
+                    "flow"
                 )
         for junction in moved.values():
             if junction not in graph.elements:
-                raise ConfigurationError(f"{place}: there is no junction {junction!r} to move to")
+                raise ConfigurationError(
+                    f"{place}: there is no junction {shown(junction)} to move to"
+                )
         found[name] = ModelView(name, measured, moved)
     return found
 
@@ -230,10 +233,10 @@ def _operating(top: Mapping[str, Any], where: str) -> OperatingPoint:
 def _residuals(top: Mapping[str, Any], where: str) -> dict[str, ResidualSpec]:
     found = {}
     for name, row in schema.rows(top["residuals"], f"{where}: residuals").items():
-        values = schema.read(row, f"{where}: residual {name!r}", _RESIDUAL)
+        values = schema.read(row, f"{where}: residual {shown(name)}", _RESIDUAL)
         if values["kind"] not in KINDS_OF_RESIDUAL:
             raise ConfigurationError(
-                f"{where}: residual {name!r} has kind {values['kind']!r},"
+                f"{where}: residual {shown(name)} has kind {shown(values['kind'])},"
                 f" known are {', '.join(KINDS_OF_RESIDUAL)}"
             )
         found[name] = ResidualSpec(name, **values)
@@ -245,34 +248,39 @@ def _check(made: Actuator, where: str) -> None:
     fed = {e.signal for e in made.graph.elements.values() if e.kind in ("Se", "Sf", "MSe", "MSf")}
     for name in sorted((fed - {""}) ^ set(made.inputs)):
         said = "is an input that no source uses" if name in made.inputs else "is used but no input"
-        raise ConfigurationError(f"{where}: {name!r} {said}; make inputs and sources agree")
+        raise ConfigurationError(f"{where}: {shown(name)} {said}; make inputs and sources agree")
     known = {*made.sensors, *made.inputs}
     for name in (*made.operating.hold, *made.operating.by):
         if name not in known:
             raise ConfigurationError(
-                f"{where}: operating_point names {name!r}, no channel or input"
+                f"{where}: operating_point names {shown(name)}, no channel or input"
             )
     for spec in made.residuals.values():
         _check_residual(made, spec, where)
 
 
 def _check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:
-    place = f"{where}: residual {spec.name!r}"
+    place = f"{where}: residual {shown(spec.name)}"
     if spec.kind == "measurement":
         made.view(spec.model)
     if spec.kind == "junction":
         junction = made.graph.elements.get(spec.junction)
         if junction is None or junction.kind not in ("0", "1"):
-            raise ConfigurationError(f"{place}: {spec.junction!r} is no junction")
+            raise ConfigurationError(f"{place}: {shown(spec.junction)} is no junction")
         if spec.motion and spec.motion not in made.graph.elements:
-            raise ConfigurationError(f"{place}: motion {spec.motion!r} is no junction of the graph")
+            raise ConfigurationError(
+                f"{place}: motion {shown(spec.motion)} is no junction of the graph"
+            )
         if spec.divided_by and spec.divided_by not in made.graph.parameters:
-            raise ConfigurationError(f"{place}: divided_by {spec.divided_by!r} is no parameter")
+            raise ConfigurationError(
+                f"{place}: divided_by {shown(spec.divided_by)} is no parameter"
+            )
         return
     for channel in (spec.channel, *((spec.reference,) if spec.kind == "difference" else ())):
         if channel not in made.units:
-            raise ConfigurationError(f"{place}: {channel!r} is no channel or input")
+            raise ConfigurationError(f"{place}: {shown(channel)} is no channel or input")
         if dimension(made.units[channel]) != dimension(spec.unit):
             raise ConfigurationError(
-                f"{place} has unit {spec.unit!r}, but {channel} is in {made.units[channel]!r}"
+                f"{place} has unit {shown(spec.unit)}, but {channel} is in "
+                f"{shown(made.units[channel])}"
             )

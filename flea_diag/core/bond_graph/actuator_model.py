@@ -17,7 +17,7 @@ from flea_diag.core.bond_graph.causal_relation import (
 )
 from flea_diag.core.bond_graph.causality import Causality, require_sound, strong_bonds
 from flea_diag.core.bond_graph.state_space import StateSpace, state_space
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class Actuator:
         """A view by name."""
         if name not in self.views:
             raise ConfigurationError(
-                f"{self.name}: there is no model {name!r}, known are {', '.join(self.views)}"
+                f"{self.name}: there is no model {shown(name)}, known are {', '.join(self.views)}"
             )
         return self.views[name]
 
@@ -140,7 +140,7 @@ class Actuator:
         unknown = sorted(set(values) - set(self.graph.parameters))
         if unknown:
             raise ConfigurationError(
-                f"{self.name}: there is no parameter {unknown[0]!r},"
+                f"{self.name}: there is no parameter {shown(unknown[0])},"
                 f" known are {', '.join(self.graph.parameters)}"
             )
         changed = tuple(
@@ -156,7 +156,7 @@ class Actuator:
         unknown = sorted(set(channels) - set(self.sensors))
         if unknown:
             raise ConfigurationError(
-                f"actuator {self.name!r} has no sensor {unknown[0]!r},"
+                f"actuator {shown(self.name)} has no sensor {shown(unknown[0])},"
                 f" known are {', '.join(self.sensors)}"
             )
         kept = {name: sensor for name, sensor in self.sensors.items() if name in channels}

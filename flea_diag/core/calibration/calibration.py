@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, field, fields
-from reprlib import repr as short
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from flea_diag.core.residuals.residual import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import RESIDUALS
 from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES
 from flea_diag.core.sensors.sensor_limits import SensorLimit
-from flea_diag.errors import CalibrationError
+from flea_diag.errors import CalibrationError, shown
 from flea_diag.formats import migrated, stamped
 
 Array = npt.NDArray[np.float64]
@@ -129,14 +128,14 @@ def from_mapping(content: object, where: str) -> Calibration:
     mapping = migrated("calibration", content, where)
     if mapping.get("speed_regions_m_s") != list(SPEED_REGIONS_M_S):
         raise CalibrationError(
-            f"{where}: speed_regions_m_s = {short(mapping.get('speed_regions_m_s'))}, this version "
+            f"{where}: speed_regions_m_s = {shown(mapping.get('speed_regions_m_s'))}, this version "
             f"tests in {list(SPEED_REGIONS_M_S)!r}; make it anew with 'flea calibrate'"
         )
     known = {"speed_regions_m_s", *_READERS}
     for key in mapping:
         if key not in known:
             raise CalibrationError(
-                f"{where}: unknown entry {short(key)}, known are {sorted(known)}"
+                f"{where}: unknown entry {shown(key)}, known are {sorted(known)}"
             )
     values: dict[str, Any] = {}
     for key, reader in _READERS.items():
@@ -152,26 +151,43 @@ def from_mapping(content: object, where: str) -> Calibration:
 
 
 def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise ValueError(f"{short(value)} is not a finite number")
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not number or value != value or value in (math.inf, -math.inf):
+        raise ValueError(f"{shown(value)} is not a finite number")
+    if abs(value) > LARGEST:
+        raise ValueError(f"{shown(value)} is beyond {LARGEST:g}; check its unit")
     return float(value)
 
 
 def _positive(value: Any) -> float:
+    return _within(value, LIKELY)
+
+
+def _not_negative(value: Any) -> float:
+    if _number(value) < 0.0:
+        raise ValueError(f"{shown(value)} must not be below 0")
+    return float(value)
+
+
+def _within(value: Any, limits: tuple[float, float], name: str = "") -> float:
+    said = f"{name} = {shown(value)}" if name else shown(value)
     if not _number(value) > 0.0:
-        raise ValueError(f"{value!r} must be above 0")
+        raise ValueError(f"{said} must be above 0")
+    lowest, highest = limits
+    if not lowest <= value <= highest:
+        raise ValueError(f"{said} lies outside {lowest:g} to {highest:g}; check its unit")
     return float(value)
 
 
 def _text(value: Any) -> str:
     if not isinstance(value, str) or len(value) > 10_000:
-        raise ValueError(f"{short(value)} is not a text")
+        raise ValueError(f"{shown(value)} is not a text")
     return value
 
 
 def _list(value: Any) -> list[Any]:
     if not isinstance(value, list):
-        raise ValueError(f"{short(value)} is not a list")
+        raise ValueError(f"{shown(value)} is not a list")
     return value
 
 
@@ -180,17 +196,16 @@ def _texts(value: Any) -> tuple[str, ...]:
 
 
 def _numbers_of(
-    kind: type, above_zero: Collection[str] = (), retired: Collection[str] = ()
+    kind: type, ranges: Mapping[str, tuple[float, float]], retired: Collection[str] = ()
 ) -> Callable[[Any], Any]:
     names = {entry.name for entry in fields(kind)}
 
     def read(value: Any) -> Any:
         if not isinstance(value, Mapping) or set(value) - set(retired) != names:
-            odd = sorted(map(short, (set(value) - set(retired)) ^ names))
+            odd = sorted(map(shown, (set(value) - set(retired)) ^ names))
             raise ValueError(f"{odd[0]} is missing or unknown")
-        for key in above_zero:
-            if not _number(value[key]) > 0.0:
-                raise ValueError(f"{key} = {value[key]!r} must be above 0")
+        for key, limits in ranges.items():
+            _within(value[key], limits, key)
         return kind(**{key: _number(value[key]) for key in names})
 
     return read
@@ -204,11 +219,13 @@ def _limit(value: Any) -> ResidualLimit:
     name = _text(value["name"])
     row = next((row for row in RESIDUALS if row.name == name), None)
     if row is None:
-        raise ValueError(f"{name!r} is no residual of this version")
+        raise ValueError(f"{shown(name)} is no residual of this version")
     windows = tuple(_window_limit(window) for window in _list(value["windows"]))
     known = [limit.window for limit in windows if limit.window in row.windows]
     if not windows or len(known) != len(windows) or len(set(known)) != len(known):
-        raise ValueError(f"{name}: windows {[w.window for w in windows]}, known {row.windows}")
+        raise ValueError(
+            f"{name}: windows {shown([w.window for w in windows])}, known {row.windows}"
+        )
     return ResidualLimit(
         name,
         windows,
@@ -262,36 +279,46 @@ def _covariance(value: Any) -> tuple[CovarianceBlock, ...]:
         names = _texts(entry["parameters"])
         odd = [name for name in names if name not in known]
         if odd:
-            raise ValueError(f"{odd[0]!r} is no parameter")
+            raise ValueError(f"{shown(odd[0])} is no parameter")
         matrix = tuple(tuple(map(_number, _list(row))) for row in _list(entry["matrix"]))
         if [len(row) for row in matrix] != [len(names)] * len(names):
             raise ValueError(f"{names[0] if names else 'a block'}: matrix is not square")
+        for place, name in enumerate(names):
+            if matrix[place][place] < 0.0:
+                raise ValueError(f"{name}: variance {matrix[place][place]!r} is below 0")
         blocks.append(CovarianceBlock(names, matrix))
     return tuple(blocks)
 
 
-ABOVE_ZERO = (
-    "force_constant_n_per_a",
-    "back_emf_v_s_per_m",
-    "winding_resistance_ohm",
-    "stribeck_speed_m_s",
-    "reflected_mass_kg",
-    "motor_cooling_s",
-    "nut_cooling_s",
-)
-"""Parameters that no actuator has at or below zero; the diagnosis divides by most of them."""
+PARAMETER_RANGES: Mapping[str, tuple[float, float]] = {
+    "force_constant_n_per_a": (1e-3, 1e6),
+    "back_emf_v_s_per_m": (1e-3, 1e6),
+    "winding_resistance_ohm": (1e-6, 1e6),
+    "stribeck_speed_m_s": (1e-6, 1e3),
+    "reflected_mass_kg": (1e-3, 1e9),
+    "motor_cooling_s": (1.0, 1e9),
+    "nut_cooling_s": (1.0, 1e9),
+}
+"""Parameters that no actuator has at or below zero; the diagnosis divides by most of them. The
+ranges are wide: what lies outside is a slip of the pen, and no arithmetic holds there."""
+
+LARGEST = 1e15
+"""Magnitude that a quantity in SI units may have."""
+PERIOD_S = (1e-4, 1.0)
+LIKELY = (1e-12, LARGEST)
+"""What must be above 0, and has no range of its own."""
 
 
 _READERS: dict[str, Callable[[Any], Any]] = {
     "actuator": _text,
-    "period_s": _positive,
+    "period_s": lambda value: _within(value, PERIOD_S),
     "channels": _texts,
     "voltage_sampling": _text,
-    "parameters": _numbers_of(ActuatorParameters, ABOVE_ZERO),
-    "sigmas": lambda value: {_text(key): _number(entry) for key, entry in value.items()},
+    "parameters": _numbers_of(ActuatorParameters, PARAMETER_RANGES),
+    "sigmas": lambda value: {_text(key): _not_negative(entry) for key, entry in value.items()},
     "not_identified": lambda value: {_text(key): _text(entry) for key, entry in value.items()},
     "tolerance": _numbers_of(
-        UnitTolerance, [f.name for f in fields(UnitTolerance)], retired=("noise_log",)
+        UnitTolerance, {f.name: LIKELY for f in fields(UnitTolerance)}, retired=("noise_log",)
     ),
     "limits": _limits,
     "false_alarms_per_hour": _positive,
@@ -302,7 +329,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "sensors": lambda value: tuple(SensorLimit.from_mapping(entry) for entry in _list(value)),
     "covariance": _covariance,
     "shifts": lambda value: tuple(MeanShiftLimit.from_mapping(entry) for entry in _list(value)),
-    "observer_noise": _numbers_of(ObserverNoise, [f.name for f in fields(ObserverNoise)]),
+    "observer_noise": _numbers_of(ObserverNoise, {f.name: LIKELY for f in fields(ObserverNoise)}),
 }
 LATER = ("observer_noise", "sensors", "covariance", "shifts")
 """Entries that files of this schema may lack."""

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_diag.formats import migrated, stamped
 
 Array = npt.NDArray[np.float64]
@@ -98,7 +98,9 @@ class Perceptron:
                 str(mapping["source"]),
             )
         except (TypeError, ValueError, KeyError) as error:
-            raise ConfigurationError(f"{where}: not a classifier: {error!r}") from error
+            raise ConfigurationError(
+                f"{where}: not a classifier: {type(error).__name__}: {shown(str(error))}"
+            ) from error
         found._check(where)
         return found
 

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.vibration.nominal_range import NominalRange, NominalRanges
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_diag.formats import migrated
 
 Floats = npt.NDArray[np.float64]
@@ -164,7 +164,7 @@ class FaultFeatureTable:
         alphabet = tuple(str(symbol) for symbol in mapping.get("alphabet", ("-", "0", "+")))
         if alphabet not in ALPHABETS:
             raise ConfigurationError(
-                f"{where}: alphabet {alphabet!r} is unknown, choose [0, 1], [-, 0, +], "
+                f"{where}: alphabet {shown(alphabet)} is unknown, choose [0, 1], [-, 0, +], "
                 "[--, -, 0, +, ++] or [--, -, 0, 0^, +, ++]"
             )
         columns = _mapping(mapping.get("features"), f"{where}: features")
@@ -222,7 +222,7 @@ def _unaffected(mapping: Mapping[str, Any], where: str) -> dict[str, Any]:
     _known(section, frozenset({"source", "faults", "entries"}), where)
     names = section.get("faults", [])
     if not isinstance(names, list):
-        raise ConfigurationError(f"{where}: faults = {names!r} must be a list of fault ids")
+        raise ConfigurationError(f"{where}: faults = {shown(names)} must be a list of fault ids")
     entries = _mapping(section.get("entries", {}), f"{where}: entries", empty=True)
     return {str(name): {"source": section.get("source", ""), **entries} for name in names}
 
@@ -239,7 +239,7 @@ def _probabilities(
             raise ConfigurationError(f"{where}: probabilities sum to {sum(numbers):g}, must be 1")
         return tuple(number / sum(numbers) for number in numbers)
     if str(entry) not in alphabet:
-        raise ConfigurationError(f"{where}: {entry!r} is not one of {' '.join(alphabet)}")
+        raise ConfigurationError(f"{where}: {shown(entry)} is not one of {' '.join(alphabet)}")
     rest = (1.0 - confidence) / (len(alphabet) - 1)
     return tuple(confidence if symbol == str(entry) else rest for symbol in alphabet)
 
@@ -280,7 +280,7 @@ def _cost(row: Any, where: str) -> float:
     row = _mapping(row, where)
     _known(row, FEATURE_KEYS, where)
     if not isinstance(row.get("asked", True), bool):
-        raise ConfigurationError(f"{where}: asked = {row['asked']!r} must be true or false")
+        raise ConfigurationError(f"{where}: asked = {shown(row['asked'])} must be true or false")
     return _number(row.get("cost"), f"{where}: cost", 1e-3, 1e6)
 
 
@@ -288,19 +288,21 @@ def _known(mapping: Mapping[str, Any], known: frozenset[str], where: str) -> Non
     unknown = sorted(str(key) for key in mapping if str(key) not in known)
     if unknown:
         raise ConfigurationError(
-            f"{where}: unknown key {unknown[0]!r}, known are {', '.join(sorted(known))}"
+            f"{where}: unknown key {shown(unknown[0])}, known are {', '.join(sorted(known))}"
         )
 
 
 def _mapping(value: Any, where: str, empty: bool = False) -> Mapping[str, Any]:
     if not isinstance(value, Mapping) or not (value or empty):
         raise ConfigurationError(
-            f"{where} = {value!r:.80} must be a mapping with at least one entry"
+            f"{where} = {shown(value)} must be a mapping with at least one entry"
         )
     return value
 
 
 def _number(value: Any, where: str, low: float, high: float) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise ConfigurationError(f"{where} = {value!r} must be a number from {low:g} to {high:g}")
+        raise ConfigurationError(
+            f"{where} = {shown(value)} must be a number from {low:g} to {high:g}"
+        )
     return float(value)

@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
+from flea_diag.errors import shown
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -61,12 +62,16 @@ class MeanShiftLimit(Frozen):
         if not isinstance(value, Mapping) or set(value) != set(names):
             raise ValueError(f"a limit of shifts has {', '.join(names)}")
         if value["window"] not in SHIFT_WINDOWS:
-            raise ValueError(f"{value['name']}: window {value['window']!r}, known {SHIFT_WINDOWS}")
+            raise ValueError(
+                f"{shown(value['name'])}: window {shown(value['window'])}, known {SHIFT_WINDOWS}"
+            )
         for name in ("sigma", "k"):
             number = value[name]
             good = isinstance(number, (int, float)) and not isinstance(number, bool)
             if not good or not math.isfinite(number) or not number > 0.0:
-                raise ValueError(f"{value['name']}: {name} = {number!r} must be above 0")
+                raise ValueError(
+                    f"{shown(value['name'])}: {name} = {shown(number)} must be above 0"
+                )
         return cls(**value)
 
     def to_mapping(self) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 from flea_diag.core import schema
 from flea_diag.core.bond_graph.actuator_model import Actuator
 from flea_diag.core.schema import REQUIRED
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_diag.formats import migrated
 
 MODES = ("bias", "drift", "scaling", "dead", "noise", "dropout")
@@ -44,7 +44,9 @@ class FaultHypothesis:
 def hypothesis(words: str, where: str = "hypothesis") -> FaultHypothesis:
     """Read ``winding_resistance+``."""
     if not words or words[-1] not in SIGN:
-        raise ConfigurationError(f"{where}: {words!r} must end in + or -, the direction of change")
+        raise ConfigurationError(
+            f"{where}: {shown(words)} must end in + or -, the direction of change"
+        )
     return FaultHypothesis(words[:-1], SIGN[words[-1]])
 
 
@@ -113,14 +115,16 @@ def catalogue(content: Any, actuator: Actuator, where: str = "faults.yaml") -> d
     """
     top = schema.read(migrated("fault catalogue", content, where), where, _TOP)
     found = {
-        name: _fault(name, row, actuator, f"{where}: fault {name!r}")
+        name: _fault(name, row, actuator, f"{where}: fault {shown(name)}")
         for name, row in schema.rows(top["faults"], f"{where}: faults").items()
     }
     modes = schema.rows(top["sensor_modes"], f"{where}: sensor_modes")
     for channel in actuator.sensors:
         for mode, row in modes.items():
             name = f"{channel}_{mode}"
-            found[name] = _sensor_fault(name, channel, mode, row, f"{where}: sensor mode {mode!r}")
+            found[name] = _sensor_fault(
+                name, channel, mode, row, f"{where}: sensor mode {shown(mode)}"
+            )
     return found
 
 
@@ -167,5 +171,5 @@ def _check_words(values: Mapping[str, Any], where: str) -> None:
     for key, known in (("approach", APPROACHES), ("onset", ONSETS)):
         if values[key] not in known:
             raise ConfigurationError(
-                f"{where}: {key} = {values[key]!r} is unknown, known are {', '.join(known)}"
+                f"{where}: {key} = {shown(values[key])} is unknown, known are {', '.join(known)}"
             )

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.sensors.position_step import position_steps
+from flea_diag.errors import shown
 
 Array = npt.NDArray[np.float64]
 
@@ -90,13 +91,17 @@ class SensorLimit(Frozen):
         if not isinstance(value, Mapping) or set(value) != set(names):
             raise ValueError(f"a sensor limit has {', '.join(names)}")
         if value["channel"] not in RESOLUTIONS:
-            raise ValueError(f"channel {value['channel']!r}, known are {', '.join(RESOLUTIONS)}")
+            raise ValueError(
+                f"channel {shown(value['channel'])}, known are {', '.join(RESOLUTIONS)}"
+            )
         for name in names[1:]:
             number = value[name]
             if isinstance(number, bool) or not isinstance(number, (int, float)):
-                raise ValueError(f"{value['channel']}: {name} = {number!r} is no number")
+                raise ValueError(f"{value['channel']}: {name} = {shown(number)} is no number")
             if not math.isfinite(number) or (name not in names[1:3] and number < 0.0):
-                raise ValueError(f"{value['channel']}: {name} = {number!r} must be finite, >= 0")
+                raise ValueError(
+                    f"{value['channel']}: {name} = {shown(number)} must be finite, >= 0"
+                )
         return cls(**value)
 
     def has(self, test: str) -> bool:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.errors import CalibrationError, ConfigurationError
+from flea_diag.errors import CalibrationError, ConfigurationError, shown
 
 SPEED_UNIT_RAD_S = 100.0
 LOAD_UNIT_N = 100.0
@@ -131,12 +131,12 @@ class NominalRange:
             Naming ``where`` and the key that is unknown, missing or not a number.
         """
         if not isinstance(mapping, Mapping):
-            raise ConfigurationError(f"{where}: {mapping!r} is no mapping of a nominal range")
+            raise ConfigurationError(f"{where}: {shown(mapping)} is no mapping of a nominal range")
         keys = {entry.name for entry in fields(cls)}
         unknown = sorted(set(mapping) - keys, key=repr)
         if unknown:
             raise ConfigurationError(
-                f"{where}: unknown key {unknown[0]!r}, known are {', '.join(sorted(keys))}"
+                f"{where}: unknown key {shown(unknown[0])}, known are {', '.join(sorted(keys))}"
             )
         try:
             found = cls(
@@ -151,16 +151,20 @@ class NominalRange:
                 float(mapping.get("upper", 1.0)),
             )
         except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise ConfigurationError(f"{where}: not a nominal range: {error!r}") from error
+            raise ConfigurationError(
+                f"{where}: not a nominal range: {type(error).__name__}: {shown(str(error))}"
+            ) from error
         if not (found.low < found.high and math.isfinite(found.low + found.high)):
             raise ConfigurationError(
-                f"{where}: low = {found.low!r} must be below high = {found.high!r}"
+                f"{where}: low = {shown(found.low)} must be below high = {shown(found.high)}"
             )
         if not min(found.much) >= 1.0:
-            raise ConfigurationError(f"{where}: much = {found.much!r} must be 1 half width or more")
+            raise ConfigurationError(
+                f"{where}: much = {shown(found.much)} must be 1 half width or more"
+            )
         if not -1.0 <= found.upper <= 1.0:
             raise ConfigurationError(
-                f"{where}: upper = {found.upper!r} must lie in the range, from -1 to 1"
+                f"{where}: upper = {shown(found.upper)} must lie in the range, from -1 to 1"
             )
         return found
 

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flea_diag.errors import FleaError, RecordingError, WireError
+from flea_diag.errors import FleaError, RecordingError, WireError, shown
 from flea_diag.tools.bags.recover import mcap_files, merged
 from flea_diag.tools.terminal import IN_PART, progress, warn
 from flea_diag.wire.bags import bag_layout as layout
-from flea_diag.wire.bags.bag_reader import described
+from flea_diag.wire.bags.bag_description import described
 from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, McapScan
 from flea_diag.wire.messages.codec import decode
 from flea_diag.wire.records import ChannelTable
@@ -144,29 +144,21 @@ def _message(message: McapMessage) -> Iterator[str]:
 def _metadata(bag: Path, scans: list[McapScan], counts: Counter[str]) -> Iterator[BagFinding]:
     lost: list[str] = []
     known = described(bag, lost)
-    if lost:
+    if known is None:
         yield BagFinding(True, lost[0])
         return
-    if known.get("version") != layout.VERSION:
-        words = f"version {known.get('version')}, rosbag2 of ROS 2 Jazzy writes {layout.VERSION}"
+    if known.version != layout.VERSION:
+        words = f"version {known.version}, rosbag2 of ROS 2 Jazzy writes {layout.VERSION}"
         yield BagFinding(False, f"{layout.METADATA_FILE}: {words}")
-    files = [str(name) for name in known.get("relative_file_paths") or []]
+    files = list(known.files)
     present = [scan.path.name for scan in scans]
     if sorted(files) != sorted(present):
-        yield BagFinding(True, f"{layout.METADATA_FILE} lists {files}, the folder has {present}")
-    told = dict(_told(known))
+        words = f"lists {shown(files)}, the folder has {present}"
+        yield BagFinding(True, f"{layout.METADATA_FILE} {words}")
+    told = known.counts
     if not told:
         yield BagFinding(True, f"{layout.METADATA_FILE}: no topics (ros2 bag play would hang)")
     for topic in sorted(told.keys() | counts.keys()):
         if told.get(topic, 0) != counts[topic]:
             words = f"{told.get(topic, 0)} messages on {topic}, the files have {counts[topic]}"
             yield BagFinding(True, f"{layout.METADATA_FILE}: {words}")
-
-
-def _told(known: dict[str, Any]) -> Iterator[tuple[str, int]]:
-    """Topics and message counts in metadata.yaml."""
-    for row in known.get("topics_with_message_count") or []:
-        try:
-            yield str(row["topic_metadata"]["name"]), int(row["message_count"])
-        except (TypeError, KeyError, ValueError):
-            continue

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_diag.formats import migrated
 from flea_diag.tools.campaign.run_result import NOMINAL
 from flea_diag.wire.parameters import build, parameter
@@ -181,7 +181,7 @@ def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Ca
     names = [source.name for source in made]
     double = sorted({name for name in names if names.count(name) > 1})
     if double:
-        raise ConfigurationError(f"{where}: two sources are named {double[0]!r}, rename one")
+        raise ConfigurationError(f"{where}: two sources are named {shown(double[0])}, rename one")
     return replace(
         campaign,
         configurations=_texts(content.get("configurations", [HYBRID]), f"{where}: configurations"),
@@ -203,7 +203,7 @@ def _source(content: Any, where: str) -> Source:
     kind = values.pop("kind", None)
     if not isinstance(kind, str) or kind not in SOURCES:
         raise ConfigurationError(
-            f"{where}: kind = {kind!r} is unknown, choose one of {', '.join(SOURCES)}"
+            f"{where}: kind = {shown(kind)} is unknown, choose one of {', '.join(SOURCES)}"
         )
     known = SOURCES[kind].__dataclass_fields__
     structured: dict[str, Any] = {
@@ -226,7 +226,7 @@ def _row(content: Any, where: str) -> FaultRow:
     sizes = values.pop("sizes", [])
     row: FaultRow = build(FaultRow, values, where)
     if not isinstance(sizes, list) or not all(isinstance(s, (int, float)) for s in sizes):
-        raise ConfigurationError(f"{where}: sizes = {sizes!r} must be a list of numbers")
+        raise ConfigurationError(f"{where}: sizes = {shown(sizes)} must be a list of numbers")
     if row.high < row.low:
         raise ConfigurationError(f"{where}: high = {row.high!r} is below low = {row.low!r}")
     return replace(row, title=row.title or row.fault or "Nominal", sizes=tuple(map(float, sizes)))
@@ -234,7 +234,7 @@ def _row(content: Any, where: str) -> FaultRow:
 
 def _mapping(value: Any, where: str) -> Mapping[str, Any]:
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-        raise ConfigurationError(f"{where} = {value!r} must be a mapping")
+        raise ConfigurationError(f"{where} = {shown(value)} must be a mapping")
     return value
 
 
@@ -255,5 +255,5 @@ def _texts(value: Any, where: str, *, may_be_empty: bool = False) -> tuple[str, 
         return ()
     entries = _list([value] if isinstance(value, str) else value, where)
     if not all(isinstance(entry, str) for entry in entries):
-        raise ConfigurationError(f"{where} = {value!r} must be a list of names")
+        raise ConfigurationError(f"{where} = {shown(value)} must be a list of names")
     return tuple(entries)

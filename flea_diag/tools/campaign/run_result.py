@@ -10,7 +10,7 @@ import json
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from flea_diag.errors import RecordingError
+from flea_diag.errors import RecordingError, shown
 from flea_diag.formats import FORMATS, migrated
 from flea_diag.wire.records import BY_DESIGN
 
@@ -175,5 +175,5 @@ def from_mapping(content: Any, where: str) -> RunResult:
     known = {entry.name for entry in fields(RunResult)}
     odd = sorted(set(content) - known) or sorted({"id", "kind", "row"} - set(content))
     if odd:
-        raise RecordingError(f"{where}: {odd[0]!r} is unknown or missing: evaluate anew")
+        raise RecordingError(f"{where}: {shown(odd[0])} is unknown or missing: evaluate anew")
     return RunResult(**{k: tuple(v) if k in _TUPLES else v for k, v in content.items()})

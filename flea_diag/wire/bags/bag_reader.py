@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import RecordingError, WireError
+from flea_diag.wire.bags.bag_description import BagDescription, described
 from flea_diag.wire.bags.bag_layout import (
     METADATA_FILE,
     checked_namespace,
@@ -24,10 +25,8 @@ from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.messages.codec import decode
 from flea_diag.wire.records import Record, Scan
 from flea_diag.wire.topics import TOPIC_OF, Topic
-from flea_diag.wire.yaml_text import parse_yaml
 
 BLOCK_SCANS = 1024
-_METADATA_LIMIT_BYTES = 1 << 20
 
 
 class BagReader:
@@ -249,28 +248,12 @@ def _sources(path: Path, losses: list[str]) -> list[Any]:
     if not path.is_dir():
         raise RecordingError(f"{path} does not exist")
     refuse_closed(path)
-    known = described(path, losses)
-    if known.get("storage_identifier") == "sqlite3":
+    known = described(path, losses) or BagDescription()
+    if known.storage == "sqlite3":
         return [_SqliteSource(path)]
-    names = known.get("relative_file_paths") or []
-    files = [path / Path(str(name)).name for name in names if str(name).endswith(".mcap")]
+    files = [path / Path(name).name for name in known.files if name.endswith(".mcap")]
     files = files or sorted(path.glob("*.mcap"))
     if not files:
         raise RecordingError(f"{path} is not a bag: it has neither {METADATA_FILE} nor .mcap file")
     losses += [f"{file.name} is missing" for file in files if not file.exists()]
     return [McapScan(file) for file in files if file.exists()]
-
-
-def described(path: Path, losses: list[str]) -> dict[str, Any]:
-    """Content of metadata.yaml; empty if missing or invalid, since a bag is readable without."""
-    file = path / METADATA_FILE
-    try:
-        if file.stat().st_size > _METADATA_LIMIT_BYTES:
-            raise ValueError(f"above its limit of {_METADATA_LIMIT_BYTES} bytes")
-        content = parse_yaml(file.read_text(encoding="utf-8"))
-        return dict(content["rosbag2_bagfile_information"])
-    except FileNotFoundError:
-        losses.append(f"{METADATA_FILE} is missing")
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        losses.append(f"{METADATA_FILE} is unreadable ({type(error).__name__})")
-    return {}

@@ -87,6 +87,31 @@ DAMAGE = {
     "stretch a text": (put(("bad_stretches",), ["all"]), "bad_stretches"),
     "no cooling": (put(("parameters", "motor_cooling_s"), 0.0), "motor_cooling_s"),
     "negative mass": (put(("parameters", "reflected_mass_kg"), -5.0), "reflected_mass_kg"),
+    "negative error": (put(("sigmas", "coulomb_friction_n"), -0.5), "sigmas: -0.5 must not be"),
+    "negative variance": (put(("covariance", 0, "matrix", 0, 0), -1.0), "variance -1.0 is below"),
+    "a scan in decades": (put(("period_s",), 1.0e9), "period_s: 1000000000.0 lies outside 0.0001"),
+    "a scan in no time": (put(("period_s",), 1.0e-12), "period_s: 1e-12 lies outside 0.0001 to 1"),
+    "cools at once": (put(("parameters", "motor_cooling_s"), 1.0e-15), "motor_cooling_s = 1e-15"),
+    "nut cools at once": (put(("parameters", "nut_cooling_s"), 1.0e-3), "nut_cooling_s = 0.001 li"),
+    "no inertia": (put(("parameters", "reflected_mass_kg"), 5e-324), "reflected_mass_kg = 5e-324"),
+    "no resistance": (
+        put(("parameters", "winding_resistance_ohm"), 1e-9),
+        "winding_resistance_ohm",
+    ),
+    "sharp friction": (put(("parameters", "stribeck_speed_m_s"), 1e-300), "stribeck_speed_m_s = 1"),
+    "beyond any unit": (
+        put(("parameters", "coulomb_friction_n"), 1e300),
+        "parameters: 1e.300 is be",
+    ),
+    "noise of nothing": (
+        put(("observer_noise", "force_n"), 1e-300),
+        "force_n = 1e-300 lies outside",
+    ),
+    "one alarm in an eternity": (put(("false_alarms_per_hour",), 1e-99), "1e-99 lies outside"),
+    "digits": (
+        put(("sigmas", "coulomb_friction_n"), 10**5000),
+        "some 5000 digits is beyond",
+    ),
     "no tolerance": (put(("tolerance", "coulomb_friction_n"), 0.0), "coulomb_friction_n"),
 }
 
@@ -202,7 +227,7 @@ def test_aliases_are_not_multiplied_out(tmp_path):
     path = tmp_path / "c.yaml"
     lines = ["a0: &a0 [x, x]"] + [f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]" for n in range(1, 60)]
     path.write_text("\n".join([*lines, "schema_version: *a59"]))
-    with pytest.raises(CalibrationError, match="schema_version"):
+    with pytest.raises(ConfigurationError, match="more than 100000 values, with its aliases"):
         configuration.load_calibration(path)
 
 
