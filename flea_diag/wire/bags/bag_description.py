@@ -54,21 +54,21 @@ def description(content: Any) -> BagDescription:
     """
     top = _mapping(content, "the file")
     known = _mapping(top.get("rosbag2_bagfile_information"), "rosbag2_bagfile_information")
-    rows = _list(known.get("topics_with_message_count"), "topics_with_message_count")
+    name = "topics_with_message_count"
+    rows = [_mapping(row, name) for row in _list(known.get(name), name)]
     files = _list(known.get("relative_file_paths"), "relative_file_paths")
     version = known.get("version")
     return BagDescription(
         None if version is None else _count(version, "version"),
         _text(known.get("storage_identifier", ""), "storage_identifier"),
         tuple(_text(name, "relative_file_paths") for name in files),
-        dict(_topic(row) for row in rows),
+        dict(_topic(row) for row in rows if "topic_metadata" in row),  # else of no topic
     )
 
 
-def _topic(row: Any) -> tuple[str, int]:
-    known = _mapping(row, "topics_with_message_count")
-    topic = _mapping(known.get("topic_metadata"), "topic_metadata")
-    return _text(topic.get("name"), "name"), _count(known.get("message_count"), "message_count")
+def _topic(row: Mapping[str, Any]) -> tuple[str, int]:
+    topic = _mapping(row["topic_metadata"], "topic_metadata")
+    return _text(topic.get("name"), "name"), _count(row.get("message_count"), "message_count")
 
 
 def _mapping(value: Any, name: str) -> Mapping[str, Any]:
