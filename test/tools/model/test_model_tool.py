@@ -218,7 +218,7 @@ def test_svg_without_graphviz_says_what_to_do(
         (["show", "--actuator", "faults.yaml"], "faults.yaml"),
         (["tcg", "--from", "motor_speed"], "--from motor_speed"),
         (["tcg", "--from", "+"], "--from +"),
-        (["equations", "--dot"], "not equations"),
+        (["equations", "--dot"], "not to equations"),
     ],
 )
 def test_bad_arguments(
