@@ -55,7 +55,7 @@ def newcomer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def compiled(newcomer: None) -> None:
-    """What numba compiles for nodes is on the disk before the first of them starts.
+    """What numba compiles is on the disk before a process is started that is waited for.
 
     It takes half a minute of a processor where there is nothing yet, and with other processes
     beside it longer than any test waits.

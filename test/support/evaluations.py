@@ -60,7 +60,7 @@ def say_where_then_wait(case: Case, folder: str) -> RunResult:
     return name_it(case)
 
 
-def until(happened: Callable[[], bool], what: str, limit_s: float = 60.0) -> None:
+def until(happened: Callable[[], bool], what: str, limit_s: float = 180.0) -> None:
     """Wait for a predicate."""
     end, never = time.monotonic() + limit_s, Event()
     while not happened():

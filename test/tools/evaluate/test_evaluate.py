@@ -55,7 +55,7 @@ def lines(output: Path) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def evaluated(compiled: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The short campaign, killed in mid-run and ended by the same command."""
     folder = tmp_path_factory.mktemp("evaluated")
     campaign, output = written(folder), folder / "out"
@@ -153,7 +153,7 @@ def test_a_folder_is_of_one_evaluation_at_a_time(
         pass
 
 
-def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
+def test_ctrl_c_keeps_what_is_done(compiled: None, tmp_path: Path) -> None:
     campaign, output = written(tmp_path), tmp_path / "out"
     process = subprocess.Popen(command(campaign, output), stderr=subprocess.PIPE, text=True)
     until(lambda: len(lines(output)) >= 1, "a run done")
