@@ -68,6 +68,11 @@ def _unchanged(content: Mapping[str, Any]) -> Mapping[str, Any]:
     return content
 
 
+def _of_unknown_origin(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Summaries did not say when, at which commit and by which seed their runs were made."""
+    return {"dates": [], "commits": [], **content}
+
+
 def _upper_part(content: Mapping[str, Any]) -> Mapping[str, Any]:
     """Feature tables called the upper part of the range ``0+``, it is ``0^`` since."""
     alphabet = content.get("alphabet")
@@ -108,7 +113,7 @@ FORMATS: Mapping[str, Format] = {
     "run result": Format(1, _EVALUATE, RecordingError),
     "run detail": Format(1, _EVALUATE, RecordingError, _FIRST, unversioned=0),
     "run trace": Format(1, _EVALUATE, RecordingError),
-    "evaluation summary": Format(1, _EVALUATE, RecordingError),
+    "evaluation summary": Format(2, _EVALUATE, RecordingError, {1: _of_unknown_origin}),
     "replay summary": Format(1, _REPLAY, RecordingError),
     "comparison": Format(1, "compare again with flea diff", RecordingError),
     "trend": Format(1, "make it again with flea trend", RecordingError),

@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from support import linear_ema as ema
 from support import stands
+from support.models import linear_ema as ema
 
 from flea_diag.nodes.state_folder import state_folder
 from flea_diag.nodes.verdict_memory import LARGEST_BYTES, NONE, VerdictMemory

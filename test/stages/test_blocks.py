@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from support import linear_ema as ema
 from support import stands
 from support.decisions import BAGS
+from support.models import linear_ema as ema
 
 from flea_diag.stages.digest import digest
 from flea_diag.stages.extractor.extractor import ExtractorStage

@@ -14,8 +14,8 @@ from flea_diag.wire.records import (
     Scan,
     Symbols,
 )
-from support import linear_ema as ema
 from support import stands
+from support.models import linear_ema as ema
 
 
 @lru_cache(maxsize=1)

@@ -16,7 +16,7 @@ from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.calibrate.calibrate import calibrate
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
 from flea_diag.wire.records import AmbiguityGroup, ChannelInfo, ChannelTable, Record, Scan
-from support import linear_ema as ema
+from support.models import linear_ema as ema
 
 PERIOD_NS = 10_000_000
 START_NS = 1_000_000_000_000

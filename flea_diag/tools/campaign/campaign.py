@@ -28,7 +28,7 @@ LARGEST_LIST = 10_000
 
 
 @dataclass(frozen=True)
-class FaultRow:
+class FaultCases:
     """One row of a drawn source: a fault, its number of runs, and its range of sizes."""
 
     title: str = parameter("", "name of the row")
@@ -57,7 +57,7 @@ class Drawn:
     voltage: str = parameter("mean", "how the voltage is sampled", choices=("mean", "instant_pwm"))
     spread: Mapping[str, float] = field(default_factory=dict)
     """Relative standard deviations between units that replace those of the stand."""
-    rows: tuple[FaultRow, ...] = ()
+    rows: tuple[FaultCases, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -221,10 +221,10 @@ def _source(content: Any, where: str) -> Source:
     return source
 
 
-def _row(content: Any, where: str) -> FaultRow:
+def _row(content: Any, where: str) -> FaultCases:
     values = dict(_mapping(content, where))
     sizes = values.pop("sizes", [])
-    row: FaultRow = build(FaultRow, values, where)
+    row: FaultCases = build(FaultCases, values, where)
     if not isinstance(sizes, list) or not all(isinstance(s, (int, float)) for s in sizes):
         raise ConfigurationError(f"{where}: sizes = {shown(sizes)} must be a list of numbers")
     if row.high < row.low:

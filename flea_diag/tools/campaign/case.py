@@ -21,7 +21,7 @@ from flea_diag.tools.campaign.campaign import (
     HYBRID,
     Campaign,
     Drawn,
-    FaultRow,
+    FaultCases,
     Injections,
     Recordings,
     Scenarios,
@@ -169,7 +169,7 @@ def _drawn(source: Drawn, campaign: Campaign) -> Iterator[Case]:
         yield Case(name, "simulated", row.title, recipe, calibration=_calibration(campaign))
 
 
-def _table_row(row: FaultRow, times: int) -> Any:
+def _table_row(row: FaultCases, times: int) -> Any:
     from flea_sim_driver.scenario import table4
 
     return table4.CampaignRow(

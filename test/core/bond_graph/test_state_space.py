@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support import ema_oracle as oracle
+from support.models import ema_oracle as oracle
 
 from flea_diag.configuration import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator

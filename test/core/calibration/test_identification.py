@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import optimize
-from support import linear_ema as ema
 from support import stands
+from support.models import linear_ema as ema
 
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.identification import identify, robust_fit

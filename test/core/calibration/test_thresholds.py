@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import stats
-from support import linear_ema as ema
 from support import stands
+from support.models import linear_ema as ema
 
 from flea_diag.core.calibration.thresholds import Trace, limits
 from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS

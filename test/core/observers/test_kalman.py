@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import stats
-from support.linear_actuator import START, model, sharpened, simulated
+from support.models.linear_actuator import START, model, sharpened, simulated
 
 from flea_diag.core.observers.kalman import KalmanFilter
 from flea_diag.core.observers.observer_model import LinearModel

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.linear_actuator import PERIOD
+from support.models.linear_actuator import PERIOD
 
 from flea_diag.configuration import load_yaml
 from flea_diag.core.bond_graph.actuator import actuator

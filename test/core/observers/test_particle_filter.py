@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.linear_actuator import START, model, sharpened, simulated
+from support.models.linear_actuator import START, model, sharpened, simulated
 
 from flea_diag.core import backend as backends
 from flea_diag.core.observers.kalman import KalmanFilter

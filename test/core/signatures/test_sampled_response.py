@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from support import ema_oracle as oracle
+from support.models import ema_oracle as oracle
 
 from flea_diag.configuration import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support import linear_ema as ema
 from support import stands
+from support.models import linear_ema as ema
 
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.stages.digest import Digest

@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from support import linear_ema as ema
 from support import stands
+from support.models import linear_ema as ema
 from support.observer_scans import after, decisions, healthy, jammed
 
 from flea_diag.wire.records import Detection, Residual, Symbols

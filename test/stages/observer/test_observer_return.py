@@ -8,8 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from support import linear_ema as ema
 from support import stands
+from support.models import linear_ema as ema
 
 from flea_diag.configuration import DIAGNOSER, EXTRACTOR, ISOLATOR, OBSERVER
 from flea_diag.stages.isolator.isolator import IsolatorStage

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import linear_ema as ema
 from support import stands
+from support.models import linear_ema as ema
 
 from flea_diag.configuration import load_calibration
 from flea_diag.core.calibration.thresholds import Trace

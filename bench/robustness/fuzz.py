@@ -2,7 +2,7 @@
 
 scripts/fuzz 10                 10 s of CPU time per reader
 scripts/fuzz 10 bag importer    these readers only
-scripts/fuzz --atheris 60 bag   coverage-guided, see ``bench/coverage_fuzz.py``
+scripts/fuzz --atheris 60 bag   coverage-guided, see ``bench/robustness/coverage_fuzz.py``
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import traceback
 from collections import Counter
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "test"))
 
 from support import fuzzing
 

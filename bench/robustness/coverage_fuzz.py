@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "test")]
+sys.path[:0] = [str(HERE), str(HERE.parents[1] / "test")]
 INSTRUMENTED = ["flea_diag", "flea_sim_driver", "mcap", "yaml"]
 MOST_MB, MOST_S = 500, 60
 """Limits of memory (besides Python and its libraries) and wall time for one input. With tracing a
@@ -42,7 +42,7 @@ def main() -> int:
         return 2
     if given.one:
         fuzz(atheris, given.one, given.seconds)
-    import fuzzing
+    from support import fuzzing
 
     names = [target.name for target in fuzzing.targets()]
     chosen = [name for name in names if name.startswith(tuple(given.readers or names))]
@@ -68,7 +68,7 @@ def apart(name: str, seconds: float) -> tuple[int, bool]:
 def fuzz(atheris: Any, name: str, seconds: float) -> None:
     """Fuzz until the time is over or an unexpected error occurs; never returns."""
     with atheris.instrument_imports(include=INSTRUMENTED):
-        import fuzzing
+        from support import fuzzing
     target = next(target for target in fuzzing.targets() if target.name == name)
     target = target if isinstance(target.seeds[0], bytes) else fuzzing.as_text(target)
 

@@ -1,0 +1,1 @@
+"""Actuators that tests hold the code against: written for them alone."""
