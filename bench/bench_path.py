@@ -12,7 +12,6 @@ the named stages of the work; ``--names`` lists them in order of their first vis
 
 from __future__ import annotations
 
-import argparse
 import os
 import statistics
 import sys
@@ -25,6 +24,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT)]
 
+from summary import Figure, bench_parser, write_summary
+
 import flea_diag
 from flea_diag.configuration import DIAGNOSER
 from flea_diag.wire.bags.bag import BagReader
@@ -33,6 +34,15 @@ from flea_diag.wire.records import AmbiguityGroup, Record, Scan
 OURS = str(Path(flea_diag.__file__).parent) + os.sep
 STAGES = "stages" + os.sep
 BACKENDS = ("numpy", "numba") if find_spec("numba") else ("numpy",)
+
+
+EARLIER = {
+    ("quiet", "numpy"): (50, 220),
+    ("quiet", "numba"): (51, 178),
+    ("group change", "numpy"): (55, 1838),
+    ("group change", "numba"): (56, 1788),
+}
+"""Files and moves at commit 2f1ec3b, when all modules of the core lay in one folder."""
 
 
 class Way(NamedTuple):
@@ -104,15 +114,29 @@ def group_change(backend: str) -> Way:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = bench_parser(__doc__)
     parser.add_argument("--names", action="store_true", help="list the stops")
     arguments = parser.parse_args()
     print(f"{'scan':14s}{'backend':>9s}{'files':>7s}{'stops':>7s}{'moves':>7s}")
+    figures = []
     for name, measure in (("quiet", quiet), ("group change", group_change)):
         for backend in BACKENDS:
             way = measure(backend)
             row = f"{name:14s}{backend:>9s}{len(way.files):7d}{len(way.stops):7d}{way.moves:7d}"
             print(row, *(way.stops if arguments.names else ()), sep="\n    ")
+            figures += figures_of(name, backend, way)
+    write_summary("path", figures, arguments.json)
+
+
+def figures_of(scan: str, backend: str, way: Way) -> list[Figure]:
+    """Files, stops and moves of one way, each with what it was in one folder."""
+    files, moves = EARLIER[scan, backend]
+    way_of = f"{scan}, {backend}"
+    return [
+        Figure(f"{way_of}: files", len(way.files), "files", against=f"{files} in one folder"),
+        Figure(f"{way_of}: files of the stages", len(way.stops), "files"),
+        Figure(f"{way_of}: moves", way.moves, "moves", against=f"{moves} in one folder"),
+    ]
 
 
 if __name__ == "__main__":

@@ -24,6 +24,9 @@ class Headline:
     row: str
 
 
+IN_ARCHITECTURE = "path"
+"""Kept result whose table stands in ARCHITECTURE.md, too."""
+
 PAGES = (
     ResultPage(
         "real",
@@ -67,7 +70,7 @@ PAGES = (
         "Ratios within one run travel from machine to machine; absolute times hold for the machine "
         "and its load at the time.",
         ("speed", "scan", "observer", "features", "filters", "chain",
-         "processes"),
+         "processes", "path"),
     ),
     ResultPage(
         "reliability",
