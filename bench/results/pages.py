@@ -82,7 +82,9 @@ PAGES = (
 )  # fmt: skip
 
 HEADLINES = (
-    Headline("Real recordings, jam: detected, final group of ball_nut_friction and jam", "real", "jam"),
+    Headline(
+        "Real recordings, jam: detected, final group of ball_nut_friction and jam", "real", "jam"
+    ),
     Headline("Real recordings, nominal: no alarm", "real", "nominal"),
     Headline("Real recordings that switch to a jammed unit: jam found", "switch", "jam"),
     Headline("Software faults injected into real recordings: right sensor", "injections", "all"),

@@ -99,7 +99,9 @@ def test_a_node_that_keeps_falling_is_given_up(tmp_path: Path) -> None:
             ):
                 give_up(falling)
         falling.end()
-    assert [line.partition("(")[2] for line in told] == [f"{k} of at most 3)" for k in (1, 2, 3)]
+    assert [line.partition("restart ")[2] for line in told] == [
+        f"{k} of at most 3" for k in (1, 2, 3)
+    ]
 
 
 def give_up(falling: Children) -> None:

@@ -247,5 +247,5 @@ def test_the_digest_is_of_the_content_and_not_of_the_layout(tmp_path):
 
 
 def test_a_calibration_of_another_actuator_is_refused_by_both_names():
-    with pytest.raises(CalibrationError, match=r"of actuator 'flea', actuator_wing\.yaml .*wing"):
+    with pytest.raises(CalibrationError, match=r"for actuator 'flea', actuator_wing\.yaml .*wing"):
         configuration.knowledge(stands.calibration(), actuator="actuator_wing.yaml")

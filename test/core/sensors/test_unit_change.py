@@ -102,7 +102,7 @@ def test_another_unit_is_named_and_is_no_fault() -> None:
     assert not [record for record in said if isinstance(record, Detection) and record.detected]
     last = [record for record in said if isinstance(record, AmbiguityGroup)][-1]
     assert last.outcome is Outcome.NOMINAL
-    assert "another unit since 14." in last.words
+    assert "unit exchanged 14." in last.words
 
 
 def test_a_thermocouple_alone_is_still_a_fault() -> None:
