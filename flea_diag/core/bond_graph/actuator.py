@@ -1,7 +1,7 @@
 """An actuator from its description, the mapping of ``config/actuator.yaml``.
 
 The FLEA's graph (Narasimhan et al. 2010, Figure 5, with screw, load cell and thermal nodes)
-is data, and so is any other actuator: a new description needs no code.
+is data. Any other actuator needs a description of its own and no code.
 """
 
 from __future__ import annotations
@@ -81,14 +81,14 @@ _TOP: schema.Keys = {
 
 
 def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) -> Actuator:
-    """Actuator from the mapping of its description; not ``sound``, only to be looked at.
+    """Build an actuator from its description; ``sound=False`` skips the causality check.
 
     Raises
     ------
     ConfigurationError
-        Unknown keys, names, units and values out of range, each by name.
+        Unknown key, name or unit, or a value out of range; the message names it.
     ModelError
-        A graph that is no bond graph, or has no sound causality.
+        The graph is not a valid bond graph, or its causality is not sound.
     """
     top = schema.read(migrated("actuator description", content, where), where, _TOP)
     if not top["scan_period_s"] > 0:

@@ -1,4 +1,4 @@
-"""An actuator as values: bond graph, sensors, models with measured inputs, residuals."""
+"""The model of one actuator: bond graph, sensors, views with measured inputs, residuals."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class ModelView:
-    """A model with some channels as inputs, and sensors moved to where it still has them."""
+    """A model with some channels as inputs; sensors may be attached to other junctions."""
 
     name: str
     measured: tuple[str, ...]
@@ -43,10 +43,10 @@ class ModelView:
 
 @dataclass(frozen=True)
 class ResidualSpec:
-    """One named residual; which fields count depends on its kind.
+    """One named residual; its kind determines which fields are used.
 
-    A normalised one is multiplied by the sign of the flow of ``motion``, a junction; of its own
-    junction where that is empty.
+    A normalised residual is multiplied by the sign of the flow at junction ``motion``, or at its
+    own junction if ``motion`` is empty.
     """
 
     name: str
@@ -63,7 +63,7 @@ class ResidualSpec:
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Magnitudes to hold, the inputs that hold them, and values that are simply given."""
+    """Magnitudes to hold, the inputs that hold them, and values given directly."""
 
     hold: Mapping[str, float]
     by: tuple[str, ...]
@@ -72,7 +72,7 @@ class OperatingPoint:
 
 @dataclass(frozen=True)
 class Actuator:
-    """Everything known of one actuator before the first sample."""
+    """Everything known about one actuator before the first sample."""
 
     name: str
     description: str
@@ -100,7 +100,7 @@ class Actuator:
         Raises
         ------
         ModelError
-            When the graph has no sound causality.
+            The causality of the graph is not sound.
         """
         model = self.view(view)
         graph = _moved(self.graph, model.moved)

@@ -38,7 +38,7 @@ DOMAINS: dict[str, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Parameter:
-    """One constant of the model: SI value, unit, the symbol it prints as, where it is from."""
+    """One constant of the model: SI value, unit, printed symbol and source."""
 
     name: str
     value: float
@@ -92,7 +92,7 @@ class Bond:
 
 @dataclass(frozen=True)
 class BondGraph:
-    """Elements, bonds and parameters of one actuator, already validated by ``bond_graph``."""
+    """Elements, bonds and parameters of one actuator, validated by ``bond_graph``."""
 
     name: str
     elements: Mapping[str, Element]
@@ -140,7 +140,7 @@ def bond_graph(
     ConfigurationError
         An unknown kind, law, role or unit, or a value out of its range.
     ModelError
-        A structure that is no bond graph: dangling bonds, wrong ports, wrong half-arrows.
+        Invalid structure: dangling bonds, wrong ports, wrong half-arrows.
     """
     _refuse_repeats(name, [e.name for e in elements], "element")
     _refuse_repeats(name, [p.name for p in parameters], "parameter")
@@ -185,11 +185,11 @@ def _refuse_repeats(graph: str, names: list[str], what: str) -> None:
 
 
 RESERVED = (*FUNCTIONS, "x", "u", "p", "result", "empty")
-"""Names that the compiled equations use themselves."""
+"""Names reserved for the compiled equations."""
 
 
 def _check_name(graph: str, name: str, what: str) -> None:
-    """Names end up in compiled equations: identifiers only, and none that means something else."""
+    """Refuse names that are not identifiers or are reserved: they go into compiled equations."""
     if not name.isidentifier() or keyword.iskeyword(name) or name in RESERVED:
         raise ConfigurationError(
             f"{graph}: {what} {name!r} cannot be a name; use letters, digits and underscores,"

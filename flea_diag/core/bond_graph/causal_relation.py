@@ -1,8 +1,8 @@
-"""What the causal strokes mean: one assignment for every variable of the graph.
+"""Causal relations: one assignment for every variable of the graph, from the causal strokes.
 
 ``target = expression`` when instantaneous, ``d target/dt = expression`` when temporal. The
-state equations, the temporal causal graph and the model with measured inputs are all read
-off this one list, so they cannot disagree.
+state equations, the temporal causal graph and the model with measured inputs are all derived
+from this one list, so they cannot disagree.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from flea_diag.errors import ModelError
 
 @dataclass(frozen=True)
 class Relation:
-    """Assignment of one variable, and the element that it comes from."""
+    """Assignment of one variable, and the element it comes from."""
 
     target: str
     expression: Expression
@@ -32,12 +32,12 @@ class Relation:
 
 
 def flow_of(graph: BondGraph, bond: Bond) -> str:
-    """Name of the flow variable of a bond; an I names its own state."""
+    """Name of the flow variable of a bond; that of an I is its state."""
     return _own_state(graph, bond, "I") or bond.flow
 
 
 def effort_of(graph: BondGraph, bond: Bond) -> str:
-    """Name of the effort variable of a bond; a C with a capacity names its own state."""
+    """Name of the effort variable of a bond; that of a C with a capacity is its state."""
     return _own_state(graph, bond, "C") or bond.effort
 
 
@@ -49,7 +49,7 @@ def _own_state(graph: BondGraph, bond: Bond, kind: str) -> str:
 def solve(graph: BondGraph) -> tuple[Causality, tuple[Relation, ...]]:
     """SCAP, relations and algebraic loops of a graph.
 
-    Relations are empty when SCAP met a conflict or derivative causality.
+    Relations are empty if SCAP found a conflict or derivative causality.
     """
     causality = assign_causality(graph)
     if not causality.sound:
@@ -82,8 +82,8 @@ def _junction(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> li
     others = [bond for bond in bonds if bond is not strong]
     lead = Variable(common(graph, strong))
     relations = [Relation(common(graph, bond), lead, node) for bond in others]
-    # Power in and power out balance: a bond that points the way the strong one does counts
-    # against it, the others with it. Detectors take no power.
+    # Power in equals power out: a bond that points the same way as the strong bond has the
+    # opposite sign, the others have the same sign. Detectors take no power.
     balance = total(
         (-1 if (bond.head == node) == (strong.head == node) else 1) * Variable(summed(graph, bond))
         for bond in others
@@ -183,12 +183,12 @@ _BUILD = {
 
 
 def algebraic_loops(relations: Iterable[Relation]) -> tuple[tuple[str, ...], ...]:
-    """Loops of instantaneous relations, each as the variables it runs through."""
+    """Loops of instantaneous relations, each as its variables in order."""
     return _order(relations)[1]
 
 
 def in_order(relations: Iterable[Relation]) -> tuple[Relation, ...]:
-    """Instantaneous relations so sorted that each uses only what came before it."""
+    """Instantaneous relations in order of evaluation: each uses only earlier results."""
     return _order(relations)[0]
 
 
@@ -215,13 +215,14 @@ def _order(
 def with_measured(
     relations: Iterable[Relation], measured: Mapping[str, str]
 ) -> tuple[Relation, ...]:
-    """The same relations with some variables given by a measurement instead of by the model.
+    """The same relations with some variables replaced by their measurement.
 
     Parameters
     ----------
     measured
-        Channel -> variable that it measures. That variable, whatever made it, becomes an
-        input named as the channel: the loop through it is cut.
+        Channel -> variable that it measures. The relation that assigned the variable is
+        dropped; the variable becomes an input with the name of the channel, which cuts any
+        loop through it.
     """
     of = {variable: channel for channel, variable in measured.items()}
     kept = [r for r in relations if r.target not in measured]

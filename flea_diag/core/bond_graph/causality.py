@@ -1,9 +1,9 @@
 """Sequential causality assignment (SCAP), reported step by step in words.
 
-Sources first, then stores in integral causality, then resistors, then whatever is left;
-after each choice everything that follows from it is propagated. At a 0-junction exactly one
-bond brings the effort in, at a 1-junction exactly one brings the flow in; a TF passes the
-effort through, a GY takes effort on both ports or gives it on both (Karnopp et al. 2000).
+Sources first, then stores in integral causality, then resistors, then the remaining bonds.
+The consequences of each choice are propagated before the next. At a 0-junction exactly one
+bond sets the effort, at a 1-junction exactly one bond sets the flow; a TF passes the effort
+through, a GY receives effort at both ports or sets it at both (Karnopp et al. 2000).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Ends = dict[str, str]
 
 @dataclass(frozen=True)
 class Conflict:
-    """Bonds of one node that cannot hold together."""
+    """Contradictory causality at the bonds of one node."""
 
     node: str
     words: str
@@ -31,9 +31,9 @@ class Causality:
     """Outcome of SCAP.
 
     ``effort_from`` maps each bond to the node that sets its effort. ``derivative`` names the
-    stores that did not get integral causality (dependent states), ``arbitrary`` the elements
-    whose causality was a free choice (each such choice is the sign of an algebraic loop),
-    ``loops`` the algebraic loops found in the equations.
+    stores without integral causality (dependent states), ``arbitrary`` the elements whose
+    causality was a free choice (each free choice indicates an algebraic loop), ``loops`` the
+    algebraic loops found in the equations.
     """
 
     effort_from: Mapping[str, str]
@@ -49,7 +49,7 @@ class Causality:
         return not (self.conflicts or self.derivative or self.loops)
 
     def report(self) -> str:
-        """The assignment in words, one step a line, and what is wrong with it."""
+        """The assignment in words, one line per step, followed by its defects."""
         lines = [f"{k}. {step}" for k, step in enumerate(self.steps, 1)]
         lines += [f"conflict at {c.node}: {c.words}" for c in self.conflicts]
         lines += [f"derivative causality: {name} is a dependent state" for name in self.derivative]
@@ -60,7 +60,7 @@ class Causality:
 
 
 def assign_causality(graph: BondGraph) -> Causality:
-    """Run SCAP; never raises, what is wrong is in the result (``require_sound`` raises)."""
+    """Run SCAP; never raises, defects are in the result (``require_sound`` raises)."""
     scap = _Assignment(graph)
     for element in graph.elements.values():
         choice = _FIXED.get(element.kind)
@@ -77,7 +77,7 @@ def assign_causality(graph: BondGraph) -> Causality:
 
 
 def require_sound(graph: BondGraph, causality: Causality) -> None:
-    """Raise ModelError for the first thing wrong, with the element and the remedy."""
+    """Raise ModelError for the first defect, naming the element and the remedy."""
     if causality.conflicts:
         first = causality.conflicts[0]
         raise ModelError(f"{graph.name}: causal conflict at {first.node!r}, {first.words}")
@@ -117,7 +117,7 @@ _OPPOSITE = {"effort": "flow", "flow": "effort"}
 
 
 class _Assignment:
-    """Working state of one run: the causality so far and the words about it."""
+    """Working state of one run: the causality and the report so far."""
 
     def __init__(self, graph: BondGraph) -> None:
         self.graph = graph
@@ -152,7 +152,7 @@ class _Assignment:
         self.steps.append(f"{element.kind} {element.name} is left with derivative causality")
 
     def resistor(self, element: Element) -> None:
-        """Take what propagation gave; otherwise a free choice, the sign of a loop."""
+        """Keep the propagated causality; otherwise choose freely, which indicates a loop."""
         bond = self.graph.at(element.name)[0]
         if bond.name not in self.ends:
             self.arbitrary.append(element.name)
@@ -165,7 +165,7 @@ class _Assignment:
             )
 
     def free_bond(self, bond: Bond) -> None:
-        """A bond between junctions that nothing decides: choose, and say so."""
+        """Choose the causality of an undetermined bond between junctions, and report it."""
         if bond.name in self.ends:
             return
         self.arbitrary.append(bond.name)
@@ -219,7 +219,7 @@ class _Assignment:
 def strong_bonds(
     kind: str, node: str, bonds: tuple[Bond, ...], ends: Mapping[str, str]
 ) -> tuple[Bond, ...]:
-    """Bonds that set the common variable of a junction: one, when causality is sound."""
+    """Bonds that set the common variable of a junction; exactly one if causality is sound."""
     brings_effort = kind == "0"
     return tuple(b for b in bonds if b.name in ends and (ends[b.name] != node) == brings_effort)
 
@@ -261,5 +261,5 @@ _RULES: dict[str, Callable[[str, tuple[Bond, ...], Ends], Ends]] = {
 
 
 def with_loops(causality: Causality, loops: tuple[tuple[str, ...], ...]) -> Causality:
-    """The same assignment with the algebraic loops that its equations showed."""
+    """The same assignment with the algebraic loops found in its equations."""
     return replace(causality, loops=loops)

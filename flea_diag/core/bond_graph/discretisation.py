@@ -1,9 +1,9 @@
-"""From continuous time to scans: sound where time constants are below the scan period.
+"""From continuous time to scans; stable for time constants below the scan period.
 
 An Euler step of 10 ms over a time constant of 4 ms diverges. The linear part is therefore
-carried by matrix exponentials, exact for inputs held over the period; what is left (smooth
-Coulomb friction, dissipation) takes the two-stage exponential Runge-Kutta rule, second
-order, with as many substeps as its own stiffness asks for (Cox and Matthews 2002, ETD2RK).
+integrated by matrix exponentials, exact for inputs held over the period. The nonlinear rest
+(smooth Coulomb friction, dissipation) uses the two-stage exponential Runge-Kutta rule of
+second order, with as many substeps as its stiffness requires (Cox and Matthews 2002, ETD2RK).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def hold(linear: Linear, period_s: float) -> tuple[Array, Array]:
 
 
 def process_noise(a: Array, intensity: Array, period_s: float) -> Array:
-    """Covariance gathered over one period from white noise of the given intensity, (n, n)."""
+    """Covariance accumulated over one period from white noise of this intensity, (n, n)."""
     n = len(a)
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:], block[n:, n:] = -a, intensity, a.T
@@ -93,9 +93,9 @@ def scan_step(
 ) -> ScanStep:
     """Step of a model about an operating point ``x``, shape (n,), ``u``, shape (m,).
 
-    The point only chooses the linear part that is carried exactly; the step follows the full
-    equations everywhere. Without ``substeps`` their number comes from the stiffest nonlinear
-    term: the largest change of the Jacobian between the point and standstill.
+    The operating point only selects the linear part that is integrated exactly; the step follows
+    the full equations everywhere. Without ``substeps`` their number follows from the stiffest
+    nonlinear term: the largest change of the Jacobian between the point and standstill.
     """
     a = model.linearise(x, u).a
     if substeps is None:

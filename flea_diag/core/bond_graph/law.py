@@ -37,7 +37,7 @@ class Role:
     """``> 0``, ``>= 0`` or ``!= 0``."""
 
     def admits(self, value: float) -> bool:
-        """Whether a value lies in the range; NaN lies in none."""
+        """Whether a value lies in the range; NaN never does."""
         return {"> 0": value > 0, ">= 0": value >= 0, "!= 0": abs(value) > 0}[self.bound]
 
 
@@ -45,9 +45,9 @@ class Role:
 class Law:
     """How the parameters of an element relate its effort and flow.
 
-    ``effort`` gives the effort of an R for a flow, ``flow`` the reverse (None where the law
-    cannot be inverted, so that the element demands the flow); ``forward`` is the value of
-    the coefficient of an I, C, TF or GY, of its second port in ``backward``.
+    ``effort`` gives the effort of an R for a flow, ``flow`` the reverse (None if the law cannot
+    be inverted, so that the element needs the flow as input); ``forward`` is the coefficient of
+    an I, C, TF or GY, ``backward`` that of its second port.
     """
 
     kind: str

@@ -1,7 +1,7 @@
 """State equations x' = f(x, u; p), y = h(x, u; p), derived from the causal relations.
 
 Derived by substitution, printed as text, differentiated exactly, and compiled to functions
-over (N, n) particles at once. Everything a model cannot need for its outputs is left out.
+over (N, n) particles at once. States that do not influence the outputs are left out.
 """
 
 from __future__ import annotations
@@ -69,9 +69,9 @@ class StateSpace:
         x : shape (..., n)
             States; any number of leading axes (particles).
         u : shape (..., m)
-            Inputs, one row for all particles or one for each.
+            Inputs, one row for all particles or one per particle.
         p : shape (..., k), optional
-            Parameters; nominal when left out, one row for each particle when given so.
+            Parameters; nominal by default, or one row per particle.
 
         Returns
         -------
@@ -96,13 +96,13 @@ class StateSpace:
         )
 
     def values(self, x: Array, u: Array, p: Array | None = None) -> dict[str, float]:
-        """Name -> number of every state, input and parameter at one point."""
+        """Name -> value of every state, input and parameter at one point."""
         numbers = (*x, *u, *(self.nominal_values if p is None else p))
         names = (*self.states, *self.inputs, *self.parameters)
         return {name: float(number) for name, number in zip(names, numbers, strict=True)}
 
     def equations(self, tokens: Mapping[str, str] | None = None) -> str:
-        """The equations as text, one a line; ``tokens`` shortens names (``R`` for a parameter)."""
+        """The equations as text, one per line; ``tokens`` maps names to shorter ones."""
         short = {name: Variable(token) for name, token in (tokens or {}).items()}
         rows = [(f"d {name}/dt", rate) for name, rate in zip(self.states, self.rates, strict=True)]
         rows += list(zip(self.outputs, self.readings, strict=True))
@@ -140,7 +140,7 @@ def gradient(
 def function_text(
     name: str, arguments: Sequence[Sequence[str]], results: Sequence[Expression]
 ) -> str:
-    """Source of ``name(x, u, p)``: unpack what is used, fill one column a result."""
+    """Source of ``name(x, u, p)``: unpack the names used, fill one column per result."""
     used = {n for result in results for n in symbols(result)}
     lines = [f"def {name}(x, u, p):"]
     for array, names in zip("xup", arguments, strict=True):
@@ -151,7 +151,7 @@ def function_text(
 
 
 def compile_functions(source: str) -> dict[str, Any]:
-    """Compile generated source; it sees the functions of the algebra and nothing else."""
+    """Compile generated source; only the functions of the algebra are in scope."""
     scope: dict[str, Any] = {**FUNCTIONS, "empty": _empty, "__builtins__": {}}
     exec(compile(source, "<state equations>", "exec"), scope)  # text of our own expressions
     return scope
@@ -174,7 +174,7 @@ def state_space(
     Raises
     ------
     ModelError
-        An algebraic loop, or an output that no relation gives.
+        An algebraic loop, or an output that no relation assigns.
     """
     relations = tuple(relations)
     loops = algebraic_loops(relations)

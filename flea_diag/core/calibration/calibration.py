@@ -1,8 +1,8 @@
-"""What is learned from nominal recordings: parameters, uncertainties, limits. One frozen value.
+"""The result of calibration: parameters, uncertainties and limits from nominal recordings.
 
-``calibrate`` is the whole procedure: identify the parameters (``identification``), then run
-the residuals of the same recordings through the limits (``thresholds``). The mapping form is
-what a calibration file holds; it names the recordings that it came from.
+``calibrate`` is the whole procedure: identify the parameters (``identification``), then learn
+the limits from the residuals of the same recordings (``thresholds``). A calibration file
+contains the mapping form; it names the recordings used.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class NominalRun:
 
 @dataclass(frozen=True, slots=True)
 class BadStretch:
-    """A piece of a recording in which a channel was not to be trusted (and was left out)."""
+    """Interval of a recording in which a channel was unreliable; it is excluded."""
 
     run: str
     channel: str
@@ -52,7 +52,7 @@ class BadStretch:
 class CovarianceBlock:
     """Covariance of parameters that were fitted together, ``matrix`` in their order.
 
-    Blocks come from different relations, and are taken as independent of one another.
+    Blocks come from different relations and are assumed independent of each other.
     """
 
     parameters: tuple[str, ...]
@@ -61,10 +61,10 @@ class CovarianceBlock:
 
 @dataclass(frozen=True)
 class Calibration(Frozen):
-    """Everything the diagnoser knows of an actuator beyond its structure.
+    """Everything the diagnoser knows about an actuator beyond its structure.
 
-    ``sigmas`` holds the standard error of each identified parameter; a parameter that the
-    recordings do not identify is in ``not_identified`` with the reason and keeps its default.
+    ``sigmas`` holds the standard error of each identified parameter. A parameter that cannot be
+    identified from the recordings is in ``not_identified`` with the reason and keeps its default.
     """
 
     actuator: str
@@ -91,16 +91,16 @@ class Calibration(Frozen):
         return tuple(getattr(self.tolerance, name) for name in UNIT_PARAMETERS)
 
     def differences(self) -> tuple[float, ...]:
-        """The same with that of the heating rates, in the order of ``UNIT_DIFFERENCES``."""
+        """The same including the heating rates, in the order of ``UNIT_DIFFERENCES``."""
         rates = len(UNIT_DIFFERENCES) - len(UNIT_PARAMETERS)
         return (*self.tolerances(), *(self.tolerance.thermal_rate_k_per_s,) * rates)
 
     def limit(self, residual: str) -> ResidualLimit | None:
-        """Limits of one residual, None when this stand cannot form it."""
+        """Limits of one residual, None if this stand cannot form it."""
         return next((entry for entry in self.limits if entry.name == residual), None)
 
     def to_mapping(self) -> dict[str, Any]:
-        """Plain mapping of numbers, strings and lists (what a YAML file holds)."""
+        """Plain mapping of numbers, strings and lists, as in a YAML file."""
         plain = {name: _plain(getattr(self, name)) for name in (f.name for f in fields(self))}
         return stamped("calibration", {**plain, "speed_regions_m_s": list(SPEED_REGIONS_M_S)})
 
@@ -129,7 +129,7 @@ def from_mapping(content: object, where: str) -> Calibration:
     if mapping.get("speed_regions_m_s") != list(SPEED_REGIONS_M_S):
         raise CalibrationError(
             f"{where}: speed_regions_m_s = {shown(mapping.get('speed_regions_m_s'))}, this version "
-            f"tests in {list(SPEED_REGIONS_M_S)!r}; make it anew with 'flea calibrate'"
+            f"tests in {list(SPEED_REGIONS_M_S)!r}; repeat 'flea calibrate'"
         )
     known = {"speed_regions_m_s", *_READERS}
     for key in mapping:
@@ -299,14 +299,14 @@ PARAMETER_RANGES: Mapping[str, tuple[float, float]] = {
     "motor_cooling_s": (1.0, 1e9),
     "nut_cooling_s": (1.0, 1e9),
 }
-"""Parameters that no actuator has at or below zero; the diagnosis divides by most of them. The
-ranges are wide: what lies outside is a slip of the pen, and no arithmetic holds there."""
+"""Parameters that are positive on every actuator; the diagnosis divides by most of them. The
+ranges are wide: a value outside is a typing error and would break the arithmetic."""
 
 LARGEST = 1e15
-"""Magnitude that a quantity in SI units may have."""
+"""Largest magnitude of a quantity in SI units."""
 PERIOD_S = (1e-4, 1.0)
 LIKELY = (1e-12, LARGEST)
-"""What must be above 0, and has no range of its own."""
+"""Entries that must be above 0 and have no range of their own."""
 
 
 _READERS: dict[str, Callable[[Any], Any]] = {
@@ -332,4 +332,4 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "observer_noise": _numbers_of(ObserverNoise, {f.name: LIKELY for f in fields(ObserverNoise)}),
 }
 LATER = ("observer_noise", "sensors", "covariance", "shifts")
-"""Entries that files of this schema may lack."""
+"""Optional entries of this schema."""

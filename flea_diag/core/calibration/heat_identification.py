@@ -1,9 +1,9 @@
-"""Heating and cooling of motor and nut, from one slope of temperature for each recording.
+"""Heating and cooling of motor and nut, from one temperature slope per recording.
 
     dT/dt = h q - (T - Ta) / tau          q: (i - i0)^2 averaged, or the mean friction power
 
-A thermocouple's noise hides what happens within a run, so a run is one row, and what the rows
-scatter by gives the covariance (each row with its own scale of error: White 1980).
+Thermocouple noise masks changes within a run, so each run is one row. The covariance follows
+from the scatter of the rows, each with its own error scale (White 1980).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ LEAST_COOLING_PER_S = 1e-5
 
 
 class Result(Protocol):
-    """Where what is found, and what is not, is put down."""
+    """Receives the identified parameters and those that cannot be identified."""
 
     parameters: ActuatorParameters
 
@@ -41,13 +41,13 @@ class Result(Protocol):
 
 
 def identify(runs: Sequence[NominalRun], period_s: float, result: Result) -> None:
-    """Heating and cooling of both nodes, as far as the recordings tell them."""
+    """Identify heating and cooling of both nodes as far as the recordings allow."""
     _heat(runs, period_s, "motor_temperature", result, _copper_square)
     _heat(runs, period_s, "nut_temperature", result, _friction_power)
 
 
 def _copper_square(rows: Array, p: ActuatorParameters, period_s: float) -> float:
-    # Averaged first, as the residual bank does: PWM ripple heats too, but alike in both places.
+    # Averaged first, as in the residual bank: PWM ripple heats too, but equally in both places.
     current = np.convolve(rows[:, INDEX["motor_current"]], np.full(15, 1 / 15), mode="valid")
     return float(np.nanmean((current - p.current_offset_a) ** 2))
 
@@ -88,7 +88,7 @@ def _heat(
 
 
 def _fitted(A: Array, y: Array) -> tuple[Array, Array]:
-    """Least squares, and its covariance from the residual of each row (n / (n - k) for few)."""
+    """Least squares, and its covariance from the row residuals, corrected by n / (n - k)."""
     x = np.asarray(np.linalg.lstsq(A, y, rcond=None)[0], dtype=np.float64)
     bread = np.linalg.pinv(A.T @ A)
     scores = A * (y - A @ x)[:, None]
@@ -106,7 +106,7 @@ def _slope(
 ) -> tuple[float, float, float] | None:
     measured, ambient = rows[:, INDEX[channel]], rows[:, INDEX["ambient_temperature"]]
     middle = np.nanmedian(measured) if np.isfinite(measured).any() else np.nan
-    # Single-sample spikes of 10 K and more would tilt a plain slope.
+    # Single-sample spikes of 10 K and more would bias an ordinary slope.
     use = np.isfinite(measured) & (np.abs(measured - middle) < 4.0)
     if use.sum() < 500 or not np.isfinite(ambient).any():
         return None

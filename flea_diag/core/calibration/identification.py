@@ -1,13 +1,12 @@
 """Identify the actuator's parameters from nominal recordings, by robust linear regression.
 
-Each relation is linear in its parameters once the signals are smoothed alike:
+Each relation is linear in its parameters if all signals pass the same smoothing kernel:
 
     i = i0 + (F + (fc + c|F|) s(v) + B v + M a) / K            (Newton at the nut)
     V = V0 + R (1 + alpha dT) (i - i0) + Ke v                  (Kirchhoff)
-    dT/dt = h (i - i0)^2 - (T - Ta) / tau                      (heat, one slope a run)
+    dT/dt = h (i - i0)^2 - (T - Ta) / tau                      (heat, one slope per run)
 
-Standard errors are taken over recordings (each recording is one cluster): samples within one
-are far from independent.
+Standard errors are clustered by recording, because samples within one are far from independent.
 """
 
 from __future__ import annotations
@@ -31,12 +30,12 @@ Array = npt.NDArray[np.float64]
 MOVING_M_S = 0.010
 MINIMUM_MOVING_S = 5.0
 HUBER = 2.0
-"""Residuals beyond so many robust sigmas lose weight."""
+"""Residuals beyond this number of robust standard deviations lose weight."""
 
 
 @dataclass
 class Identified:
-    """Parameters found so far, their standard errors, and what could not be found."""
+    """Parameters identified so far, their standard errors, and those not identified."""
 
     parameters: ActuatorParameters
     sigmas: dict[str, float] = field(default_factory=dict)
@@ -45,7 +44,7 @@ class Identified:
     voltage_limit_v: float = 10.0
 
     def found(self, values: Mapping[str, float], covariance: Array) -> None:
-        """Take over parameters that the data identify, fitted together with this covariance."""
+        """Store identified parameters, fitted together with this covariance."""
         self.parameters = replace(self.parameters, **values)
         sigmas = np.sqrt(np.diag(covariance)).tolist()
         self.sigmas.update(zip(values, sigmas, strict=True))
@@ -53,13 +52,13 @@ class Identified:
         self.covariance.append(CovarianceBlock(tuple(values), rows))
 
     def missing(self, names: Sequence[str], reason: str) -> None:
-        """Note parameters that keep their defaults."""
+        """Record parameters that keep their defaults."""
         self.not_identified.update(dict.fromkeys(names, reason))
 
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Smoothed columns of all runs, end to end; ``run`` numbers the recording of each row."""
+    """Smoothed columns of all runs, concatenated; ``run`` is the recording of each row."""
 
     value: Array
     first: Array
@@ -72,7 +71,7 @@ class Smoothed:
 
 
 def smooth(runs: Sequence[NominalRun], kernel_length: int, period_s: float) -> Smoothed:
-    """All runs through the kernel that the diagnoser uses."""
+    """All runs, smoothed with the kernel of the diagnoser."""
     kernels = hann_kernels(kernel_length, period_s)
     parts: list[list[Array]] = [[], [], []]
     numbers = []
@@ -94,8 +93,8 @@ def robust_fit(
 ) -> tuple[Array, Array, Array]:
     """Huber regression y = A x: solution, cluster-robust covariance, final weights.
 
-    With ``start`` the first residuals are those of that solution, so that a share of gross
-    errors with leverage cannot draw the fit to itself.
+    With ``start`` the first residuals are those of that solution, so that gross errors with
+    leverage cannot dominate the fit.
     """
     x = np.linalg.lstsq(A, y, rcond=None)[0] if start is None else start
     weight = np.ones_like(y)
@@ -103,7 +102,7 @@ def robust_fit(
         residual = y - A @ x
         scale = 1.4826 * np.median(np.abs(residual)) + 1e-12
         weight = 1.0 / np.maximum(1.0, np.abs(residual) / (HUBER * scale))
-        # Far outliers get none at all: a bad channel is no long tail of a good one.
+        # Far outliers have weight 0: they come from a bad channel, not from a long tail.
         weight[np.abs(residual) > 6.0 * scale] = 0.0
         renewed = np.linalg.lstsq(A * weight[:, None], y * weight, rcond=None)[0]
         if np.allclose(renewed, x, rtol=1e-9, atol=1e-12):
@@ -117,12 +116,12 @@ def robust_fit(
 
 
 def identify(runs: Sequence[NominalRun], kernel_length: int, period_s: float) -> Identified:
-    """Every parameter that the recordings identify.
+    """Identify every parameter that the recordings allow.
 
     Raises
     ------
     CalibrationError
-        When the recordings hold no motion: nothing of the actuator can be learned from them.
+        The recordings contain too little motion to identify the actuator.
     """
     data = smooth(runs, kernel_length, period_s)
     result = Identified(ActuatorParameters())
@@ -218,14 +217,14 @@ def _electrical(data: Smoothed, speed: Array, result: Identified) -> None:
     current = (data.column("motor_current") - p.current_offset_a) * (1.0 + COPPER_PER_K * rise)
     voltage = data.column("motor_voltage")[use]
     A = np.stack((current[use], speed[use], np.ones(use.sum())), axis=1)
-    # Energy conservation: the back-EMF constant is the force constant. With R as given only
-    # the offset is open, and a median finds it however many samples are bad (below one half).
+    # Energy conservation: the back-EMF constant equals the force constant. With R given, only
+    # the offset is unknown; a median finds it if fewer than half of the samples are bad.
     start = np.array([p.winding_resistance_ohm, p.force_constant_n_per_a, 0.0])
     start[2] = np.median(voltage - A @ start)
     x, covariance, weight = robust_fit(A, voltage, data.run[use], start)
     residual = voltage - A @ x
     scale = 1.4826 * float(np.median(np.abs(residual[weight > 0])))
-    # No healthy unit disagrees by a third of what the drive can put out.
+    # No healthy unit deviates by a third of the drive's output range.
     supply_v = float(np.quantile(np.abs(voltage), 0.99))
     result.voltage_limit_v = max(8.0 * scale, supply_v / 3.0)
     values = dict(zip(names, map(float, x), strict=True))

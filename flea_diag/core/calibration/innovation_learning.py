@@ -1,7 +1,7 @@
-"""What nominal recordings teach of the observer: its noise, and how far units move its innovations.
+"""Learns from nominal recordings the observer's noise and the unit variability of innovations.
 
-How far another healthy unit of the same design moves them is not known in closed form: it is
-measured, by running nominal recordings with each parameter off by its tolerance.
+The effect of unit variability on the innovations has no closed form. It is measured by running
+nominal recordings with each parameter offset by its tolerance.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ SETTLE_SCANS = 50
 
 @dataclass(frozen=True)
 class ObserverStatistics:
-    """What nominal recordings teach of the observer.
+    """Observer noise and innovation residuals learned from nominal recordings.
 
-    ``residuals`` of each recording, shape (scans, columns); ``spread`` as of ``unit_spread``.
+    ``residuals``: one array per recording, shape (scans, columns); ``spread``: see ``unit_spread``.
     """
 
     noise: ObserverNoise
@@ -50,7 +50,7 @@ def learn(
     period_s: float,
     voltage_sampling: str,
 ) -> ObserverStatistics:
-    """Noise levels, then residuals under them; in ``runs`` a distrusted voltage is NaN.
+    """Fit noise levels, then compute residuals with them; unreliable voltage in ``runs`` is NaN.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def unit_spread(
     tolerance: UnitTolerance,
     make: MakeObserver,
 ) -> Mapping[str, tuple[float, ...]]:
-    """Change of each innovation residual per unit of each parameter that healthy units differ in.
+    """Sensitivity of each innovation residual to each parameter that varies between units.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def unit_spread(
         moved = [
             trace(make(other), rows) - before for rows, before in zip(pieces, nominal, strict=True)
         ]
-        # Equal seeds: what is left after smoothing over a window is the parameter's doing.
+        # Equal seeds: any difference left after smoothing over a window is due to the parameter.
         changes = [_smoothed(each[SETTLE_SCANS:]) for each in moved]
         seen = np.concatenate([each for each in changes if len(each)] or [spread[None, :, 0]])
         square = np.nansum(seen**2, axis=0) / np.maximum(np.isfinite(seen).sum(axis=0), 1)

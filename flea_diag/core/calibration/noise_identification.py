@@ -1,10 +1,9 @@
 """Noise levels of the observer from nominal recordings.
 
-What single readings scatter by is read off their third differences. What cannot be read off
-(how far the mean voltage wanders, which forces the model leaves out, the ripple of the
-current, the shaft's speed apart from the nut's over backlash and lead errors) is chosen so
-that the recordings are as likely as possible under the Kalman filter's innovations (Schweppe
-1965), by a search in factors of two, then of the square root of two.
+The scatter of single readings follows from their third differences. The other levels (drift of
+the mean voltage, unmodelled forces, current ripple, speed difference of shaft and nut from
+backlash and lead errors) are fitted by maximum likelihood of the Kalman filter's innovations
+(Schweppe 1965). The search multiplies by factors of two, then of the square root of two.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ PIECES = 4
 PIECE_SCANS = 300
 SETTLE_SCANS = 50
 FREEDOM = 8.0
-"""Degrees of freedom of Student's t, by which innovations are taken to scatter."""
+"""Degrees of freedom of Student's t distribution, assumed for the innovations."""
 
 
 def fitted(
@@ -53,7 +52,7 @@ def fitted(
     period_s: float,
     voltage_sampling: str,
 ) -> ObserverNoise:
-    """Noise levels that make nominal recordings most likely.
+    """Noise levels of maximum likelihood on nominal recordings.
 
     Raises
     ------
@@ -82,7 +81,7 @@ def fitted(
 
 
 def _pieces(runs: Sequence[NominalRun]) -> list[Array]:
-    """Stretches from the middle of recordings spread over all of them."""
+    """Pieces from the middle of recordings, chosen evenly over all recordings."""
     usable = [run.rows for run in runs if len(run.rows) >= PIECE_SCANS]
     if not usable:
         raise CalibrationError(
@@ -123,10 +122,10 @@ def _cost(
     voltage_sampling: str,
     noise: ObserverNoise,
 ) -> float:
-    """Twice the negative log likelihood of a scan under Student's t, but for a constant.
+    """Twice the negative log likelihood of a scan under Student's t, up to a constant.
 
-    Gross errors weigh little, yet noise cannot be made arbitrarily small at their expense, as it
-    could with a bounded NIS. Noise at which rounding loses the filter's covariance is refused.
+    Gross errors have little weight, yet the noise cannot become arbitrarily small as with a
+    bounded NIS. Noise levels at which rounding destroys the filter's covariance are refused.
     """
     try:
         with np.errstate(invalid="ignore"):

@@ -1,10 +1,9 @@
-"""Limits of every residual from nominal recordings, to a stated false-alarm rate.
+"""Limits of every residual from nominal recordings, for a stated false-alarm rate.
 
-The scatter of a windowed mean is taken from the recordings themselves, so it holds the
-coloured model error and the differences between runs. The limit k is the Student quantile
-for the share of the false-alarm rate that falls to one test of one window, with as many
-degrees of freedom as there are ten-second pieces of nominal recording, and never below
-``GUARD`` times the largest value that those recordings show.
+The scatter of a windowed mean is measured on the recordings, so it includes the coloured model
+error and the differences between runs. The limit k is the Student quantile for the share of the
+false-alarm rate allotted to one test of one window. Its degrees of freedom are the number of
+ten-second pieces of nominal recording. It is never below ``GUARD`` times the largest nominal value.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ Array = npt.NDArray[np.float64]
 GUARD = 1.25
 PIECE_S = 10.0
 SHIFT_SHARE = 0.1
-"""Of the rate of false alarms, for the shifts of levels."""
+"""Share of the false-alarm rate allotted to mean-shift tests."""
 REGIONS = len(SPEED_REGIONS_M_S) + 1
 NEED_VOLTAGE = np.array(["motor_voltage" in row.needs for row in RESIDUALS])
 
@@ -54,7 +53,7 @@ class Trace:
 
 
 def trace(run: NominalRun, identified: Identified, kernel_length: int, period_s: float) -> Trace:
-    """Run one recording through the residual bank, its bad voltage stretches taken out."""
+    """Run one recording through the residual bank, without intervals of bad voltage."""
     bank = ResidualBank(identified.parameters, period_s=period_s, kernel_length=kernel_length)
     residuals = bank.step(run.rows, frozen=False)
     values = residuals.values
@@ -73,7 +72,7 @@ def trace(run: NominalRun, identified: Identified, kernel_length: int, period_s:
 
 
 def with_innovations(traced: Trace, innovations: Array) -> Trace:
-    """The same trace with the observer's residuals, shape (scans, innovations), filled in."""
+    """The same trace with the observer's residuals added, shape (scans, innovations)."""
     values = traced.values.copy()
     values[:, list(INNOVATION_INDEX.values())] = innovations
     values[~traced.voltage_usable[:, None] & NEED_VOLTAGE] = np.nan
@@ -81,7 +80,7 @@ def with_innovations(traced: Trace, innovations: Array) -> Trace:
 
 
 def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
-    """Bad voltage stretches of one recording, in seconds from its start."""
+    """Intervals of bad voltage of one recording, in seconds from its start."""
     bad = np.flatnonzero(np.diff(np.concatenate(([False], ~traced.voltage_usable, [False]))))
     return [
         BadStretch(traced.name, "motor_voltage", float(a * period_s), float(b * period_s))
@@ -98,7 +97,7 @@ def limits(
 ) -> tuple[ResidualLimit, ...]:
     """Limits of every residual that the recordings can form.
 
-    ``spread`` holds d r / d theta of healthy units for residuals that do not tell it.
+    ``spread`` holds d r / d theta of healthy units for residuals without an analytical one.
     """
     found = []
     tests = sum(row.gate != "sensor" for row in RESIDUALS)
@@ -119,9 +118,9 @@ def limits(
 def shift_limits(
     traces: Sequence[Trace], false_alarms_per_hour: float, period_s: float
 ) -> tuple[MeanShiftLimit, ...]:
-    """Limits of what a level changes by within a recording, of each residual that units differ in.
+    """Limits of the mean shift within a recording, for each residual with unit variability.
 
-    They share ``SHIFT_SHARE`` of the rate of false alarms.
+    They share ``SHIFT_SHARE`` of the false-alarm rate.
     """
     rate = SHIFT_SHARE * false_alarms_per_hour / (len(SHIFTING) * len(SHIFT_WINDOWS))
     pieces = sum(len(entry.values) for entry in traces) * period_s / PIECE_S
@@ -183,7 +182,7 @@ def _rolling(values: Array, window: int) -> Array:
 
 
 def _correlation(windows: Sequence[WindowLimit], scatter: float) -> float:
-    """Samples of one independent sample: w var(mean) / var(sample), the worst window counts."""
+    """Samples per independent sample: w var(mean) / var(sample), largest over all windows."""
     worst = max(limit.window * float(np.mean(limit.sigma)) ** 2 for limit in windows)
     return max(1.0, worst / scatter**2)
 
@@ -202,7 +201,7 @@ def _window_limit(
     for region in range(REGIONS):
         parts = [m[r == region] for m, r in zip(statistic, regions, strict=True)]
         parts = [part for part in parts if len(part)]
-        # Too few recordings in a region tell nothing of its scatter.
+        # Too few recordings in a region do not determine its scatter.
         moments = _moments(parts) if len(parts) >= 5 else pooled
         centre.append(moments[0])
         sigma.append(max(moments[1], 0.5 * pooled[1]))
@@ -218,7 +217,7 @@ def _window_limit(
 
 
 def _moments(parts: list[Array]) -> tuple[float, float]:
-    """Centre and scatter with every recording of equal weight."""
+    """Centre and scatter, with equal weight for every recording."""
     centre = float(np.mean([part.mean() for part in parts]))
     scatter = float(np.mean([np.mean((part - centre) ** 2) for part in parts])) ** 0.5
     return centre, max(scatter, 1e-9)

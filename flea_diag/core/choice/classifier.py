@@ -1,7 +1,7 @@
 """Feature-only baseline: a classifier on all features at once, without a model.
 
-Named as the usual alternative by Narasimhan et al. 2010, section 3.2. A small network of plain
-numbers: trained elsewhere, read from JSON, never from executable code.
+Narasimhan et al. 2010, section 3.2, name it as the usual alternative. A small network, trained
+elsewhere and stored as numbers in JSON, never as executable code.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from flea_diag.formats import migrated, stamped
 Array = npt.NDArray[np.float64]
 KEYS = frozenset({"source", "features", "faults", "means", "scales", "layers"})
 FARTHEST = 5.0
-"""Inputs are clipped at this many spreads, so that unseen values cannot dominate the answer."""
+"""Inputs are clipped at this many standard deviations, so that outliers cannot dominate."""
 
 
 class Classifier(Protocol):
-    """From the values of features to a probability of each fault."""
+    """Maps the values of features to a probability of each fault."""
 
     @property
     def features(self) -> tuple[str, ...]:
-        """Ids of all that has to be computed."""
+        """Ids of all features required."""
 
     def probabilities(self, values: Mapping[str, float]) -> dict[str, float]:
         """Probability of each class; a value that is missing or NaN counts as average."""
@@ -36,7 +36,7 @@ class Classifier(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Perceptron:
-    """Fully connected network: rectifiers in the hidden layers, softmax at the end.
+    """Fully connected network: ReLU in the hidden layers, softmax output.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Perceptron:
         Raises
         ------
         ConfigurationError
-            Naming ``where`` and what does not fit: a key, a shape, a number.
+            A key, shape or number is invalid; ``where`` is named.
         """
         mapping = migrated("classifier", content, where)
         if set(mapping) != KEYS:
@@ -105,7 +105,7 @@ class Perceptron:
         return found
 
     def _check(self, where: str) -> None:
-        """Refuse numbers that are not finite and shapes that do not fit each other."""
+        """Refuse numbers that are not finite and shapes that are inconsistent."""
         if self.means.shape != self.scales.shape or not (self.scales > 0.0).all():
             raise ConfigurationError(f"{where}: means and scales must be as many, scales positive")
         width = len(self.features)
@@ -124,15 +124,15 @@ class Perceptron:
 
 
 def scaled(rows: Sequence[Mapping[str, float]], features: Sequence[str]) -> Array:
-    """Values (rows, features) on a scale on which they spread evenly; NaN where one is missing.
+    """Values (rows, features) by signed logarithm; NaN where one is missing.
 
-    Signed logarithm: levels spread by factors, correlations about zero.
+    Levels vary by factors, correlations about zero; both then vary on a similar scale.
     """
     found = np.array([[row.get(name, math.nan) for name in features] for row in rows], np.float64)
     return np.asarray(np.sign(found) * np.log1p(100.0 * np.abs(found)))
 
 
 def standardised(values: Array, means: Array, scales: Array) -> Array:
-    """Inputs of the network: spreads from the mean, cut at ``FARTHEST``; average where unknown."""
+    """Standardised inputs of the network, clipped at ``FARTHEST``; the mean where unknown."""
     inputs = np.clip((values - means) / scales, -FARTHEST, FARTHEST)
     return np.asarray(np.where(np.isfinite(inputs), inputs, 0.0))

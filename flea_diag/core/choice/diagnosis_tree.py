@@ -1,6 +1,6 @@
 """The diagnosis tree: groups of faults as nodes, answers as edges, rendered as text.
 
-Built offline as a whole, it has the same leaves that `FeatureChooser` reaches step by step
+Built offline as a whole; its leaves are those that `FeatureChooser` reaches step by step
 (Narasimhan et al. 2010, section 3.3).
 """
 
@@ -16,7 +16,7 @@ from flea_diag.core.choice.feature_choice import FeatureChooser
 
 @dataclass(frozen=True)
 class Branch:
-    """One answer: its symbol, its probability at this node, and what is left."""
+    """One answer: its symbol, its probability at this node, and the remaining group."""
 
     symbol: str
     probability: float
@@ -49,8 +49,8 @@ def build(
 ) -> Node:
     """Whole tree below a group.
 
-    Answers that the chooser does not plan for are left out, and those that are reached with
-    a probability below ``rarest``.
+    Omits answers that the chooser does not plan for, and those reached with a probability below
+    ``rarest``.
     """
     group = normalised(group)
     feature = chooser.next(group, computed)
@@ -71,10 +71,10 @@ def build(
 def asked_tree(
     group: Group, chooser: FeatureChooser, asked: Sequence[tuple[str, str]], rarest: float = 0.0
 ) -> Node:
-    """Tree along features that were asked for already, planned on from where they ended.
+    """Tree along the features already requested, planned further from the last of them.
 
-    ``asked`` are features with the symbol that each had. The branches not taken end with the
-    group that they would have left; ``?`` (not computable) is a branch that leaves all.
+    ``asked``: features, each with its symbol. Branches not taken end with the group that they
+    would have left; ``?`` (not computable) is a branch that leaves the group unchanged.
     """
     if not asked:
         return build(group, chooser, rarest=rarest)
@@ -108,10 +108,10 @@ def _asked(
 def follow(
     group: Group, chooser: FeatureChooser, answer: Callable[[str], str]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Walk from a group to a leaf, asking ``answer`` for the symbol of one feature a step.
+    """Walk from a group to a leaf; ``answer`` gives the symbol of one feature per step.
 
-    Returns the group left and the features asked for. ``?`` (not computable) leaves the group
-    as it is and the next best feature is asked for.
+    Returns the remaining group and the features requested. ``?`` (not computable) leaves the
+    group unchanged, and the next best feature is requested.
     """
     left, asked = normalised(group), list[str]()
     while (feature := chooser.next(left, asked)) is not None:
@@ -129,13 +129,13 @@ def leaves(node: Node) -> Iterator[Node]:
 
 
 def render(node: Node) -> str:
-    """Tree as text: the feature at each node, an edge for each answer, groups at the leaves."""
+    """Tree as text: features at the nodes, one edge per answer, groups at the leaves."""
     head = f"{words(node)}   expected cost {node.expected_cost:.4g}"
     return "\n".join([head, *_lines(node, "")])
 
 
 def words(node: Node) -> str:
-    """What stands at a node: the feature to compute, or the group that is left."""
+    """Label of a node: the feature to compute, or the remaining group."""
     if not node.group:
         return "no fault of the group fits"
     return f"{node.feature}?" if node.feature else "{" + ", ".join(node.faults) + "}"

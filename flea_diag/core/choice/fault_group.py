@@ -11,7 +11,7 @@ Group = Mapping[str, float]
 """Faults still possible, each with its probability."""
 
 DROP_BELOW = 0.01
-"""A fault whose probability falls below this leaves the group for good."""
+"""A fault whose probability falls below this is dropped permanently."""
 
 
 def normalised(group: Group) -> dict[str, float]:
@@ -27,9 +27,9 @@ def refine(
     symbol: str,
     drop_below: float = DROP_BELOW,
 ) -> dict[str, float]:
-    """Group after one answer: Bayes with P(symbol | fault), then the improbable leave.
+    """Group after one answer: Bayes with P(symbol | fault), then improbable faults are dropped.
 
-    Never grows. Empty where no fault of the group can give this symbol; unchanged by ``?``.
+    Never grows. Empty if no fault of the group can give this symbol; unchanged by ``?``.
     """
     if symbol == "?":
         return normalised(group)
@@ -47,7 +47,7 @@ def refine_side(
     side: str,
     drop_below: float = DROP_BELOW,
 ) -> dict[str, float]:
-    """Group after a feature was seen above its range (``+``) or below (``-``), however far."""
+    """Group after a feature was above its range (``+``) or below (``-``) by any amount."""
     places = {table.place(side), table.place(2 * side)}
     rows = {fault: table.probabilities(fault, feature) for fault in group}
     joint = {fault: p * sum(rows[fault][k] for k in places) for fault, p in group.items()}
@@ -68,7 +68,7 @@ def outcomes(
     drop_below: float = DROP_BELOW,
     rarest: float = 0.0,
 ) -> dict[str, tuple[float, dict[str, float]]]:
-    """Symbol -> (probability, group left), for each symbol more probable than ``rarest``.
+    """Symbol -> (probability, remaining group), for symbols more probable than ``rarest``.
 
     The probabilities of ``group`` must sum to 1.
     """

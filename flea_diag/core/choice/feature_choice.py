@@ -1,7 +1,7 @@
 """Which feature to compute next, so that a group of faults splits at the least cost.
 
-Four strategies behind one interface (Narasimhan et al. 2010, section 3.3, and what its
-criterion leaves out: features that do not split, cost, prior probabilities and noise).
+Four strategies with one interface: the criterion of Narasimhan et al. 2010, section 3.3, and
+extensions for features that do not split, cost, prior probabilities and noise.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from flea_diag.errors import ConfigurationError
 __all__ = ["STRATEGIES", "FeatureChooser", "Rules", "next_feature", "outcomes", "refine"]
 
 NEARER = (0.5, 0.2, 0.1, 0.05, 0.02)
-"""Horizons of the first passes of a search, which may end before the last."""
+"""Horizons of the first passes of a search; it may stop before the last."""
 
 MOST_REMEMBERED = 4096
 """Choices cached with a table: the same groups recur."""
 
 
 def partition_sizes(group: Group, table: FaultFeatureTable, feature: str) -> list[int]:
-    """Sizes of the parts into which the most probable symbols put the group."""
+    """Sizes of the parts into which the most probable symbols divide the group."""
     values = [table.value(fault, feature) for fault in group]
     return [values.count(symbol) for symbol in dict.fromkeys(values)]
 
 
 def _paper(question: Question) -> str | None:
-    """Smallest difference between the largest and the smallest part, read literally.
+    """Smallest difference between the largest and the smallest part: the paper, literally.
 
-    A feature that does not split makes one part, difference 0, and wins: kept to compare.
+    A feature that does not split has one part, difference 0, and wins; kept for comparison.
     """
     features = [f for f in question.table.costs if f in question.prices]
     sizes = {f: partition_sizes(question.group, question.table, f) for f in features}
@@ -42,7 +42,7 @@ def _paper(question: Question) -> str | None:
 
 
 def _balanced(question: Question) -> str | None:
-    """As the paper, among features that split; then the smallest largest part, then price."""
+    """The paper's criterion among features that split; ties by largest part, then by cost."""
 
     def key(feature: str) -> tuple[float, ...]:
         sizes = [len(left) for _, left in question.answers(feature)]
@@ -70,10 +70,10 @@ class _TooManyStatesError(Exception):
 
 @dataclass
 class _Node:
-    """A group, what splitting it costs at least, and the best plan found so far.
+    """A group, a lower bound of its splitting cost, and the best plan found so far.
 
-    Beyond the horizon its cost is estimated: all of its entropy at the best gain per cost that
-    one feature has. ``solved``: the nearest horizon for which ``cost`` is known to be least.
+    Beyond the horizon the cost is estimated: the whole entropy at the best gain per cost of any
+    feature. ``solved``: the nearest horizon for which ``cost`` is known to be minimal.
     """
 
     question: Question
@@ -83,22 +83,22 @@ class _Node:
 
     @cached_property
     def order(self) -> list[str]:
-        """Features that split, those of most gain per cost first: good plans are found early."""
+        """Features that split, largest gain per cost first, so that good plans are found early."""
         gains = self.question.gains
         return sorted(gains, key=gains.__getitem__, reverse=True)
 
     @cached_property
     def estimate(self) -> float:
-        """Cost of splitting the group, were all features as good as the best.
+        """Cost of splitting the group if all features were as good as the best.
 
-        Next to nothing where a fault is all but certain: no feature gains anything there.
+        Near zero if one fault is almost certain: no feature gains anything there.
         """
         gain = self.question.gains[self.order[0]] if self.order else 0.0
         return entropy(self.question.group) / gain if gain > 0.0 else 0.0
 
     @cached_property
     def least(self) -> float:
-        """No plan costs less, nor does the estimate."""
+        """Whether no plan costs less, nor the estimate."""
         prices = self.question.prices
         return min(self.estimate, min((prices[name] for name in self.order), default=0.0))
 
@@ -107,19 +107,19 @@ Key = tuple[tuple[tuple[str, float], ...], tuple[tuple[str, float], ...]]
 
 
 def _key(group: Group, prices: Mapping[str, float]) -> Key:
-    """Group and features to choose from as a key; rounded, for the same group reached twice."""
+    """Group and available features as a key; rounded, so that equal groups share one entry."""
     return tuple((fault, round(p, 9)) for fault, p in group.items()), tuple(prices.items())
 
 
 class FeatureChooser:
-    """Chooses by one strategy over one table, and remembers with it what was chosen.
+    """Chooses by one strategy from one table, which caches the choices.
 
     ``optimal`` minimises J(G) = min over features of c_f + sum over v of P(v | G) J(G_v), with
     J = 0 where no feature splits G, by branch and bound over the groups that ``refine`` makes,
-    memoised. It plans to a horizon: a group reached with less than that probability is taken
-    at an estimate of its cost. The horizon moves out pass by pass to ``rules.horizon``, as long as
-    ``rules.most_states`` groups suffice; the last whole pass decides. With a horizon and a
-    ``rarest`` of 0 the plan is the optimum, of hard and of noisy tables alike.
+    memoised. It plans to a horizon: the cost of a group reached with less than that probability
+    is estimated. Passes extend the horizon up to ``rules.horizon`` within ``rules.most_states``
+    groups; the last complete pass decides. With a horizon and a ``rarest`` of 0 the plan is the
+    optimum, for deterministic and noisy tables.
     """
 
     def __init__(
@@ -142,12 +142,12 @@ class FeatureChooser:
         computed: Collection[str] = (),
         at_hand: Collection[str] = (),
     ) -> str | None:
-        """Feature to compute next, or None when nothing (more) can split the group.
+        """Feature to compute next, or None if no feature can split the group (further).
 
         Parameters
         ----------
-        computed : features already folded into the group, or known not to be computable now
-        at_hand : features whose answer is known but not yet folded in; they cost nothing
+        computed : features already used to update the group, or not computable now
+        at_hand : features whose answer is known but not yet used; they cost nothing
         """
         if len(group) < 2:
             return None
@@ -162,19 +162,19 @@ class FeatureChooser:
         return self._choices[key]
 
     def _rounded(self, group: Group) -> dict[str, float]:
-        """The group as it is chosen for: nobody who is in it is rounded out."""
+        """The group with rounded probabilities; rounding drops no member."""
         least = 10.0**-self.rules.digits
         known = normalised(group)
         return normalised({f: max(round(p, self.rules.digits), least) for f, p in known.items()})
 
     def _best(self, question: Question) -> str | None:
-        """First feature of the optimum as far as it could be planned."""
+        """First feature of the optimal plan, as far as it could be planned."""
         return self.plan(question)[0]
 
     def plan(self, question: Question) -> tuple[str | None, float]:
-        """First feature, and the horizon to which it is optimal, infinite without a whole pass.
+        """First feature, and the horizon of its optimality; infinite without a complete pass.
 
-        Starts from nothing each time: what is chosen must not depend on what was asked before.
+        Each search starts afresh: the choice must not depend on earlier questions.
         """
         self._memory.clear()
         found, reached, last = _information(question), math.inf, self.rules.horizon
@@ -188,7 +188,7 @@ class FeatureChooser:
         return found, reached
 
     def _prices(self, computed: Collection[str], at_hand: Collection[str]) -> dict[str, float]:
-        """Features to choose from, cheapest first."""
+        """Available features, cheapest first."""
         costs = {
             feature: 0.0 if feature in at_hand else self.table.costs[feature]
             for feature in self.table.features
@@ -197,7 +197,7 @@ class FeatureChooser:
         return dict(sorted(costs.items(), key=lambda item: (item[1], item[0])))
 
     def _node(self, group: Group, prices: Mapping[str, float]) -> _Node:
-        """What is known of a group with these features to choose from."""
+        """Search state of a group with these available features."""
         key = _key(group, prices)
         if key not in self._memory:
             if len(self._memory) >= self.rules.most_states:
@@ -212,9 +212,9 @@ class FeatureChooser:
         return [(p, self._node(smaller, left)) for p, smaller in rows if len(smaller) > 1]
 
     def _optimum(self, node: _Node, horizon: float, budget: float) -> float:
-        """Least expected cost to the leaves; infinite where no way stays under the budget.
+        """Least expected cost to the leaves; infinite if no plan stays under the budget.
 
-        ``horizon`` is relative to the probability of coming to this group at all.
+        ``horizon`` is relative to the probability of reaching this group.
         """
         if not node.order:
             return 0.0
@@ -232,7 +232,7 @@ class FeatureChooser:
         return best if best < budget else math.inf
 
     def _cost(self, node: _Node, feature: str, horizon: float, budget: float) -> float:
-        """Expected cost to the leaves when this feature comes next, as far as it matters."""
+        """Expected cost to the leaves if this feature is next; exact only below the budget."""
         price = node.question.prices[feature]
         if price >= budget:
             return math.inf

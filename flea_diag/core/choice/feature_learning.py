@@ -1,6 +1,6 @@
 """Learning a fault feature table from labelled windows: ranges, ranking, selection, entries.
 
-Good features vary much between faults and little within one, are cheap, and are not redundant
+Good features vary strongly between faults and little within one, are cheap and not redundant
 (Narasimhan et al. 2010, section 3.2).
 """
 
@@ -26,16 +26,16 @@ NOMINAL = "nominal"
 SYMBOLS = ("--", "-", "0", "0^", "+", "++")
 
 Ends = tuple[float, float, float]
-"""What is much below and much above, and the upper part of the range, in its half widths."""
+"""Ends of "much below", "much above" and the upper part, in half widths of the range."""
 WIDTHS = (1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0)
 UPPER = (1.0, 0.7, 0.4, 0.1, -0.2)
-"""Where the upper part of the range may begin; 1 is at its end, so that there is none."""
+"""Candidates for the start of the upper part of the range; 1: no upper part."""
 ALL_ENDS: tuple[Ends, ...] = tuple(product(WIDTHS, WIDTHS, UPPER))
-"""All that are tried."""
+"""All candidates."""
 
 ENOUGH_EVIDENCE = 4.5
-"""Sum of Bhattacharyya distances at which a pair of faults counts as split: were features
-independent, the odds of mistaking one for the other would be below exp(-4.5)."""
+"""Sum of Bhattacharyya distances at which a pair of faults counts as split: for independent
+features the odds of confusing the two are below exp(-4.5)."""
 
 LEAST_GAIN = 0.1
 REDUNDANT = 0.9
@@ -45,7 +45,7 @@ REDUNDANT = 0.9
 class Sample:
     """Feature values of one window of a run in which ``fault`` was present throughout.
 
-    ``reverses``: motion or load reverses in it.
+    ``reverses``: whether motion or load reverses in the window.
     """
 
     fault: str
@@ -61,7 +61,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class FeatureStatistics:
-    """Nominal ranges and, on their scale, the moving windows of each fault.
+    """Nominal ranges and, on their scale, the windows in motion of each fault.
 
     ``deviations``: feature to fault to (windows,), -1 and +1 at the ends of the range.
     """
@@ -76,9 +76,9 @@ class FeatureStatistics:
         return tuple(fault for fault in self.counts if fault != NOMINAL)
 
     def probability(self, fault: str, feature: str, ends: Ends) -> tuple[float, ...]:
-        """P(symbol) of ``SYMBOLS``, parted at these ``ends``.
+        """P(symbol) of ``SYMBOLS``, divided at these ``ends``.
 
-        Counts of windows with half a count added to each symbol, so none is ever 0.
+        Relative counts of windows, with half a count added to each symbol so that none is 0.
         """
         values = self.deviations[feature][fault]
         known = np.sort(values[~np.isnan(values)])
@@ -92,7 +92,7 @@ class FeatureStatistics:
 
 @dataclass(frozen=True)
 class Score:
-    """What a feature is worth: see `rank`."""
+    """Score of a feature: see `rank`."""
 
     feature: str
     variance_ratio: float
@@ -104,9 +104,9 @@ class Score:
 def learn(
     samples: Sequence[Sample], features: Sequence[str], false_alarm_rate: float
 ) -> FeatureStatistics:
-    """Nominal ranges at a false-alarm rate, and where the windows of each fault lie on them.
+    """Nominal ranges at a false-alarm rate, and the windows of each fault relative to them.
 
-    Features that no nominal range can be made of are left out.
+    Features without a nominal range are omitted.
 
     Raises
     ------
@@ -139,10 +139,10 @@ def learn(
 def rank(learned: FeatureStatistics, costs: Mapping[str, float]) -> list[Score]:
     """Features by information per cost, best first.
 
-    ``variance_ratio``: between-class over within-class variance of the deviations (squashed
-    to a few ranges, for one wild value is as good as a large one). ``auc``: mean over the
-    faults of the area under the ROC curve against nominal, whichever side. ``information_bit``:
-    mutual information of symbol and fault, all faults equally likely, what is much at 4.
+    ``variance_ratio``: between-class over within-class variance of the deviations, compressed to
+    a few ranges so that outliers do not dominate. ``auc``: mean over the faults of the area under
+    the ROC curve against nominal, on either side. ``information_bit``: mutual information of
+    symbol and fault, all faults equally likely, with "much" from 4 half widths.
     """
     scores = [
         Score(
@@ -162,8 +162,8 @@ def select(
 ) -> dict[str, Ends]:
     """Features, with the ends of their symbols, that together split every pair of faults.
 
-    Greedy, from those ``kept`` on: what adds most evidence where pairs still lack it, per root
-    of the cost; features that correlate with a chosen one above ``REDUNDANT`` are left out.
+    Greedy, starting with ``kept``: the feature that adds most evidence for pairs not yet split,
+    per square root of cost. Features correlated above ``REDUNDANT`` with a chosen one are omitted.
     """
     pairs = list(combinations(learned.faults, 2))
     evidence = {feature: _evidence(learned, feature, pairs) for feature in learned.ranges}
@@ -212,7 +212,7 @@ def _evidence(
 ) -> npt.NDArray[np.float64]:
     """Bhattacharyya distance of each pair at each choice of ends, shape (ends, pairs).
 
-    Times the part of the windows in which the feature can be computed at all.
+    Weighted by the share of windows in which the feature is computable.
     """
     rows = np.array(
         [[learned.probability(f, feature, ends) for f in learned.faults] for ends in ALL_ENDS]
@@ -257,9 +257,9 @@ def _information(learned: FeatureStatistics, feature: str) -> float:
 
 
 def nearest(learned: FeatureStatistics, feature: str, chosen: Iterable[str]) -> tuple[str, float]:
-    """Which of the chosen features one resembles most, and their correlation (absolute).
+    """The chosen feature most correlated with this one, and the absolute correlation.
 
-    Pearson's, over the moving windows of all faults, of the squashed deviations; ("", 0) where
+    Pearson's, of the compressed deviations over the windows in motion of all faults; ("", 0) if
     there is none to compare with.
     """
     one = _all_windows(learned, feature)

@@ -1,4 +1,4 @@
-"""What choosing a feature starts from: a group, features with prices, and what each may answer."""
+"""The input of a feature choice: a group, features with costs, and their possible answers."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from flea_diag.core.choice.feature_table import FaultFeatureTable
 Floats = npt.NDArray[np.float64]
 
 LEAST = 1e-300
-"""A probability that is next to nothing, to divide by."""
+"""A negligible probability, so that divisions are defined."""
 
 WORTH_ODDS = 4.0
-"""Shift of the odds between two faults for which a feature is computed."""
+"""Shift of the odds between two faults from which a feature is worth computing."""
 
 RAREST = 0.01
 """Answers less probable than this are not planned for."""
@@ -28,11 +28,11 @@ HORIZON = 0.01
 """Groups reached with less probability than this are estimated, not planned."""
 
 MOST_STATES = 30
-"""Groups that the search for the optimum looks at: some three thousandths of a second. Three times
-as many save less of features than they cost themselves."""
+"""Largest number of groups in the search for the optimum, about 3 ms. A search three times as
+large saves less than it costs."""
 
 DIGITS = 2
-"""To which probabilities are rounded before choosing, so that groups come again: see `plans`."""
+"""Rounding of probabilities before choosing, so that cached plans are found: see `plans`."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ class Rules:
 
 @dataclass(frozen=True)
 class Question:
-    """What a strategy is asked: the group, and the features to choose from with prices.
+    """The input of a strategy: the group, and the available features with their costs.
 
-    The group is normalised and in order of names. All answers of all features are worked out at
-    once, as arrays: a search asks hundreds of such questions. `outcomes` says the same in words.
+    The group is normalised and sorted by name. All answers of all features are computed at once
+    as arrays, because a search evaluates hundreds of groups. `outcomes` is the readable form.
     """
 
     group: Group
@@ -62,13 +62,13 @@ class Question:
 
     @cached_property
     def probability(self) -> Floats:
-        """Of each answer, shape (features, symbols); 0 where it is too rare to be planned for."""
+        """Probability of each answer, shape (features, symbols); 0 if too rare to plan for."""
         total = self._joint.sum(axis=2)
         return np.where(total > self.rules.rarest, total, 0.0)
 
     @cached_property
     def left(self) -> Floats:
-        """Groups after each answer, 0 for who is out, shape (features, symbols, faults)."""
+        """Groups after each answer, shape (features, symbols, faults); 0 for dropped faults."""
         with np.errstate(invalid="ignore", divide="ignore"):
             after = self._joint / self._joint.sum(axis=2, keepdims=True)
             after[~(after >= self.rules.drop_below)] = 0.0
@@ -76,7 +76,7 @@ class Question:
 
     @cached_property
     def worth(self) -> list[str]:
-        """Features of which some answer drops a member or shifts the odds between two by much.
+        """Features with an answer that drops a member or shifts the odds of two strongly.
 
         Cheapest first. A noisy feature may split a group only together with others.
         """
@@ -89,7 +89,7 @@ class Question:
 
     @cached_property
     def gains(self) -> dict[str, float]:
-        """Expected drop of entropy, in bits per unit of cost, of the features that are worth it."""
+        """Expected drop of entropy of the useful features, in bits per unit of cost."""
         left = self.left
         bits = -(left * np.log2(np.where(left > 0.0, left, 1.0))).sum(axis=2)
         expected = (self.probability * bits).sum(axis=1)
@@ -97,7 +97,7 @@ class Question:
         return {name: drops[name] / max(self.prices[name], 1e-9) for name in self.worth}
 
     def answers(self, feature: str) -> list[tuple[float, dict[str, float]]]:
-        """Probability of each answer of one feature, and the group that it leaves."""
+        """Probability of each answer of one feature, and the remaining group."""
         place = list(self.prices).index(feature)
         return [
             (p, {fault: q for fault, q in zip(self.group, row, strict=True) if q > 0.0})

@@ -1,8 +1,8 @@
-"""Which fault does what to which feature, and how surely (the fault feature table).
+"""The fault feature table: the effect of each fault on each feature, with probabilities.
 
-Narasimhan et al. 2010, section 3.3 and Table 3: one row a fault, one column a feature, the
-entry says how the feature reads against its nominal range. Here an entry may also carry the
-probability of each symbol, so that a noisy feature weighs instead of cutting.
+Narasimhan et al. 2010, section 3.3 and Table 3: one row per fault, one column per feature; an
+entry is the symbol of the feature against its nominal range. Here an entry may also hold the
+probability of each symbol, so that a noisy feature changes odds instead of excluding faults.
 """
 
 from __future__ import annotations
@@ -59,10 +59,10 @@ NOMINAL_KEYS = frozenset(
 class FaultFeatureTable:
     """Fault x feature -> probability of each symbol of ``alphabet``.
 
-    ``costs`` are relative CPU times (std of one window = 1), of the features that may be asked
-    for; others have entries for what alarms say of them. ``provenance`` says where each entry
-    comes from. A fault without a row is one of which the table knows nothing: every
-    symbol is equally likely, so no feature ever speaks for or against it.
+    ``costs``: relative CPU times (std of one window = 1) of the features that may be requested;
+    other features have entries for use with alarms only. ``provenance``: the source of each
+    entry. For a fault without a row every symbol is equally likely, so no feature is evidence
+    for or against it.
     """
 
     title: str
@@ -98,7 +98,7 @@ class FaultFeatureTable:
         return {feature: place for place, feature in enumerate(self.features)}
 
     def _columns(self, fault: str) -> Floats:
-        """P(symbol | fault) of all features, shape (features, symbols); kept."""
+        """P(symbol | fault) of all features, shape (features, symbols); cached."""
         if fault not in self._kept:
             rows = [self.probabilities(fault, feature) for feature in self.features]
             self._kept[fault] = np.array(rows).reshape(len(rows), len(self.alphabet))
@@ -111,8 +111,8 @@ class FaultFeatureTable:
     def place(self, symbol: str) -> int:
         """Index of a symbol in the alphabet.
 
-        A coarser table reads ``++`` as ``+`` and ``0^`` as ``0``, and a table of 0 and 1 what lies
-        outside as ``1``.
+        A coarser table reads ``++`` as ``+`` and ``0^`` as ``0``; a table of 0 and 1 reads any
+        value outside the range as ``1``.
         """
         if symbol in ("--", "-", "0^", "+", "++") and symbol not in self.alphabet:
             outside = symbol[0] != "0"
@@ -124,12 +124,12 @@ class FaultFeatureTable:
         return self.alphabet.index(symbol)
 
     def value(self, fault: str, feature: str) -> str:
-        """Most probable symbol; ``?`` where the table knows nothing."""
+        """Most probable symbol; ``?`` if the table has no entry."""
         entry = self.entries.get((fault, feature))
         return self.alphabet[entry.index(max(entry))] if entry else "?"
 
     def of_vibration(self) -> FaultFeatureTable:
-        """The same without features of the scans, for those who weigh the scans by likelihood."""
+        """The same without features of the scans, for use with likelihoods of the scans."""
         return self._of_vibration
 
     @cached_property
@@ -139,11 +139,11 @@ class FaultFeatureTable:
 
     @cached_property
     def plans(self) -> dict[Hashable, Any]:
-        """What was once planned with this table: it depends on nothing else, so it is kept."""
+        """Cache of plans made with this table; they depend on nothing else."""
         return {}
 
     def inseparable(self, faults: Iterable[str]) -> tuple[tuple[str, ...], ...]:
-        """Groups of faults whose symbols are alike in every column: no tree can split them."""
+        """Groups of faults with equal symbols in every column: no tree can split them."""
         groups: dict[tuple[str, ...], list[str]] = {}
         for fault in faults:
             row = tuple(self.value(fault, feature) for feature in self.features)
@@ -157,7 +157,7 @@ class FaultFeatureTable:
         Raises
         ------
         ConfigurationError
-            Naming file, fault, feature and value of what does not fit.
+            An entry is invalid; the message names file, fault, feature and value.
         """
         mapping = migrated("feature table", content, where)
         _known(_mapping(mapping, where), KEYS, where)
@@ -195,7 +195,7 @@ def _entries(
     confidence: float,
     where: str,
 ) -> tuple[dict[tuple[str, str], tuple[float, ...]], dict[tuple[str, str], str]]:
-    """Probabilities and sources of all entries; ``source`` of a row stands for its entries."""
+    """Probabilities and sources of all entries; ``source`` of a row applies to its entries."""
     entries: dict[tuple[str, str], tuple[float, ...]] = {}
     provenance: dict[tuple[str, str], str] = {}
     for fault, row in rows.items():
@@ -216,7 +216,7 @@ def _entries(
 
 
 def _unaffected(mapping: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Rows of the faults of section ``unaffected``, which share one list of entries."""
+    """Rows of the faults in section ``unaffected``, which share one list of entries."""
     where = f"{where}: unaffected"
     section = _mapping(mapping.get("unaffected") or {}, where, empty=True)
     _known(section, frozenset({"source", "faults", "entries"}), where)
@@ -271,7 +271,7 @@ def _ranges(mapping: Mapping[str, Any], key: str, where: str) -> dict[str, Nomin
 
 
 def _rate(value: Any, where: str) -> float:
-    """A share, or NaN where it is not known."""
+    """A share, or NaN if unknown."""
     unknown = isinstance(value, float) and math.isnan(value)
     return math.nan if unknown else _number(value, where, 0.0, 1.0)
 

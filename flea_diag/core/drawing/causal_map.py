@@ -1,7 +1,7 @@
-"""The temporal causal graph drawn small: equal variables as one node, with the residuals beside.
+"""Condensed temporal causal graph: equal variables merged into one node, with the residuals.
 
-Most edges of a TCG say that two variables are the same (the flows of a 1-junction, say). Here
-such variables are one node, so that the paths along which a fault spreads can be seen at once.
+Most edges of a TCG state that two variables are equal (for example the flows of a 1-junction).
+Merging such variables shows the propagation paths of a fault at a glance.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.symbolic.expression import Constant
 
 LONGEST_LABEL = 12
-"""A gain with more letters is the slope of a law: the picture says f for it."""
+"""Longest gain drawn as text; a longer one is the slope of a law and is drawn as f."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ class MapEdge:
 
 @dataclass(frozen=True)
 class CausalMap:
-    """Nodes, edges, and what causes and residuals are attached to which nodes.
+    """Nodes, edges, and the causes and residuals attached to each node.
 
-    ``parameters`` are by the node that they set directly; ``residuals`` name the channels
-    that each parity relation reads. The residual of a measurement is the channel's own node, and
-    one that is normalised by direction stands where the plain one does (``plain``).
+    ``parameters`` are listed by the node they set directly; ``residuals`` name the channels that
+    each parity relation reads. The residual of a measurement is the node of its channel; a
+    residual normalised by direction is drawn where the plain one is (``plain``).
     """
 
     channels: tuple[str, ...]
@@ -51,19 +51,19 @@ class CausalMap:
 
     @cached_property
     def layout(self) -> Layout:
-        """Where nodes and residuals stand; residuals have the last layer."""
+        """Positions of nodes and residuals; residuals are in the last layer."""
         reads = [(c, r) for r, channels in self.residuals.items() for c in channels]
         return layered([*((e.source, e.target) for e in self.edges), *reads], self.residuals)
 
     def path(self, cause: str, residual: str) -> tuple[str, ...]:
-        """Nodes from a cause to a residual, the shortest way; empty where there is none.
+        """Nodes on the shortest path from a cause to a residual; empty if there is none.
 
         Parameters
         ----------
         cause
-            A parameter, or a sensor's fault (``motor_current_bias``).
+            A parameter, or a sensor fault (``motor_current_bias``).
         residual
-            Name of a residual; one that the map does not hold has no path.
+            Name of a residual; one that is not in the map has no path.
         """
         residual = self.plain.get(residual, residual)
         wanted = set(self.residuals.get(residual, (residual,)))
@@ -95,7 +95,7 @@ def _back(came: Mapping[str, str], node: str) -> tuple[str, ...]:
 
 
 def causal_map(actuator: Actuator, model: str = "stand") -> CausalMap:
-    """Map of an actuator's TCG with all residuals of its description."""
+    """Condensed TCG of an actuator with all residuals of its description."""
     graph = temporal_causal_graph(actuator.relations(model), actuator.graph.parameters)
     channels = tuple(actuator.sensors)
     same = _same(graph, frozenset(channels))
@@ -129,7 +129,7 @@ def causal_map(actuator: Actuator, model: str = "stand") -> CausalMap:
 
 
 def _same(graph: TemporalCausalGraph, channels: frozenset[str]) -> dict[str, str]:
-    """The node that stands for each variable: follow edges that say 'equal', but for channels."""
+    """The node that represents each variable: follow 'equal' edges, except to channels."""
 
     def root(name: str) -> str:
         into = graph.into[name]

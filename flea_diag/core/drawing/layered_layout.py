@@ -1,9 +1,9 @@
-"""Places for the nodes of a directed graph, in layers from causes to effects.
+"""Layered layout of a directed graph, from causes to effects.
 
-The method of Sugiyama, Tagawa and Toda (1981) in its plainest form: a node's layer is the length
-of the shortest path to it from where nothing leads (longest paths would draw a graph with
-feedback as one long snake), a long edge has a place of its own in every layer that it crosses,
-and each layer is ordered by the mean place of its neighbours.
+The method of Sugiyama, Tagawa and Toda (1981) in its simplest form. The layer of a node is the
+length of the shortest path to it from a node without predecessors (longest paths would stretch a
+graph with feedback). A long edge has a position in every layer it crosses. Each layer is ordered
+by the mean position of its neighbours.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from itertools import pairwise
 
 Pair = tuple[str, str]
 Place = tuple[int, float]
-"""Layer, and place within the layer."""
+"""Layer, and position within the layer."""
 
 SWEEPS = 12
 
 
 @dataclass(frozen=True)
 class Layout:
-    """``places`` of the nodes, and the places that each edge passes, its ends included."""
+    """Positions of the nodes (``places``), and those each edge passes, ends included."""
 
     places: Mapping[str, Place]
     routes: Mapping[Pair, tuple[Place, ...]]
@@ -31,7 +31,7 @@ class Layout:
 
 
 def layered(edges: Iterable[Pair], last: Iterable[str] = ()) -> Layout:
-    """Layout of a graph; ``last`` are nodes that have the layer after all others."""
+    """Layout of a graph; the nodes ``last`` are in a layer after all others."""
     pairs = tuple(dict.fromkeys(edges))
     layer = _layers(pairs)
     end = max(layer.values(), default=0)
@@ -54,7 +54,7 @@ def layered(edges: Iterable[Pair], last: Iterable[str] = ()) -> Layout:
 
 
 def _layers(pairs: Sequence[Pair]) -> dict[str, int]:
-    """Length of the shortest path to each node; where all lead in a circle, from any of them."""
+    """Length of the shortest path to each node; a closed cycle starts at any of its nodes."""
     after: dict[str, list[str]] = {name: [] for pair in pairs for name in pair}
     for source, target in pairs:
         after[source].append(target)
@@ -75,7 +75,7 @@ def _layers(pairs: Sequence[Pair]) -> dict[str, int]:
 
 
 def _chain(pair: Pair, layer: Mapping[str, int]) -> tuple[str, ...]:
-    """The edge's ends and a knot in each layer between."""
+    """The ends of the edge, and one knot in each layer between them."""
     source, target = pair
     step = 1 if layer[target] >= layer[source] else -1
     between = range(layer[source] + step, layer[target], step)
@@ -93,7 +93,7 @@ def _rows(
 
 
 def _sweep(rows: list[list[str]], links: Sequence[Pair], downward: bool) -> None:
-    """Order each layer by where its neighbours in the layer before it stand."""
+    """Order each layer by the mean position of its neighbours in the layer before."""
     near: dict[str, list[str]] = {}
     for a, b in links:
         near.setdefault(a, []).append(b)
@@ -113,7 +113,7 @@ def _mean(place: Mapping[str, float], names: Iterable[str], otherwise: float) ->
 
 
 def _spread(rows: list[list[str]]) -> dict[str, Place]:
-    """Every layer centred on the widest one."""
+    """Centre every layer on the widest one."""
     widest = max((len(row) for row in rows), default=0)
     return {
         name: (k, (widest - len(row)) / 2 + at)

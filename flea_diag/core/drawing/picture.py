@@ -24,13 +24,13 @@ WRONG = "red"
 
 
 def bond_graph_dot(graph: BondGraph, causality: Causality) -> str:
-    """Bond graph with half-arrows and causal strokes; what is in conflict is red.
+    """Bond graph with half-arrows and causal strokes; conflicts are red.
 
-    The half-arrow points along positive power. The bar (tee) is the causal stroke: it stands
+    The half-arrow points in the direction of positive power. The bar (tee) is the causal stroke,
     at the end that receives the effort.
     """
     wrong = {c.node for c in causality.conflicts} | set(causality.derivative)
-    # A loop runs through efforts and flows, named for the elements that they belong to.
+    # A loop consists of efforts and flows, named after their elements.
     looped = {variable[2:] for loop in causality.loops for variable in loop}
     wrong |= looped & set(graph.elements)
     lines = [f"digraph {quoted(graph.name)} {{", "  rankdir=LR; node [fontsize=10];"]

@@ -23,7 +23,7 @@ SIGN = {"+": 1, "-": -1}
 
 @dataclass(frozen=True)
 class FaultHypothesis:
-    """One deviation: a parameter or an input that grew or fell, or a sensor in a fault mode.
+    """One deviation: an increase or decrease of a parameter or input, or a sensor fault mode.
 
     Prints as ``winding_resistance+`` or ``motor_current_bias-``.
     """
@@ -57,7 +57,7 @@ Alternative = tuple[FaultHypothesis, ...]
 class Fault:
     """One row of the catalogue.
 
-    ``alternatives`` is empty for a fault that only vibration shows. ``size`` is the reference
+    ``alternatives`` is empty for a fault that shows only in vibration. ``size`` is the reference
     size of the fault, a relative change of its parameters.
     """
 
@@ -79,7 +79,7 @@ class Fault:
 
     @property
     def onsets(self) -> tuple[Fault, ...]:
-        """The fault for each onset it may have: itself, or an abrupt and an incipient one."""
+        """The fault for each possible onset: itself, or one abrupt and one incipient."""
         if self.onset != "any":
             return (self,)
         return (replace(self, onset="abrupt"), replace(self, onset="incipient"))
@@ -111,7 +111,7 @@ def catalogue(content: Any, actuator: Actuator, where: str = "faults.yaml") -> d
     Raises
     ------
     ConfigurationError
-        A row names an unknown parameter, mode or word.
+        A row names an unknown parameter, mode or keyword.
     """
     top = schema.read(migrated("fault catalogue", content, where), where, _TOP)
     found = {

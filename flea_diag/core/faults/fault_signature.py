@@ -1,8 +1,8 @@
 """Fault signatures, and their consistency with an observation.
 
-A signature is an ordered pair of signs, magnitude (a jump at the onset) and slope (the first
-derivative that is not zero), with the order at which the effect first shows (Narasimhan et
-al. 2010, section 3.1; Mosterman and Biswas 1999).
+A signature is an ordered pair of signs: magnitude (a jump at the onset) and slope (the first
+nonzero derivative). It also holds the order of the first effect (Narasimhan et al. 2010,
+section 3.1; Mosterman and Biswas 1999).
 
 | predicted | fits an observation of +                   | where jumps are visible |
 |-----------|--------------------------------------------|-------------------------|
@@ -21,11 +21,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class FaultSignature:
-    """Signs of magnitude and slope, order of the first effect (-1: none), and why.
+    """Signs of magnitude and slope, order of the first effect (-1: none), and the reason.
 
-    ``derivatives`` holds the sign of every order, for progressive monitoring; ``strength`` the
-    size of the effect within a second, in sigmas of the sensor for a fault of its reference
-    size (0 where no number was computed).
+    ``derivatives`` holds the sign of every order, for progressive monitoring. ``strength`` is
+    the effect of a fault of reference size within one second, in standard deviations of the
+    sensor (0 if not computed).
     """
 
     magnitude: str
@@ -42,7 +42,7 @@ class FaultSignature:
 
     @property
     def direction(self) -> str:
-        """First sign of the residual: the magnitude, or the slope when there is no jump."""
+        """First sign of the residual: the magnitude, or the slope if there is no jump."""
         return self.magnitude if self.magnitude != "0" else self.slope
 
     @property
@@ -90,8 +90,8 @@ def compatible(
     observed_magnitude, observed_slope : ``+``, ``-``, ``0`` or ``?`` (not yet known)
         A normal residual (0) refutes no fault: the effect may be below the threshold.
     jump_visible
-        Whether a jump can be told from a fast rise on this residual. Where it cannot, a rise
-        from zero (``0+``), a jump that stays (``+0``) and one that grows (``++``) look alike.
+        Whether a jump can be distinguished from a fast rise on this residual. If not, a rise
+        from zero (``0+``), a step (``+0``) and a growing jump (``++``) are indistinguishable.
     """
     said = f"observed {observed_magnitude}{observed_slope}, predicted {predicted.symbols}"
     if observed_magnitude in "0?":

@@ -49,7 +49,7 @@ def refutes(shown: str, predicted: str) -> str:
     """How an effect with symbols ``shown`` refutes predicted ones, empty when it does not.
 
     What is open (``*``) in the effect may turn out either way, so it refutes only a fault
-    that does not move the residual at all.
+    that does not affect the residual at all.
     """
     effect = FaultSignature(shown[0], shown[1], 0, "")
     expected = FaultSignature(predicted[0], predicted[1], 0, "")
