@@ -1,7 +1,7 @@
 """Starts an executable of the package by name: ``python -m flea_diag.nodes.main diagnoser``.
 
-What an executable imports takes longer than people wait after Ctrl-C. So signals are taken before
-that, and a launcher holds them back until then: not even the start of Python shows a traceback.
+Imports take longer than a user waits after Ctrl-C. Signal handlers are therefore set before them,
+and the launcher blocks signals until then, so that no traceback appears even during start-up.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from flea_diag.wire.ending import ENDING, end_at_once
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the executable named first, with the other arguments; the exit status."""
+    """Run the executable named by the first argument; returns the exit status."""
     end_at_once()
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     arguments = list(sys.argv[1:] if argv is None else argv)

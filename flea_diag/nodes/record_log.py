@@ -1,7 +1,7 @@
-"""What a node decides, in its log: detections and verdicts once each, at the level of the verdict.
+"""Logs the decisions of a node: each detection and verdict once, at the level of the verdict.
 
-The log is for people who have no console open; ``/rosout`` carries it. ``--log-level
-NODE:=debug`` adds why: symbols, features asked for and answered, each fault that is dropped.
+For use without a console; also published on ``/rosout``. ``--log-level NODE:=debug`` adds the
+reasons: symbols, features requested and answered, and each fault dropped.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from flea_diag.wire.records import (
 from flea_diag.wire.wording import Words, words_of
 
 EXPLAINING: tuple[type, ...] = (Symbols, FeatureRequest, FeatureValue)
-"""Records that explain a verdict: they are logged for debugging alone."""
+"""Records that explain a verdict; logged at debug level only."""
 
 
 class RecordLog:
-    """Takes what a node publishes; each thing is said once, however often it is repeated."""
+    """Logs the records a node publishes; repeated content is logged once."""
 
     def __init__(self, bus: Bus[Any]) -> None:
         self._bus = bus
@@ -53,7 +53,7 @@ class RecordLog:
             self._bus.debug(_sentence(words_of(record)))
 
     def _group(self, group: AmbiguityGroup) -> None:
-        """The verdict where outcome, episode or members have changed, and what was dropped."""
+        """The verdict if outcome, episode or members have changed, and the faults dropped."""
         dropped = frozenset((each.fault, each.reason) for each in group.dropped)
         for fault, reason in sorted(dropped - self._dropped):
             self._bus.debug(f"dropped {fault}: {reason}")
@@ -64,7 +64,7 @@ class RecordLog:
             self._say(words_of(group), f"{group.outcome.value}: ")
 
     def _quality(self, quality: DataQuality) -> None:
-        """Channels that have become unsound; throttled, for a loose plug says it often."""
+        """Channels that have become invalid; throttled, because a loose plug repeats them."""
         rows = [(row.channel, words_of(row, quality)) for row in quality.channels]
         unsound = frozenset((name, _sentence(w)) for name, w in rows if w.level is not Level.OK)
         news = sorted(unsound - self._unsound)
@@ -77,5 +77,5 @@ class RecordLog:
 
 
 def _sentence(words: Words) -> str:
-    """The message without its level, which a log line has of its own."""
+    """The message without its level, which the log line already has."""
     return words.message.removeprefix(f"{words.level.name}: ")

@@ -1,4 +1,4 @@
-"""A connection that asks for nothing is closed: a browser that is there asks at once."""
+"""Closes idle connections: a real browser sends its request at once."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Any
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 REQUEST_S = 10.0
-"""A request is whole within so long of its connection, or of the answer before it."""
+"""Time limit for a complete request, from the connection or the previous answer."""
 MOST_CONNECTIONS = 100
-"""More at one time are refused: a screen has three."""
+"""Limit of simultaneous connections; a screen uses three."""
 
 
 class PatientProtocol(H11Protocol):
-    """HTTP as uvicorn speaks it, for at most ``REQUEST_S`` without a request."""
+    """uvicorn's HTTP protocol, closed after ``REQUEST_S`` without a request."""
 
     request_s = REQUEST_S
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Wait from now on."""
+        """Start the timeout."""
         super().connection_made(transport)
         self._look_again()
 
@@ -30,7 +30,7 @@ class PatientProtocol(H11Protocol):
     def _close_if_idle(self) -> None:
         transport: Any = self.transport
         if transport.is_closing() or transport.get_protocol() is not self:
-            return  # gone, or a WebSocket by now
+            return  # closed, or upgraded to a WebSocket
         answered = self.cycle is None or self.cycle.response_complete
         if answered and self.cycle is self._last:
             transport.abort()

@@ -1,6 +1,6 @@
-"""How often somebody may do a thing: guess a token, load the page.
+"""Rate limit by client, for token attempts and page loads.
 
-Counts go by who asks, and are bounded: whoever asks from many addresses shares one count.
+The number of counts is bounded: beyond it, all further addresses share one count.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ OTHERS = ""
 
 
 class Throttle:
-    """Lets so many through in any period, from each who asks.
+    """Sliding-window rate limit for each client.
 
     Parameters
     ----------
     most
-        So often within ``period_s``.
+        Requests allowed within ``period_s``.
     clock
-        Seconds that only grow.
+        Monotonic clock, s.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class Throttle:
         self._times: dict[str, deque[float]] = {}
 
     def passes(self, who: str) -> bool:
-        """Whether one more may pass; it counts where it may."""
+        """Whether one more request is allowed; if so, it is counted."""
         times = self._recent(who)
         if len(times) >= self._most:
             return False
@@ -49,7 +49,7 @@ class Throttle:
         return times
 
     def _forget(self) -> None:
-        """Those of whom nothing is recent."""
+        """Drop clients without recent requests."""
         begin = self._clock() - self._period_s
         self._times = {
             who: times for who, times in self._times.items() if times and times[-1] > begin

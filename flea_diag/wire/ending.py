@@ -1,9 +1,9 @@
-"""SIGINT and SIGTERM from the first line of a process to its last: status 0, no traceback, soon.
+"""Prompt exit on SIGINT and SIGTERM in every phase of a process: status 0, no traceback.
 
-Three phases. Before rclpy is there a signal ends the process at once: nothing is open yet. While
-rclpy takes the signals over they are held back, so that none falls between two handlers. From
-then on rclpy's handler shuts the context down, which ends the executor; a thread sees to it that
-the process ends even where Python gets no turn for long, as in a compiler.
+Three phases. Before rclpy is loaded, a signal ends the process at once: nothing is open yet.
+While rclpy installs its handlers, signals are blocked, so that none is lost between two handlers.
+From then on rclpy's handler shuts the context down, which ends the executor. A thread enforces
+the exit if the main thread does not return to Python in time, for example during compilation.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LOOK_S = 0.05
 def end_at_once() -> None:
     """Phase one: a signal ends the process, with status 0.
 
-    An exception would come out of the middle of some import.
+    An exception would be raised in the middle of an import.
     """
     for number in ENDING:
         signal.signal(number, lambda *_: os._exit(0))
@@ -29,9 +29,9 @@ def end_at_once() -> None:
 
 @contextmanager
 def handed_over() -> Iterator[None]:
-    """Phase two: what arrives meanwhile is delivered at the end, to the handlers set inside.
+    """Phase two: block signals; on exit they are delivered to the handlers set inside.
 
-    rclpy calls the handler that it found; Python's own would raise KeyboardInterrupt anywhere.
+    rclpy also calls the previous handler; Python's default would raise KeyboardInterrupt anywhere.
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
@@ -43,23 +43,24 @@ def handed_over() -> Iterator[None]:
 
 
 def ignore() -> None:
-    """At the very end: the interpreter gives handlers back to the system before it is gone.
+    """Ignore further signals during interpreter shutdown.
 
-    One more SIGINT would then kill the process; an ignored signal it leaves alone.
+    The interpreter restores the default handlers before it exits; a SIGINT would then kill the
+    process. Ignored signals stay ignored.
     """
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
 
 
 class Deadline:
-    """Phase three: ends the process where it has not ended itself soon after it was told to.
+    """Phase three: ends the process if it does not end in time after a shutdown request.
 
     Parameters
     ----------
     running
-        Whether nobody has asked it to end; called from another thread.
+        Whether no shutdown has been requested; called from another thread.
     patience_s
-        How long the end may take. May be changed while nobody has asked.
+        Time allowed for the shutdown. May be changed until a shutdown is requested.
     """
 
     def __init__(self, running: Callable[[], bool], patience_s: float) -> None:
@@ -69,7 +70,7 @@ class Deadline:
         threading.Thread(target=self._watch, name="deadline", daemon=True).start()
 
     def met(self) -> None:
-        """The process ends by itself: nothing is to be done any more."""
+        """Cancel the deadline: the process ends by itself."""
         self._ended.set()
 
     def _watch(self) -> None:

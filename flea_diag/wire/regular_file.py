@@ -1,7 +1,7 @@
-"""Files of others are opened here: regular ones alone, never a device, a pipe or a socket.
+"""Opens external files: regular files only, never a device, a pipe or a socket.
 
-``/dev/zero`` has no end, and a FIFO that nobody writes to has no beginning. The look is taken at
-what has been opened, not at what the name pointed to before.
+Reading ``/dev/zero`` never ends, and a FIFO without a writer blocks. The check is made on the
+opened file, so that the name cannot be redirected after it.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from flea_diag.errors import RecordingError
 
 
 def opened(path: Path) -> IO[bytes]:
-    """Open a regular file to be read in binary form.
+    """Open a regular file for reading in binary mode.
 
     Raises
     ------
     RecordingError
-        It is no regular file.
+        The path is not a regular file.
     OSError
-        It cannot be opened.
+        The file cannot be opened.
     """
-    # Without O_NONBLOCK a FIFO would be waited for.
+    # Without O_NONBLOCK, opening a FIFO blocks.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
@@ -33,14 +33,14 @@ def opened(path: Path) -> IO[bytes]:
 
 
 def read_bytes(path: Path, limit_bytes: int) -> bytes:
-    """Content of a regular file of at most so many bytes.
+    """Content of a regular file of at most ``limit_bytes``.
 
     Raises
     ------
     RecordingError
-        It is no regular file, or larger.
+        The path is not a regular file, or the file is too large.
     OSError
-        It cannot be read.
+        The file cannot be read.
     """
     with opened(path) as stream:
         data = stream.read(limit_bytes + 1)

@@ -123,7 +123,7 @@ def from_mapping(content: object, where: str) -> Calibration:
     Raises
     ------
     CalibrationError
-        Naming ``where`` and the entry that is missing, unknown, of the wrong kind or not finite.
+        An entry is missing, unknown, of the wrong type or not finite; ``where`` is named.
     """
     mapping = migrated("calibration", content, where)
     if mapping.get("speed_regions_m_s") != list(SPEED_REGIONS_M_S):

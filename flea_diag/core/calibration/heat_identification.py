@@ -20,7 +20,7 @@ from flea_diag.core.residuals.residual_rows import INDEX
 
 Array = npt.NDArray[np.float64]
 Source = Callable[[Array, ActuatorParameters, float], float]
-"""What heats, as its mean over one recording."""
+"""Heat source of a node, as its mean over one recording."""
 
 LEAST_RUNS = 4
 LEAST_COOLING_PER_S = 1e-5

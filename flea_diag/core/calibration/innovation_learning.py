@@ -23,7 +23,7 @@ from flea_diag.core.residuals.residual_rows import INNOVATION_INDEX
 
 Array = npt.NDArray[np.float64]
 MakeObserver = Callable[[ActuatorParameters], StateObserver]
-"""A fresh observer of an actuator with these parameters, always of the same seed."""
+"""A new observer of an actuator with these parameters; the seed is fixed."""
 
 SEED = 1
 PIECES = 4

@@ -1,4 +1,4 @@
-"""Kinematics of rolling elements: how often a defect is struck in one shaft revolution."""
+"""Bearing frequencies: how often a defect is struck per shaft revolution."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 class BallScrew:
     """Geometry of a ball screw whose nut does not turn.
 
-    Orders follow from pure rolling, as for a bearing whose inner race is the screw and whose
-    number of balls is that of one turn of the helix.
+    Orders assume pure rolling, as in a bearing whose inner race is the screw and whose balls are
+    those of one turn of the helix.
     """
 
     pitch_diameter_m: float
@@ -19,10 +19,10 @@ class BallScrew:
     lead_m: float
     contact_angle_rad: float = math.pi / 4.0
     spacing: float = 1.02
-    """Distance from ball to ball in the train, in ball diameters."""
+    """Distance between adjacent balls of the train, in ball diameters."""
 
     def orders(self) -> dict[str, float]:
-        """Orders of a defect on the nut, on the screw and on a ball (two strikes a spin)."""
+        """Orders of a defect on the nut, the screw and a ball (two strikes per spin)."""
         helix = math.atan(self.lead_m / (math.pi * self.pitch_diameter_m))
         balls = (
             math.pi * self.pitch_diameter_m
@@ -44,7 +44,7 @@ class Bearing:
     contact_angle_rad: float = 0.0
 
     def orders(self) -> dict[str, float]:
-        """Orders of a defect on the outer race, the inner race and a ball (two a spin)."""
+        """Orders of a defect on the outer race, the inner race and a ball (two per spin)."""
         outer, inner, ball = _orders(
             self.balls, self.ball_diameter_m / self.pitch_diameter_m, self.contact_angle_rad
         )
@@ -52,7 +52,7 @@ class Bearing:
 
 
 def _orders(balls: float, ratio: float, contact_angle: float) -> tuple[float, float, float]:
-    """Strikes a revolution on the standing race, the turning race and a ball."""
+    """Strikes per revolution on the stationary race, the rotating race and a ball."""
     slope = ratio * math.cos(contact_angle)
     return (
         0.5 * balls * (1.0 - slope),

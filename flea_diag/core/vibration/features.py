@@ -1,4 +1,4 @@
-"""The registry of features, one row a feature, and what a feature id means on a window.
+"""The registry of features, one row per feature, and the evaluation of a feature id.
 
 An id such as ``accelerometer_2_std`` names the accelerometer and the feature. A new feature
 is a function on a `Window` and a row here.
@@ -22,7 +22,7 @@ from flea_diag.errors import ConfigurationError
 
 
 class Scope(str, Enum):
-    """What a feature looks at; the value is what its id starts with."""
+    """The signals a feature uses; the value is the prefix of its id."""
 
     ACCELEROMETER = "accelerometer_<n>_"
     PAIR = "accelerometers_"
@@ -34,9 +34,9 @@ class Feature:
     """One row of the registry.
 
     ``cost`` is CPU time relative to ``std`` as ``flea features bench`` measures it.
-    ``combine`` makes one value of those of the axes. ``logarithmic`` features are positive
-    and spread by factors: nominal ranges are fitted to their logarithm. ``needs_scans``:
-    the motion takes part, so scans must cover the window too.
+    ``combine`` reduces the values of the axes to one. ``logarithmic`` features are positive
+    and vary by factors: nominal ranges are fitted to their logarithm. ``needs_scans``: the
+    feature uses the motion, so scans must cover the window too.
     """
 
     name: str
@@ -117,7 +117,7 @@ FEATURES: dict[str, Feature] = {row.name: row for row in _ROWS}
 
 @dataclass(frozen=True)
 class FeatureId:
-    """A feature and the accelerometer that it is computed on ("" where it has none)."""
+    """A feature and its accelerometer ("" if it has none)."""
 
     feature: Feature
     accelerometer: str = ""
@@ -132,12 +132,12 @@ class FeatureId:
 
     @classmethod
     def parse(cls, text: str) -> FeatureId:
-        """Feature and accelerometer that an id names.
+        """Parse an id into feature and accelerometer.
 
         Raises
         ------
         ConfigurationError
-            Naming the id, where no such feature exists.
+            There is no such feature; the message names the id.
         """
         number, _, name = text.removeprefix("accelerometer_").partition("_")
         if number.isdigit() and name in FEATURES:
@@ -160,7 +160,7 @@ def compute(text: str, window: Window) -> float:
     Raises
     ------
     NotComputableError
-        With the reason, where the window does not allow the feature.
+        The feature cannot be computed on this window; the message is the reason.
     """
     return evaluate(FeatureId.parse(text), window)
 
@@ -187,7 +187,7 @@ def compute_all(texts: Iterable[str], window: Window) -> dict[str, float]:
 
 
 def try_out(texts: Iterable[str], rate_hz: float) -> None:
-    """Compute features on a made-up second: what they stand on is loaded and compiled then."""
+    """Compute features on one synthetic second, which loads and compiles their libraries."""
     points = 1 + round(rate_hz or 1000.0)
     wave = np.sin(np.outer(np.arange(points) ** 1.5, np.arange(1.0, 7.0)))
     axes = tuple(f"accelerometer_{number}_{axis}" for number in (1, 2) for axis in "xyz")
@@ -195,7 +195,7 @@ def try_out(texts: Iterable[str], rate_hz: float) -> None:
 
 
 def all_ids(axes: Iterable[str]) -> tuple[str, ...]:
-    """Ids of every feature that a stand with these axes can have."""
+    """Ids of every feature available on a stand with these axes."""
     accelerometers = tuple(dict.fromkeys(axis.rsplit("_", 1)[0] for axis in axes))
     return tuple(
         str(FeatureId(feature, name))
@@ -206,8 +206,8 @@ def all_ids(axes: Iterable[str]) -> tuple[str, ...]:
 
 def _finite(feature: Feature, window: Window) -> float:
     if feature.scope is not Scope.SCANS and not window.is_finite:
-        raise NotComputableError("the window holds samples that are not finite")
+        raise NotComputableError("the window contains samples that are not finite")
     value = float(feature.combine(np.asarray(feature.function(window), dtype=np.float64)))
     if not np.isfinite(value):
-        raise NotComputableError(f"{feature.name} came out as {value!r}")
+        raise NotComputableError(f"{feature.name} = {value!r} is not finite")
     return value

@@ -1,8 +1,8 @@
 """Condition indicators from the envelope and from orders of the shaft.
 
-Impacts ring a resonance; the envelope of that band beats at the rate of the impacts
-(McFadden and Smith 1984). Rates follow the shaft, so spectra are taken over shaft angle, not
-over time, and a motion that swings back and forth is cut where it reverses.
+Impacts excite a resonance; the envelope of that band repeats at the rate of the impacts
+(McFadden and Smith 1984). The rate is proportional to shaft speed, so spectra are taken over
+shaft angle instead of time, and a reciprocating motion is divided at its reversals.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from flea_diag.core.vibration.window import Floats, NotComputableError, Window, 
 ENVELOPE_BAND_HZ = (1500.0, 9500.0)
 BINS_PER_REVOLUTION = 64
 SLOWEST_RAD_S = 10.0
-"""Below this speed impacts are too weak and too rare to count."""
+"""Below this speed impacts are too weak and too rare to be used."""
 
 ORDER_TOLERANCE = 0.03
-"""Slip of the balls and error of the kinematics, as a part of the order."""
+"""Slip of the balls and error of the kinematics, relative to the order."""
 
 FEWEST_REVOLUTIONS = 2.0
 SMALLEST_LINE = 4.0
-"""A line is named only when it stands this far above its surroundings (ratio of amplitudes)."""
+"""A line is named only if it exceeds its surroundings by this ratio of amplitudes."""
 
 
 def envelope(window: Window, band_hz: tuple[float, float] = ENVELOPE_BAND_HZ) -> Floats:
@@ -41,8 +41,8 @@ def envelope(window: Window, band_hz: tuple[float, float] = ENVELOPE_BAND_HZ) ->
 def order_spectrum(rows: Floats, window: Window) -> tuple[Floats, Floats]:
     """Orders (bins,) and amplitudes (axes, bins) of ``rows`` over travelled shaft angle.
 
-    Each stretch of one direction is averaged into 64 bins a revolution, weighted with a Hann
-    window, transformed on one common grid of orders, and the powers are averaged by length.
+    Each stretch of one direction is averaged into 64 bins per revolution, weighted with a Hann
+    window and transformed on a common grid of orders; powers are averaged weighted by length.
     """
     stretches = [_by_angle(rows, window, start, stop) for start, stop in _stretches(window)]
     longest = max(stretch.shape[1] for stretch in stretches)
@@ -84,11 +84,11 @@ def line_ratio(line: str) -> Callable[[Window], Floats]:
 
 
 def named_line(window: Window) -> str:
-    """Name of the ball-pass line that stands highest above its surroundings.
+    """Name of the ball-pass line that is highest above its surroundings.
 
-    The first two multiples count, as geometric mean. ``unclassified`` where none stands
-    ``SMALLEST_LINE`` times above. A ball fault often shows the lines of the race that it
-    strikes, so the name is that of a line, not of a culprit.
+    The geometric mean of the first two multiples is used. ``unclassified`` if none reaches
+    ``SMALLEST_LINE`` times its surroundings. A ball fault often shows the lines of the race it
+    strikes, so the name is that of a line, not of the faulty part.
     """
     orders, amplitude = _envelope_orders(window)
     heights = {
@@ -120,13 +120,13 @@ def _over_surroundings(orders: Floats, amplitude: Floats, order: float) -> Float
         raise NotComputableError(f"order {order:g} is outside the spectrum of this window")
     surroundings = np.median(amplitude[:, around], axis=1)
     if not (surroundings > 0.0).all():
-        raise NotComputableError("an axis is constant, its envelope is empty")
+        raise NotComputableError("an axis is constant: its envelope is zero")
     return np.asarray(amplitude[:, on_line].max(axis=1) / surroundings)
 
 
 @shared
 def _stretches(window: Window) -> list[tuple[int, int]]:
-    """Stretches of one direction, faster than the slowest and two revolutions long."""
+    """Stretches of one direction, above the lowest speed and at least two revolutions long."""
     direction = np.where(np.abs(window.speed) > SLOWEST_RAD_S, np.sign(window.speed), 0.0)
     edges = np.flatnonzero(np.diff(direction)) + 1
     bounds = [0, *edges.tolist(), window.count]
@@ -146,7 +146,7 @@ def _stretches(window: Window) -> list[tuple[int, int]]:
 
 
 def _by_angle(rows: Floats, window: Window, start: int, stop: int) -> npt.NDArray[np.float64]:
-    """Mean of each row in each bin of travelled angle, shape (axes, bins), mean removed."""
+    """Mean of each row in each bin of travelled angle, without its mean, shape (axes, bins)."""
     travelled = np.abs(window.shaft_angle_rad[start:stop] - window.shaft_angle_rad[start])
     bins = (travelled * (BINS_PER_REVOLUTION / (2.0 * np.pi))).astype(np.intp)
     visits = np.maximum(np.bincount(bins), 1)

@@ -1,7 +1,7 @@
-"""Condition indicators that hold vibration or current against the motion.
+"""Condition indicators that relate vibration, current or temperature to the motion.
 
-The slow ones are the indirect features of the founding paper (Narasimhan et al. 2010, section
-3.2): regressions of the motor current and the temperatures over the scans of the window.
+Those of the scans are the indirect features of Narasimhan et al. 2010, section 3.2: regressions
+of the motor current and the temperatures over the scans of the window.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ REVERSAL_S = 0.03
 
 LEVEL_S = 0.01
 WORST_CONDITION = 50.0
-"""Of the scaled regression; beyond it the coefficients are noise."""
+"""Largest condition number of the scaled regression; beyond it the coefficients are noise."""
 
 
 def reverses(speed_rad_s: npt.ArrayLike, load_n: npt.ArrayLike) -> bool:
-    """Whether motion or load turns from beyond one side of its band to beyond the other.
+    """Whether motion or load crosses its band from one side to the other.
 
-    Play, if there is any, is taken up then: in a window without a reversal a worn nut is silent.
+    Backlash, if any, is taken up then: in a window without a reversal a worn nut does not show.
     """
     turning = ((speed_rad_s, REVERSAL_RAD_S), (load_n, REVERSAL_N))
     rows = [(np.asarray(values, float), band) for values, band in turning]
@@ -37,13 +37,13 @@ def reverses(speed_rad_s: npt.ArrayLike, load_n: npt.ArrayLike) -> bool:
 def rest_moving_ratio(window: Window) -> Floats:
     """Ratio of the standard deviation at rest to that in motion.
 
-    What the machine does stops with it; what a failing accelerometer makes up goes on.
+    Machine vibration stops with the motion; the noise of a failing accelerometer continues.
     """
     speed = np.abs(window.speed)
     rest, moving = speed < REST_RAD_S, speed > MOVING_RAD_S
     for name, part in (("below 10", rest), ("above 30", moving)):
         if part.sum() < SHORTEST_S * window.rate_hz:
-            raise NotComputableError(f"the window holds less than {SHORTEST_S:g} s {name} rad/s")
+            raise NotComputableError(f"the window has less than {SHORTEST_S:g} s {name} rad/s")
     return _level(window, rest) / _positive(_level(window, moving))
 
 
@@ -51,15 +51,15 @@ def rest_std(window: Window) -> Floats:
     """Level while the shaft is slower than 10 rad/s: standard deviation, m/s^2."""
     rest = np.abs(window.speed) < REST_RAD_S
     if rest.sum() < SHORTEST_S * window.rate_hz:
-        raise NotComputableError(f"the window holds less than {SHORTEST_S:g} s below 10 rad/s")
+        raise NotComputableError(f"the window has less than {SHORTEST_S:g} s below 10 rad/s")
     return _level(window, rest)
 
 
 def reversal_ratio(window: Window) -> Floats:
     """Peak within 30 ms of a reversal over the standard deviation elsewhere, a ratio.
 
-    The lost motion of a worn nut is taken up, with a knock, when the screw turns back or the
-    load changes sides.
+    The backlash of a worn nut is taken up with an impact when the screw reverses or the load
+    changes sign.
     """
     turns: list[Floats] = [_turns(window.speed, REVERSAL_RAD_S) / window.rate_hz]
     load = window.slow.get("load_force")
@@ -97,7 +97,7 @@ def level_correlation(window: Window) -> float:
     """Correlation of the levels, over 10 ms, of the first two accelerometers, -1 to 1."""
     names = window.accelerometers
     if len(names) < 2:
-        raise NotComputableError("needs two accelerometers, the stream holds one")
+        raise NotComputableError("needs two accelerometers, the stream has one")
     first, second = (_levels(window.of(name)).mean(axis=0) for name in names[:2])
     return float(_correlation(first[np.newaxis], second)[0])
 
@@ -155,7 +155,7 @@ def _friction(window: Window) -> tuple[float, float]:
 def _circuit(window: Window) -> tuple[float, float]:
     """Coefficients of the current and of the speed in the motor voltage.
 
-    Bypassed turns lower both: the motor needs less voltage for its speed, and for its current.
+    Bypassed turns lower both: the motor needs less voltage for the same speed and current.
     """
     current, speed = window.channel("motor_current"), window.channel("motor_speed")
     if np.sqrt(np.mean(np.square(speed))) < REST_RAD_S:
@@ -166,7 +166,7 @@ def _circuit(window: Window) -> tuple[float, float]:
 
 
 def _coefficients(design: Floats, values: Floats, what: str) -> list[float]:
-    """Least squares; refused where the motion does not tell the columns apart.
+    """Least squares; refused if the motion does not separate the columns.
 
     design : (scans, columns), values : (scans,)
     """
@@ -174,13 +174,13 @@ def _coefficients(design: Floats, values: Floats, what: str) -> list[float]:
     scale[scale == 0.0] = 1.0
     singular = np.linalg.svd(design / scale, compute_uv=False)
     if singular[0] > WORST_CONDITION * singular[-1]:
-        raise NotComputableError(f"the motion in the window does not tell {what} apart")
+        raise NotComputableError(f"the motion in the window does not separate {what}")
     solution = np.linalg.lstsq(design / scale, values)[0] / scale
     return [float(value) for value in solution]
 
 
 def _turns(values: Floats, band: float) -> npt.NDArray[np.intp]:
-    """Indices at which values have crossed from beyond one side of a band to the other."""
+    """Indices at which values have crossed a band from one side to the other."""
     beyond = np.flatnonzero(np.abs(values) > band)
     turned = np.flatnonzero(np.diff(np.sign(values[beyond])))
     return np.asarray(beyond[turned + 1])
@@ -228,5 +228,5 @@ def _correlation(rows: Floats, reference: Floats) -> Floats:
 def _positive(values: Floats) -> Floats:
     """Refuse values that are not above zero."""
     if not (values > 0.0).all():
-        raise NotComputableError("a signal is constant, the ratio has no meaning")
+        raise NotComputableError("a signal is constant: ratio undefined")
     return values

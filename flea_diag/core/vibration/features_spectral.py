@@ -1,7 +1,7 @@
 """Condition indicators in the frequency and the wavelet domain.
 
-Functions return one value an axis, shape (axes,), unless they say that they compare axes.
-Bands and spectra come from the one FFT of the window; only Welch averages make their own.
+Functions return one value per axis, shape (axes,), unless they compare axes. Bands and spectra
+use the one FFT of the window; only Welch averages compute their own.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from flea_diag.core.vibration.window import Floats, NotComputableError, Window, 
 
 BANDS_HZ = ((5.0, 100.0), (100.0, 500.0), (500.0, 1500.0), (1500.0, 3000.0),
             (3000.0, 6000.0), (6000.0, 9500.0))  # fmt: skip
-"""Below the structure's modes, around the motor's, around the nut's, and above them all."""
+"""Below the modes of the structure, around those of motor and nut, and above all of them."""
 
 WAVELET = "db4"
 WAVELET_LEVEL = 3
@@ -51,8 +51,7 @@ def spectral_spread(window: Window) -> Floats:
 def spectral_flatness(window: Window) -> Floats:
     """Geometric over arithmetic mean of the Welch spectrum: 1 for white noise, 0 for a line.
 
-    Noise of the sensor itself is flat; noise that comes through the structure carries its
-    resonances.
+    Sensor noise has a flat spectrum; noise transmitted by the structure shows its resonances.
     """
     density = welch(window)[1]
     _total(density)
@@ -107,7 +106,7 @@ def wavelet_packet_energies(window: Window) -> Floats:
         deeper: list[tuple[Floats, bool]] = []
         for node, mirrored in nodes:
             low, high = pywt.dwt(node, WAVELET, "periodization", axis=1)
-            # High-pass and decimation mirror a band, so the order of the halves alternates.
+            # High-pass and decimation mirror a band, so the order of its halves alternates.
             deeper += [(high, False), (low, True)] if mirrored else [(low, False), (high, True)]
         nodes = deeper
     energy = np.stack([np.einsum("an,an->a", node, node) for node, _ in nodes], axis=1)
@@ -118,8 +117,8 @@ def wavelet_packet_energies(window: Window) -> Floats:
 def accelerometer_coherence(window: Window) -> float:
     """Mean magnitude squared coherence of the like axes of the first two accelerometers.
 
-    Welch, |S12|^2 / (S11 S22), averaged over frequency: what the machine does reaches both
-    sensors, what one sensor makes up itself stays its own.
+    Welch, |S12|^2 / (S11 S22), averaged over frequency: machine vibration reaches both sensors,
+    the noise of one sensor does not.
     """
     first, second = _pair(window)
     return float(np.mean(_coherence(_segments(first), _segments(second))))
@@ -132,7 +131,7 @@ def axis_coherence(window: Window) -> Floats:
     noise is not.
     """
     if len(window.axes) < 2:
-        raise NotComputableError("one axis alone has nothing to be coherent with")
+        raise NotComputableError("coherence needs two axes, the window has one")
     segments = _segments(window)
     pairs = [(a, b) for a in range(len(segments)) for b in range(a)]
     return np.array([np.mean([np.mean(_coherence(segments[a], segments[b])) for a, b in pairs])])
@@ -201,10 +200,10 @@ def _coherence(
 
 
 def _pair(window: Window) -> tuple[Window, Window]:
-    """Windows of the first two accelerometers, which must have as many axes."""
+    """Windows of the first two accelerometers, which must have the same axes."""
     names = window.accelerometers
     if len(names) < 2:
-        raise NotComputableError("needs two accelerometers, the stream holds one")
+        raise NotComputableError("needs two accelerometers, the stream has one")
     first, second = window.of(names[0]), window.of(names[1])
     if len(first.axes) != len(second.axes):
         raise NotComputableError(f"{names[0]} and {names[1]} do not have the same axes")
@@ -212,8 +211,8 @@ def _pair(window: Window) -> tuple[Window, Window]:
 
 
 def _total(values: Floats) -> Floats:
-    """Sum over the last axis, refused where an axis carries no power at all."""
+    """Sum over the last axis; refused if an axis has no power."""
     total = values.sum(axis=-1)
     if not np.all(total > 0.0):
-        raise NotComputableError("an axis is constant, its spectrum is empty")
+        raise NotComputableError("an axis is constant: its spectrum is zero")
     return np.asarray(total)

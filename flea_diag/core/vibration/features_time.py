@@ -1,6 +1,6 @@
 """Condition indicators in the time domain: amplitude and shape of one accelerometer.
 
-Every function takes a `Window` and returns one value an axis, shape (axes,).
+Every function takes a `Window` and returns one value per axis, shape (axes,).
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def shape_factor(window: Window) -> Floats:
 def local_kurtosis(window: Window, block_s: float = 0.02) -> Floats:
     """Median over blocks of 20 ms of the kurtosis within a block.
 
-    A vibration that only swells and fades with the speed has a high kurtosis over a whole
-    window but 3 within each block; single impacts raise a block's kurtosis itself.
+    A vibration whose level follows the speed has a high kurtosis over the whole window but 3
+    within each block; impacts raise the kurtosis within a block.
     """
     squares = np.square(_blocks(window, block_s))
     fourth = np.einsum("abn,abn->ab", squares, squares) / squares.shape[2]
@@ -80,14 +80,14 @@ def local_kurtosis(window: Window, block_s: float = 0.02) -> Floats:
 def intermittence(window: Window, block_s: float = 0.02) -> Floats:
     """Ninth decile over median of the standard deviation of blocks of 20 ms; 1 when steady.
 
-    High for a rub or an impact that comes and goes, low for steady friction and for the
-    noise of a failing sensor.
+    High for intermittent rubbing or impacts, low for steady friction and for the noise of a
+    failing sensor.
     """
     blocks = _blocks(window, block_s)
     levels = np.sqrt(np.einsum("abn,abn->ab", blocks, blocks) / blocks.shape[2])
     median = np.median(levels, axis=1)
     if not (median > 0.0).all():
-        raise NotComputableError("an axis is constant, its levels have no ratio")
+        raise NotComputableError("an axis is constant: ratio of levels undefined")
     return np.asarray(np.quantile(levels, 0.9, axis=1) / median)
 
 
@@ -96,19 +96,19 @@ def _blocks(window: Window, block_s: float) -> Floats:
     points = round(block_s * window.rate_hz)
     blocks = window.count // points
     if blocks < 4:
-        raise NotComputableError(f"window of {window.duration_s:g} s holds fewer than 4 blocks")
+        raise NotComputableError(f"window of {window.duration_s:g} s is shorter than 4 blocks")
     rows = window.centred[:, : blocks * points]
     return rows.reshape(len(rows), blocks, points)
 
 
 def _spread(window: Window) -> Floats:
-    """Refuse an axis that does not move at all, else its standard deviation."""
+    """Standard deviation of each axis; refused if an axis is constant."""
     if not (window.std > 0.0).all():
         raise NotComputableError("an axis is constant, its moments have no ratio")
     return window.std
 
 
 def _mean_absolute(window: Window) -> Floats:
-    """Mean of |x - mean|, refused where an axis does not move at all."""
+    """Mean of |x - mean|; refused if an axis is constant."""
     _spread(window)
     return np.asarray(np.abs(window.centred).mean(axis=1))

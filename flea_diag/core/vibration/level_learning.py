@@ -28,7 +28,7 @@ Levels = Sequence[tuple[VibrationOperatingPoint, Mapping[str, float]]]
 
 LEAST_RUNS = 20
 LEAST_HALF_WIDTH = 0.3
-"""Of a range, in the logarithm: sensors that were not learned from may differ by a third."""
+"""Widening of a range, in the logarithm: sensors not learned from may differ by a third."""
 
 
 def learn_levels(
@@ -36,9 +36,9 @@ def learn_levels(
 ) -> dict[str, NominalRange]:
     """Range of each axis that raises an alarm in a share of ``false_alarm_rate`` of healthy runs.
 
-    Of runs as long as these: units differ more than the blocks of one, but a longer run has more
-    of them. Of blocks in motion, or of those at rest. Axes with fewer than ``LEAST_RUNS`` runs
-    that could raise an alarm at all are left out.
+    The rate holds for runs of this length: units differ more than the blocks of one unit, but a
+    longer run has more blocks. For blocks in motion or blocks at rest. Axes with fewer than
+    ``LEAST_RUNS`` runs in which an alarm is possible are omitted.
     """
     kept = [[row for row in run if row[0].moving == moving] for run in runs]
     kept = [run for run in kept if len(run) >= RAISED]
@@ -52,16 +52,16 @@ def learn_levels(
 
 
 def gumbel(rate: float) -> float:
-    """Deviations from the mean that one more passes with ``rate``, by Gumbel's law of the largest.
+    """Standard deviations above the mean that one more run exceeds with ``rate`` (Gumbel).
 
-    Its tail is heavier than a normal one: the level of healthy units differs near normally, but
-    limits by that law called three times in six hours where 0.1 an hour were stated.
+    The tail is heavier than that of a normal distribution: limits from a normal distribution gave
+    three alarms in six hours for a stated rate of 0.1 per hour.
     """
     return (-math.log(-math.log1p(-rate)) - np.euler_gamma) * math.sqrt(6.0) / math.pi
 
 
 def _range(axis: str, runs: Sequence[Levels], rate: float) -> NominalRange:
-    """Centre fitted to single blocks, ends to what the rule saw of each run at most."""
+    """Centre fitted to single blocks, ends to the largest value of the rule in each run."""
     blocks = [(point, levels[axis]) for run in runs for point, levels in run]
     points, values = [point for point, _ in blocks], [level for _, level in blocks]
     centred = learn_nominal(values, rate, points, logarithmic=True)
@@ -75,10 +75,10 @@ def _range(axis: str, runs: Sequence[Levels], rate: float) -> NominalRange:
 
 
 def _end(ends: npt.NDArray[np.float64], rate: float) -> float:
-    """Upper end that a new run passes with probability ``rate``, from those of the runs seen.
+    """Upper end that a new run exceeds with probability ``rate``, from the observed runs.
 
-    Their order statistics as far as these reach; beyond, the law of extremes, and never less than
-    the largest seen.
+    By order statistics within the observed rates; beyond them by extreme-value theory, and never
+    below the largest observed value.
     """
     if rate * (len(ends) + 1) >= 1.0:
         return tail_end(ends, rate)
@@ -87,7 +87,7 @@ def _end(ends: npt.NDArray[np.float64], rate: float) -> float:
 
 
 def held(values: npt.NDArray[np.float64]) -> float:
-    """Highest limit that ``RAISED`` of some ``BLOCKS`` values in a row come up to."""
+    """Highest limit reached by ``RAISED`` of any ``BLOCKS`` consecutive values."""
     size = min(BLOCKS, len(values))
     rows = np.sort(np.lib.stride_tricks.sliding_window_view(values, size), axis=1)
     return float(rows[:, size - RAISED].max())

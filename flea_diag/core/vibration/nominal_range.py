@@ -22,7 +22,7 @@ MOVING_RAD_S = 15.0
 """Root mean square speed from which on mechanical faults show."""
 FAST_RAD_S = 55.0
 """RMS speed from which impacts are frequent enough to isolate a pit from a jam; at low speed the
-few impacts of both look alike."""
+few impacts of both are indistinguishable."""
 NEAR_FASTEST = 0.8
 """In slower motion, windows of at least this share of its fastest window are used."""
 
@@ -44,12 +44,11 @@ class VibrationOperatingPoint:
 class NominalRange:
     """Range of one feature: centre(operating point) + [low, high], in ``logarithmic`` units.
 
-    ``much`` says how far below and above the middle, in half widths of the range, a value is
-    much below or much above nominal: two faults that both raise a feature, one little and one
-    much, are told apart by it. ``upper`` is where the upper part of the range begins: two that
-    both stay inside it may do so in one part each. ``speed_rad_s`` and ``load_n`` are the
-    (lowest, highest) that were seen in learning; a point outside is moved to the nearest end, not
-    extrapolated.
+    ``much``: distance below and above the middle, in half widths of the range, from which a value
+    is much below or much above nominal; it separates faults that raise a feature slightly from
+    those that raise it strongly. ``upper``: start of the upper part of the range; it separates
+    faults that stay inside the range. ``speed_rad_s`` and ``load_n``: (lowest, highest) values
+    learned from; a point outside is moved to the nearest end, not extrapolated.
     """
 
     coefficients: tuple[float, ...]
@@ -104,7 +103,7 @@ class NominalRange:
 
     @property
     def depends_on_motion(self) -> bool:
-        """Whether the range cannot be told without the speed."""
+        """Whether the range depends on the speed."""
         return any(self.coefficients[1:])
 
     def as_mapping(self) -> dict[str, Any]:
@@ -128,7 +127,7 @@ class NominalRange:
         Raises
         ------
         ConfigurationError
-            Naming ``where`` and the key that is unknown, missing or not a number.
+            A key is unknown, missing or not a number; ``where`` is named.
         """
         if not isinstance(mapping, Mapping):
             raise ConfigurationError(f"{where}: {shown(mapping)} is no mapping of a nominal range")
@@ -232,7 +231,7 @@ def tail_end(values: npt.NDArray[np.float64], rate: float) -> float:
         return float(np.interp(place, np.arange(len(ordered)), ordered))
     outer = max(2, len(ordered) // 10)
     spacing = float(np.mean(ordered[-outer:] - ordered[-outer]))
-    # The outermost tenth is taken as exponential: its mean excess is the scale of the tail.
+    # The outermost tenth is assumed exponential: its mean excess is the scale of the tail.
     return float(ordered[-1] + spacing * math.log((1.0 / (len(ordered) + 1)) / rate))
 
 
@@ -245,7 +244,7 @@ def _row(speed_rad_s: float, load_n: float) -> tuple[float, ...]:
 def _fit(
     values: npt.NDArray[np.float64], points: Sequence[VibrationOperatingPoint]
 ) -> tuple[tuple[float, ...], npt.NDArray[np.float64]]:
-    """Coefficients and what they leave; only the median where there are no points."""
+    """Coefficients and residuals of the fit; only the median if there are no points."""
     if not points:
         centre = float(np.median(values))
         return (centre,), values - centre
@@ -253,7 +252,7 @@ def _fit(
     design = np.array(
         [_row(point.speed_rad_s, load) for point, load in zip(points, loads, strict=True)]
     )
-    # Ridge: a coefficient that the motion hardly shows stays near zero instead of running off.
+    # Ridge: a coefficient that the motion hardly excites stays near zero instead of diverging.
     penalty = np.diag([0.0, 1.0, 1.0, 1.0]) * 1e-3 * len(design)
     solution = np.linalg.solve(design.T @ design + penalty, design.T @ values)
     return tuple(float(c) for c in solution), values - design @ solution
@@ -271,11 +270,11 @@ def _pair(values: Any) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class NominalRanges:
-    """Nominal ranges of all features, and of what the monitor hears of each axis, block by block.
+    """Nominal ranges of all features, and of the monitor's indicators of each axis and block.
 
     ``levels`` and ``resting_levels``: the standard deviation, in motion and at rest; ``kurtosis``:
     in motion. The ranges of features hold for windows of ``window_s`` sampled at ``rate_hz``;
-    ``orders`` are the ball-pass orders that the order-tracked features look at.
+    ``orders`` are the ball-pass orders used by the order-tracked features.
     """
 
     rate_hz: float = 0.0

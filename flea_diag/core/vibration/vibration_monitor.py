@@ -47,12 +47,12 @@ class VibrationAlarm:
 
     @property
     def feature(self) -> str:
-        """The feature of the accelerometer that this alarm answers."""
+        """The feature of the accelerometer whose value this alarm determines."""
         return f"{self.axis.rsplit('_', 1)[0]}_{self.indicator}"
 
 
 class VibrationMonitor:
-    """Takes the indicators of each block; without nominal ranges it never alarms."""
+    """Tests the indicators of each block; without nominal ranges it raises no alarm."""
 
     def __init__(self, nominal: NominalRanges) -> None:
         self._ranges: dict[tuple[str, bool], Mapping[str, NominalRange]] = {
@@ -68,7 +68,7 @@ class VibrationMonitor:
         self._load.append(load_n)
 
     def clear(self) -> None:
-        """Forget which blocks were outside their range."""
+        """Clear the record of blocks outside their range."""
         self._sides.clear()
 
     def step(

@@ -1,4 +1,4 @@
-"""One window of the vibration stream, and what several features share of it."""
+"""One window of the vibration stream, and the spectra that features share."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class NotComputableError(InputError):
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Acceleration of some axes, with the motion that went with it where it is known.
+    """Acceleration of some axes, with the simultaneous motion if it is known.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Window:
     slow : channel name to (scans,) values in SI units, with ``slow_time_s`` (scans,) counted
         from the first sample
     orders : name of a ball-pass line to its order (events per shaft revolution)
-    start_s : time of the first sample, after that at which the window was asked to begin
+    start_s : time of the first sample, after the requested start of the window
 
     Spectra are computed once and shared by all features of the same window (`shared`).
     """
@@ -141,7 +141,7 @@ class Window:
     def moved(
         self, speed_rad_s: Floats | None, slow: Mapping[str, Floats], slow_time_s: Floats
     ) -> Window:
-        """The same samples with their motion; what was computed of them need not be again."""
+        """The same samples with their motion; results computed from them are kept."""
         found = replace(self, speed_rad_s=speed_rad_s, slow=slow, slow_time_s=slow_time_s)
         found.results.update(self.results)
         found.__dict__.update(self.__dict__ | found.__dict__)  # cached properties
@@ -154,7 +154,7 @@ class Window:
 
 
 def shared(function: Callable[[Window], Result]) -> Callable[[Window], Result]:
-    """Compute ``function`` once a window, for all the features that stand on it."""
+    """Compute ``function`` once per window, for all features that use it."""
 
     @wraps(function)
     def once(window: Window) -> Result:

@@ -1,1 +1,1 @@
-"""Vibration kept as it came, and single features on request."""
+"""Stores vibration as received and computes single features on request."""

@@ -19,20 +19,20 @@ POINTS = 500
 is then accurate to 3 %, the kurtosis to 0.22; one impact rings for 20 of them."""
 
 POINT = np.dtype("<f4")
-"""One number of a point of a block: its time, of the same size, and one value an axis."""
+"""Type of one field of a point; a point is its time and one value per axis, of equal size."""
 
 Floats = npt.NDArray[np.float32]
 Values = tuple[float, ...]
 
 
 def condition_indicators(block: VibrationBlock) -> tuple[Values, Values]:
-    """Standard deviation (m/s^2) and kurtosis (3 for Gaussian noise), one value an axis each.
+    """Standard deviation (m/s^2) and kurtosis (3 for Gaussian noise), one value per axis each.
 
-    Both about the mean of the block, so that gravity and an offset cancel; the kurtosis of an
-    axis on which nothing moves at all is 0, which no signal has.
+    Both about the mean of the block, so that gravity and an offset cancel. The kurtosis of a
+    constant axis is 0, a value that no signal has.
     """
     shape, strides, weight = _spread(block.count, len(block.axes))
-    # The time of a point comes first and is skipped, so that all else is one plain matrix.
+    # The time of a point is its first field; skipping it leaves one plain matrix.
     points = np.ndarray(shape, POINT, block.data, POINT.itemsize, strides)
     powers = points.T.copy()
     powers -= (powers @ weight)[:, None]
@@ -46,7 +46,7 @@ def condition_indicators(block: VibrationBlock) -> tuple[Values, Values]:
 
 @lru_cache(maxsize=8)
 def _spread(count: int, axes: int) -> tuple[tuple[int, int], tuple[int, int], Floats]:
-    """Shape and strides of the points to take of a block, and the weight of each in a mean."""
+    """Shape and strides of the points used of a block, and the weight of each in a mean."""
     stride = max(count // POINTS, 1)
     points = len(range(0, count, stride))
     size = POINT.itemsize

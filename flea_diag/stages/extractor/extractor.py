@@ -1,7 +1,7 @@
 """Features on request: one feature, one window, one answer; and the levels of every block.
 
-The answer's stamp is the request's stamp plus the answer budget, whatever the computation
-took: records merged by stamp have the same order live and in replay.
+The stamp of an answer is that of its request plus the answer budget, independent of computation
+time: records merged by stamp have the same order live and in replay.
 """
 
 from __future__ import annotations
@@ -76,9 +76,9 @@ class ExtractorParameters:
 
 @dataclass(frozen=True)
 class _Cut:
-    """A window that was asked about: its operating point, and what is decoded of it.
+    """A requested window: its operating point, and its decoded parts.
 
-    ``windows``: by accelerometer; ``moved``: those of them in which the motion is.
+    ``windows``: by accelerometer; ``moved``: those that include the motion.
     """
 
     start_ns: int
@@ -93,8 +93,8 @@ class ExtractorStage:
 
     Parameters
     ----------
-    table : nominal ranges and ball-pass orders to hold values against
-    stopwatch : nanoseconds of some clock, for ``cost_ms`` alone; a stage owns no clock
+    table : nominal ranges and ball-pass orders to compare values with
+    stopwatch : nanoseconds of any clock, used only for ``cost_ms``; a stage owns no clock
     """
 
     consumes: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan, FeatureRequest)
@@ -133,7 +133,7 @@ class ExtractorStage:
             return ()
         if not self._pending:
             return levels
-        # A request may come later than the last scan there is: it cannot wait for another.
+        # A request may arrive after the last scan: it cannot wait for another.
         return (*levels, *self._answers(max(record.stamp_ns, self._now_ns)))
 
     @property
@@ -142,17 +142,17 @@ class ExtractorStage:
         return not self._pending
 
     def handle_block(self, block: ScanBlock) -> tuple[int, tuple[Record, ...]]:
-        """Keep all of these scans."""
+        """Store these scans."""
         self.windows.scans.add_block(block)
         self._now_ns = int(block.stamps_ns[-1])
         return len(block), ()
 
     def _level(self, block: VibrationBlock) -> tuple[Record, ...]:
-        """Take a block in; its levels are stamped with the end of the block."""
+        """Store a block; its levels are stamped with the end of the block."""
         if not self.windows.vibration.add(block) or not self.parameters.sentinel:
             return ()
         if not self._is_rate_known(self.windows.vibration.rate_hz):
-            return ()  # its range was learned on another band
+            return ()  # the ranges were learned at another sampling rate
         std, kurtosis = condition_indicators(block)
         return (VibrationLevel(self.windows.vibration.end_ns, block.axes, std, kurtosis),)
 
@@ -165,7 +165,7 @@ class ExtractorStage:
         self._pending.append(request)
 
     def _answers(self, now_ns: int) -> tuple[Record, ...]:
-        """Answer, in order of the requests, what is complete or cannot wait any longer."""
+        """Answer, in order of the requests, those that are complete or due."""
         answers: list[Record] = []
         for _ in range(len(self._pending)):
             request = self._pending.popleft()
@@ -177,7 +177,7 @@ class ExtractorStage:
         return tuple(answers)
 
     def _is_ready(self, request: FeatureRequest, now_ns: int) -> bool:
-        """Whether the window is covered, or the time for the answer has come."""
+        """Whether the window is covered or the answer is due."""
         late = now_ns >= request.stamp_ns + self._budget_ns
         return late or self.windows.covers(request.window_end_ns)
 
@@ -222,7 +222,7 @@ class ExtractorStage:
         return "motor_speed is not measured in the window: nominal range unknown"
 
     def _window(self, request: FeatureRequest, wanted: FeatureId) -> Window:
-        """Decode what one feature needs, and nothing else; the next one finds it decoded."""
+        """Decode only what one feature needs; later features share it."""
         start_ns, end_ns = request.window_start_ns, request.window_end_ns
         shortest_s = self.parameters.shortest_window_s
         if end_ns - start_ns < shortest_s * SECOND_NS:
@@ -243,7 +243,7 @@ class ExtractorStage:
         return cut.windows[name]
 
     def _cut_of(self, request: FeatureRequest) -> _Cut:
-        """What is kept of the window of a request: that of the last one, if it is the same."""
+        """The decoded window of a request; reused if the last request had the same window."""
         start_ns, end_ns = request.window_start_ns, request.window_end_ns
         if (self._cut.start_ns, self._cut.end_ns) != (start_ns, end_ns):
             point = self.windows.operating_point(start_ns, end_ns)

@@ -70,7 +70,7 @@ class ScanRing:
         return VibrationOperatingPoint(_rms(scans, "motor_speed"), _rms(scans, "load_force"))
 
     def _inside(self, start_ns: int, end_ns: int) -> list[Scan]:
-        # A block may hold some that are too old by now.
+        # A block may contain scans that are too old by now.
         start_ns = max(start_ns, self.end_ns - self.history_ns)
         found = [s for s in self._backwards(start_ns) if start_ns <= s.stamp_ns <= end_ns]
         return found[::-1]
@@ -89,7 +89,7 @@ class ScanRing:
 def interpolated(
     values: Doubles, at_s: Doubles, times_s: Doubles, gap_limit_s: float
 ) -> Doubles | None:
-    """A channel at ``times_s``; None if its readings have a gap longer than the limit."""
+    """A channel at ``times_s``; None if its readings have a gap above the limit."""
     known = np.isfinite(values)
     if not known.any() or not len(times_s):
         return None
@@ -100,7 +100,7 @@ def interpolated(
 
 
 def _rms(scans: list[Scan], channel: str) -> float:
-    """Root mean square of a channel; NaN where no scan carries it."""
+    """Root mean square of a channel; NaN if no scan has it."""
     names = scans[-1].channels if scans else ()
     place = names.index(channel) if channel in names else -1
     values = [

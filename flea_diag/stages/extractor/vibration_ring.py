@@ -70,7 +70,7 @@ class VibrationRing:
         return self._kept[-1].rate_hz if self._kept else 0.0
 
     def blocks(self, start_ns: int, end_ns: int) -> Iterator[tuple[VibrationBlock, int]]:
-        """Blocks that lie inside a window, undecoded, each with its end."""
+        """Blocks inside a window, undecoded, each with its end."""
         for kept in self._kept:
             if kept.block.stamp_ns >= start_ns and kept.end_ns <= end_ns:
                 yield kept.block, kept.end_ns
@@ -98,12 +98,12 @@ class VibrationRing:
         Raises
         ------
         NotComputableError
-            With the reason: not kept any more, not there yet, a gap, or two rates.
+            The window is no longer stored or not yet complete, or has a gap or two rates.
         """
         kept = [k for k in self._kept if k.end_ns > start_ns and k.block.stamp_ns < end_ns]
         self._check(kept, start_ns, end_ns)
         parts = [_part(k, start_ns, end_ns) for k in kept]
-        # A row an axis, as features want it: what is copied here is not copied once more there.
+        # One row per axis, as features need it, so that they need not copy again.
         rows = np.empty((len(columns), sum(len(points) for _, points in parts)), np.float32)
         place = 0
         for _, points in parts:
@@ -119,7 +119,7 @@ class VibrationRing:
         )
 
     def _check(self, kept: list[_Kept], start_ns: int, end_ns: int) -> None:
-        """Refuse a window that the blocks do not cover without a break."""
+        """Refuse a window that the blocks do not cover without a gap."""
         if not kept:
             raise NotComputableError("no vibration was received in the window")
         limit = self.gap_limit_ns

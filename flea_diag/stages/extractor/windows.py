@@ -1,4 +1,4 @@
-"""Windows of vibration with the motion of the same time, cut from the two rings."""
+"""Windows of vibration with the simultaneous motion, cut from the two rings."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Windows:
 
     Parameters
     ----------
-    history_s : how much is kept
-    gap_limit_s, scan_gap_limit_s : longest break of blocks and of scans inside a window
+    history_s : length of the history
+    gap_limit_s, scan_gap_limit_s : longest gap of blocks and of scans inside a window
     orders : ball-pass orders, handed on to the features
     """
 
@@ -35,7 +35,7 @@ class Windows:
         self.orders = orders
 
     def add(self, record: Scan | VibrationBlock) -> bool:
-        """Keep one record; False where it cannot be used."""
+        """Store one record; False if it cannot be used."""
         if isinstance(record, Scan):
             return self.scans.add(record)
         return self.vibration.add(record)
@@ -43,7 +43,7 @@ class Windows:
     def covers(self, end_ns: int) -> bool:
         """Whether both streams have reached ``end_ns``.
 
-        A stream that was never received is not waited for.
+        A stream that was never received is ignored.
         """
         vibration_ns, scan_ns = self.vibration.end_ns, self.scans.end_ns
         return (vibration_ns < 0 or vibration_ns >= end_ns - self.vibration.gap_limit_ns) and (
@@ -55,7 +55,7 @@ class Windows:
         return self.scans.operating_point(start_ns, end_ns)
 
     def motion(self, start_ns: int, end_ns: int) -> Window:
-        """Window of the scans alone, without any vibration."""
+        """Window of the scans only, without vibration."""
         slow, times_s = self.scans.columns(start_ns, end_ns)
         return Window(np.empty((0, 0)), 1.0, (), None, slow, times_s)
 
@@ -67,7 +67,7 @@ class Windows:
         Raises
         ------
         NotComputableError
-            With the reason, where vibration does not cover the window.
+            Vibration does not cover the window; the message is the reason.
         """
         columns = self._columns(accelerometer)
         stretch = self.vibration.cut(start_ns, end_ns, columns)
@@ -96,6 +96,6 @@ class Windows:
             raise NotComputableError("no vibration was received")
         if not columns:
             raise NotComputableError(
-                f"the stream holds no axis of {accelerometer}, only {', '.join(axes)}"
+                f"the stream has no axis of {accelerometer}, only {', '.join(axes)}"
             )
         return columns

@@ -1,7 +1,7 @@
-"""How much one file may make its reader unpack and hold: a few bytes can unpack to anything.
+"""Memory limits for reading one file: a few compressed bytes can unpack to any size.
 
-Each chunk is bounded by itself (``mcap_chunk``); this bounds their sum, and what waits for its
-turn where chunks overlap in time.
+``mcap_chunk`` bounds each chunk; this module bounds their sum, and the messages held back where
+chunks overlap in time.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from flea_diag.errors import RecordingError
 VARIABLE = "FLEA_BAG_LIMIT_MB"
 UNPACKED_MB = 1000
 RATIO = 1000
-"""Bytes that a byte of the file may stand for: a recording of a stand at rest packs that well."""
+"""Largest compression ratio of a file; recordings of a stand at rest come close to it."""
 HELD_BYTES = 128 << 20
 MESSAGE_BYTES = 240
-"""What a message takes in memory beside its data."""
+"""Memory overhead of a message in addition to its data."""
 SMALL_BYTES = 64 << 20
-"""All that is no message: schemas, channels, attachments."""
+"""Limit for everything except messages: schemas, channels, attachments."""
 MEGABYTE = 1_000_000
 
 
 class Budget:
-    """Spent by the reader of one file before it unpacks, holds or keeps anything.
+    """Charged by the reader of one file before it unpacks, holds or keeps anything.
 
     Raises
     ------
     RecordingError
-        From every method, when the limit is passed; it names the limit and how to raise it.
+        By every method if a limit is exceeded; the message names the limit.
     """
 
     def __init__(self, name: str, size_bytes: int) -> None:
@@ -39,7 +39,7 @@ class Budget:
         self._unpacked = self._held = self._small = 0
 
     def unpack(self, size_bytes: int) -> None:
-        """A chunk is about to be unpacked."""
+        """Charge a chunk before it is unpacked."""
         self._unpacked += size_bytes
         if self._unpacked > self._limit:
             raise RecordingError(
@@ -48,20 +48,20 @@ class Budget:
             )
 
     def hold(self, data_bytes: int) -> None:
-        """A message waits for its turn."""
+        """Charge a message that is held back."""
         self._held += data_bytes + MESSAGE_BYTES
         if self._held > HELD_BYTES:
             raise RecordingError(
                 f"{self._name}: messages of more than {HELD_BYTES / MEGABYTE:.0f} MB overlap in "
-                "time; write the bag anew in smaller chunks, in order of log time"
+                "time; rewrite the bag in smaller chunks, in order of log time"
             )
 
     def release(self, data_bytes: int) -> None:
-        """A message has had its turn."""
+        """Release a message that was held back."""
         self._held -= data_bytes + MESSAGE_BYTES
 
     def keep(self, size_bytes: int) -> None:
-        """A schema, channel or attachment is kept as long as the file is open."""
+        """Charge a schema, channel or attachment, which is kept while the file is open."""
         self._small += size_bytes
         if self._small > SMALL_BYTES:
             raise RecordingError(

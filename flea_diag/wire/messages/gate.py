@@ -1,7 +1,7 @@
-"""What every message must hold besides its layout, whichever way it came: live or from a bag.
+"""Checks of every message in addition to its layout, live or from a bag.
 
-A stamp is after 1970, and a name stands once: of a channel that came twice in one scan the later
-value would win, and a sound stand would look broken.
+Stamps must be after 1970, and names must be unique: of a channel twice in one scan the later
+value would be used, and a healthy stand would appear faulty.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Names = tuple[str, ...]
 
 @lru_cache(maxsize=256)
 def twice(names: Names) -> str:
-    """The first name that stands twice among these, "" where none does."""
+    """The first name that occurs twice, "" if none does."""
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -41,20 +41,20 @@ _NAMES: dict[type, tuple[Callable[[Any], Names], ...]] = {
     r.Symbols: (lambda symbols: tuple(row.residual for row in symbols.symbols),),
     r.AmbiguityGroup: (lambda group: tuple(row.fault for row in (*group.members, *group.dropped)),),
 }
-"""Record -> its lists of names, each of which stands once."""
+"""Record -> its lists of names, in each of which names must be unique."""
 
 
 def check(record: Any) -> None:
-    """Refuse a record that contradicts itself.
+    """Refuse an inconsistent record.
 
     Raises
     ------
     WireError
-        Naming what is wrong.
+        A stamp or name is invalid; the message names it.
     """
     if record.stamp_ns < 0:
         raise WireError(f"stamp {record.stamp_ns} ns is before 1970: set the clock of its source")
     for names_of in _NAMES.get(type(record), ()):
         name = twice(names_of(record))
         if name:
-            raise WireError(f"the name {name[:80]!r} stands twice, each may stand once")
+            raise WireError(f"the name {name[:80]!r} occurs twice, names must be unique")

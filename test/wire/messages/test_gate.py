@@ -65,4 +65,4 @@ def test_a_bag_of_scans_with_a_channel_twice_says_so(count: int, tmp_path: Path)
         reader = BagReader(tmp_path / "bag")
         assert list(getattr(reader, read)()) == []
         assert f"{count} unreadable messages" in reader.losses[-1]
-        assert "'motor_current' stands twice" in reader.losses[0]
+        assert "'motor_current' occurs twice" in reader.losses[0]
