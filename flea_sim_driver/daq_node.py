@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
 TICK_S = 0.01
 PHASE = 0.3
-"""Deadlines lie this share of a tick before it: on it, a jitter of 1 us would cost a tick."""
+"""Deadlines are this share of a tick early: at the tick, a jitter of 1 us would lose a tick."""
 GRACE_S = 0.3
 HEALTH_S = 1.0
 WAIT_TOLD_S = 5.0
 LATE_S = 0.05
 JITTER_SCANS = 6000
-"""Scans over which the jitter is told: a minute in real time."""
+"""Scans over which the jitter is reported: one minute in real time."""
 PUBLISHES = (ChannelTable, Truth, VibrationBlock, Scan, Health)
 
 
@@ -152,7 +152,7 @@ class Daq:
 
     @staticmethod
     def _warm_up(stand: Any) -> None:
-        """Compile and load before the first deadline, on a stand that nobody sees."""
+        """Compile and load before the first deadline, on a stand that is not published."""
         stand.advance()
 
     def _wait(self) -> None:
@@ -162,7 +162,7 @@ class Daq:
             self._bus.warn(f"fewer than {wanted} subscribers of sensors/slow after 10 s: starting")
 
     def _wait_for_nodes(self) -> None:
-        """Wait until the nodes named are ready, and say every few seconds who is not."""
+        """Wait until the named nodes are ready; log every few seconds which are not."""
         named = {name.strip() for name in self._parameters.wait_for.split(",") if name.strip()}
         begin = time.monotonic()
         while missing := named - self._bus.listeners(ChannelTable):
@@ -183,7 +183,7 @@ class Daq:
             )
 
     def _check_injection(self, parameters: DaqParameters) -> None:
-        """Refuse what the stand cannot do, so that whoever set the parameter hears why."""
+        """Refuse an impossible fault, so that setting the parameter fails with the reason."""
         if parameters.inject not in ("", self._injected):
             asked = parsed_injection(parameters.inject)
             self._stand.injection(asked.fault, asked.size, where=asked.where)
@@ -201,7 +201,7 @@ class Daq:
         self._bus.info(f"injecting {truth.fault}")
 
     def _tick(self) -> None:
-        """Publish everything whose time has come; make the next block half a block ahead."""
+        """Publish all records that are due; compute the next block half a block ahead."""
         now = time.monotonic()
         if self._begin is None:  # timers take a while to start; the run begins with the first
             self._begin = now - PHASE * self._tick_s
@@ -221,11 +221,11 @@ class Daq:
         if self._stand.finished:
             return
         if not self._due or self._stand.time_s * 1e9 <= elapsed_ns + ahead_ns:
-            # A block of vibration leaves after the scans that it spans.
+            # A block of vibration is sent after the scans that it spans.
             self._due.extend(sorted(self._stand.advance(), key=self._offset_ns))
 
     def _offset_ns(self, record: Record) -> int:
-        """When a record leaves the DAQ: once the samples that it holds have been taken."""
+        """When a record leaves the DAQ: once all of its samples have been taken."""
         span = {Scan: 10_000_000, VibrationBlock: 100_000_000}.get(type(record), 0)
         return record.stamp_ns + span - self._stand.start_ns
 
@@ -255,7 +255,7 @@ class Daq:
         self._bus.publish(Health(self._bus.now_ns(), self._bus.name, level, message, values))
 
     def _jitter_s(self) -> float:
-        """How far 99 % of the latest scans leave from their usual moment, at most."""
+        """99th percentile of the deviation of the latest scans from their nominal time."""
         if not self._left_s:
             return 0.0
         usual = median(self._left_s)
@@ -264,7 +264,7 @@ class Daq:
 
 
 def _scenario(parameters: DaqParameters) -> Scenario:
-    """The scenario with what the parameters say instead."""
+    """The scenario, with the parameters overriding its settings."""
     from flea_sim_driver.scenario.library import find_scenario
     from flea_sim_driver.scenario.scenario_file import overridden
 
@@ -283,7 +283,7 @@ def _scenario(parameters: DaqParameters) -> Scenario:
 
 
 def program() -> Program:
-    """What this node is."""
+    """Describe this node for ``--help``."""
 
     def start(bus: Bus[Any], parameters: Any) -> None:
         Daq(bus, parameters)

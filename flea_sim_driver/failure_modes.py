@@ -1,7 +1,7 @@
 """The common failure modes of electro-mechanical actuators and how this stand shows them.
 
-Modes and approaches are those of Narasimhan et al. 2010, Table 1; a mode that cannot act on
-any signal of this stand says why.
+Modes and approaches are those of Narasimhan et al. 2010, Table 1. For a mode that cannot affect
+any signal of this stand, the reason is given.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class FailureMode:
-    """One row: ``faults`` are ids of the catalogue, empty where ``reason`` says why not."""
+    """One row: ``faults`` are ids of the catalogue, or empty with a ``reason``."""
 
     component: str
     mode: str

@@ -1,7 +1,7 @@
 """Fault catalogue of the simulated stand: effect, place and size of each fault.
 
 A new fault is a row of ``PLANT_FAULTS`` and a small function from coefficients and size to
-coefficients. Sensor faults are made for every channel and mode from ``SENSOR_SIZES``.
+coefficients. Sensor faults of every channel and mode follow from ``SENSOR_SIZES``.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ Change = Callable[[Coefficients, float], Coefficients]
 class FaultRow:
     """One row: ``size`` is in ``size_unit``; ``places`` begins with the default one.
 
-    Places: ``plant`` (hardware), ``daq`` (the digital value, after the control loop took
-    its own), ``loop`` (the sensor that the control loop itself reads).
+    Places: ``plant`` (hardware), ``daq`` (the digital value recorded, not that of the control
+    loop), ``loop`` (the sensor read by the control loop).
     """
 
     id: str
@@ -51,7 +51,7 @@ def _ball_nut_friction(c: Coefficients, size: float) -> Coefficients:
 
 
 def _spall(c: Coefficients, size: float) -> Coefficients:
-    """Balls that drop into a pit: a zero-mean ripple at ball pass and hardly any drag."""
+    """Balls passing a pit: a zero-mean force ripple at ball pass and hardly any drag."""
     return c._replace(spall=6.0 * size, coulomb=c.coulomb + 2.0 * size)
 
 
@@ -64,7 +64,7 @@ def _rotor_eccentricity(c: Coefficients, size: float) -> Coefficients:
 
 
 def _winding_short(c: Coefficients, size: float) -> Coefficients:
-    """A share ``size`` of the turns bypassed: R and K fall with the turns, L with their square."""
+    """A share ``size`` of the turns is bypassed: R and K fall in proportion, L with its square."""
     left = 1.0 - size
     return c._replace(
         resistance=c.resistance * left,
@@ -74,18 +74,18 @@ def _winding_short(c: Coefficients, size: float) -> Coefficients:
 
 
 def _winding_open(c: Coefficients, size: float) -> Coefficients:
-    """Contact lost: the resistance grows without bound as ``size`` nears 1."""
+    """Contact lost: the resistance tends to infinity as ``size`` approaches 1."""
     left = max(1.0 - size, 1e-9)
     return c._replace(resistance=c.resistance / left, current_decay=c.current_decay ** (1.0 / left))
 
 
 def _motor_failure(c: Coefficients, size: float) -> Coefficients:
-    """The motor turns no current into torque any more, nor draws it: K and 1/R fall together."""
+    """The motor draws no current and produces no torque: K and 1/R fall together."""
     return _winding_open(c, size)._replace(force_constant=c.force_constant * max(1.0 - size, 0.0))
 
 
 def _supply_open(c: Coefficients, size: float) -> Coefficients:
-    """The bridge has no supply: its transistors stay open and the motor coasts."""
+    """The bridge has no supply: its transistors stay off and the motor coasts."""
     if size >= 1.0:
         return c._replace(supply=0.0, bridge=0.0)
     return c._replace(supply=c.supply * (1.0 - size))

@@ -11,7 +11,7 @@ from flea_sim_driver.scenario.settings import FaultSetting, RunSettings, Switch
 
 GAP_S = 0.05
 GRID_S = 0.01
-"""Onsets are moved onto the scan grid, so that the truth is exact and no scan is mixed."""
+"""Onsets are rounded to the scan grid, so that the truth is exact and no scan is mixed."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class FaultCourse:
         return self._grown(age)
 
     def in_gap(self, rate_hz: float, time_s: float) -> bool:
-        """Whether a drop-out of 50 ms is on; loop and DAQ lose the same samples."""
+        """Whether a drop-out of 50 ms is active; loop and DAQ lose the same samples."""
         slot = int((time_s - self.onset_s + 1e-9) / GAP_S)
         seed = (self.seed, slot, round(self.onset_s * 1e3))
         return bool(np.random.default_rng(seed).random() < GAP_S * rate_hz)
@@ -59,7 +59,7 @@ def on_grid(time_s: float) -> float:
 def courses(
     settings: tuple[FaultSetting, ...], switch: Switch, run: RunSettings
 ) -> tuple[FaultCourse, ...]:
-    """Fault courses of a scenario; the fault of a unit switched in later begins at the switch."""
+    """Fault courses of a scenario; a fault of a unit switched in later begins at the switch."""
     return tuple(_course(setting, switch, run) for setting in settings)
 
 

@@ -1,7 +1,7 @@
 """The simulated stand: a scenario in, the records of its DAQ out, in stamp order.
 
-``for record in Stand(scenario): ...`` runs as fast as the machine can; a node paces the same
-blocks in real time. The same scenario and start give the same bytes.
+``for record in Stand(scenario): ...`` runs as fast as possible; the DAQ node paces the same blocks
+in real time. Equal scenario and start give equal bytes.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ class Stand:
     Parameters
     ----------
     scenario
-        What to do; checked.
+        A checked scenario.
     start_ns
-        Stamp of the first sample; the scenario's own start when left out.
+        Stamp of the first sample; by default the start of the scenario.
     """
 
     def __init__(self, scenario: Scenario, start_ns: int | None = None) -> None:
@@ -114,7 +114,7 @@ class Stand:
     # -- faults, live ----------------------------------------------------------------------
 
     def injection(self, fault: str, size: float = float("nan"), **options: str) -> FaultSetting:
-        """A fault as it would begin with the next block; nothing is changed yet.
+        """Checked setting of a fault beginning with the next block; it is not injected.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class Stand:
         return checked_fault(setting, self.scenario.run.duration_s, "inject")
 
     def inject(self, fault: str, size: float = float("nan"), **options: str) -> Truth:
-        """Put a fault in at the next block; ``options``: ``where``, ``unit``."""
+        """Inject a fault at the next block; ``options``: ``where``, ``unit``."""
         setting = self.injection(fault, size, **options)
         course = FaultCourse(setting, setting.onset_s, seed=self.scenario.run.seed)
         self._courses += (course,)
@@ -140,7 +140,7 @@ class Stand:
     # -- parts of one block ----------------------------------------------------------------
 
     def _run(self) -> Block:
-        """What the machine does in this block."""
+        """The true signals of this block."""
         begin, name = self.time_s, self.unit_in_use
         unit = warmed(self.units[name], self._temperatures[name])
         times = [begin + k * SCAN_S + 1e-9 for k in range(SCANS)]
@@ -223,14 +223,14 @@ class Stand:
     def _opening(self) -> list[Record]:
         if self._block > 0:
             return []
-        # The table names the actuator of the start: another number later would betray a switch.
+        # The table names the actuator at the start: a later change would reveal a unit switch.
         sensors, serial = self.scenario.sensors, self.scenario.serial(self.unit_in_use)
         rate = sensors.vibration_rate_hz if sensors.vibration else None
         rows = channel_infos(sensors.voltage, rate, serial)
         return [ChannelTable(self.start_ns, "flea_sim", rows)]
 
     def _truths(self) -> list[Record]:
-        """What is wrong now: at the start, at each onset, and when all is cleared."""
+        """The faults present: at the start, at each onset, and when all are cleared."""
         told: list[Record] = []
         if self._tell_nominal:
             self._tell_nominal = False
@@ -270,7 +270,7 @@ class Stand:
 def _vibrations(
     scenario: Scenario, structures: list[np.random.Generator], noise: np.random.Generator
 ) -> dict[str, Vibration]:
-    """The accelerometers of both test actuators; each has a structure of its own."""
+    """The accelerometers of both test actuators, each with its own structure."""
     run, rate = scenario.run, scenario.sensors.vibration_rate_hz
     spread = scenario.structure.scaled(run.unit_spread)
     return {

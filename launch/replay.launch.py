@@ -1,4 +1,4 @@
-"""Replay a bag through the nodes: publishes the stand's topics, the diagnosis is computed anew.
+"""Replay the topics of the stand from a bag; the diagnosis is recomputed.
 
     ros2 launch flea_diag replay.launch.py bag:=bags/jam
     ros2 launch flea_diag replay.launch.py bag:=bags/jam rate:=4.0 loop:=true
@@ -27,7 +27,7 @@ ARGUMENTS = (
 )
 
 REPLAY = {"source": "replay"}
-"""Marks the verdicts as those of a replay, which ring no alarm."""
+"""Marks the verdicts as those of a replay, which raise no alarm."""
 
 
 def node(executable, condition, parameters=()):

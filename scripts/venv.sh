@@ -1,6 +1,6 @@
 # Sourced by the other scripts: makes .venv on first use and keeps it up to date.
-# Sets $python. A ROS installation that is sourced in this shell is left out on purpose: its
-# rclpy and the one in .venv would mix.
+# Sets $python. A ROS installation sourced in this shell is deliberately ignored: its rclpy would
+# conflict with the one in .venv.
 
 unset PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1 PYTHONUNBUFFERED=1
@@ -69,7 +69,7 @@ install() {
         package.xml setup.py)
     if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ] || [ ! -x "$venv/bin/flea" ]; then
         say "installing flea_diag into .venv"
-        # What a build left behind would be installed again, also modules that are gone.
+        # Leftovers of an earlier build would be installed too, including deleted modules.
         rm -rf "$root/build/lib" "$root"/build/bdist.*
         pip_install --no-deps --force-reinstall "$root"
         printf '%s' "$wanted" >"$stamp"

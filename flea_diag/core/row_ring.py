@@ -34,7 +34,7 @@ class RowRing:
         return leaving
 
     def place(self, count: int) -> int:
-        """Make room for so many rows; where in ``store`` they are to be put."""
+        """Make room for new rows; returns their place in ``store``."""
         if self._end + count > len(self.store):
             self.store[: self.size] = self.last(self.size)
             self._end = self.size

@@ -14,7 +14,7 @@ IN_BLOCKS: dict[type, type] = {ScanBlock: Scan, ResidualBlock: Residual}
 
 
 class Pipeline:
-    """A stage made of stages; drives replay, tests and the one-process diagnoser alike.
+    """A stage made of stages; drives replay, tests and the one-process diagnoser.
 
     ``handle`` returns every record that ``record`` caused, in causal order, each before
     the records that it caused in turn.

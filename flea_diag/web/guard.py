@@ -26,7 +26,7 @@ SHORTEST_TOKEN = 16
 LOCAL_NAMES = ("localhost",)
 POLICY_VIOLATION = 1008
 MOST_GUESSES, GUESSES_S = 10, 60.0
-"""So many tokens may be tried from one address within so long."""
+"""Limit of token attempts from one address, and its period."""
 MOST_LOADS, LOADS_S = 30, 10.0
 """So often the page may be loaded from one address: each load takes a quarter of a megabyte for
 as long as a browser may still connect."""

@@ -18,7 +18,7 @@ from flea_diag.web.view import View
 
 PERIOD_S = 0.1
 CONNECT_S = 15.0
-"""A browser that has loaded the page connects within so long, or loads it anew."""
+"""Time within which a browser that has loaded the page must connect, or reload it."""
 MOST_MARKS = 8
 """Largest number of events of a kind in strip charts."""
 

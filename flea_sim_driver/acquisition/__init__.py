@@ -1,1 +1,1 @@
-"""From physical quantities to what a DAQ sends, and to a bag."""
+"""From physical quantities to the records of a DAQ, and to a bag."""

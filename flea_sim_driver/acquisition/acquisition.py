@@ -31,7 +31,7 @@ PWM_RUNS_V = 4.0
 
 @dataclass(frozen=True)
 class Block:
-    """What truly happened in one block: plant signals (steps, SIGNALS) and all around them."""
+    """True values of one block: plant signals (steps, SIGNALS), temperatures and conditions."""
 
     begin_s: float
     unit: SimulatedUnit
@@ -77,7 +77,7 @@ class Acquisition:
     bench, panel
         The stand's drive and its instruments.
     generator
-        For what goes wrong after the instruments.
+        Random numbers for errors after the instruments.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Runs of the stand as signals: read from the public FLEA recordings, or simulated alike."""
+"""Signals of runs of the stand, from the public FLEA recordings or simulated."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NEEDED = [3, 5]
 NAME = re.compile(r"BatchProfile_([a-z]+)(\d)(\d)_.*_(Nominal|Jam|Spall)_")
 
 MOTIONS: dict[str, dict[str, float | str]] = {
-    # The commands were not recorded: periods and centres are read off the recordings,
+    # The commands were not recorded: periods and centres are taken from the recordings,
     # amplitudes fitted together with the position loop.
     "sine1": {"kind": "sine", "amplitude_m": 0.023, "frequency_hz": 0.5, "centre_m": 0.0435},
     "sine2": {"kind": "sine", "amplitude_m": 0.0249, "frequency_hz": 1.0, "centre_m": 0.0435},
@@ -69,7 +69,7 @@ def read_real(path: Path) -> RunSignals:
     Raises
     ------
     RecordingError
-        The name or the content is none of a FLEA run.
+        The name or the content is not that of a FLEA run.
     """
     match = NAME.match(path.name)
     if match is None:
@@ -98,7 +98,7 @@ def read_real(path: Path) -> RunSignals:
 
 
 def _table(path: Path) -> Array:
-    """Numbers of a recording, shape (scans, 19), of which enough are there to compare."""
+    """Numbers of a recording, shape (scans, 19); refused if there are too few to compare."""
     try:
         table = np.genfromtxt(path, delimiter="\t", usecols=range(1, 20), ndmin=2)
     except (OSError, ValueError) as error:
@@ -123,7 +123,7 @@ def _smoothed(
 
 
 def counterpart(real: RunSignals, seed: int, unit_spread: float = 1.0) -> Scenario:
-    """The scenario that does what a recorded run did."""
+    """The scenario that reproduces a recorded run."""
     load = float(np.clip(np.mean(real.force), -LOAD_LIMIT_N, LOAD_LIMIT_N))
     faults = [] if real.label == "Nominal" else [{"fault": real.label.lower(), "onset_s": 0.0}]
     return scenario_from_mapping(
@@ -143,7 +143,7 @@ def counterpart(real: RunSignals, seed: int, unit_spread: float = 1.0) -> Scenar
 
 
 def simulate(real: RunSignals, seed: int, unit_spread: float = 1.0) -> RunSignals:
-    """The simulated counterpart of a run, with the signs of our Scan."""
+    """The simulated counterpart of a run, with the signs of ``Scan``."""
     records = Stand(counterpart(real, seed, unit_spread))
     values = np.array([record.values for record in records if isinstance(record, Scan)])
 

@@ -1,7 +1,7 @@
-"""The slow channels: what the DAQ makes of the true signals.
+"""The slow channels: from true signals to values of the DAQ.
 
-Noise, resolution, offset, clipping, lag and outliers are those measured on the public FLEA
-recordings where they show the channel; the encoder's and the speed's are assumptions.
+Noise, resolution, offset, clipping, lag and outliers were measured on the public FLEA recordings
+where they contain the channel; those of encoder and speed are assumptions.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SCAN_RATE_HZ = 100.0
 class Instrument:
     """One channel: standard deviation, resolution and range in the channel's unit.
 
-    ``running_noise`` is how much the noise grows, relatively, while the motor's PWM runs;
+    ``running_noise`` is the relative increase of noise while the motor's PWM runs;
     ``spike_share`` of the samples are outliers of scale ``spike``.
     """
 
@@ -70,14 +70,14 @@ POT_NONLINEARITY_M = 0.04e-3
 HOMING_ERROR_M = 0.05e-3
 ACCELEROMETER_AXES = tuple(f"accelerometer_{number}_{axis}" for number in (1, 2) for axis in "xyz")
 ON_ACTUATOR = ("motor controller", "motor shaft", "motor housing", "ball screw nut")
-"""Mounts that belong to the test actuator and go with it."""
+"""Mounts on the test actuator, which change with it."""
 ACCELEROMETER_MOUNT = {"1": "motor housing", "2": "ball screw nut"}
 
 
 def channel_infos(
     voltage: str, vibration_rate_hz: float | None, serial: str = ""
 ) -> tuple[ChannelInfo, ...]:
-    """Rows of the channel table; what sits on the test actuator has its serial number."""
+    """Rows of the channel table; sensors on the test actuator have its serial number."""
     slow = tuple(
         ChannelInfo(
             row.channel, row.unit, row.minimum, row.maximum, SCAN_RATE_HZ,
@@ -96,7 +96,7 @@ def channel_infos(
 
 
 class Instruments:
-    """All instruments of one stand: its own small errors, drawn once, and its noise."""
+    """All instruments of one stand: their errors, drawn once, and their noise."""
 
     def __init__(self, generator: np.random.Generator, spread: float, spikes: bool) -> None:
         self._generator = generator
@@ -115,7 +115,7 @@ class Instruments:
         self._pot_gain = 1.0 + 5e-4 * float(draws[2])
 
     def potentiometer(self, position: Array) -> Array:
-        """Position as the potentiometer's track has it: gain error and non-linearity."""
+        """Position with gain error and non-linearity of the potentiometer track."""
         wave = POT_NONLINEARITY_M * np.sin(2.0 * np.pi * position / 0.07 + self._pot_phase)
         return np.asarray(position * self._pot_gain + wave)
 

@@ -1,1 +1,1 @@
-"""The physics: drive, screw, heat, structure, vibration, and how units differ."""
+"""The physics: drive, screw, heat, structure, vibration and unit variability."""

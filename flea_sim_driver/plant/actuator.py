@@ -1,4 +1,4 @@
-"""The mechanics and electrics of one block: a unit on the bench, with the faults at work."""
+"""The mechanics and electrics of one block: a unit on the bench, with its active faults."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ FEEDBACK = {
 def with_faults(
     healthy: Coefficients, courses: tuple[FaultCourse, ...], sizes: Sizes, time_s: float
 ) -> Coefficients:
-    """The coefficients with every fault that acts now in the plant or inside the loop."""
+    """The coefficients with every active fault of the plant or the control loop."""
     changed = healthy
     for course, size in zip(courses, sizes, strict=True):
         if size is None:
@@ -155,7 +155,7 @@ class ActuatorPlant:
 
     @classmethod
     def at_rest(cls, bench: Bench, position_m: float) -> ActuatorPlant:
-        """Both sides standing at one position."""
+        """Both sides at rest at one position."""
         state = np.zeros(len(STATES))
         state[STATES.index("position")] = state[STATES.index("load_position")] = position_m
         return cls(bench, state)
@@ -163,7 +163,7 @@ class ActuatorPlant:
     def advance(
         self, segments: list[tuple[int, Coefficients]], reference: Array, load: Array, noise: Array
     ) -> Array:
-        """Signals (steps, SIGNALS) over segments of so many steps with these coefficients."""
+        """Signals (steps, SIGNALS) over segments, each a number of steps and coefficients."""
         out = np.empty((len(reference), len(SIGNALS)))
         run, start = integrator(), 0
         for steps, values in segments:

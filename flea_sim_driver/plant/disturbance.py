@@ -1,7 +1,7 @@
-"""Forces of the load actuator that nobody commands, as the recorded load cell shows them.
+"""Disturbance forces of the load actuator, as measured by the recorded load cell.
 
-Roughness grows with speed; now and then the load actuator catches and pushes back for some
-hundredths of a second, most often under load.
+Roughness grows with speed. Occasionally the load actuator sticks and pushes back for some
+hundredths of a second, mostly under load.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 COLUMNS = ("feedback", "roughness", "catch")
 KNOT_STEPS = 50
-"""Roughness has a knot each so many steps (40 Hz) and is straight between them."""
+"""Steps between the knots of the roughness (40 Hz), which is linear between them."""
 
 
 @dataclass(frozen=True)
 class Catches:
-    """How often the load actuator catches, and how hard."""
+    """Rate and force at which the load actuator sticks."""
 
     rate_hz: float = 0.53
     rate_per_n_s: float = 0.00547
@@ -50,7 +50,7 @@ class Disturbance:
         return out
 
     def _catching(self, steps: int, load_n: float, block_s: float) -> Array:
-        """Half-sine pushes that ring, carried over the end of a block."""
+        """Half-sine pulses with ringing, continued across the end of a block."""
         chance, size, at = self._generator.random(3)
         rate = self._catches.rate_hz + self._catches.rate_per_n_s * abs(load_n)
         span = np.zeros(steps + len(self._shape))

@@ -1,10 +1,9 @@
-"""What a slow freewheeling PWM drive shows to a DAQ that samples it once in ten milliseconds.
+"""A slow freewheeling PWM drive as sampled by a DAQ every 10 ms.
 
-The public FLEA recordings sample the bridge stroboscopically: the lines at 11.7 Hz are aliases
-of the PWM, and one apparent period shows the bridge switched on (supply), freewheeling through
-its diodes (just below zero) until the current has died, then floating at the back-EMF. The
-product of inductance and PWM frequency, about 1.3 ohm, can be read from those pictures;
-either alone is an assumption.
+The public FLEA recordings undersample the bridge: the lines at 11.7 Hz are aliases of the PWM. One
+apparent period shows the bridge on (supply), freewheeling through its diodes (just below zero)
+until the current is zero, then floating at the back-EMF. These periods determine the product of
+inductance and PWM frequency, about 1.3 ohm; each alone is an assumption.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ class Waveform:
         shares = (self.on, self.freewheel, rest)
         levels = (np.full_like(phase, self.supply_v), -self.drop_v, self.emf_v)
         tails = [_tail(share) for share in shares]
-        # The filter starts each period where the last one left it.
+        # The filter starts each period in its state at the end of the last.
         end = np.zeros_like(phase)
         for level, tail in zip(levels, tails, strict=True):
             end = level + (end - level) * tail
@@ -84,13 +83,14 @@ def waveform(
         duty = 0.5 * (low + high)
         _, _, mean = _triangle(duty, emf, resistance, reactance, supply_v, drop_v)
         low, high = np.where(mean < wanted, duty, low), np.where(mean < wanted, high, duty)
-    # Where the current never dies the mean voltage sets the duty, and the triangle has a floor.
+    # If the current never reaches zero, the mean voltage sets the duty, and the triangle has an
+    # offset.
     carried = (resistance * wanted + emf + drop_v) / (supply_v + drop_v)
     duty = np.clip(np.minimum(0.5 * (low + high), carried), 1e-4, 1.0)
     peak, freewheel, mean = _triangle(duty, emf, resistance, reactance, supply_v, drop_v)
     continuous = freewheel >= 1.0 - duty - 1e-9
     swing = np.maximum(supply_v - emf - resistance * wanted, 0.0) * duty / reactance
-    # Dragged backwards fast enough to feed its own current, the bridge only chops: no triangle.
+    # Driven backwards fast enough to generate its current, the bridge only chops: no triangle.
     dragged = carried <= 0.0
     swing = np.where(dragged, 0.0, swing)
     continuous = continuous | dragged

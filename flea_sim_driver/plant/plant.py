@@ -167,7 +167,7 @@ def _load_control(
     """Current setpoint of the load actuator, and the states of its control.
 
     It assists motion weakly and brakes opposing motion strongly. While the load is too large the
-    brake winds up, then releases, and engages again once the load runs away.
+    brake integrates, then releases, and engages again once the load runs away.
     """
     way = 1.0 if wanted >= 0.0 else -1.0
     trim = _clipped(trim + dt * c.trim_rate * (wanted - measured), c.trim_limit)
@@ -259,6 +259,6 @@ def integrator() -> Callable[..., None]:
     compiled: Callable[..., None]
     try:
         compiled = numba.njit(cache=True)(_integrate)
-    except RuntimeError:  # nowhere to keep the compiled code: a read-only installation
+    except RuntimeError:  # a read-only installation cannot store compiled code
         compiled = numba.njit(_integrate)
     return compiled

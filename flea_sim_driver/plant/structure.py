@@ -1,6 +1,6 @@
-"""How the structure of one actuator rings: its resonances at motor housing and nut.
+"""Structural response of one actuator: its resonances at motor housing and nut.
 
-No two units are bolted down alike, so each draws resonances, damping and background of its own.
+Mounting differs from unit to unit, so each draws its own resonances, damping and background.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class Structure:
     def impulse_responses(self, rate_hz: float) -> Array:
         """Responses at motor housing and nut, shape (2, samples).
 
-        Of energy one over all modes; those above half the rate are left out, as an
-        anti-aliasing filter does.
+        Normalised to unit energy over all modes; modes above half the sampling rate are omitted,
+        as by an anti-aliasing filter.
         """
         time = np.arange(int(RING_S * rate_hz)) / rate_hz
         return np.array([self._response(row, time, rate_hz) for row in self.modes])
@@ -67,7 +67,7 @@ class Structure:
 
 @dataclass(frozen=True)
 class StructureSpread:
-    """By how much units differ, at ``unit_spread`` 1."""
+    """Unit variability of the structure at ``unit_spread`` 1."""
 
     resonance: float = parameter(
         0.20, "half the width of a uniform draw of each resonance, relative", minimum=0.0,
@@ -86,7 +86,7 @@ class StructureSpread:
         return StructureSpread(resonance, share * self.damping, share * self.background)
 
     def draw(self, generator: np.random.Generator) -> Structure:
-        """One unit's structure; it takes the same draws whatever the spread."""
+        """The structure of one unit; the number of random draws does not depend on the spread."""
         nominal = Structure()
         modes = tuple(tuple(self._mode(m, generator) for m in row) for row in nominal.modes)
         louder = np.exp(self.background * _bounded(generator, 2))

@@ -1,4 +1,4 @@
-"""Temperatures of winding, housing, frame and nut, and what they do to the other parameters."""
+"""Temperatures of winding, housing, frame and nut, and their effect on other parameters."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REFERENCE_DEGC = 25.0
 
 @dataclass(frozen=True)
 class Temperatures:
-    """Nodes in degC, and what the lagging thermocouples on housing and nut show of them."""
+    """Node temperatures in degC, and the lagging readings of thermocouples on housing and nut."""
 
     winding: float
     housing: float
@@ -28,7 +28,7 @@ class Temperatures:
 
     @classmethod
     def uniform(cls, degc: float, ambient: float) -> Temperatures:
-        """The whole machine at one temperature, in a room at another."""
+        """The whole machine at one temperature, and the ambient temperature."""
         return cls(degc, degc, degc, degc, degc, degc, ambient)
 
     def after(

@@ -1,8 +1,8 @@
-"""One physical test actuator, and the stand that it is bolted to, as numbers.
+"""Parameters of one physical test actuator and of the stand it is mounted on.
 
-Mechanical quantities stand in linear coordinates (force along the screw, speed of the nut):
-the public FLEA recordings identify the product K * 2 pi / lead, never the lead itself.
-Values marked (measured) were regressed from those recordings; the others are assumptions.
+Mechanical quantities are in linear coordinates (force along the screw, speed of the nut): the
+public FLEA recordings identify the product K * 2 pi / lead, not the lead itself. Values marked
+(measured) were regressed from those recordings; the others are assumptions.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class SimulatedUnit:
 
     winding_resistance_ohm: float = 2.95  # measured
     winding_inductance_h: float = 1.35e-3  # times the PWM frequency: 1.3 ohm (measured)
-    force_constant_n_per_a: float = 176.7  # measured: K * 2 pi / lead, motor and back-EMF alike
+    force_constant_n_per_a: float = 176.7  # measured: K * 2 pi / lead, motor and back-EMF
     coulomb_friction_n: float = 39.0  # measured 47 together with the load-dependent part
     stribeck_friction_n: float = 10.0
     stribeck_speed_m_s: float = 2.5e-3
@@ -77,9 +77,9 @@ UNIT_SPREAD: dict[str, float] = {
 """One standard deviation of each parameter between units, relative, at ``unit_spread`` 1."""
 
 SPREAD_LIMIT = 2.0
-"""Draws are cut at so many standard deviations: a unit beyond would fail its acceptance."""
+"""Draws are truncated at this many standard deviations: a unit beyond would fail acceptance."""
 SMALLEST_SHARE = 0.2
-"""No parameter of a unit is less than this share of the nominal one, however wide the spread."""
+"""Smallest ratio of a unit's parameter to its nominal value, for any spread."""
 
 Spread: Any = make_dataclass(
     "Spread",
@@ -93,13 +93,13 @@ Spread: Any = make_dataclass(
     ],
     frozen=True,
 )
-"""One standard deviation of each parameter, as a scenario states it."""
+"""One standard deviation of each parameter, as given by a scenario."""
 
 
 def draw_unit(generator: np.random.Generator, spread: Mapping[str, float]) -> SimulatedUnit:
     """A unit drawn around the nominal one with these relative standard deviations.
 
-    Every parameter takes one draw, whatever its spread.
+    Every parameter uses one draw, even if its spread is 0.
     """
     names = [entry.name for entry in fields(SimulatedUnit) if entry.name in UNIT_SPREAD]
     draws = np.clip(generator.standard_normal(len(names)), -SPREAD_LIMIT, SPREAD_LIMIT)
@@ -113,7 +113,7 @@ def draw_unit(generator: np.random.Generator, spread: Mapping[str, float]) -> Si
 
 @dataclass(frozen=True)
 class Bench:
-    """What both test actuators share: drive, control loop, coupling, load actuator, end stops.
+    """Shared by both test actuators: drive, control loop, coupling, load actuator, end stops.
 
     The position loop and the load actuator were fitted together to strokes, loads and currents
     of one half of the public recordings (``flea realism`` shows the other half).

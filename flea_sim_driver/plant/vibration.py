@@ -24,7 +24,7 @@ SLIP = 0.015
 BALL_SPACING = 1.02
 AMPLITUDE_LIMIT = 500.0
 IMPULSE_RATE_HZ = 20_000.0
-"""Sizes of single impulses are those of one sample at this rate."""
+"""Reference rate of impulses: their size is that of one sample at this rate."""
 
 
 def balls_per_turn(unit: SimulatedUnit) -> float:
@@ -42,7 +42,7 @@ def ball_pass_order(unit: SimulatedUnit) -> float:
 
 @dataclass(frozen=True)
 class Severity:
-    """How strongly each vibration source acts now, in the sizes of the fault catalogue."""
+    """Present strength of each vibration source, in the sizes of the fault catalogue."""
 
     spall: float = 0.0
     jam: float = 0.0
@@ -58,11 +58,11 @@ class Vibration:
     Parameters
     ----------
     generator
-        Of all that is random in it.
+        Random numbers.
     structure
-        How this actuator rings.
+        Structural response of this actuator.
     rate_hz, count
-        Samples a second and in a block.
+        Sampling rate, and samples per block.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Vibration:
     ) -> Array:
         """One block of acceleration in m/s^2, shape (count, 6).
 
-        ``speed`` (m/s), ``angle`` (rad) and ``force`` (N) span the block at any even rate.
+        ``speed`` (m/s), ``angle`` (rad) and ``force`` (N) span the block at any uniform rate.
         """
         grid = np.linspace(0.0, 1.0, self.count, endpoint=False)
         knots = (np.arange(len(speed)) + 0.5) / len(speed)
@@ -111,7 +111,7 @@ class Vibration:
         return self._generator.standard_normal((rows, self.count), dtype=np.float32).astype(float)
 
     def _wear(self, pace: Array, severity: Severity) -> Array:
-        """Jam: rub in bursts, in step with nothing. Lost lubrication: a steady hiss."""
+        """Jam: bursts of rubbing, not synchronous with rotation. Lost lubrication: steady noise."""
         source = self._white(3)
         level = severity.friction * 0.6 * np.minimum(pace, 1.0) ** 0.4 * (pace > 0.005)
         if severity.jam > 0.0:
@@ -140,7 +140,7 @@ class Vibration:
         return out
 
     def _knocks(self, force: Array, gap: float) -> Array:
-        """An impact each time that the coupling force has crossed the gap to the other side."""
+        """An impact each time the coupling force changes from one side of the gap to the other."""
         out = np.zeros(self.count)
         sides = np.sign(force)
         for k in np.flatnonzero(sides):
@@ -152,7 +152,7 @@ class Vibration:
         return out
 
     def _unbalance(self, omega: Array, theta: Array, eccentricity: float) -> Array:
-        """Once a revolution, growing with the square of speed; stronger at the motor."""
+        """Once per revolution, growing with the square of speed; stronger at the motor."""
         level = (0.02 + 1.2 * eccentricity) * (omega / 60.0) ** 2
         phases = np.array([0.0, 0.5 * np.pi, 0.25 * np.pi])
         waves = level * np.sin(theta + phases[:, None])

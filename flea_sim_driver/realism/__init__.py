@@ -1,1 +1,1 @@
-"""Simulated runs held against real ones."""
+"""Comparison of simulated runs with real ones."""

@@ -1,8 +1,8 @@
-"""How like the real stand the simulated one is: the same statistics of both, side by side.
+"""Comparison of the simulated stand with the real one by the same statistics of both.
 
 Real runs are text files of the public FLEA recordings; each is simulated with its own motion
-and mean load. The simulator was tuned on one half of the runs (``tuning``), the report on the
-other half (``held out``) is the honest one.
+and mean load. The simulator was tuned on one half of the runs (``tuning``); only the other half
+(``held out``) is an unbiased comparison.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Comparison:
 
     @property
     def distance(self) -> float:
-        """Magnitude of the log ratio: 0.1 is ten per cent; NaN where the real one is unusable."""
+        """Magnitude of the log ratio: 0.1 is ten per cent; NaN if the real value is unusable."""
         if not (self.real > 0.0 and self.simulated > 0.0):
             return float("nan")
         return abs(float(np.log(self.simulated / self.real)))

@@ -1,4 +1,4 @@
-"""Statistics that say how a run of the stand looks, of real and simulated runs alike."""
+"""Statistics that characterise a run of the stand, real or simulated."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def viscous_friction(run: RunSignals) -> float:
 
 @dataclass(frozen=True)
 class Statistic:
-    """One number of a run, and the picture that it belongs to."""
+    """One statistic of a run, and the picture it belongs to."""
 
     group: str
     unit: str

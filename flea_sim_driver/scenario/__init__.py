@@ -1,1 +1,1 @@
-"""What a run is to be: settings, motion, faults, schedules, the draws of Table 4."""
+"""Definition of a run: settings, motion, faults, schedules, the draws of Table 4."""

@@ -1,4 +1,4 @@
-"""What the stand can follow: everything else is refused before anything moves.
+"""Checks that the stand can follow a scenario; refused before anything moves otherwise.
 
 Each refusal names the value and its limit.
 """
@@ -19,7 +19,7 @@ REFERENCE_JERK_LIMIT_M_S3 = 5000.0
 
 
 def checked_scenario(scenario: Scenario, where: str) -> Scenario:
-    """The scenario with every fault's size filled in, or a refusal."""
+    """Check a scenario, and fill in the size of every fault."""
     _check_motion(scenario, where)
     _check_load(scenario, where)
     _check_stand(scenario, where)

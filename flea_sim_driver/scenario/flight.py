@@ -1,8 +1,8 @@
 """The flight interface: an aircraft's control surface drives the stand.
 
-A CSV with the columns ``time_s, position_m, load_N``, or a bag, is taken as it stands, or
-scaled into the stroke and the load limits where the scenario asks for it; what the stand
-cannot follow is refused with the row that says so.
+A CSV with the columns ``time_s, position_m, load_N``, or a bag, is used unchanged, or scaled into
+stroke and load limits if the scenario says so. A flight that the stand cannot follow is refused
+with the offending row.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Flight:
         return float(self.time_s[-1] - self.time_s[0])
 
     def at(self, time_s: Array) -> tuple[Array, Array]:
-        """Position in m and load in N so long after the first row; held after the last."""
+        """Position in m and load in N at times after the first row; held after the last."""
         when = np.clip(time_s + self.time_s[0], self.time_s[0], self.time_s[-1])
         return np.asarray(self._path(when)), np.interp(when, self.time_s, self.load_n)
 
@@ -70,7 +70,7 @@ class Flight:
 
 
 def fitted(flight: Flight) -> Flight:
-    """The flight with its travel and its loads scaled into the stand's, where they are larger."""
+    """The flight with travel and load scaled into the limits of the stand if they are larger."""
     low, high = float(flight.position_m.min()), float(flight.position_m.max())
     position = flight.position_m
     if low < 0.0 or high > STROKE_M:
@@ -120,7 +120,7 @@ def _rows(path: Path) -> list[list[float]]:
 
 
 def _rows_of_bag(path: Path) -> list[list[float]]:
-    """Position and load of a recording, averaged over tenths of a second against its noise."""
+    """Position and load of a recording, averaged over 0.1 s to reduce noise."""
     from flea_diag.wire.bags.bag import read_bag
     from flea_diag.wire.records import Scan
 

@@ -1,4 +1,4 @@
-"""Where the scenarios that come with the package lie: in the source tree or beside the prefix."""
+"""Location of the scenarios shipped with the package: the source tree or the prefix."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _folders() -> Iterator[Path]:
 
 
 def scenario_names() -> tuple[str, ...]:
-    """Names of the scenarios that come with the package."""
+    """Names of the scenarios shipped with the package."""
     for folder in _folders():
         if folder.is_dir():
             return tuple(sorted(path.stem for path in folder.glob("*.yaml")))
@@ -34,7 +34,7 @@ def scenario_names() -> tuple[str, ...]:
 
 
 def find_scenario(name_or_path: str) -> Scenario:
-    """Scenario of a file, or of a name that comes with the package.
+    """Scenario from a file, or by name from those shipped with the package.
 
     Raises
     ------

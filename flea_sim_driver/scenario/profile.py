@@ -1,4 +1,4 @@
-"""Commanded position and load as functions of time: no jump in position, speed or acceleration."""
+"""Commanded position and load over time, continuous in position, speed and acceleration."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flea_sim_driver.scenario.settings import Load, Motion
 Array = npt.NDArray[np.float64]
 TRIANGLE_ROUNDING = 0.995
 RAMP_PEAKS = (2.0 * 1.875, 2.0 * 10.0 / 3.0**0.5, 2.0 * 60.0)
-"""Derivatives of a ramp of fifth order from -1 to 1 in 1 s, at their greatest."""
+"""Largest derivatives of a fifth-order ramp from -1 to 1 in 1 s."""
 PERIODIC = {"sine": "sine", "triangle": "triangle", "sweep": "sine"}
 """Kinds whose peaks are those of a periodic shape."""
 
@@ -31,7 +31,7 @@ def _triangle(motion: Motion, time_s: Array, duration: float) -> Array:
 
 
 def _trapezoid(motion: Motion, time_s: Array, _duration: float) -> Array:
-    """Holds joined by ramps of fifth order, which end without speed and acceleration."""
+    """Holds joined by fifth-order ramps, which end with zero speed and acceleration."""
     period = 1.0 / motion.frequency_hz
     within = np.mod(time_s, period)
     up = np.clip(within / motion.rise_s, 0.0, 1.0)
@@ -94,7 +94,7 @@ class Peaks:
 
 
 def peaks(motion: Motion) -> Peaks:
-    """Of the motion at full swing; of a sweep at its fastest."""
+    """Peaks of the motion at full amplitude; of a sweep at its highest frequency."""
     if motion.kind == "trapezoid":
         scale, speed, acceleration, jerk = 1.0 / motion.rise_s, *RAMP_PEAKS
     elif motion.kind in PERIODIC:
@@ -111,7 +111,7 @@ def peaks(motion: Motion) -> Peaks:
 
 @lru_cache(maxsize=4)
 def _shape_peaks(kind: str) -> tuple[float, float, float]:
-    """Of one period of length 1 s and amplitude 1 m, differences over a fine grid."""
+    """Peaks of one period of 1 s and amplitude 1 m, by differences on a fine grid."""
     step = 1e-4
     time = np.arange(0.0, 1.5, step)
     shape = SHAPES[kind](Motion(kind=kind, frequency_hz=1.0), time, 1.0)

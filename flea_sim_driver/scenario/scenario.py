@@ -1,4 +1,4 @@
-"""A scenario: what the stand is to do."""
+"""A scenario: motion, load, faults and conditions of one run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flea_sim_driver.scenario.settings import (
 
 @dataclass(frozen=True)
 class Scenario:
-    """What the stand is to do."""
+    """Motion, load, faults and conditions of one run."""
 
     run: RunSettings = field(default_factory=RunSettings)
     motion: Motion = field(default_factory=Motion)

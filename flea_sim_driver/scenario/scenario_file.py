@@ -1,4 +1,4 @@
-"""Scenarios read from YAML, checked, and written again."""
+"""Reads scenarios from YAML, checks them, and writes them."""
 
 from __future__ import annotations
 
@@ -84,19 +84,19 @@ def overridden(
     run: Mapping[str, Any],
     fault: Mapping[str, Any] | None = None,
 ) -> Scenario:
-    """A checked scenario with other plain values, and with one fault more.
+    """A checked scenario with changed settings and one additional fault.
 
     Parameters
     ----------
     run
-        Fields of ``RunSettings`` that are to be others.
+        Fields of ``RunSettings`` to change.
     fault
-        Fields of the ``FaultSetting`` to be added.
+        Fields of the ``FaultSetting`` to add.
 
     Raises
     ------
     ConfigurationError
-        As for ``scenario_from_mapping``: what is given here has the same limits.
+        As for ``scenario_from_mapping``: the same limits apply.
     """
     plain = build(RunSettings, {**asdict(scenario.run), **run}, where)
     more = () if fault is None else (build(FaultSetting, fault, where),)
@@ -105,7 +105,7 @@ def overridden(
 
 
 def scenario_to_mapping(scenario: Scenario) -> dict[str, Any]:
-    """What ``scenario_from_mapping`` makes the same scenario of; defaults are left out."""
+    """Mapping from which ``scenario_from_mapping`` builds this scenario; omits defaults."""
     values = _changed(scenario.run)
     for name in SECTIONS:
         section = _changed(getattr(scenario, name))
@@ -117,7 +117,7 @@ def scenario_to_mapping(scenario: Scenario) -> dict[str, Any]:
 
 
 def _changed(section: Any) -> dict[str, Any]:
-    """Fields that differ from their defaults; a size that was left out is not a number."""
+    """Fields that differ from their defaults; a size not given is NaN."""
     return {
         entry.name: value
         for entry in fields(section)
@@ -132,7 +132,7 @@ def load_scenario(path: Path) -> Scenario:
     Raises
     ------
     ConfigurationError
-        The file cannot be read, is too large, is not YAML, or says something impossible.
+        The file cannot be read, is too large, is not YAML, or is not a valid scenario.
     """
     try:
         if path.stat().st_size > FILE_LIMIT_BYTES:

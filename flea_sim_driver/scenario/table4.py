@@ -1,8 +1,8 @@
-"""The 320 scenarios of Narasimhan et al. 2010, Table 4, drawn anew from a seed.
+"""The 320 scenarios of Narasimhan et al. 2010, Table 4, drawn from a seed.
 
-The paper names its rows and counts, four kinds of motion and constant loads within +-70 lb;
-amplitudes, sizes and onsets are drawn here. Jam and spall come as on the FLEA: control is
-switched from the healthy unit to the faulty one.
+The paper gives rows and counts, four kinds of motion and constant loads within +-70 lb;
+amplitudes, sizes and onsets are drawn here. Jam and spall are injected as on the FLEA: control
+is switched from the healthy unit to the faulty one.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SPEED_LIMIT_M_S = 0.140
 class CampaignRow:
     """One row of the table: ``low`` to ``high`` is the range of the fault's size.
 
-    A ladder has ``sizes`` instead, which its scenarios take in turn, each with every motion.
+    A ladder has ``sizes`` instead, which its scenarios use in turn, each with every motion.
     """
 
     title: str
@@ -43,7 +43,7 @@ class CampaignRow:
 
 @dataclass(frozen=True)
 class Shared:
-    """What all scenarios of a set have in common; ``values`` are more keys of a scenario."""
+    """Settings common to all scenarios of a set; ``values`` are further keys of a scenario."""
 
     duration_s: float = DURATION_S
     earliest_onset_s: float = EARLIEST_ONSET_S
@@ -69,7 +69,7 @@ ROWS: tuple[CampaignRow, ...] = (
 
 
 def table4(seed: int) -> tuple[Scenario, ...]:
-    """All scenarios, row after row; each has plant parameters of its own draw."""
+    """All scenarios, row by row; plant parameters are drawn for each."""
     return tuple(scenario for _, scenario in draw(ROWS, seed))
 
 
@@ -81,7 +81,7 @@ def draw(
     Raises
     ------
     ConfigurationError
-        A row that the stand cannot run, by name, value and limit.
+        The stand cannot run a row; the message gives name, value and limit.
     """
     common = shared or Shared()
     names = [(row, number) for row in rows for number in range(row.scenarios)]
@@ -110,7 +110,7 @@ def _scenario(row: CampaignRow, number: int, draw: np.random.Generator, shared: 
 
 
 def _load_n(drawn: float) -> float:
-    """To tenths; the largest loads are not to be rounded to more than the stand can push."""
+    """Round to tenths, within the load limit of the stand."""
     return max(-LOAD_LIMIT_N, min(round(drawn, 1), LOAD_LIMIT_N))
 
 
@@ -129,7 +129,7 @@ def _motion(kind: str, draw: np.random.Generator) -> dict[str, Any]:
 
 
 def _digits(largest: float) -> int:
-    """Decimal places of a drawn size: thousandths, or three digits of one as small as a play."""
+    """Decimal places of a drawn size: three, or three significant digits of a small size."""
     return max(3, 2 - math.floor(math.log10(largest))) if largest > 0.0 else 3
 
 

@@ -39,7 +39,7 @@ class Silent:
         return ()
 
 
-def test_records_go_on_to_whoever_consumes_them_in_causal_order():
+def test_records_go_to_their_consumers_in_causal_order():
     first = Table({Scan: (RESIDUAL, DETECTION)})
     second = Table({Residual: (), Detection: (SYMBOLS,)})
     both = Pipeline((first, second, Silent()))
@@ -63,5 +63,5 @@ def test_what_is_held_back_or_closed_goes_the_same_way():
     assert second.given == [RESIDUAL, DETECTION]
 
 
-def test_what_nobody_consumes_causes_nothing():
+def test_records_without_a_consumer_have_no_effect():
     assert Pipeline((Silent(),)).handle(SCAN) == ()

@@ -271,7 +271,7 @@ OTHER_FRICTION = pit_of_another_unit(
 def test_what_another_unit_differs_by_hides_no_pit_that_came_with_it(
     scenario: dict[str, Any], relation: str, first: bool
 ) -> None:
-    """Whether it or the vibration is heard first."""
+    """Whether the shift or the vibration is detected first."""
     pipeline = make_pipeline(None)
     made = [r for r in records(**scenario, sensors={}) if not isinstance(r, Truth)]
     out = [said for record in made for said in pipeline.handle(record)]

@@ -86,7 +86,7 @@ def test_a_new_run_and_other_channels_begin_anew() -> None:
     assert charts.generation == before + 2
 
 
-def test_vibration_shows_what_the_sentinel_hears() -> None:
+def test_vibration_shows_what_the_monitor_tests() -> None:
     charts = StripCharts()
     charts.take(VibrationLevel(START_NS, ("x", "y"), (0.1, 0.2), (3.0, 9.0)))
     charts.take(VibrationLevel(START_NS + STRETCH_NS["vibration"], ("x", "y"), (0.1, 0.2), (3, 3)))

@@ -108,7 +108,7 @@ def test_symbols_and_features_are_those_that_were_published(
     assert tuple(sign.source for sign in answers(groups[-1])) == groups[-1].features_computed
 
 
-def test_a_stream_of_many_steps_is_joined_and_loses_nobody() -> None:
+def test_a_stream_of_many_steps_is_joined_and_loses_no_member() -> None:
     gone = tuple(
         Candidate(f"f{k}", "", 0.0, "r", (Evidence(START + k, f"s{k}", "+0", "", "no"),))
         for k in range(30)

@@ -132,7 +132,7 @@ class MeanShift:
         return shifts
 
     def room(self, count: int) -> tuple[Array, Counts, Array, Array, Flags, Counts]:
-        """What ``mean_shift_test_loops`` renews, with room for so many scans.
+        """State updated by ``mean_shift_test_loops``, with room for a block of scans.
 
         Sums up to each scan that is still looked back at, where they end, the last shifts, the
         earlier levels that are frozen, and whether they are; then how few samples make a level.

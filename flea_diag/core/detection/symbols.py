@@ -19,7 +19,7 @@ SLOPE_LIMIT = 3.0 * 2.0**0.5
 """Limit of the change in sigmas of one mean: three sigmas of a difference of two."""
 
 Test = tuple[float, float]
-"""What tells the tests of one residual apart: samples of the window, and limit in sigmas."""
+"""Key of a test of one residual: samples of the window, and limit in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True)

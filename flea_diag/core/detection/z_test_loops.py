@@ -35,7 +35,7 @@ def push_loops(
 
 
 def sum_loops(store: Array, at: int, lengths: Counts, sums: Array) -> None:
-    """Sums formed anew from the rows up to ``at``."""
+    """Sums recomputed from the rows up to ``at``."""
     for w in range(len(lengths)):
         first = at + 1 - lengths[w]
         sums[w] = store[first]

@@ -30,7 +30,7 @@ def output_loops(
 ) -> None:  # fmt: skip
     """Scan after scan into ``told``, estimates, sigmas and health, and into the residuals.
 
-    ``channels`` are those that are told of, ``testable`` whether innovations may be tested.
+    ``channels`` are those reported, ``testable`` whether innovations may be tested.
     """
     table, measured, lost = innovations
     estimates, sigmas, health = told

@@ -80,6 +80,6 @@ class KalmanFilter:
         H, R = self._model.H[used], self._model.R[np.ix_(used, used)]
         gain = np.linalg.solve(H @ self._P @ H.T + R, H @ self._P).T
         self._x = self._x + gain @ residual[used]
-        # Joseph's form: stays a covariance whatever rounding does.
+        # Joseph's form: remains a covariance in spite of rounding.
         keep = np.eye(len(self._x)) - gain @ H
         self._P = keep @ self._P @ keep.T + gain @ R @ gain.T

@@ -45,7 +45,7 @@ def normalised(log_weights: Array) -> tuple[Array, float]:
 
 
 def effective_sample_size(weights: Array) -> float:
-    """1 / sum w^2 of normalised weights: N when all are alike, 1 when one has everything."""
+    """1 / sum w^2 of normalised weights: N if all are equal, 1 if one has all the weight."""
     return 1.0 / float(weights @ weights)
 
 

@@ -159,7 +159,7 @@ class StateObserver:
         return self.follow(row[None], frozen).scan(0)
 
     def follow(self, rows: Array, frozen: bool = False) -> Innovations:
-        """Take n scans, one after another: the same bits in whatever blocks they come.
+        """Take n scans, one after another: the same bits for any division into blocks.
 
         Parameters
         ----------

@@ -62,7 +62,7 @@ class NoiseTest:
         left, count = WARM_UP_SCANS - self._scans, len(recent) - 3
         left = min(left if left > 0 else count, self._rows.most)
         if left < count:
-            # A learned level applies from the next row on, in blocks and row by row alike.
+            # A learned level applies from the next row on, in blocks as well as row by row.
             parts = recent[: left + 3], recent[left:]
             return np.concatenate([self.step(part) for part in parts])
         found = self._follow(recent, count) if self._compiled else self._judged(recent, count)

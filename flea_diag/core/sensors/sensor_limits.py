@@ -45,7 +45,7 @@ known within fewer scans than a drop-out lasts."""
 
 NOISE_WINDOWS = (100, 400)
 STEP_GUARD = 1.25
-"""A limit of steps is so many times the largest one that nominal recordings show."""
+"""Ratio of the limit of steps to the largest step in nominal recordings."""
 REACH_GUARD = 2.0
 REACH_QUANTILE = 0.999
 """Outliers of nominal recordings are no measure of what a sensor may do."""

@@ -47,7 +47,7 @@ class UnitChange:
     def follow(self, temperatures: Array) -> int:
         """Take n scans; the first at which another unit is detected, or n."""
         n = len(temperatures)
-        # The same scans are tested whatever the block lengths.
+        # The same scans are tested for any block lengths.
         first = (-self._count - 1) % PERIOD
         self._count += n
         self._rows.append(temperatures)

@@ -124,7 +124,7 @@ class DetectionEpisode:
             j: symbols.crossed(*results.test(j), stamp_ns)
             for j in np.flatnonzero(deviating & ISOLATING).tolist()
         }
-        # A shift and its witness deviate alike: the shift is reported.
+        # A shift and its witness deviate together: the shift is reported.
         first = max(
             np.flatnonzero(deviating).tolist(),
             key=lambda j: (float(abs(z[j]) / k[j]), not math.isnan(shift[j])),

@@ -21,13 +21,13 @@ class ObserverParameters:
     )
     rearm_after_s: float = parameter(
         30.0,
-        "close an episode once every test has been quiet for so long (0: only by ~/reset)",
+        "time without any detection that closes an episode (0: only by ~/reset)",
         unit="s",
         minimum=0.0,
         maximum=3600.0,
     )
     gap_scans: int = parameter(
-        10, "missing scans after which smoothing starts anew", minimum=2, maximum=1000
+        10, "missing scans after which smoothing restarts", minimum=2, maximum=1000
     )
     state_observer: str = parameter(
         "particle",

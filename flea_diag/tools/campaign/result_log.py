@@ -127,7 +127,7 @@ def _claim(folder: Path, plan_sha256: str) -> None:
     if note.exists() and note.read_text(encoding="utf-8").strip() != plan_sha256:
         raise ConfigurationError(
             f"{folder} holds the results of another campaign, or of this one as it was: choose "
-            "another folder, or --force to begin anew"
+            "another folder, or --force to start again"
         )
     note.write_text(plan_sha256 + "\n", encoding="utf-8")
 

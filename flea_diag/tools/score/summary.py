@@ -12,7 +12,7 @@ from flea_diag.tools.score.score import component_right, confusion, once, right_
 from flea_diag.tools.score.severity import ladder
 
 LISTED = 200
-"""At most so many wrong runs are named in the summary; the lines have all."""
+"""Limit of wrong runs named in the summary; the result lines name all."""
 
 PAPER: dict[str, tuple[int, int]] = {
     "Nominal": (133, 134),

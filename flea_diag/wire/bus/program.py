@@ -29,9 +29,9 @@ NO_RCLPY = (
 )
 
 START_PATIENCE_S = 0.3
-"""A node that has nothing to close ends within so long of a signal, whatever it is busy with."""
+"""Time from a signal to the end of a node that has nothing to close."""
 CLOSE_PATIENCE_S = 10.0
-"""One that has a bag or a screen to close may take so long, on a disk that is slow to answer."""
+"""The same for a node that has a bag or a screen to close, possibly on a slow disk."""
 
 Closing = Callable[[], None]
 

@@ -200,7 +200,7 @@ def test_bag_gives_the_samples_that_the_stand_gives(tmp_path: Path) -> None:
         }
 
 
-def test_levels_know_the_speed_that_the_sentinel_is_told() -> None:
+def test_levels_use_the_speed_that_the_monitor_uses() -> None:
     """One scan of 100 rad/s in the middle of a block, through a raised cosine of 31 scans."""
     blocks = [
         VibrationBlock.pack(

@@ -1,4 +1,4 @@
-"""The observer gives the same bits in whatever blocks its scans come, with every filter."""
+"""The observer gives the same bits for any division into blocks, with every filter."""
 
 from __future__ import annotations
 

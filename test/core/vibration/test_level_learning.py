@@ -35,7 +35,7 @@ def constant_motion(values: np.ndarray) -> Levels:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_what_a_run_holds_is_the_highest_limit_at_which_the_sentinel_calls(seed: int) -> None:
+def test_what_a_run_holds_is_the_highest_limit_at_which_the_monitor_alarms(seed: int) -> None:
     draw = np.random.default_rng(seed)
     values = draw.normal(size=draw.integers(RAISED, 40))
     found = held(values)

@@ -15,7 +15,7 @@ AXIS = "accelerometer_2_z"
 
 
 def monitor(limit: float = 2.0) -> VibrationMonitor:
-    """One that hears the same level in motion and at rest."""
+    """A monitor with the same range in motion and at rest."""
     nominal = {AXIS: NominalRange((1.0,), -1.0, limit - 1.0)}
     watch = VibrationMonitor(NominalRanges(levels=nominal, resting_levels=nominal))
     watch.motion(100.0, 50.0)

@@ -278,7 +278,7 @@ def test_value_does_not_depend_on_how_the_stream_was_cut(
     assert only(stage(), blocks(3.0, length_s), scans(3.0), asked) == whole
 
 
-# --- the sentinel ---------------------------------------------------------------------------
+# --- the vibration monitor ------------------------------------------------------------------
 
 
 def test_level_of_every_block_is_published_at_its_end() -> None:

@@ -324,7 +324,7 @@ def faults_with(symbol: str, feature: str) -> set[str]:
     return {f for f in stands.knowledge().faults if table.value(f, feature) in (symbol, "?")}
 
 
-def test_features_are_asked_for_one_by_one_and_believed():
+def test_features_are_requested_one_by_one_and_used():
     # ball_nut_friction and jam are alike in the paper's table: no feature of it can split them.
     out = with_answers(lambda request: [answer(request, "1")])
     for request in stands.of(FeatureRequest, out):

@@ -30,7 +30,7 @@ from flea_sim_driver.stand import Stand as SimulatedStand
 
 S = 1_000_000_000
 AWAY = 150
-"""Scans that come while nobody observes."""
+"""Scans that arrive while no observer runs."""
 
 
 @lru_cache(maxsize=1)

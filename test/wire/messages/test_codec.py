@@ -382,7 +382,7 @@ def test_a_truncated_scan_is_never_read() -> None:
 
 
 @pytest.mark.parametrize("size", [1_000_000, 2**32 - 1])
-def test_an_announced_size_is_not_believed(size: int) -> None:
+def test_an_announced_size_is_not_trusted(size: int) -> None:
     """A length of four thousand million strings in forty bytes allocates nothing."""
     head = b"\x00\x01\x00\x00" + bytes(8) + struct.pack("<IxxxxI", 1, size)
     with pytest.raises(WireError, match="announced"):
