@@ -9,6 +9,7 @@ import numpy as np
 
 from flea_diag import configuration
 from flea_diag.core.calibration.calibration import Calibration, NominalRun
+from flea_diag.core.residuals.residual_rows import UNITS
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
@@ -58,8 +59,7 @@ def pipeline(channels: tuple[str, ...] = ema.STAND) -> Pipeline:
 
 def table(channels: tuple[str, ...] = ema.STAND, extra: tuple[str, ...] = ()) -> ChannelTable:
     """Wide ranges for all."""
-    units = {"motor_current": "A", "motor_voltage": "V", "load_force": "N"}
-    rows = (ChannelInfo(c, units.get(c, "1"), -1e4, 1e4, 100.0) for c in channels + extra)
+    rows = (ChannelInfo(c, UNITS.get(c, ""), -1e4, 1e4, 100.0) for c in channels + extra)
     return ChannelTable(START_NS, "stand", tuple(rows))
 
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from flea_diag.core.residuals.residual import PARITIES, SPEED, Parity, Signals
 from flea_diag.core.sensors.sensor_tests import NAMES as SENSOR_TESTS
 from flea_diag.core.sensors.sensor_tests import channel_of
+from flea_diag.errors import shown
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -32,6 +33,31 @@ CHANNELS = (
     "ambient_temperature",
 )
 """Channels that the diagnosis reads, in the order of every row in this module."""
+UNITS = {
+    "motor_current": "A",
+    "motor_voltage": "V",
+    "commanded_voltage": "V",
+    "motor_speed": "rad/s",
+    "actuator_position": "m",
+    "load_position": "m",
+    "load_force": "N",
+    "motor_temperature": "degC",
+    "nut_temperature": "degC",
+    "ambient_temperature": "degC",
+}
+"""Unit that the diagnosis takes each of these channels to be in."""
+ACCELEROMETER, ACCELERATION = "accelerometer_", "m/s^2"
+"""First part of the name of each axis of vibration, and its unit."""
+SPELLINGS = {
+    "A": ("ampere", "amperes"),
+    "V": ("volt", "volts"),
+    "rad/s": ("rad*s^-1", "rad s^-1"),
+    "m": ("meter", "meters", "metre", "metres"),
+    "N": ("newton", "newtons"),
+    "degC": ("C", "°C", "℃", "celsius", "Celsius"),
+    "m/s^2": ("m/s²", "m/s2", "m/s**2", "m*s^-2"),
+}
+"""Other spellings of the same unit."""
 INDEX = {name: index for index, name in enumerate(CHANNELS)}
 TEMPERATURES = ("motor_temperature", "nut_temperature", "ambient_temperature")
 
@@ -54,6 +80,17 @@ class ResidualRow:
     gate: str
     windows: tuple[int, ...]
     isolates: bool = True
+
+
+def unit_refusal(channel: str, unit: str) -> str:
+    """Why a channel in this unit cannot be used; empty where it can, or its unit is unknown.
+
+    Values are not converted: a factor that is right for one channel hides a wrong one of another.
+    """
+    needed = ACCELERATION if channel.startswith(ACCELEROMETER) else UNITS.get(channel, "")
+    if not needed or unit in ("", needed, *SPELLINGS[needed]):
+        return ""
+    return f"{channel} is in {shown(unit)}, must be in {needed!r}: convert it at the source"
 
 
 PARITY_WINDOWS = (50, 100, 400)

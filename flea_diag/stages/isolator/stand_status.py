@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.residuals.residual_rows import unit_refusal
 from flea_diag.wire.records import (
     NEVER_NS,
     STREAM,
@@ -144,7 +145,13 @@ def diverged(stamp_ns: Any, lost_ns: Any) -> Any:
 
 
 def mismatch(calibration: Calibration, table: ChannelTable) -> str:
-    """Why a calibration does not fit a stand with this channel table; empty where it does."""
+    """Why a calibration does not fit a stand with this channel table; empty where it does.
+
+    A unit that is not that of the model comes first: no calibration fits such a stand.
+    """
+    units = (unit_refusal(row.name, row.unit) for row in table.channels)
+    if wrong := next(filter(None, units), ""):
+        return wrong
     here = {row.name for row in table.channels}
     missing = [name for name in calibration.channels if name not in here]
     if missing:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from flea_diag.core.residuals.residual_rows import unit_refusal
 from flea_diag.errors import FleaError, RecordingError, WireError, shown
 from flea_diag.tools.bags.recover import mcap_files, merged
 from flea_diag.tools.terminal import IN_PART, progress, warn
@@ -137,6 +138,8 @@ def _message(message: McapMessage) -> Iterator[str]:
     except WireError as error:
         yield f"unreadable: {error}"
         return
+    if isinstance(record, ChannelTable):
+        yield from filter(None, (unit_refusal(row.name, row.unit) for row in record.channels))
     if record.stamp_ns != message.publish_ns:
         yield "publish time differs from the stamp of acquisition"
 

@@ -112,27 +112,14 @@ def _rows(channels: Sequence[str], values: Any) -> Any:
     return rows
 
 
-UNITS = {
-    "motor_current": "A",
-    "motor_voltage": "V",
-    "commanded_voltage": "V",
-    "motor_speed": "rad/s",
-    "actuator_position": "m",
-    "load_position": "m",
-    "load_force": "N",
-    "motor_temperature": "degC",
-    "nut_temperature": "degC",
-    "ambient_temperature": "degC",
-}
+def _check_units(bag: Path, table: ChannelTable) -> None:
+    """Refuse a channel in another unit; unlike for a diagnosis, one without a unit, too."""
+    from flea_diag.core.residuals.residual_rows import unit_refusal
 
-
-def _check_units(bag: Path, table: Any) -> None:
-    for channel, unit in UNITS.items():
-        info = table.info(channel)
-        if info is not None and info.unit != unit:
-            raise CalibrationError(
-                f"{bag}: {channel} is in {info.unit!r}, must be in {unit!r}: import the bag again"
-            )
+    for row in table.channels:
+        words = unit_refusal(row.name, row.unit or "no unit")
+        if words:
+            raise CalibrationError(f"{bag}: {words}")
 
 
 def check_alike(first: NominalRecording, other: NominalRecording) -> None:

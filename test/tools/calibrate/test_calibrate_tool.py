@@ -14,10 +14,9 @@ from support.models import linear_ema as ema
 
 from flea_diag.configuration import load_calibration
 from flea_diag.core.calibration.thresholds import Trace
-from flea_diag.core.residuals.residual_rows import CHANNELS, RESIDUAL_INDEX, RESIDUALS
+from flea_diag.core.residuals.residual_rows import CHANNELS, RESIDUAL_INDEX, RESIDUALS, UNITS
 from flea_diag.tools import extra
 from flea_diag.tools.calibrate import plots as calibration_plots
-from flea_diag.tools.calibrate.nominal_recording import UNITS
 from flea_diag.tools.main import main
 from flea_diag.wire.bags.bag import BagWriter
 from flea_diag.wire.records import NEVER_NS, ChannelInfo, ChannelTable, Scan, Truth
