@@ -22,6 +22,8 @@ class BagDescription:
     version: int | None = None
     storage: str = ""
     files: tuple[str, ...] = ()
+    compression: str = ""
+    """What is compressed: ``file``, ``message``, or nothing."""
     counts: Mapping[str, int] = field(default_factory=dict)
     """Messages by topic."""
 
@@ -62,8 +64,14 @@ def description(content: Any) -> BagDescription:
         None if version is None else _count(version, "version"),
         _text(known.get("storage_identifier", ""), "storage_identifier"),
         tuple(_text(name, "relative_file_paths") for name in files),
+        _compression(known),
         dict(_topic(row) for row in rows if "topic_metadata" in row),  # else of no topic
     )
+
+
+def _compression(known: Mapping[str, Any]) -> str:
+    mode = _text(known.get("compression_mode") or "", "compression_mode").lower()
+    return "" if mode == "none" else mode
 
 
 def _topic(row: Mapping[str, Any]) -> tuple[str, int]:

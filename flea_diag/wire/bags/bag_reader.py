@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import heapq
-import sqlite3
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from itertools import groupby, islice
 from operator import itemgetter
 from pathlib import Path
@@ -19,8 +17,9 @@ from flea_diag.wire.bags.bag_layout import (
     refuse_closed,
     split_name,
 )
-from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, McapScan
+from flea_diag.wire.bags.mcap_scan import McapMessage, McapScan
 from flea_diag.wire.bags.scan_columns import scan_block
+from flea_diag.wire.bags.sqlite_source import SqliteSource
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.messages.codec import decode
 from flea_diag.wire.records import Record, Scan
@@ -210,38 +209,6 @@ def read_bag(
         losses += reader.losses
 
 
-class _SqliteSource:
-    """A bag in SQLite storage, read through rosbags."""
-
-    def __init__(self, directory: Path) -> None:
-        self.attachments: dict[str, bytes] = {}
-        self.losses: list[str] = []
-        self._directory = directory
-        with self._opened() as bag:
-            self.channels = {c.id: Channel(c.topic, c.msgtype, "cdr") for c in bag.connections}
-
-    @contextmanager
-    def _opened(self) -> Iterator[Any]:
-        try:
-            from rosbags.rosbag2 import Reader, ReaderError
-        except ImportError as error:
-            raise RecordingError(f"SQLite bags need rosbags: pip install rosbags ({error})") from (
-                error
-            )
-        try:
-            with Reader(self._directory) as bag:
-                yield bag
-        except (ReaderError, sqlite3.Error, OSError) as error:
-            raise RecordingError(f"cannot read bag {self._directory}: {error}") from error
-
-    def messages(self) -> Iterator[McapMessage]:
-        """All messages in order of log time."""
-        with self._opened() as bag:
-            for connection, log_ns, data in bag.messages():
-                channel = Channel(connection.topic, connection.msgtype, "cdr")
-                yield McapMessage(log_ns, log_ns, channel, bytes(data))
-
-
 def _sources(path: Path, losses: list[str]) -> list[Any]:
     if path.is_file():
         return [McapScan(path)]
@@ -250,7 +217,7 @@ def _sources(path: Path, losses: list[str]) -> list[Any]:
     refuse_closed(path)
     known = described(path, losses) or BagDescription()
     if known.storage == "sqlite3":
-        return [_SqliteSource(path)]
+        return [SqliteSource(path, known)]
     files = [path / Path(name).name for name in known.files if name.endswith(".mcap")]
     files = files or sorted(path.glob("*.mcap"))
     if not files:

@@ -14,6 +14,8 @@ VARIABLE = "FLEA_BAG_LIMIT_MB"
 UNPACKED_MB = 1000
 RATIO = 1000
 """Largest compression ratio of a file; recordings of a stand at rest come close to it."""
+STORAGE_RATIO = 100
+"""The same of an SQLite file, which packs less well and is unpacked onto the disk."""
 HELD_BYTES = 128 << 20
 MESSAGE_BYTES = 240
 """Memory overhead of a message in addition to its data."""
@@ -31,19 +33,19 @@ class Budget:
         By every method if a limit is exceeded; the message names the limit.
     """
 
-    def __init__(self, name: str, size_bytes: int) -> None:
+    def __init__(self, name: str, size_bytes: int, ratio: int = RATIO) -> None:
         self._name = name
         asked = os.environ.get(VARIABLE, "")
         least_mb = int(asked) if asked.isdigit() and len(asked) < 10 else UNPACKED_MB
-        self._limit = max(least_mb * MEGABYTE, RATIO * size_bytes)
+        self._limit = max(least_mb * MEGABYTE, ratio * size_bytes)
         self._unpacked = self._held = self._small = 0
 
     def unpack(self, size_bytes: int) -> None:
-        """Charge a chunk before it is unpacked."""
+        """Charge a chunk, message or part of a file before it is unpacked."""
         self._unpacked += size_bytes
         if self._unpacked > self._limit:
             raise RecordingError(
-                f"{self._name}: its chunks unpack to more than {self._limit / MEGABYTE:.0f} MB; "
+                f"{self._name}: it unpacks to more than {self._limit / MEGABYTE:.0f} MB; "
                 f"if it is sound, raise the limit: {VARIABLE}=10000"
             )
 

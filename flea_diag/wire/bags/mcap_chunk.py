@@ -78,7 +78,7 @@ def _decompress(compression: str, packed: bytes, size: int) -> bytes:
         return packed[:size]
     try:
         if compression == "zstd":
-            return _unzstd(packed, size)
+            return unzstd(packed, size)
         if compression == "lz4":
             import lz4.frame
 
@@ -93,7 +93,14 @@ def _decompress(compression: str, packed: bytes, size: int) -> bytes:
     raise DamageError(f"unknown compression {compression!r}")
 
 
-def _unzstd(packed: bytes, size: int) -> bytes:
+def unzstd(packed: bytes, size: int) -> bytes:
+    """Unpack to at most ``size`` bytes.
+
+    Raises
+    ------
+    DamageError
+        This is not zstd.
+    """
     import zstandard
 
     try:

@@ -1,0 +1,156 @@
+"""Reads a bag in SQLite storage: rosbag2's tables ``topics`` and ``messages``.
+
+A database is a program as much as a file: a view, a generated column or a virtual table of a few
+bytes yields rows without end. Only ordinary tables are read, and what is compressed is measured
+before it is unpacked.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from flea_diag.errors import RecordingError
+from flea_diag.wire.bags.bag_description import BagDescription
+from flea_diag.wire.bags.budget import MEGABYTE, STORAGE_RATIO, Budget
+from flea_diag.wire.bags.mcap_chunk import CHUNK_LIMIT_BYTES, DamageError, unzstd
+from flea_diag.wire.bags.mcap_scan import Channel, McapMessage
+from flea_diag.wire.regular_file import opened
+
+TABLES = ("topics", "messages")
+MOST_TOPICS = 10_000
+LONGEST_NAME = 1000
+PART_BYTES = 1 << 20
+
+
+class SqliteSource:
+    """The files of one bag, one after the other.
+
+    Raises
+    ------
+    RecordingError
+        A file is missing, is no such database, or unpacks to more than its budget.
+    """
+
+    def __init__(self, directory: Path, known: BagDescription) -> None:
+        self.attachments: dict[str, bytes] = {}
+        self.losses: list[str] = []
+        self._packed = known.compression
+        self._files = [directory / Path(name).name for name in known.files]
+        if self._packed not in ("", "file", "message"):
+            raise RecordingError(f"{directory}: compression mode {self._packed!r} is unknown")
+        self.channels: dict[tuple[Path, int], Channel] = {}
+        for file in self._files:
+            with self._database(file) as database:
+                self.channels |= {(file, key): c for key, c in _topics(database).items()}
+
+    def messages(self) -> Iterator[McapMessage]:
+        """All messages, in order of log time within each file."""
+        for file in self._files:
+            with self._database(file) as database:
+                yield from self._messages(file, database)
+
+    def _messages(self, file: Path, database: sqlite3.Connection) -> Iterator[McapMessage]:
+        budget = Budget(file.name, file.stat().st_size, STORAGE_RATIO)
+        query = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, rowid"
+        bad = 0
+        for topic, log_ns, data in database.execute(query):
+            channel = self.channels.get((file, topic))
+            if channel is None or type(log_ns) is not int or not isinstance(data, bytes):
+                bad += 1
+                continue
+            try:
+                whole = self._unpacked_message(data, budget)
+            except DamageError:
+                bad += 1
+            else:
+                yield McapMessage(log_ns, log_ns, channel, whole)
+        if bad:
+            self.losses.append(f"{file.name}: {bad} unreadable rows of messages")
+
+    def _unpacked_message(self, data: bytes, budget: Budget) -> bytes:
+        if self._packed != "message":
+            return data
+        whole = unzstd(data, CHUNK_LIMIT_BYTES + 1)
+        if len(whole) > CHUNK_LIMIT_BYTES:
+            raise RecordingError(
+                f"a message unpacks to more than {CHUNK_LIMIT_BYTES / MEGABYTE:.0f} MB"
+            )
+        budget.unpack(len(whole))
+        return whole
+
+    @contextmanager
+    def _database(self, file: Path) -> Iterator[sqlite3.Connection]:
+        """One file, opened for reading; a compressed one is unpacked into a temporary folder."""
+        try:
+            with TemporaryDirectory(prefix="flea_bag_") as folder:
+                plain = file
+                if self._packed == "file":
+                    plain = Path(folder) / "bag.db3"
+                    _unpack(file, plain)
+                with opened(plain):  # a regular file, not waited for
+                    pass
+                place = f"{plain.resolve().as_uri()}?mode=ro&immutable=1"
+                with closing(sqlite3.connect(place, uri=True)) as database:
+                    if sys.version_info >= (3, 11):
+                        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, CHUNK_LIMIT_BYTES)
+                    _check_tables(database)
+                    yield database
+        except (RecordingError, DamageError, sqlite3.Error, OSError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise RecordingError(f"cannot read bag {file}: {reason}") from error
+
+
+def _unpack(packed: Path, plain: Path) -> None:
+    """Unpack a file of zstd; its size is counted first, so that a bomb fills no disk."""
+    budget = Budget(packed.name, packed.stat().st_size, STORAGE_RATIO)
+    for part in _parts(packed):
+        budget.unpack(len(part))
+    with plain.open("wb") as file:
+        for part in _parts(packed):
+            file.write(part)
+
+
+def _parts(packed: Path) -> Iterator[bytes]:
+    try:
+        import zstandard
+    except ImportError as error:
+        raise RecordingError(f"it needs the package mcap: pip install mcap ({error})") from error
+    with opened(packed) as file:
+        reader = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)
+        try:
+            while part := reader.read(PART_BYTES):
+                yield part
+        except zstandard.ZstdError as error:
+            raise DamageError(f"cannot be decompressed: {error}") from None
+
+
+def _check_tables(database: sqlite3.Connection) -> None:
+    """Refuse tables that compute what they hold."""
+    query = "SELECT type, sql FROM sqlite_master WHERE lower(name) = ?"
+    for table in TABLES:
+        found = database.execute(query, (table,)).fetchone()
+        if found is None:
+            raise RecordingError(f"it has no table {table!r}")
+        plain = found[0] == "table" and not str(found[1]).upper().startswith("CREATE VIRTUAL")
+        # ``hidden`` is 2 or 3 for a generated column.
+        columns = database.execute(f"PRAGMA table_xinfo({table})") if plain else ()
+        if not plain or any(hidden for *_, hidden in columns):
+            raise RecordingError(f"{table!r} is not an ordinary table: its rows are computed")
+
+
+def _topics(database: sqlite3.Connection) -> dict[int, Channel]:
+    query = "SELECT id, name, type, serialization_format FROM topics LIMIT ?"
+    rows = database.execute(query, (MOST_TOPICS + 1,)).fetchmany(MOST_TOPICS + 1)
+    texts = [text for row in rows for text in row[1:]]
+    if len(rows) > MOST_TOPICS or any(
+        not isinstance(text, str) or len(text) > LONGEST_NAME for text in texts
+    ):
+        raise RecordingError(
+            f"'topics' must be at most {MOST_TOPICS} rows of texts up to {LONGEST_NAME} characters"
+        )
+    return {key: Channel(topic, message, form) for key, topic, message, form in rows}
