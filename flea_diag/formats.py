@@ -150,12 +150,18 @@ def migrated(kind: str, content: object, where: str) -> dict[str, Any]:
     """
     known = FORMATS[kind]
     if not isinstance(content, Mapping):
-        raise known.error(f"{where}: {kind} must be a mapping, not {shown(content)}")
+        raise known.error(f"{where}: {kind} must be a mapping, not {_kind_of(content)}")
     found = _found(kind, content, where)
     current: Mapping[str, Any] = content
     for version in range(found, known.version):
         current = known.steps[version](current)
     return {key: value for key, value in current.items() if key != KEY}
+
+
+def _kind_of(content: object) -> str:
+    """What a file holds instead of a mapping, without a word of it: it may be no file of ours."""
+    kinds = {str: "a text", list: "a list", type(None): "empty"}
+    return kinds.get(type(content), "a single value")
 
 
 def _found(kind: str, content: Mapping[str, Any], where: str) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 import time
 from dataclasses import replace
@@ -99,7 +100,33 @@ def _given(**options: Any) -> dict[str, Any]:
 
 
 def write_bag(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
-    """Simulate a scenario into a bag; return its truths."""
+    """Simulate a scenario into a bag; return its truths. Of a failure no part of a bag is left.
+
+    Raises
+    ------
+    RecordingError
+        The folder is in use, or the disk is full.
+    """
+    free = _is_free(directory)
+    try:
+        return _written(scenario, directory)
+    except Exception:
+        if free:
+            shutil.rmtree(directory, ignore_errors=True)
+        raise
+
+
+def _is_free(directory: Path) -> bool:
+    """Whether nothing of somebody else's is there."""
+    try:
+        return not any(directory.iterdir())
+    except FileNotFoundError:
+        return True
+    except OSError:
+        return False
+
+
+def _written(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
     from flea_diag.wire.bags.bag import BagWriter
     from flea_diag.wire.records import Truth
     from flea_sim_driver.stand import Stand

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -165,3 +167,57 @@ def test_the_stand_is_close_to_held_out_recordings(tmp_path: Path) -> None:
         ]
         assert len(distances) >= 5, statistic
         assert np.median(distances) < limit, (statistic, distances)
+
+
+FULL = """
+import resource, sys
+from flea_diag.tools.main import main
+main(["simulate", "jam", "-o", sys.argv[1] + "_compiled", "--duration", "1"])
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+sys.exit(main(["simulate", "jam", "-o", sys.argv[1], "--duration", "12"]))
+"""
+"""A disk on which no file grows beyond 100 kB."""
+
+
+def test_a_full_disk_leaves_no_part_of_a_bag(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(bag)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert f"cannot write bag {bag}" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not bag.exists()
+
+
+def test_a_folder_in_use_is_refused_and_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    assert main(["simulate", "jam", "-o", str(tmp_path), "--duration", "12"]) == 2
+    assert "is not empty" in capsys.readouterr().err
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "root:x:0:0:root:/root:/bin/bash\nsecret:x:1:1::/:/bin/sh\n",
+        "secret\n",
+        "[secret, secret]\n",
+        "secret: {secret\n",
+        "secret = *secret\n",
+        "\tsecret: 1\n",
+    ],
+)
+def test_a_file_that_is_no_scenario_is_not_quoted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str
+) -> None:
+    file = tmp_path / "passwd"
+    file.write_text(content)
+    assert main(["simulate", str(file), "-o", str(tmp_path / "bag")]) == 2
+    said = capsys.readouterr().err
+    assert str(file) in said
+    assert said.count("\n") == 1
+    assert "secret" not in said
+    assert "/bin" not in said
