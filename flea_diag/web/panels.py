@@ -154,7 +154,7 @@ def _feature(entry: AskedFeature) -> tuple[object, ...]:
         name,
         f"{number(value.value, value.unit)}  ({value.symbol})",
         nominal,
-        f"{value.cost_ms:.2f} ms",
+        number(value.cost_ms, "ms"),
     )
 
 

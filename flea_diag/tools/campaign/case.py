@@ -114,12 +114,19 @@ def _taught(campaign: Campaign, recordings: RecordingSet) -> tuple[str, ...]:
 
 
 def plan_sha256(campaign: Campaign, cases: Sequence[Case]) -> str:
-    """Digest of the runs and of what is right: guards against mixing results of two plans."""
-    content = [{**asdict(case), "calibration": ""} for case in cases]
-    for row in content:
-        del row["classifier"]  # a path, like the calibration: not part of the plan
-    text = json.dumps([content, {k: list(v) for k, v in campaign.expect.items()}], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+    """Digest of the runs and of what is right: guards against mixing results of two plans.
+
+    That of the JSON list of both, taken piece by piece: as one text it would fill the memory.
+    """
+    digest = hashlib.sha256(b"[[")
+    for number, case in enumerate(cases):
+        content = {**asdict(case), "calibration": ""}
+        del content["classifier"]  # a path, like the calibration: not part of the plan
+        text = json.dumps(content, sort_keys=True)
+        digest.update((f", {text}" if number else text).encode())
+    expected = json.dumps({k: list(v) for k, v in campaign.expect.items()}, sort_keys=True)
+    digest.update(f"], {expected}]".encode())
+    return digest.hexdigest()
 
 
 def _of(source: Any, campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.extra import require
+from flea_diag.tools.planned_runs import add_option, check_planned
 from flea_diag.tools.terminal import IN_PART, warn, write_json, write_text
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="runs to draw, wrong ones first (default: 400, about 70 kB each)",
     )
+    add_option(parser)
     parser.add_argument("--force", action="store_true", help="delete earlier results, start again")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
 
@@ -68,6 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     from flea_diag.tools.campaign.case import plan, plan_sha256
     from flea_diag.tools.campaign.recording_set import RecordingSet
     from flea_diag.tools.campaign.result_log import ResultLog, held
+    from flea_diag.tools.campaign.run_count import run_count
     from flea_diag.tools.evaluate.case_run import run_case
 
     # Checked now, not when the report is written after hours.
@@ -76,6 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
     campaign = load_campaign(arguments.campaign)
     folder: Path = (arguments.output or Path("evaluations") / campaign.name).resolve()
     recordings = RecordingSet(campaign, folder)
+    planned = run_count(campaign, recordings)
+    check_planned(planned, campaign.name, allow_large=arguments.allow_large)
     cases = plan(campaign, recordings)
     work = partial(run_case, expect=dict(campaign.expect), folder=folder)
     with held(folder):

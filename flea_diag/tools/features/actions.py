@@ -37,6 +37,7 @@ from flea_diag.tools.features.samples import FeatureRun
 from flea_diag.tools.features.stand import SEVERITIES
 from flea_diag.tools.features.table_file import Making, table_mapping, write_table
 from flea_diag.tools.features.tree_picture import draw_tree
+from flea_diag.tools.planned_runs import check_planned
 from flea_diag.tools.terminal import progress
 
 KEPT = (
@@ -181,11 +182,12 @@ def _study(arguments: argparse.Namespace) -> int:
         require("plot", "--draw")
     plan = study.Plan(faults, arguments.table, arguments.classifier)
     seeds = seeds_of(arguments.stand)
+    count = len(seeds) * len(faults)
+    check_planned(count, "features study", allow_large=arguments.allow_large)
     runs: list[study.Study] = []
     begun_s = time.monotonic()
     for run in study.study(plan, seeds, jobs=arguments.jobs):
         runs.append(run)
-        count = len(seeds) * len(faults)
         left_min = (time.monotonic() - begun_s) / 60.0 * (count / len(runs) - 1.0)
         said = f"{run.fault} {run.seed}: {', '.join(run.group)}; {left_min:.0f} min left"
         progress(len(runs), count, said)

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from flea_diag.tools.argument import count, positive, share
+from flea_diag.tools.planned_runs import add_option
 
 NAME = "features"
 SUMMARY = "list and measure vibration features; learn, score and show fault feature tables"
@@ -95,6 +96,7 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--json", type=Path, metavar="OUT", help="write one row per run, after each run"
     )
+    add_option(parser)
     parser.add_argument("--draw", type=Path, metavar="OUT", help="plot accuracy against fault size")
 
 
@@ -143,6 +145,7 @@ def _run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--hop", type=positive, default=1.0, metavar="S", help="window spacing (%(default)s)"
     )
+    add_option(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

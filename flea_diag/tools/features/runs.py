@@ -10,6 +10,7 @@ from flea_diag.errors import ConfigurationError, FleaError
 from flea_diag.tools.features import bench
 from flea_diag.tools.features.samples import FeatureRun, Grid, run_of_bag
 from flea_diag.tools.features.stand import LARGEST_LOAD_N, SEVERITIES, stand_runs
+from flea_diag.tools.planned_runs import check_planned
 from flea_diag.tools.terminal import warn
 
 
@@ -26,6 +27,8 @@ def labelled_runs(
     grid = Grid(arguments.window, arguments.hop, bench.FLEA_SCREW.orders())
     if arguments.stand:
         seeds, loads = seeds_of(arguments.stand), _loads(arguments.loads)
+        planned = len(seeds) * (len(faults) + 4 * nominal)
+        check_planned(planned, "features", allow_large=arguments.allow_large)
         # Four times as many nominal runs as runs of a fault: ranges need more windows than entries.
         runs = stand_runs(seeds, faults, arguments.duration, grid, arguments.jobs, loads)
         if nominal:

@@ -1,0 +1,44 @@
+"""How many runs a command plans: said where they are many, asked for where they are too many.
+
+Each number of a campaign or a command line has a limit of its own; their product has this one.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from flea_diag.errors import ConfigurationError
+from flea_diag.tools.terminal import warn
+
+MANY = 10_000
+"""From here on the number is said before the start."""
+MOST = 1_000_000
+OPTION = "--allow-large"
+
+
+def add_option(parser: argparse.ArgumentParser) -> None:
+    """Declare the option that lifts the limit."""
+    parser.add_argument(
+        OPTION, action="store_true", help=f"allow more than {_spaced(MOST)} runs (memory grows)"
+    )
+
+
+def check_planned(count: int, where: str, *, allow_large: bool = False) -> None:
+    """Say or refuse a number of runs; called before any list of them is built.
+
+    Raises
+    ------
+    ConfigurationError
+        More than ``MOST`` runs are planned, and nobody has allowed them.
+    """
+    if count > MOST and not allow_large:
+        raise ConfigurationError(
+            f"{where}: {_spaced(count)} runs are planned, the limit is {_spaced(MOST)}: "
+            f"plan fewer, or allow them with {OPTION}"
+        )
+    if count > MANY:
+        warn(f"{where}: {_spaced(count)} runs are planned")
+
+
+def _spaced(count: int) -> str:
+    return f"{count:,}".replace(",", " ")
