@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from support import stands
 from support.decisions import BAGS
-from support.models import linear_ema as ema
 
+from flea_diag.configuration import make_pipeline
 from flea_diag.core.residuals.residual_rows import CHANNELS, UNITS, unit_refusal
 from flea_diag.tools.bags.check import check
 from flea_diag.wire.bags.bag import BagWriter, read_bag
-from flea_diag.wire.records import ChannelTable, Outcome
+from flea_diag.wire.records import ChannelInfo, ChannelTable, Outcome, Scan
 
 NEEDED = "convert it at the source"
 WRONG = [
@@ -68,9 +68,19 @@ def test_si_an_unknown_unit_and_a_foreign_channel_are_taken(channel: str, unit: 
     assert unit_refusal(channel, unit) == ""
 
 
+def _in_milliamperes(row: ChannelInfo) -> ChannelInfo:
+    return replace(row, unit="mA") if row.name == "motor_current" else row
+
+
 def test_the_verdict_is_a_mismatch_that_names_it() -> None:
-    scans = stands.scans(ema.nominal_runs()[0])[:300]
-    said = stands.verdict(stands.feed(stands.pipeline(), [table("motor_current", "mA"), *scans]))
+    records = [record for _, record in read_bag(BAGS / "nominal", (ChannelTable, Scan))][:300]
+    wrong = [
+        replace(record, channels=tuple(_in_milliamperes(row) for row in record.channels))
+        if isinstance(record, ChannelTable)
+        else record
+        for record in records
+    ]
+    said = stands.verdict(stands.feed(make_pipeline(None), wrong))
     assert said.outcome is Outcome.MODEL_MISMATCH
     assert said.words == f"motor_current is in 'mA', must be in 'A': {NEEDED}"
 
