@@ -37,6 +37,7 @@ from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import Scan, VibrationBlock
+from flea_diag.wire.regular_file import read_text
 from flea_diag.wire.yaml_text import parse_yaml
 
 LARGEST_YAML_BYTES = 1 << 20
@@ -107,7 +108,7 @@ def found_file(name_or_path: str | Path) -> Path:
         The file does not exist.
     """
     path = Path(name_or_path)
-    if path.is_file():
+    if path.exists() and not path.is_dir():
         return path
     if path.parent != Path("."):
         raise ConfigurationError(f"{path}: no such file")
@@ -115,15 +116,10 @@ def found_file(name_or_path: str | Path) -> Path:
 
 
 def _text(path: Path) -> str:
-    size = path.stat().st_size
-    if size > LARGEST_YAML_BYTES:
-        raise ConfigurationError(f"{path}: {size} bytes, above the limit of {LARGEST_YAML_BYTES}")
     try:
-        return path.read_text(encoding="utf-8")
+        return read_text(path, LARGEST_YAML_BYTES, ConfigurationError)
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}: not a text file: {error}") from error
 
 
 def load_calibration(path: str | Path) -> Calibration:

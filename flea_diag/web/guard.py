@@ -16,6 +16,7 @@ from urllib.parse import parse_qs, quote, urlsplit
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.web.throttle import Throttle
+from flea_diag.wire.regular_file import read_text
 
 Scope = MutableMapping[str, Any]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -23,6 +24,7 @@ App = Callable[[Scope, Any, Send], Awaitable[None]]
 
 COOKIE = "flea_token"
 SHORTEST_TOKEN = 16
+LARGEST_TOKEN_BYTES = 4096
 LOCAL_NAMES = ("localhost",)
 POLICY_VIOLATION = 1008
 MOST_GUESSES, GUESSES_S = 10, 60.0
@@ -80,8 +82,8 @@ def token_of(address: str, token_file: str) -> str:
             f"least {SHORTEST_TOKEN} characters (-p token_file:=FILE), or use 127.0.0.1"
         )
     try:
-        token = Path(token_file).read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError) as error:
+        token = read_text(Path(token_file), LARGEST_TOKEN_BYTES, ConfigurationError).strip()
+    except OSError as error:
         raise ConfigurationError(f"token_file = {token_file!r} cannot be read: {error}") from None
     if len(token) < SHORTEST_TOKEN:
         raise ConfigurationError(

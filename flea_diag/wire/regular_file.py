@@ -1,7 +1,8 @@
-"""Opens external files: regular files only, never a device, a pipe or a socket.
+"""Files of others are opened here: regular ones alone, no device, pipe, socket or folder.
 
-Reading ``/dev/zero`` never ends, and a FIFO without a writer blocks. The check is made on the
-opened file, so that the name cannot be redirected after it.
+``/dev/zero`` has no end, and a FIFO that nobody writes to has no beginning. The look is taken at
+what has been opened, not at what the name pointed to before. Whoever reads names the error that
+the file raises: a calibration another one than a recording.
 """
 
 from __future__ import annotations
@@ -11,39 +12,70 @@ import stat
 from pathlib import Path
 from typing import IO
 
-from flea_diag.errors import RecordingError
+from flea_diag.errors import InputError, RecordingError
+
+# Without O_NONBLOCK a FIFO would be waited for.
+_FLAGS = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY
 
 
-def opened(path: Path) -> IO[bytes]:
-    """Open a regular file for reading in binary mode.
+def opened(
+    path: Path, limit_bytes: int | None = None, refusal: type[InputError] = RecordingError
+) -> IO[bytes]:
+    """Open a regular file to be read in binary form.
+
+    The limit is that of its size as it is opened; whoever reads on while it grows bounds that.
 
     Raises
     ------
-    RecordingError
-        The path is not a regular file.
+    InputError
+        ``refusal``: it is no regular file, or larger than the limit.
     OSError
         The file cannot be opened.
     """
-    # Without O_NONBLOCK, opening a FIFO blocks.
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+    descriptor = os.open(path, _FLAGS)
+    found = os.fstat(descriptor)
+    if not stat.S_ISREG(found.st_mode):
         os.close(descriptor)
-        raise RecordingError(f"{path}: no regular file, it is not read")
+        raise refusal(f"{path}: no regular file, it is not read: name a file on disk")
+    if limit_bytes is not None and found.st_size > limit_bytes:
+        os.close(descriptor)
+        raise refusal(_too_large(path, found.st_size, limit_bytes))
     return os.fdopen(descriptor, "rb")
 
 
-def read_bytes(path: Path, limit_bytes: int) -> bytes:
-    """Content of a regular file of at most ``limit_bytes``.
+def read_bytes(path: Path, limit_bytes: int, refusal: type[InputError] = RecordingError) -> bytes:
+    """Content of a regular file of at most so many bytes.
 
     Raises
     ------
-    RecordingError
-        The path is not a regular file, or the file is too large.
+    InputError
+        ``refusal``: it is no regular file, or larger, if only since it was opened.
     OSError
         The file cannot be read.
     """
-    with opened(path) as stream:
+    with opened(path, limit_bytes, refusal) as stream:
         data = stream.read(limit_bytes + 1)
     if len(data) > limit_bytes:
-        raise RecordingError(f"{path}: above its limit of {limit_bytes} bytes, it is not read")
+        raise refusal(_too_large(path, len(data), limit_bytes))
     return data
+
+
+def read_text(path: Path, limit_bytes: int, refusal: type[InputError] = RecordingError) -> str:
+    """Text in UTF-8 of a regular file of at most so many bytes, every line end a line feed.
+
+    Raises
+    ------
+    InputError
+        ``refusal``: it is no regular file, larger, or not UTF-8.
+    OSError
+        It cannot be read.
+    """
+    try:
+        text = read_bytes(path, limit_bytes, refusal).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise refusal(f"{path}: not a text file: {error}") from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _too_large(path: Path, size: int, limit_bytes: int) -> str:
+    return f"{path}: {size} bytes, above the limit of {limit_bytes} bytes, it is not read"

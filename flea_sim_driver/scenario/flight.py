@@ -8,6 +8,7 @@ with the offending row.
 from __future__ import annotations
 
 import csv
+import io
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,6 +20,7 @@ import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.wire.regular_file import opened
 from flea_sim_driver.scenario.settings import LOAD_LIMIT_N, STROKE_M
 
 if TYPE_CHECKING:
@@ -105,15 +107,13 @@ def read_flight(path: Path, *, fit: bool = False) -> Flight:
 
 def _rows(path: Path) -> list[list[float]]:
     try:
-        if path.stat().st_size > FILE_LIMIT_BYTES:
-            raise ConfigurationError(f"{path}: larger than the limit of {FILE_LIMIT_BYTES} bytes")
-        with path.open(newline="", encoding="utf-8") as stream:
+        file = opened(path, FILE_LIMIT_BYTES, ConfigurationError)
+        with io.TextIOWrapper(file, encoding="utf-8", newline="") as stream:
             reader = csv.reader(stream)
             header = tuple(cell.strip() for cell in next(reader, []))
             if header != COLUMNS:
-                raise ConfigurationError(
-                    f"{path}: columns {', '.join(header) or 'none'}, must be {', '.join(COLUMNS)}"
-                )
+                found = ", ".join(header)[:80] or "none"
+                raise ConfigurationError(f"{path}: columns {found}, must be {', '.join(COLUMNS)}")
             return [_row(cells, path, reader.line_num) for cells in reader if cells]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ConfigurationError(f"{path}: cannot be read: {error}") from error

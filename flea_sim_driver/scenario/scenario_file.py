@@ -10,6 +10,7 @@ from typing import Any
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.formats import migrated
 from flea_diag.wire.parameters import build
+from flea_diag.wire.regular_file import read_text
 from flea_diag.wire.yaml_text import parse_yaml
 from flea_sim_driver.plant.structure import StructureSpread
 from flea_sim_driver.plant.unit import Spread
@@ -135,12 +136,8 @@ def load_scenario(path: Path) -> Scenario:
         The file cannot be read, is too large, is not YAML, or is not a valid scenario.
     """
     try:
-        if path.stat().st_size > FILE_LIMIT_BYTES:
-            raise ConfigurationError(
-                f"{path}: {path.stat().st_size} bytes, the limit is {FILE_LIMIT_BYTES}"
-            )
-        values = parse_yaml(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
+        values = parse_yaml(read_text(path, FILE_LIMIT_BYTES, ConfigurationError))
+    except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error}") from error
     except ValueError as error:
         raise ConfigurationError(f"{path}: not valid YAML: {error}") from error

@@ -76,6 +76,7 @@ ROOMS = (
             "flea_diag.errors",
             "flea_diag.wire.records",
             "flea_diag.wire.wording",
+            "flea_diag.wire.regular_file",
         ),
         ("numpy", "markupsafe", "nicegui", "fastapi", "uvicorn"),
     ),

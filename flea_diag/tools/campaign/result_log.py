@@ -11,9 +11,12 @@ from pathlib import Path
 
 from flea_diag.errors import ConfigurationError, RecordingError
 from flea_diag.tools.campaign.run_result import RunResult, from_mapping
+from flea_diag.wire.regular_file import read_bytes, read_text
 
 RESULTS = "results.jsonl"
 PLAN = "plan.sha256"
+LARGEST_BYTES = 256 << 20
+LARGEST_NOTE_BYTES = 4096
 
 
 class ResultLog:
@@ -108,8 +111,8 @@ def read_results(path: Path) -> tuple[RunResult, ...]:
 
 def _read(file: Path) -> Iterator[RunResult]:
     try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(file, LARGEST_BYTES)
+    except OSError as error:
         raise RecordingError(f"{file}: cannot be read: {error}") from error
     whole = text[: text.rfind("\n") + 1]
     for number, line in enumerate(whole.splitlines(), 1):
@@ -124,7 +127,7 @@ def _read(file: Path) -> Iterator[RunResult]:
 def _claim(folder: Path, plan_sha256: str) -> None:
     """One folder, one plan."""
     note = folder / PLAN
-    if note.exists() and note.read_text(encoding="utf-8").strip() != plan_sha256:
+    if note.exists() and _noted(note) != plan_sha256:
         raise ConfigurationError(
             f"{folder} holds the results of another campaign, or of this one as it was: choose "
             "another folder, or --force to start again"
@@ -132,9 +135,16 @@ def _claim(folder: Path, plan_sha256: str) -> None:
     note.write_text(plan_sha256 + "\n", encoding="utf-8")
 
 
+def _noted(note: Path) -> str:
+    try:
+        return read_text(note, LARGEST_NOTE_BYTES, ConfigurationError).strip()
+    except OSError as error:
+        raise ConfigurationError(f"{note}: cannot be read: {error.strerror}") from error
+
+
 def _drop_half_a_line(path: Path) -> None:
     """What a kill left of the last line goes; that run is made again."""
+    content = read_bytes(path, LARGEST_BYTES, ConfigurationError)
     with path.open("rb+") as file:
-        content = file.read()
         file.truncate(content.rfind(b"\n") + 1)
         os.fsync(file.fileno())

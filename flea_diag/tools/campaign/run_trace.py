@@ -27,6 +27,7 @@ from flea_diag.wire.records import (
     Symbols,
     Truth,
 )
+from flea_diag.wire.regular_file import opened
 
 SUFFIX = ".trace.json.gz"
 LARGEST_BYTES = 16 << 20
@@ -197,7 +198,7 @@ def write_trace(detail: Path, trace: RunTrace) -> None:
 def read_trace(detail: Path) -> dict[str, Any] | None:
     """The trace beside a run's details; None if there is none or it cannot be read."""
     try:
-        with gzip.open(trace_path(detail)) as stream:
+        with opened(trace_path(detail), LARGEST_BYTES) as file, gzip.open(file) as stream:
             content = json.loads(stream.read(LARGEST_BYTES))
         return migrated("run trace", content, str(detail))
     except (OSError, EOFError, zlib.error, ValueError, RecordingError):

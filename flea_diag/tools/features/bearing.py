@@ -6,9 +6,12 @@ its second half, detections on recordings with faults.
 
 from __future__ import annotations
 
+import math
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import numpy.typing as npt
@@ -23,11 +26,23 @@ from flea_diag.core.vibration.nominal_range import (
 )
 from flea_diag.core.vibration.window import Window
 from flea_diag.errors import CalibrationError, RecordingError
+from flea_diag.wire.regular_file import opened
 
 SKF_6205 = Bearing(pitch_diameter_m=39.04e-3, ball_diameter_m=7.94e-3, balls=9)
 """Drive-end bearing of the Case Western Reserve University stand."""
 
 AXIS = "accelerometer_1_x"
+LARGEST_BYTES = 256 << 20
+MOST_SAMPLES = 20_000_000
+_UNREADABLE = (
+    OSError,
+    ValueError,
+    NotImplementedError,
+    TypeError,
+    LookupError,
+    OverflowError,
+    zlib.error,
+)
 GRAVITY_M_S2 = 9.80665
 
 
@@ -64,19 +79,38 @@ def read_bearing(path: Path, rate_hz: float, rpm: float) -> BearingRecording:
     RecordingError
         The file cannot be read, or does not contain this channel.
     """
-    from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
     try:
-        values = loadmat(path)
-    except (OSError, ValueError, NotImplementedError, TypeError, MatReadError) as error:
+        with opened(path, LARGEST_BYTES) as stream:
+            values = _drive_end(stream, path)
+    except (*_UNREADABLE, MatReadError) as error:
         raise RecordingError(f"{path}: cannot be read as a MATLAB file: {error}") from error
-    names = [name for name in values if name.endswith("_DE_time")]
-    if not names:
-        raise RecordingError(f"{path}: no drive-end channel *_DE_time")
-    samples = np.asarray(values[names[0]], dtype=np.float32).ravel() * np.float32(GRAVITY_M_S2)
+    samples = values.ravel() * np.float32(GRAVITY_M_S2)
     orders = SKF_6205.orders()
     return BearingRecording(path.stem, samples, rate_hz, rpm * 2.0 * np.pi / 60.0, orders)
+
+
+def _drive_end(stream: IO[bytes], path: Path) -> npt.NDArray[np.float32]:
+    """Values of the drive-end channel alone: packed ones are not unpacked before they are counted.
+
+    Raises
+    ------
+    RecordingError
+        The file does not contain this channel, or too much of it.
+    """
+    from scipy.io import loadmat, whosmat
+
+    shapes = {name: shape for name, shape, _ in whosmat(stream) if name.endswith("_DE_time")}
+    if not shapes:
+        raise RecordingError(f"{path}: no drive-end channel *_DE_time")
+    name, shape = next(iter(shapes.items()))
+    if math.prod(shape) > MOST_SAMPLES:
+        raise RecordingError(
+            f"{path}: {name} holds {math.prod(shape)} samples, above the limit of {MOST_SAMPLES}"
+        )
+    stream.seek(0)
+    return np.asarray(loadmat(stream, variable_names=[name])[name], dtype=np.float32)
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,12 @@ from flea_diag.tools.extra import require
 from flea_diag.tools.features.samples import FeatureRun
 from flea_diag.tools.interval import wilson
 from flea_diag.tools.terminal import write_text
+from flea_diag.wire.regular_file import read_text
 
 HIDDEN = (32, 16)
 SEED = 7
 MOST_EPOCHS = 300
+LARGEST_BYTES = 16 << 20
 
 
 def train(samples: Sequence[Sample], features: Sequence[str], source: str) -> Perceptron:
@@ -83,10 +85,10 @@ def read_classifier(path: Path) -> Perceptron:
         The file cannot be read, is not JSON, or does not contain a network.
     """
     try:
-        mapping = json.loads(path.read_text(encoding="utf-8"))
+        mapping = json.loads(read_text(path, LARGEST_BYTES, ConfigurationError))
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigurationError(f"{path}: not valid JSON: {error}") from error
     return Perceptron.from_mapping(mapping, str(path))
 

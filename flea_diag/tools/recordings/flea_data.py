@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import RecordingError
+from flea_diag.wire.regular_file import opened
 
 COLUMNS = (
     "Desired Position",
@@ -117,12 +118,7 @@ def read_flea_data(path: Path) -> FleaData:
 def _lines(path: Path) -> Iterator[tuple[int, bytes, bool]]:
     """Line numbers, lines, and whether the file ends within the line."""
     try:
-        size = path.stat().st_size
-        if size > FILE_LIMIT_BYTES:
-            raise RecordingError(
-                f"{path.name}: {size} bytes is above the limit of {FILE_LIMIT_BYTES} bytes"
-            )
-        with path.open("rb") as stream:
+        with opened(path, FILE_LIMIT_BYTES) as stream:
             number = 0
             while line := stream.readline(LINE_LIMIT_BYTES + 1):
                 number += 1

@@ -15,6 +15,7 @@ from flea_diag.formats import migrated
 from flea_diag.tools.campaign.result_log import RESULTS, read_results
 from flea_diag.tools.campaign.run_result import RunResult
 from flea_diag.wire.bags.bag_layout import refuse_closed
+from flea_diag.wire.regular_file import read_text
 
 LARGEST_JSON_BYTES = 64 << 20
 
@@ -164,9 +165,7 @@ def _shaped(path: Path) -> Iterator[None]:
 
 def _json(path: Path) -> Any:
     try:
-        if path.stat().st_size > LARGEST_JSON_BYTES:
-            raise RecordingError(f"{path}: larger than the limit of {LARGEST_JSON_BYTES} bytes")
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(read_text(path, LARGEST_JSON_BYTES))
     except (OSError, ValueError, RecursionError) as error:
         raise RecordingError(f"{path}: cannot be read as JSON: {error}") from error
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.bags.bag_layout import METADATA_FILE
+from flea_diag.wire.regular_file import read_bytes
 from flea_diag.wire.yaml_text import parse_yaml
 
 LARGEST_BYTES = 1 << 20
@@ -32,9 +33,7 @@ def described(path: Path, losses: list[str]) -> BagDescription | None:
     """Read metadata.yaml; None where it is missing or broken, for a bag may do without."""
     file = path / METADATA_FILE
     try:
-        if file.stat().st_size > LARGEST_BYTES:
-            raise ValueError(f"above its limit of {LARGEST_BYTES} bytes")
-        return description(parse_yaml(file.read_text(encoding="utf-8")))
+        return description(parse_yaml(read_bytes(file, LARGEST_BYTES).decode("utf-8")))
     except FileNotFoundError:
         losses.append(f"{METADATA_FILE} is missing")
     except UnicodeDecodeError:

@@ -210,9 +210,9 @@ def read_bag(
 
 
 def _sources(path: Path, losses: list[str]) -> list[Any]:
-    if path.is_file():
+    if path.exists() and not path.is_dir():
         return [McapScan(path)]
-    if not path.is_dir():
+    if not path.exists():
         raise RecordingError(f"{path} does not exist")
     refuse_closed(path)
     known = described(path, losses) or BagDescription()
