@@ -11,11 +11,13 @@ FleaError
 Every command reports a ``FleaError`` as one line on standard error, with exit status 2; any other
 exception is a defect of flea_diag and keeps its traceback.
 
-A message that quotes a value of somebody else quotes it through ``shown``.
+A message that quotes a value of somebody else quotes it through ``shown``. Whatever people read
+in a terminal, log, console, page or report passes ``visible`` where it goes out.
 """
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterator, Mapping
 
 LONGEST_SHOWN = 80
@@ -64,6 +66,37 @@ def shown(value: object) -> str:
         if len(text) > LONGEST_SHOWN:
             return text[: LONGEST_SHOWN - 3] + "..."
     return text
+
+
+_UNSEEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+"""Categories of Unicode: control, format, surrogate, and separators of lines and paragraphs."""
+
+
+def visible(text: str, kept: str = "\n\t") -> str:
+    """Text with each control, direction and format character as its escape in Python.
+
+    A name may hold what moves the cursor, sets the title of a terminal or turns the direction of
+    the line around; escaped, it does nothing but look odd.
+
+    Parameters
+    ----------
+    kept
+        Control characters that are meant; none in what is one line.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c in kept or unicodedata.category(c) not in _UNSEEN else _escape(c) for c in text
+    )
+
+
+def line_of(text: object) -> str:
+    """Text as one line: its line feeds are escaped, too."""
+    return visible(str(text), kept="")
+
+
+def _escape(character: str) -> str:
+    return character.encode("unicode_escape").decode("ascii")
 
 
 def _pieces(value: object) -> Iterator[str]:

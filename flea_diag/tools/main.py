@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from flea_diag import __version__
-from flea_diag.errors import FleaError
+from flea_diag.errors import FleaError, line_of
 
 MODULES = (
     "model.model",
@@ -84,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except FleaError as error:
-        print(f"flea: {error}", file=sys.stderr)
+        print(f"flea: {line_of(error)}", file=sys.stderr)
         return USAGE_ERROR
     except KeyboardInterrupt:
         print("flea: interrupted", file=sys.stderr)

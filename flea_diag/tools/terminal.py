@@ -7,26 +7,31 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, line_of, visible
 from flea_diag.wire.whole_file import replace_file
 
 IN_PART = 1
 """Exit status of a batch of which a part was refused or lost."""
 
 
+def say(text: object = "", *, end: str = "\n", file: TextIO | None = None) -> None:
+    """Print text, on standard output by default, with its control characters escaped."""
+    print(visible(str(text)), end=end, file=file, flush=file is not None)
+
+
 def warn(words: str) -> None:
     """Print a line on standard error, after clearing a progress line."""
     clear = "\r\x1b[K" if sys.stderr.isatty() else ""
-    print(f"{clear}flea: {words}", file=sys.stderr)
+    print(f"{clear}flea: {line_of(words)}", file=sys.stderr)
 
 
 def progress(number: int, count: int, name: str) -> None:
     """Show the progress of a batch, on a terminal only."""
     if sys.stderr.isatty():
         end = "\n" if number == count else ""
-        print(f"\r\x1b[K[{number}/{count}] {name}", end=end, file=sys.stderr, flush=True)
+        print(f"\r\x1b[K[{number}/{count}] {line_of(name)}", end=end, file=sys.stderr, flush=True)
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from nicegui import ui
 
+from flea_diag.errors import visible
 from flea_diag.operator.fault_entry import FaultEntry
 from flea_diag.web.button import button
 
@@ -46,7 +47,7 @@ class InjectionDialog:
             fault, why_not = self._answers.get()
             done = f"The stand accepted {fault}." if fault else "The stand cleared all faults."
             ui.notify(
-                f"Not injected: {why_not}" if why_not else done,
+                visible(f"Not injected: {why_not}" if why_not else done),
                 type="negative" if why_not else None,
             )
 

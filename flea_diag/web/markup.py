@@ -1,12 +1,13 @@
-"""HTML and SVG as text; all content from records is escaped."""
+"""HTML and SVG as text; all content from records is escaped, control characters made visible."""
 
 from __future__ import annotations
 
 import math
 from datetime import datetime, timezone
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
+from flea_diag.errors import visible
 from flea_diag.wire.records import NEVER_NS
 
 __all__ = ["Markup", "clock", "joined", "number", "path", "tag", "text"]
@@ -19,7 +20,7 @@ def tag(name: str, *children: object, **attributes: object) -> Markup:
     whose value is None is left out.
     """
     given = Markup().join(
-        Markup(' {}="{}"').format(key.rstrip("_").replace("_", "-"), value)
+        Markup(' {}="{}"').format(key.rstrip("_").replace("_", "-"), _escaped(value))
         for key, value in attributes.items()
         if value is not None
     )
@@ -28,7 +29,11 @@ def tag(name: str, *children: object, **attributes: object) -> Markup:
 
 def joined(*children: object) -> Markup:
     """Children one after another, escaped unless they are markup."""
-    return Markup().join(child for child in children if child is not None)  # type: ignore[arg-type]
+    return Markup().join(_escaped(child) for child in children if child is not None)
+
+
+def _escaped(child: object) -> Markup:
+    return child if isinstance(child, Markup) else escape(visible(str(child)))
 
 
 def text(x: float, y: float, words: object, class_: str = "", anchor: str = "start") -> Markup:

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from nicegui import Client, ui
 
+from flea_diag.errors import visible
 from flea_diag.operator.alarm import Alarm, Key
 from flea_diag.operator.alarm_view import key_text
 from flea_diag.operator.fault_entry import FaultEntry
@@ -256,7 +257,7 @@ class Page:
 
     def _tell(self, words: str) -> None:
         trouble = self._desk.trouble
-        ui.notify(trouble or words, type="negative" if trouble else None)
+        ui.notify(visible(trouble or words), type="negative" if trouble else None)
         self._changed()
 
     def _turn(self) -> None:

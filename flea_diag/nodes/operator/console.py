@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TextIO
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, visible
 from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
 from flea_diag.operator.state import SHOWN
 from flea_diag.operator.verdict_view import line
@@ -68,7 +68,7 @@ class Plain:
     def _write(self, text: str, before: str = "", end: str = "") -> None:
         if text != self._shown:
             self._shown = text
-            self._out.write(before + text + end)
+            self._out.write(before + visible(text) + end)
             self._out.flush()
 
 

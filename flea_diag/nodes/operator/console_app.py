@@ -14,6 +14,7 @@ from textual.screen import Screen
 from textual.widgets import Footer, OptionList, Static
 from textual.widgets.option_list import Option
 
+from flea_diag.errors import visible
 from flea_diag.nodes.operator.console_question import Ask
 from flea_diag.nodes.operator.desk import Desk
 from flea_diag.operator.alarm import Alarm, Key
@@ -113,7 +114,7 @@ class ConsoleScreen(Screen[None]):
         self._verdict(shown.pop("verdict"))
         for name in (*LEFT, *RIGHT, "episodes"):
             self._panel(name, shown.get(name))
-        self.query_one("#message", Static).update(self._desk.trouble or self._said)
+        self.query_one("#message", Static).update(_plain(self._desk.trouble or self._said))
 
     def _offer_faults(self) -> None:
         """Show the injection key while a stand that accepts faults is running."""
@@ -130,9 +131,9 @@ class ConsoleScreen(Screen[None]):
         silent = panel.title.startswith("NO VERDICT")
         level = Level.STALE if silent or group is None else level_of(group)
         text = Text()
-        text.append(f" {panel.title} ", f"{STYLES[level]} reverse")
+        text.append(f" {visible(panel.title)} ", f"{STYLES[level]} reverse")
         for line in panel.lines:
-            text.append("\n" + line.text, STYLES[line.level])
+            text.append("\n" + visible(line.text), STYLES[line.level])
         self.query_one("#verdict", Static).update(text)
 
     def _panel(self, name: str, panel: Panel | None) -> None:
@@ -142,7 +143,7 @@ class ConsoleScreen(Screen[None]):
         body.display = panel is not None
         if panel is None:
             return
-        title.update(Text(panel.title))
+        title.update(_plain(panel.title))
         if isinstance(body, OptionList):
             self._options(name, body, panel.lines)
         elif isinstance(body, Static):
@@ -263,10 +264,15 @@ def _block(name: str) -> tuple[Static | OptionList, ...]:
     return Static(id=f"{name}-title", classes="title"), body
 
 
+def _plain(text: str) -> Text:
+    """Text as it is: brackets in it are no markup of Textual's."""
+    return Text(visible(text))
+
+
 def _styled(lines: tuple[Line, ...]) -> Text:
     text = Text()
     for number, line in enumerate(lines):
-        text.append(("\n" if number else "") + line.text, STYLES[line.level])
+        text.append(("\n" if number else "") + visible(line.text), STYLES[line.level])
     return text
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widgets import Input, Label
+
+from flea_diag.errors import visible
 
 
 class Ask(ModalScreen[str]):
@@ -19,7 +22,7 @@ class Ask(ModalScreen[str]):
 
     def compose(self) -> ComposeResult:
         """Question and field."""
-        yield Label(self._question)
+        yield Label(Text(visible(self._question)))
         yield Input(placeholder=self._example)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from flea_diag.configuration import Files, file_texts
-from flea_diag.errors import ConfigurationError, RecordingError
+from flea_diag.errors import ConfigurationError, RecordingError, line_of
 from flea_diag.nodes.health import HealthReport
 from flea_diag.nodes.recording.clips import Clips
 from flea_diag.wire.bags.bag import BagSplit, BagWriter
@@ -115,7 +115,7 @@ class Recorder:
         self._clips.close()
         self._writer.close()
         text = f"{self._messages} messages in {self._directory}" if self._messages else "no message"
-        print(f"recorder: {text}", file=sys.stderr, flush=True)
+        print(f"recorder: {line_of(text)}", file=sys.stderr, flush=True)
 
     def _reconfigure(self, parameters: RecorderParameters) -> None:
         self._parameters = parameters

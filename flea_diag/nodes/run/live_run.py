@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from flea_diag.configuration import config_path
-from flea_diag.errors import ConfigurationError, FleaError, RecordingError
+from flea_diag.errors import ConfigurationError, FleaError, RecordingError, line_of, visible
 from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.nodes.operator.web import PORT
 from flea_diag.nodes.run.children import Children
@@ -151,7 +151,7 @@ class LiveRun:
 
 def say(text: str) -> None:
     """Report progress on standard error."""
-    print(f"run: {text}", file=sys.stderr, flush=True)
+    print(f"run: {line_of(text)}", file=sys.stderr, flush=True)
 
 
 def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -252,7 +252,7 @@ def live(options: argparse.Namespace) -> int:
     if not options.bag.exists():
         raise RecordingError(f"no bag was written: see {log_path}")
     summary = summarise(_recorded(run.bags))
-    print(as_text(summary, ", ".join(map(str, run.bags))))
+    print(visible(as_text(summary, ", ".join(map(str, run.bags)))))
     if run.interrupted:
         say("interrupted: the summary covers the recorded part")
     return 1 if summary.failures or run.interrupted else 0

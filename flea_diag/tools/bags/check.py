@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from flea_diag.core.residuals.residual_rows import unit_refusal
 from flea_diag.errors import FleaError, RecordingError, WireError, shown
 from flea_diag.tools.bags.recover import mcap_files, merged
-from flea_diag.tools.terminal import IN_PART, progress, warn
+from flea_diag.tools.terminal import IN_PART, progress, say, warn
 from flea_diag.wire.bags import bag_layout as layout
 from flea_diag.wire.bags.bag_description import described
 from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, McapScan
@@ -56,9 +56,9 @@ def run(arguments: argparse.Namespace) -> int:
             findings = [BagFinding(True, str(error))]
         bad += any(finding.error for finding in findings)
         for finding in findings:
-            print(f"{bag}: {'error' if finding.error else 'note'}: {finding.words}")
+            say(f"{bag}: {'error' if finding.error else 'note'}: {finding.words}")
         if not findings:
-            print(f"{bag}: sound")
+            say(f"{bag}: sound")
     if bad and len(arguments.bags) > 1:
         warn(f"{bad} of {len(arguments.bags)} bags have errors")
     return IN_PART if bad else 0

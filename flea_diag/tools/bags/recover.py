@@ -11,7 +11,7 @@ from pathlib import Path
 import yaml
 
 from flea_diag.errors import RecordingError
-from flea_diag.tools.terminal import IN_PART, warn
+from flea_diag.tools.terminal import IN_PART, say, warn
 from flea_diag.wire.bags import bag_layout as layout
 from flea_diag.wire.bags.bag_layout import TopicEntry
 from flea_diag.wire.bags.bag_segment import BagSegment
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     recovered = recover(source, target)
     for loss in recovered.losses:
         warn(loss)
-    print(f"{target}: {recovered.messages} messages on {recovered.topics} topics")
+    say(f"{target}: {recovered.messages} messages on {recovered.topics} topics")
     return IN_PART if any("no footer" not in loss for loss in recovered.losses) else 0
 
 

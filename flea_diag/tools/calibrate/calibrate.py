@@ -14,7 +14,7 @@ from flea_diag.tools.calibrate import plots as calibration_plots
 from flea_diag.tools.calibrate import report as calibration_report
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording, check_alike, read_nominal
 from flea_diag.tools.extra import require
-from flea_diag.tools.terminal import IN_PART, make_folder, warn, write_text
+from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_text
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import Calibration, NominalRun
@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.plots is not None:
         calibration_plots.draw(calibration, found.traces, arguments.plots, arguments.plot_format)
     report = json.dumps(calibration.to_mapping(), indent=2) if arguments.json else None
-    print(report or calibration_report.words(calibration))
+    say(report or calibration_report.words(calibration))
     if refused:
         warn(f"{len(refused)} of {len(arguments.bags)} bags not used")
     return IN_PART if refused else 0

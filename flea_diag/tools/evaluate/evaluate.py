@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.extra import require
 from flea_diag.tools.planned_runs import add_option, check_planned
-from flea_diag.tools.terminal import IN_PART, warn, write_json, write_text
+from flea_diag.tools.terminal import IN_PART, say, warn, write_json, write_text
 
 if TYPE_CHECKING:
     from flea_diag.tools.campaign.campaign import Campaign
@@ -160,8 +160,8 @@ def _score(
     write_json(str(folder / SUMMARY_FILE), summary)
     _report(campaign, known, summary, folder, drawn)
     if not quiet:
-        print(tables(summary))
-        print(f"results in {folder}, report in {folder / REPORT_FILE}")
+        say(tables(summary))
+        say(f"results in {folder}, report in {folder / REPORT_FILE}")
     return IN_PART if summary["lost_rows"] or summary["failed"] else 0
 
 

@@ -38,7 +38,7 @@ from flea_diag.tools.features.stand import SEVERITIES
 from flea_diag.tools.features.table_file import Making, table_mapping, write_table
 from flea_diag.tools.features.tree_picture import draw_tree
 from flea_diag.tools.planned_runs import check_planned
-from flea_diag.tools.terminal import progress
+from flea_diag.tools.terminal import progress, say
 
 KEPT = (
     "accelerometer_1_std",
@@ -70,19 +70,19 @@ and at rest)."""
 
 
 def _list(_: argparse.Namespace) -> int:
-    print(f"{'feature id':38s}{'unit':9s}{'cost':>6s}  meaning")
+    say(f"{'feature id':38s}{'unit':9s}{'cost':>6s}  meaning")
     for row in FEATURES.values():
         name = row.scope.value + row.name
-        print(f"{name:38s}{row.unit:9s}{row.cost:6.1f}  {row.words}")
+        say(f"{name:38s}{row.unit:9s}{row.cost:6.1f}  {row.words}")
     return 0
 
 
 def _bench(_: argparse.Namespace) -> int:
     costs = bench.costs_s()
-    print(f"{'feature':30s}{'us':>9s}{'of std':>9s}   (one accelerometer, 1 s x 3 axes, 20 kHz)")
+    say(f"{'feature':30s}{'us':>9s}{'of std':>9s}   (one accelerometer, 1 s x 3 axes, 20 kHz)")
     for name, cost in costs.items():
-        print(f"{name:30s}{cost * 1e6:9.0f}{cost / costs['std']:9.1f}")
-    print(f"{'whole library, both, shared':30s}{bench.library_s() * 1e6:9.0f}")
+        say(f"{name:30s}{cost * 1e6:9.0f}{cost / costs['std']:9.1f}")
+    say(f"{'whole library, both, shared':30s}{bench.library_s() * 1e6:9.0f}")
     return 0
 
 
@@ -94,12 +94,12 @@ def _tree(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(f"--rarest {arguments.rarest:g} must lie between 0 and 1")
     chooser = FeatureChooser(table, arguments.strategy)
     root = build(dict.fromkeys(faults, 1.0), chooser, rarest=arguments.rarest)
-    print(render(root))
+    say(render(root))
     if arguments.draw:
         draw_tree(root, arguments.draw)
     for group in table.inseparable(faults):
         if len(group) > 1:
-            print(f"not separable by this table: {', '.join(group)}")
+            say(f"not separable by this table: {', '.join(group)}")
     return 0
 
 
@@ -128,7 +128,7 @@ def _learn(arguments: argparse.Namespace) -> int:
     mapping = table_mapping(learned, chosen, answers, costs, levels, _unaffected(learned), making)
     write_table(arguments.output, mapping, _header(arguments, making, learned))
     _print_ranking(ranking, chosen, learned)
-    print(f"{arguments.output}: {len(chosen)} features, {len(learned.faults)} faults learned")
+    say(f"{arguments.output}: {len(chosen)} features, {len(learned.faults)} faults learned")
     return failed
 
 
@@ -139,7 +139,7 @@ def _train(arguments: argparse.Namespace) -> int:
     samples = [sample for run in runs for sample in run.samples]
     network = train(samples, _candidates(samples), source)
     write_classifier(arguments.output, network)
-    print(f"{arguments.output}: {len(network.features)} features, {len(network.faults)} classes")
+    say(f"{arguments.output}: {len(network.features)} features, {len(network.faults)} classes")
     return failed
 
 
@@ -150,10 +150,10 @@ def _judge(arguments: argparse.Namespace) -> int:
     runs, source, failed = labelled_runs(
         arguments, [f for f in group if f in SEVERITIES], nominal=False
     )
-    print(f"{arguments.table} on {source}, group {{{', '.join(group)}}}")
-    print(report(judge(runs, table, group, arguments.strategy, arguments.windows)))
+    say(f"{arguments.table} on {source}, group {{{', '.join(group)}}}")
+    say(report(judge(runs, table, group, arguments.strategy, arguments.windows)))
     if arguments.pairs:
-        print(pair_report(runs, table, group, arguments.strategy, arguments.windows))
+        say(pair_report(runs, table, group, arguments.strategy, arguments.windows))
     if arguments.classifier:
         _compare(arguments, runs, group)
     return failed
@@ -168,8 +168,8 @@ def _compare(
     network = read_classifier(arguments.classifier)
     called = call(runs, network, group, arguments.windows)
     cost = math.fsum(FeatureId.parse(feature).feature.cost for feature in network.features)
-    print(f"classifier {arguments.classifier}, {len(network.features)} features, cost {cost:.0f}")
-    print(call_report(called))
+    say(f"classifier {arguments.classifier}, {len(network.features)} features, cost {cost:.0f}")
+    say(call_report(called))
 
 
 def _study(arguments: argparse.Namespace) -> int:
@@ -193,7 +193,7 @@ def _study(arguments: argparse.Namespace) -> int:
         progress(len(runs), count, said)
         if arguments.json:
             told.write_study(arguments.json, runs)  # after each run, against an interruption
-    print(told.study_report(runs))
+    say(told.study_report(runs))
     if arguments.draw:
         told.draw_study(arguments.draw, runs)
     return 0
@@ -203,13 +203,13 @@ def _bearing(arguments: argparse.Namespace) -> int:
     files = [arguments.normal, *arguments.faulty]
     normal, *faulty = (bearing.read_bearing(p, arguments.rate, arguments.rpm) for p in files)
     found = bearing.judge(normal, faulty, arguments.window, arguments.false_alarm_rate)
-    print(f"{'feature':40s}{'false':>7s}" + "".join(f"{r.name[-14:]:>16s}" for r in faulty))
+    say(f"{'feature':40s}{'false':>7s}" + "".join(f"{r.name[-14:]:>16s}" for r in faulty))
     for row in found:
         detected = "".join(f"{share:16.3f}" for share in row.detected.values())
-        print(f"{row.feature:40s}{row.false_alarms:7.3f}{detected}")
+        say(f"{row.feature:40s}{row.false_alarms:7.3f}{detected}")
     for recording in (normal, *faulty):
         names = Counter(bearing.lines(recording))
-        print(f"{recording.name}: " + ", ".join(f"{n} x {name}" for name, n in names.items()))
+        say(f"{recording.name}: " + ", ".join(f"{n} x {name}" for name, n in names.items()))
     return 0
 
 
@@ -280,7 +280,7 @@ def _levels(runs: Sequence[FeatureRun], hop_s: float) -> dict[str, dict[str, Nom
         for (indicator, moving), section in SECTIONS.items()
     }
     for section in (name for name, ranges in found.items() if not ranges):
-        print(f"{section}: none, fewer than {LEAST_RUNS} healthy runs; vibration monitor disabled")
+        say(f"{section}: none, fewer than {LEAST_RUNS} healthy runs; vibration monitor disabled")
     return found
 
 
@@ -314,13 +314,13 @@ def _print_ranking(
     """Print every feature with its scores, its measured cost, and its closest feature chosen."""
     spent_s = bench.costs_s(repeats=3)
     head = f"{'':2s}{'feature':40s}{'F':>8s}{'AUC':>7s}{'bit':>6s}{'cost':>6s}{'us':>7s}"
-    print(head + "  correlated with")
+    say(head + "  correlated with")
     for score in ranking:
         mark = "*" if score.feature in chosen else ""
         others = [name for name in chosen if name != score.feature]
         name, correlation = nearest(learned, score.feature, others)
         spent = spent_s[FeatureId.parse(score.feature).feature.name] * 1e6
-        print(
+        say(
             f"{mark:2s}{score.feature:40s}{score.variance_ratio:8.2f}{score.auc:7.3f}"
             f"{score.information_bit:6.2f}{score.cost:6.1f}{spent:7.0f}  {correlation:.2f} {name}"
         )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.model import views as model_views
+from flea_diag.tools.terminal import say
 
 if TYPE_CHECKING:
     from flea_diag.core.bond_graph.actuator_model import Actuator
@@ -83,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
         _picture(model, arguments)
     if not (arguments.dot or arguments.svg) or (arguments.svg and not arguments.json):
         content, lines = model_views.VIEWS[arguments.view](model, arguments)
-        print(json.dumps(content, indent=1) if arguments.json else "\n".join(lines))
+        say(json.dumps(content, indent=1) if arguments.json else "\n".join(lines))
     # Shown for inspection, but without causality there is nothing to compute.
     require_sound(model.graph, model.causality)
     return 0
@@ -105,4 +106,4 @@ def _picture(model: Actuator, arguments: argparse.Namespace) -> None:
     if arguments.svg:
         draw(dot, arguments.svg)
     else:
-        print(dot)
+        say(dot)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flea_diag.errors import FleaError, RecordingError
-from flea_diag.tools.terminal import IN_PART, progress, warn
+from flea_diag.tools.terminal import IN_PART, progress, say, warn
 
 if TYPE_CHECKING:
     from flea_diag.tools.recordings.flea_run import FleaRun
@@ -156,8 +156,8 @@ def _imported(flea_run: FleaRun, directory: Path) -> Imported:
 
 def _report(done: list[Imported], as_json: bool) -> None:
     if as_json:
-        print(json.dumps([asdict(each) for each in done], indent=2))
+        say(json.dumps([asdict(each) for each in done], indent=2))
         return
     for each in done:
         onset = "" if each.onset_s is None else f" from {each.onset_s:.2f} s"
-        print(f"{each.bag}: {each.scans} scans, {each.duration_s:.2f} s, {each.fault}{onset}")
+        say(f"{each.bag}: {each.scans} scans, {each.duration_s:.2f} s, {each.fault}{onset}")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError
 from flea_diag.tools.numeric_backend import numeric_backend
-from flea_diag.tools.terminal import IN_PART, make_folder, progress, warn, write_json
+from flea_diag.tools.terminal import IN_PART, make_folder, progress, say, warn, write_json
 
 if TYPE_CHECKING:
     from flea_diag.stages.pipeline import Pipeline
@@ -147,7 +147,7 @@ def _say(summary: dict[str, Any], arguments: argparse.Namespace) -> None:
     for loss in summary["losses"]:
         warn(f"{summary['bag']}: {loss}")
     if not arguments.quiet:
-        print(in_words(summary), file=sys.stderr if arguments.json == "-" else sys.stdout)
+        say(in_words(summary), file=sys.stderr if arguments.json == "-" else sys.stdout)
 
 
 def _check_names(target: str | None, bags: Sequence[Path]) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import FleaError
 from flea_diag.formats import stamped
-from flea_diag.tools.terminal import IN_PART, progress, warn, write_json, write_text
+from flea_diag.tools.terminal import IN_PART, progress, say, warn, write_json, write_text
 
 if TYPE_CHECKING:
     from flea_diag.wire.blocks import Block
@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(arguments.json, stamped("trend", {"trends": trends}))
     if arguments.json != "-":
-        print("\n".join(map(_words, trends)) or "no fault size was estimated in these bags")
+        say("\n".join(map(_words, trends)) or "no fault size was estimated in these bags")
     if refused == len(arguments.bags):
         return 2
     return IN_PART if refused else 0

@@ -36,13 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Compare; 0 if equal, 1 if changed."""
     from flea_diag.tools.score.decision import read_decisions
-    from flea_diag.tools.terminal import write_json
+    from flea_diag.tools.terminal import say, write_json
 
     report = compare(read_decisions(arguments.a), read_decisions(arguments.b))
     if arguments.json:
         write_json(arguments.json, report)
     if not arguments.quiet and arguments.json != "-":
-        print(words(report))
+        say(words(report))
     return CHANGED if report["changed"] or report["only_a"] or report["only_b"] else 0
 
 

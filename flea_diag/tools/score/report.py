@@ -13,6 +13,7 @@ from importlib.resources import files
 from typing import Any
 from urllib.parse import quote
 
+from flea_diag.errors import visible
 from flea_diag.tools.campaign.run_result import RunResult
 from flea_diag.tools.extra import require
 from flea_diag.tools.score.report_drawing import number, picture, verdict
@@ -110,7 +111,17 @@ def _template(name: str) -> Any:
 
     folder = files("flea_diag.tools.score").joinpath("templates")
     loader = FunctionLoader(lambda part: folder.joinpath(part).read_text("utf-8"))
-    return Environment(autoescape=True, trim_blocks=True, loader=loader).get_template(name)
+    environment = Environment(autoescape=True, trim_blocks=True, loader=loader, finalize=_visible)
+    return environment.get_template(name)
+
+
+def _visible(value: object) -> object:
+    """What a template writes, its control characters escaped; markup stays markup."""
+    from markupsafe import Markup
+
+    if isinstance(value, Markup):
+        return Markup(visible(value))
+    return visible(value) if isinstance(value, str) else value
 
 
 def _rendered(name: str, **given: Any) -> str:

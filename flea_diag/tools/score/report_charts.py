@@ -11,6 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
+from flea_diag.errors import visible
+
 WIDTH = 720.0
 LEFT, RIGHT = 8.0, 8.0
 POINTS = 180
@@ -212,12 +214,12 @@ def _marks(marks: Iterable[Mark], duration_s: float, left: float, height: float)
     for at_s, words, kind in marks:
         x = _across(at_s, duration_s, left)
         line = f'<line class="{kind}" x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{height}">'
-        drawn.append(f"{line}<title>{escape(words)}</title></line>")
+        drawn.append(f"{line}<title>{escape(visible(words))}</title></line>")
     return "".join(drawn)
 
 
 def _text(x: float, y: float, words: str, kind: str) -> str:
-    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{escape(words)}</text>'
+    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{escape(visible(words))}</text>'
 
 
 def _svg(height: float, content: str, given: str = "") -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.formats import stamped
-from flea_diag.tools.terminal import write_json
+from flea_diag.tools.terminal import say, write_json
 
 if TYPE_CHECKING:
     from flea_sim_driver.realism.realism import Comparison, Summary
@@ -54,14 +54,14 @@ def run(arguments: argparse.Namespace) -> int:
     album = Album(arguments.plots) if arguments.plots else None
     rows = compare(paths, arguments.seed, album.add if album else None)
     table = summaries(rows)
-    print(as_text(table))
+    say(as_text(table))
     if album:
         album.finish()
     if arguments.json:
         _write(arguments.json, rows, table)
     skipped = len(arguments.runs) - len(paths)
     if skipped:
-        print(f"{skipped} files of other kinds left out", file=sys.stderr)
+        say(f"{skipped} files of other kinds left out", file=sys.stderr)
     return 0
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.formats import stamped
-from flea_diag.tools.terminal import make_folder, write_text
+from flea_diag.tools.terminal import make_folder, progress, say, write_text
 
 if TYPE_CHECKING:
     from flea_sim_driver.scenario.scenario import Scenario
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(f"scenarios: --seed = {arguments.seed} is below its limit 0")
     scenarios = table4(arguments.seed)
     write_files(scenarios, arguments.output)
-    print(f"{arguments.output}: {len(scenarios)} scenarios", file=sys.stderr)
+    say(f"{arguments.output}: {len(scenarios)} scenarios", file=sys.stderr)
     if arguments.bags:
         _write_bags(scenarios, arguments.output / "bags", vibration=not arguments.no_vibration)
     return 0
@@ -75,5 +75,4 @@ def _write_bags(scenarios: tuple[Scenario, ...], folder: Path, *, vibration: boo
     for number, scenario in enumerate(scenarios, start=1):
         sensors = replace(scenario.sensors, vibration=vibration)
         write_bag(replace(scenario, sensors=sensors), folder / scenario.run.name)
-        print(f"\r{number} of {len(scenarios)} bags", end="", file=sys.stderr, flush=True)
-    print(file=sys.stderr)
+        progress(number, len(scenarios), scenario.run.name)

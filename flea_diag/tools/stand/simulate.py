@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.terminal import say
 
 if TYPE_CHECKING:
     from flea_diag.wire.records import Truth
@@ -59,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     truths = write_bag(scenario, arguments.output)
     took = time.perf_counter() - begin
     faults = ", ".join(t.fault for t in truths if t.fault != NOMINAL) or NOMINAL
-    print(
+    say(
         f"{arguments.output}: {scenario.run.name}, {scenario.run.duration_s:g} s, seed "
         f"{scenario.run.seed}, {faults}; {scenario.run.duration_s / took:.0f} times real time",
         file=sys.stderr,
@@ -145,18 +146,16 @@ def _print_catalogue() -> None:
     from flea_sim_driver.faults import CATALOGUE
     from flea_sim_driver.scenario.library import scenario_names
 
-    print("scenarios:")
+    say("scenarios:")
     for name in scenario_names():
-        print(f"  {name}")
-    print(
-        "faults (default size, limits, place, approach; each with onset_s, growth_s, on_s, off_s):"
-    )
+        say(f"  {name}")
+    say("faults (default size, limits, place, approach; each with onset_s, growth_s, on_s, off_s):")
     for row in CATALOGUE.values():
-        print(
+        say(
             f"  {row.id:28} {row.default_size:g} ({row.minimum:g} to {row.maximum:g}) "
             f"{row.size_unit}; {' or '.join(row.places)}; {row.approach}"
         )
-    print("failure modes of the paper's Table 1, and their simulation on this stand:")
+    say("failure modes of the paper's Table 1, and their simulation on this stand:")
     for mode in FAILURE_MODES:
         shown = f"{' or '.join(mode.faults)}: {mode.how}" if mode.faults else f"not: {mode.reason}"
-        print(f"  {mode.component}, {mode.mode} ({mode.approach}): {shown}")
+        say(f"  {mode.component}, {mode.mode} ({mode.approach}): {shown}")

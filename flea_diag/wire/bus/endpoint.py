@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from flea_diag.errors import FleaError, InputError, WireError
+from flea_diag.errors import FleaError, InputError, WireError, line_of
 from flea_diag.wire.bus.declared import Declared
 from flea_diag.wire.bus.remote_parameter import RemoteParameter
 from flea_diag.wire.messages import codec
@@ -216,24 +216,24 @@ class Bus(Generic[P]):
 
     def info(self, text: str) -> None:
         """Log a line."""
-        self._node.get_logger().info(text)
+        self._node.get_logger().info(line_of(text))
 
     def debug(self, text: str) -> None:
         """Log a line for those who ask for it."""
-        self._node.get_logger().debug(text)
+        self._node.get_logger().debug(line_of(text))
 
     def caution(self, text: str) -> None:
         """Log a warning each time."""
-        self._node.get_logger().warning(text)
+        self._node.get_logger().warning(line_of(text))
 
     def error(self, text: str) -> None:
         """Log an error each time."""
-        self._node.get_logger().error(text)
+        self._node.get_logger().error(line_of(text))
 
     def warn(self, text: str) -> None:
         """Log a warning, throttled."""
         # rclpy throttles per line of code, not per text: one limit for all warnings of a node.
-        self._node.get_logger().warning(text, throttle_duration_sec=WARN_EVERY_S)
+        self._node.get_logger().warning(line_of(text), throttle_duration_sec=WARN_EVERY_S)
 
     # -- discovery
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-from flea_diag.errors import ConfigurationError, FleaError
+from flea_diag.errors import ConfigurationError, FleaError, line_of, visible
 from flea_diag.wire.bus.declared import Common, Declared
 from flea_diag.wire.bus.endpoint import Bus
 from flea_diag.wire.ending import Deadline, end_at_once, handed_over, ignore
@@ -95,14 +95,14 @@ def run(make: Callable[[], Program], argv: Sequence[str] | None = None) -> int:
         _refuse_unknown(program, arguments)
         return _run(program, arguments)
     except FleaError as error:
-        print(f"flea_diag: {error}", file=sys.stderr)
+        print(f"flea_diag: {line_of(error)}", file=sys.stderr)
         return 2
 
 
 def _print(text: str) -> None:
     """To standard output, whose reader may have gone (``--help | head``)."""
     try:
-        print(text, flush=True)
+        print(visible(text), flush=True)
     except BrokenPipeError:
         # Python flushes once more at its exit, so that has to go where it cannot fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
