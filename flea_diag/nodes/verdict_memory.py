@@ -13,10 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import FleaError
+from flea_diag.nodes.set_aside import set_aside
 from flea_diag.nodes.state_folder import state_folder
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.messages.codec import decode, encode
 from flea_diag.wire.records import AmbiguityGroup
+from flea_diag.wire.regular_file import read_bytes
 from flea_diag.wire.whole_file import replace_file
 
 LARGEST_BYTES = 1 << 20
@@ -24,7 +26,7 @@ NONE = "none"
 
 
 class VerdictMemory:
-    """File with the latest verdict; an unusable file is reported once and then ignored.
+    """File with the latest verdict; a damaged one is set aside and reported once.
 
     Parameters
     ----------
@@ -46,16 +48,23 @@ class VerdictMemory:
         if not self._used:
             return None
         try:
-            with self._path.open("rb") as file:
-                return decode(AmbiguityGroup, file.read(LARGEST_BYTES))
+            return decode(AmbiguityGroup, read_bytes(self._path, LARGEST_BYTES))
         except FileNotFoundError:
             return None
         except (OSError, FleaError) as error:
             self._bus.warn(
                 f"memory = {str(self._path)!r} cannot be read ({error}): starting without the "
-                "previous verdict"
+                f"previous verdict{self._moved()}"
             )
             return None
+
+    def _moved(self) -> str:
+        """Where the unreadable file is now; what is no file stays where it is, and unused."""
+        self._used = self._path.is_file()
+        try:
+            return f"; it is kept as {set_aside(self._path).name}" if self._used else ""
+        except OSError:
+            return ""
 
     def keep(self, group: AmbiguityGroup) -> None:
         """Replace the stored verdict in one step: a reader sees either the old or the new one."""

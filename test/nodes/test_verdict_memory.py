@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -80,3 +82,35 @@ def test_a_place_that_cannot_be_written_is_said_once(tmp_path: Path) -> None:
     memory.keep(verdict())
     (words,) = bus.told
     assert "cannot be written" in words
+
+
+def test_a_damaged_file_is_kept_beside_the_new_one(tmp_path: Path) -> None:
+    path, bus = tmp_path / "verdict", Bus()
+    path.write_bytes(b"not a verdict")
+    memory = VerdictMemory(bus, str(path))
+    assert memory.recall() is None
+    memory.keep(verdict())
+    assert memory.recall() == verdict()
+    (kept,) = tmp_path.glob("verdict.damaged-*")
+    assert kept.read_bytes() == b"not a verdict"
+    (words,) = bus.told
+    assert kept.name in words
+
+
+@pytest.mark.parametrize(
+    "make",
+    [os.mkfifo, os.mkdir, lambda path: path.symlink_to("/dev/zero")],
+    ids=["fifo", "folder", "device"],
+)
+def test_what_is_no_regular_file_is_neither_read_nor_moved_nor_written(
+    tmp_path: Path, make: Callable[[Path], None]
+) -> None:
+    make(tmp_path / "verdict")
+    bus = Bus()
+    memory = VerdictMemory(bus, str(tmp_path / "verdict"))
+    assert memory.recall() is None
+    memory.keep(verdict())
+    assert [each.name for each in tmp_path.iterdir()] == ["verdict"]
+    assert not (tmp_path / "verdict").is_file()
+    (words,) = bus.told
+    assert "no regular file" in words

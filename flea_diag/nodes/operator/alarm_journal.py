@@ -6,18 +6,20 @@ appears on the others at their next read.
 
 from __future__ import annotations
 
-import json
 import sqlite3
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, fields, replace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeVar
 
-from flea_diag.errors import ConfigurationError, RecordingError
+from flea_diag.errors import ConfigurationError, RecordingError, shown
 from flea_diag.formats import FORMATS, KEY, migrated
+from flea_diag.nodes.operator.alarm_row import UNREADABLE, alarm_of, comment_of, text_of
+from flea_diag.nodes.set_aside import set_aside
 from flea_diag.nodes.state_folder import state_folder
-from flea_diag.operator.alarm import Alarm, Comment, Key, Member
-from flea_diag.wire.records import NEVER_NS, Outcome, Remark, RemarkKind, Symbol
+from flea_diag.operator.alarm import Alarm, Comment, Key
+from flea_diag.wire.records import NEVER_NS, Remark, RemarkKind
 
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS alarm (
@@ -34,6 +36,12 @@ MARK: Key = ("mark", NEVER_NS)
 BUSY_S = 2.0
 LONGEST_TEXT = 2000
 LONGEST_NAME = 100
+LONGEST_RECORD = 1 << 20
+MOST_COMMENTS = 1000
+COMPANIONS = ("-wal", "-shm")
+"""Files that SQLite keeps beside a database."""
+
+T = TypeVar("T")
 
 
 def default_path() -> Path:
@@ -44,26 +52,74 @@ def default_path() -> Path:
 class AlarmJournal:
     """The alarms of one stand.
 
+    A damaged file is set aside, and a fresh one takes its place; a row that cannot be read is left
+    out. Both are said once.
+
+    Parameters
+    ----------
+    path
+        SQLite file; its folder is created if missing.
+    stand
+        Name of the stand; a file may hold several.
+    say
+        Takes what the operator must know, one line each.
+
     Raises
     ------
     ConfigurationError
-        The file cannot be opened, is not a journal, or is a newer one.
+        The file cannot be opened, is no regular file, or is a newer journal.
     """
 
-    def __init__(self, path: Path, stand: str = "stand") -> None:
-        self.path, self._stand = path, stand
+    def __init__(
+        self, path: Path, stand: str = "stand", say: Callable[[str], None] = lambda _: None
+    ) -> None:
+        self.path, self._stand, self._say = path, stand, say
+        self._broken: set[Any] = set()
+        self.openings = 0
+        """Times that a file was opened: above one, alarms known before are missing in it."""
+        if path.exists() and not path.is_file():
+            raise ConfigurationError(f"journal = {str(path)!r} is no regular file: name another")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            # A screen may draw in one thread and receive records in another; SQLite serialises.
-            self._db = sqlite3.connect(
-                path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
-            )
-            self._db.execute("PRAGMA journal_mode = WAL")
-            self._make_tables()
+            self._connect()
         except (OSError, sqlite3.Error) as error:
             raise ConfigurationError(
                 f"journal = {str(path)!r} cannot be used ({error}): name a writable file"
             ) from None
+
+    def _connect(self) -> None:
+        """Open the file, or a fresh one in its place where it is damaged."""
+        try:
+            self._open()
+        except sqlite3.DatabaseError as error:
+            if not _damaged(error):
+                raise
+            self._replace(error)
+
+    def _open(self) -> None:
+        # A screen may draw in one thread and receive records in another; SQLite serialises.
+        self._db = sqlite3.connect(
+            self.path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
+        )
+        # One text that is not UTF-8 would make all rows unreadable.
+        self._db.text_factory = lambda data: data.decode("utf-8", "replace")
+        self._db.execute("PRAGMA journal_mode = WAL")
+        self._make_tables()
+        self._file = _identity(self.path)
+        self.openings += 1
+
+    def _replace(self, error: sqlite3.Error) -> None:
+        """Set the damaged file aside, unless another screen has done it, and open a fresh one."""
+        opened = getattr(self, "_file", None)
+        with suppress(sqlite3.Error):
+            self._db.close()
+        if opened is None or opened == _identity(self.path):
+            kept = set_aside(self.path, COMPANIONS)
+            self._say(
+                f"journal {self.path} is damaged ({error}): it is kept as {kept.name}, alarms and "
+                "comments go into a fresh one"
+            )
+        self._open()
 
     def _make_tables(self) -> None:
         """Make what is missing; SQLite's ``user_version`` (0: never set) is the format's."""
@@ -74,19 +130,37 @@ class AlarmJournal:
         if found != version:
             self._db.execute(f"PRAGMA user_version = {version}")
 
+    def _rows(self, statement: str, values: Sequence[Any] = ()) -> list[Any]:
+        """Rows of a statement; on a damaged file it is made again on a fresh one.
+
+        Raises
+        ------
+        RecordingError
+            The file is locked, full, or cannot be replaced.
+        """
+        try:
+            try:
+                return self._db.execute(statement, values).fetchall()
+            except sqlite3.DatabaseError as error:
+                if not _damaged(error):
+                    raise
+                self._replace(error)
+                return self._db.execute(statement, values).fetchall()
+        except (OSError, OverflowError, UnicodeError, sqlite3.Error) as error:
+            raise RecordingError(f"journal {self.path}: {error}") from None
+
     def close(self) -> None:
         """Close the file."""
         self._db.close()
 
     def note(self, alarm: Alarm) -> None:
         """Store the recorded content of an alarm; acknowledgement and comments are kept."""
-        with self._told():
-            self._db.execute(
-                "INSERT INTO alarm (stand, source, detected_ns, record) VALUES (?, ?, ?, ?) "
-                "ON CONFLICT DO UPDATE SET record = excluded.record "
-                "WHERE record != excluded.record",
-                (self._stand, *alarm.key, _text(alarm)),
-            )
+        self._rows(
+            "INSERT INTO alarm (stand, source, detected_ns, record) VALUES (?, ?, ?, ?) "
+            "ON CONFLICT DO UPDATE SET record = excluded.record "
+            "WHERE record != excluded.record",
+            (self._stand, *alarm.key, text_of(alarm)),
+        )
 
     def keep(self, remark: Remark) -> None:
         """Store a remark once, even if it arrives several times."""
@@ -99,12 +173,11 @@ class AlarmJournal:
 
     def _acknowledge(self, key: Key, stamp_ns: int, author: str) -> None:
         """Acknowledge an alarm, unless it is unknown or already acknowledged."""
-        with self._told():
-            self._db.execute(
-                "UPDATE alarm SET acknowledged_ns = ?, acknowledged_by = ? WHERE stand = ? "
-                "AND source = ? AND detected_ns = ? AND acknowledged_ns = -1",
-                (stamp_ns, author[:LONGEST_NAME], self._stand, *key),
-            )
+        self._rows(
+            "UPDATE alarm SET acknowledged_ns = ?, acknowledged_by = ? WHERE stand = ? "
+            "AND source = ? AND detected_ns = ? AND acknowledged_ns = -1",
+            (stamp_ns, author[:LONGEST_NAME], self._stand, *key),
+        )
 
     def _comment(self, key: Key, comment: Comment) -> None:
         """Add a comment to an alarm, unless it is stored already."""
@@ -112,31 +185,23 @@ class AlarmJournal:
         if not text:
             return
         row = (self._stand, *key, comment.stamp_ns, comment.author[:LONGEST_NAME], text)
-        with self._told():
-            self._db.execute(
-                "INSERT INTO comment SELECT ?1, ?2, ?3, ?4, ?5, ?6 WHERE NOT EXISTS (SELECT 1 "
-                "FROM comment WHERE stand = ?1 AND source = ?2 AND detected_ns = ?3 "
-                "AND stamp_ns = ?4 AND author = ?5 AND text = ?6)",
-                row,
-            )
+        self._rows(
+            "INSERT INTO comment SELECT ?1, ?2, ?3, ?4, ?5, ?6 WHERE NOT EXISTS (SELECT 1 "
+            "FROM comment WHERE stand = ?1 AND source = ?2 AND detected_ns = ?3 "
+            "AND stamp_ns = ?4 AND author = ?5 AND text = ?6)",
+            row,
+        )
 
     def alarms(self, most: int = 100) -> tuple[Alarm, ...]:
         """The latest alarms with their acknowledgements and comments, oldest first."""
-        with self._told():
-            rows = self._db.execute(
-                "SELECT source, detected_ns, record, acknowledged_ns, acknowledged_by FROM alarm "
-                "WHERE stand = ? ORDER BY detected_ns DESC LIMIT ?",
-                (self._stand, most),
-            ).fetchall()
-        return tuple(
-            replace(
-                _alarm(text),
-                acknowledged_ns=acknowledged_ns,
-                acknowledged_by=author,
-                comments=self._comments((source, detected_ns)),
-            )
-            for source, detected_ns, text, acknowledged_ns, author in reversed(rows)
+        rows = self._rows(
+            "SELECT source, detected_ns, CASE WHEN length(record) <= ? THEN record END, "
+            "acknowledged_ns, acknowledged_by FROM alarm WHERE stand = ? "
+            "ORDER BY detected_ns DESC LIMIT ?",
+            (LONGEST_RECORD, self._stand, most),
         )
+        read = [alarm for row in reversed(rows) for alarm in self._read(row[:2], alarm_of, *row)]
+        return tuple(replace(alarm, comments=self._comments(alarm.key)) for alarm in read)
 
     def marks(self, most: int = 100) -> tuple[Comment, ...]:
         """The latest marks, oldest first."""
@@ -144,39 +209,44 @@ class AlarmJournal:
 
     def version(self) -> int:
         """Version number that changes when another process has written to the file."""
-        return int(self._db.execute("PRAGMA data_version").fetchone()[0])
+        return int(self._rows("PRAGMA data_version")[0][0])
 
     def _comments(self, key: Key) -> tuple[Comment, ...]:
-        rows = self._db.execute(
-            "SELECT stamp_ns, author, text FROM comment WHERE stand = ? AND source = ? "
-            "AND detected_ns = ? ORDER BY stamp_ns",
-            (self._stand, *key),
+        rows = self._rows(
+            "SELECT stamp_ns, author, substr(text, 1, ?) FROM comment WHERE stand = ? "
+            "AND source = ? AND detected_ns = ? ORDER BY stamp_ns DESC LIMIT ?",
+            (LONGEST_TEXT, self._stand, *key, MOST_COMMENTS),
         )
-        return tuple(Comment(*row) for row in rows)
+        return tuple(
+            comment
+            for row in reversed(rows)
+            for comment in self._read((*key, row[0]), comment_of, *row)
+        )
 
-    @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _read(self, key: Any, make: Callable[..., T], *values: Any) -> Iterator[T]:
+        """What a row says; nothing of a broken one, which is said once."""
         try:
-            yield
-        except sqlite3.Error as error:
-            raise RecordingError(f"journal {self.path}: {error}") from None
+            yield make(*values)
+        except UNREADABLE as error:
+            if key not in self._broken:
+                self._broken.add(key)
+                if len(self._broken) == 1:
+                    self._say(
+                        f"journal {self.path}: a row cannot be read ({shown(key)}: "
+                        f"{type(error).__name__}), it and others like it are left out"
+                    )
 
 
-LEFT_OUT = ("acknowledged_ns", "acknowledged_by", "comments")
-"""Fields of an alarm that are stored in columns of their own."""
+def _damaged(error: sqlite3.Error) -> bool:
+    """Whether the file is no database or a broken one: not just locked, full or read-only."""
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    return code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
 
-def _text(alarm: Alarm) -> str:
-    content = asdict(alarm)
-    for name in LEFT_OUT:
-        del content[name]
-    return json.dumps(content)
-
-
-def _alarm(text: str) -> Alarm:
-    content = json.loads(text)
-    content["outcome"] = Outcome(content["outcome"])
-    content["members"] = tuple(Member(**member) for member in content["members"])
-    content["deviations"] = tuple(Symbol(**symbol) for symbol in content["deviations"])
-    known = {entry.name for entry in fields(Alarm)}
-    return Alarm(**{name: value for name, value in content.items() if name in known})
+def _identity(path: Path) -> tuple[int, int]:
+    """Which file stands under this name, (0, 0) for none."""
+    try:
+        found = path.stat()
+    except FileNotFoundError:
+        return 0, 0
+    return found.st_dev, found.st_ino

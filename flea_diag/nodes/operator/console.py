@@ -99,7 +99,7 @@ def start(bus: Bus[Any], parameters: ConsoleParameters) -> Callable[[], None] | 
     """Show incoming records on standard output or on the terminal."""
     style = chosen_style(parameters.style, sys.stdout.isatty(), _has_textual())
     author = parameters.author or getpass.getuser()
-    desk = Desk(open_journal(parameters.journal, bus.stand), author)
+    desk = Desk(open_journal(parameters.journal, bus), author)
     connect(bus, desk)
     if style == "screen":
         return Screen(desk)

@@ -33,9 +33,9 @@ SAID = (Remark,)
 """Published records: remarks of operators go to the recorder and to all other screens."""
 
 
-def open_journal(path: str, stand: str) -> AlarmJournal:
+def open_journal(path: str, bus: Bus[Any]) -> AlarmJournal:
     """Open the journal of a stand; an empty path is the default file."""
-    return AlarmJournal(Path(path) if path else default_path(), stand)
+    return AlarmJournal(Path(path) if path else default_path(), bus.stand, bus.caution)
 
 
 class Desk:
@@ -53,7 +53,7 @@ class Desk:
         self._journal, self._author = journal, author
         self._lock = threading.RLock()
         self._noted: dict[Key, Alarm] = {}
-        self._version = -1
+        self._version = self._openings = -1
         self.trouble = ""
         self.on_record: list[Callable[[Record], None]] = []
         self.on_remark: list[Callable[[Remark], None]] = []
@@ -87,6 +87,10 @@ class Desk:
             self._kept(self._read)
 
     def _note(self) -> None:
+        if self._openings != self._journal.openings:
+            # A fresh file has taken the place of a damaged one.
+            self._openings = self._journal.openings
+            self._noted = {}
         for alarm in self.state.alarms:
             if self._noted.get(alarm.key) is not alarm and self._kept(self._journal.note, alarm):
                 self._noted[alarm.key] = alarm

@@ -68,7 +68,7 @@ def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
     token = token_of(parameters.address, parameters.token_file)
     tools = Tools(load_causal_map(parameters.actuator), tree_planner(parameters.features))
     author = parameters.author or getpass.getuser()
-    desk = Desk(open_journal(parameters.journal, bus.stand), author)
+    desk = Desk(open_journal(parameters.journal, bus), author)
     strips = StripCharts()
     site = Site(desk, View(tools), strips, f"flea_diag · {bus.stand}")
     server = Server(site.title, parameters.address, parameters.port, token)

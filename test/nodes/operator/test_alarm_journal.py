@@ -6,9 +6,6 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
-from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.operator.alarm_journal import AlarmJournal
 from flea_diag.operator.alarm import Alarm, Comment, Member
 from flea_diag.wire.records import Outcome, Remark, RemarkKind, Symbol
@@ -83,8 +80,10 @@ def test_the_latest_come_back_oldest_first(tmp_path: Path) -> None:
     assert [alarm.detected_ns for alarm in journal.alarms(3)] == [5, 7, 9]
 
 
-def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_no_journal_is_set_aside(tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("not a data base, but long enough to be told from one" * 20, encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"notes\.txt"):
-        AlarmJournal(path)
+    before = path.read_bytes()
+    AlarmJournal(path).close()
+    (kept,) = tmp_path.glob("notes.txt.damaged-*")
+    assert kept.read_bytes() == before
