@@ -249,7 +249,7 @@ def test_bags_of_others_are_read(tmp_path: Path, plugin: str) -> None:
 def test_a_foreign_bag_says_what_is_missing(tmp_path: Path) -> None:
     text = b"\x00\x01\x00\x00\x01\x00\x00\x00\x00"
     bag = foreign_bag(tmp_path / "run", "MCAP", {"/sensors/slow": ("std_msgs/msg/String", [text])})
-    words = r"no topic of flea_diag, such as sensors/slow \(sensor_msgs/msg/JointState\)"
+    words = r"no flea_diag topic such as sensors/slow \(sensor_msgs/msg/JointState\)"
     with pytest.raises(RecordingError, match=words):
         records_of(bag)
 
