@@ -38,7 +38,7 @@ PAGES = (
         "halves; each half calibrates, and the other is scored. These are development figures: "
         "thresholds and windows were chosen with these recordings in view.",
         ("real", "switch", "injections", "injection_ladders", "injection_recordings",
-         "injection_bound"),
+         "injection_bound", "bearings"),
     ),
     ResultPage(
         "table4",
@@ -69,8 +69,8 @@ PAGES = (
         "Performance",
         "Ratios within one run travel from machine to machine; absolute times hold for the machine "
         "and its load at the time.",
-        ("speed", "scan", "observer", "features", "filters", "chain",
-         "processes", "path"),
+        ("speed", "scan", "observer", "features", "feature_families", "feature_costs", "filters",
+         "chain", "processes", "path"),
     ),
     ResultPage(
         "reliability",
