@@ -273,7 +273,7 @@ def test_a_bag_is_read_without_metadata_that_cannot_be(name: str, tmp_path: Path
 
 def test_sound_metadata_is_read() -> None:
     found = description(metadata())
-    assert found == BagDescription(9, "mcap", ("a_0.mcap",), {"/a": 3})
+    assert found == BagDescription(9, "mcap", ("a_0.mcap",), counts={"/a": 3})
     shipped = described(ROOT / "bags" / "jam", [])
     assert shipped is not None
     assert shipped.counts["/sensors/slow"] == 1600

@@ -105,6 +105,9 @@ def test_foreign_files_are_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"foreign\.json: cannot be read"):
         read_classifier(path)
     path.write_bytes(b"\x80\x04\x95")  # how a pickle begins
+    with pytest.raises(ConfigurationError, match=r"foreign\.json: not a text file"):
+        read_classifier(path)
+    path.write_text("{")
     with pytest.raises(ConfigurationError, match=r"foreign\.json: not valid JSON"):
         read_classifier(path)
     path.write_text(json.dumps([1, 2]))

@@ -104,7 +104,7 @@ def test_evaluations_say_who_is_no_longer_right(
         ('{"schema_version": 1, "episodes": [1]}', "not the JSON of a replay"),
         (
             '{"schema_version": 1, "episodes": [{"outcome": "ISOLATED", "detected_at_s": null}]}',
-            "make it with flea",
+            "write it with flea replay",
         ),
         (None, "cannot be"),
     ],
