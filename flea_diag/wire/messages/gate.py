@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-from flea_diag.errors import WireError
+from flea_diag.errors import WireError, shown
 from flea_diag.wire import records as r
 
 Names = tuple[str, ...]
@@ -57,4 +57,4 @@ def check(record: Any) -> None:
     for names_of in _NAMES.get(type(record), ()):
         name = twice(names_of(record))
         if name:
-            raise WireError(f"the name {name[:80]!r} occurs twice, names must be unique")
+            raise WireError(f"the name {shown(name)} occurs twice, names must be unique")
