@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import hypothesis
 import pytest
@@ -20,22 +24,50 @@ if os.environ.get("CI"):
 # A shell has its background jobs ignore Ctrl-C, and so would whatever the tests start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+HERE = Path(__file__).resolve().parent
 STEERING = ("ROS_", "RCUTILS_", "FASTRTPS_", "FASTDDS_", "FLEA_", "XDG_STATE_", "COLUMNS", "LINES")
 """How variables begin that change what nodes and commands do, and where they look."""
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+STARTS_NODES = re.compile(r"\bdomain: int\b")
+"""What a file says whose tests start nodes: all of these run in one worker."""
+SLOWEST = ("system", "tools")
+"""Folders of the longest files: they come before the rest, so that no worker ends much later."""
+
+
+@cache
+def starts_nodes(path: Path) -> bool:
+    """Whether the tests of a file start nodes."""
+    return bool(STARTS_NODES.search(path.read_text(encoding="utf-8")))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files that start nodes come first: they mostly wait, and another worker fills the time."""
+    paths = {item.path for item in items}
+    live = {path for path in paths if starts_nodes(path)}
+    missed = {i.path for i in items if "domain" in getattr(i, "fixturenames", ())} - live
+    if missed:
+        raise pytest.UsageError(f"{min(missed)}: says nowhere 'domain: int', but starts nodes")
+    early = {path: path.relative_to(HERE).parts[0] in SLOWEST for path in paths}
+    items.sort(key=lambda item: (item.path not in live, not early[item.path]))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Who goes to one worker: a file, for its fixtures are shared, and all that start nodes.
 
-    Two stands at once would take each other's time on a small machine.
+    Two stands at once would take each other's time on a small machine. Marks of
+    ``--dist loadgroup`` would say the same, but xdist 3.8 loses them with pytest 9.
     """
-    if not config.pluginmanager.hasplugin("xdist"):
-        return
-    live = {item.path for item in items if "domain" in getattr(item, "fixturenames", ())}
-    for item in items:
-        group = "nodes" if item.path in live else item.path.stem
-        item.add_marker(pytest.mark.xdist_group(group))
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.partition("::")[0]
+            return "nodes" if starts_nodes(config.rootpath / file) else file
+
+    config.option.loadscopereorder = False  # the order is that of the collection
+    return ByFile(config, log)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -19,9 +17,11 @@ from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.calibrate import calibrate as tool
 from flea_diag.tools.calibrate.nominal_recording import read_nominal
+from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.tools.recordings.flea_data import read_flea_data
 from flea_diag.tools.recordings.flea_run import FleaRun
 from flea_diag.tools.recordings.importer import import_run
+from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import AmbiguityGroup, DataQuality, Detection, Outcome, Quality
 
 FILES = sorted(FLEA.glob("*_Low.data"))
@@ -65,8 +65,9 @@ def replay(calibration: Path, file: Path) -> Diagnosis:
     stages = Pipeline((observer, IsolatorStage(known, IsolatorParameters())))
     recording = FleaRun.of(read_flea_data(file))
     out = list(stages.handle(recording.channel_table()))
-    for scan in recording.scans():
-        out += [r for r in stages.handle(scan) if isinstance(r, Said)]
+    for block in in_blocks(recording.scans()):
+        assert isinstance(block, ScanBlock)
+        out += [r for r in stages.handle_block(block) if isinstance(r, Said)]
     out += stages.finish()
     groups = [r for r in out if isinstance(r, AmbiguityGroup)]
     quality = [row for r in out if isinstance(r, DataQuality) for row in r.channels]
@@ -95,10 +96,8 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(calibrated: Path) -> Iterator[dict[Path, Diagnosis]]:
-    with ProcessPoolExecutor(max_workers=2) as pool:
-        diagnoses = pool.map(replay, [calibrated] * len(REPLAYED), REPLAYED, chunksize=4)
-        yield dict(zip(REPLAYED, diagnoses, strict=True))
+def found(calibrated: Path) -> dict[Path, Diagnosis]:
+    return {file: replay(calibrated, file) for file in REPLAYED}
 
 
 def of_kind(found: dict[Path, Diagnosis], kind: str, count: int) -> list[tuple[str, Diagnosis]]:
