@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from flea_diag.errors import ConfigurationError, RecordingError, shown
 from flea_diag.formats import FORMATS, KEY, migrated
-from flea_diag.nodes.operator.alarm_row import UNREADABLE, alarm_of, comment_of, text_of
+from flea_diag.nodes.operator.alarm_row import LONGEST_RECORD, alarm_of, comment_of, text_of
 from flea_diag.nodes.set_aside import set_aside
 from flea_diag.nodes.state_folder import state_folder
 from flea_diag.operator.alarm import Alarm, Comment, Key
@@ -36,7 +36,6 @@ MARK: Key = ("mark", NEVER_NS)
 BUSY_S = 2.0
 LONGEST_TEXT = 2000
 LONGEST_NAME = 100
-LONGEST_RECORD = 1 << 20
 MOST_COMMENTS = 1000
 COMPANIONS = ("-wal", "-shm")
 """Files that SQLite keeps beside a database."""
@@ -227,13 +226,13 @@ class AlarmJournal:
         """What a row says; nothing of a broken one, which is said once."""
         try:
             yield make(*values)
-        except UNREADABLE as error:
+        except ValueError as error:
             if key not in self._broken:
                 self._broken.add(key)
                 if len(self._broken) == 1:
                     self._say(
                         f"journal {self.path}: a row cannot be read ({shown(key)}: "
-                        f"{type(error).__name__}), it and others like it are left out"
+                        f"{error}), it and others like it are left out"
                     )
 
 

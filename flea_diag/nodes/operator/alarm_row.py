@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, fields
-from typing import TypeVar
 
-from flea_diag.operator.alarm import Alarm, Comment, Member
-from flea_diag.wire.records import Outcome, Symbol
+from flea_diag.errors import shown
+from flea_diag.operator.alarm import Alarm, Comment
+from flea_diag.wire.json_text import parse_json
+from flea_diag.wire.record_fields import record_of_fields
 
-UNREADABLE = (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError)
-"""What a broken row raises."""
-KINDS: dict[str, tuple[type, ...]] = {"int": (int,), "float": (int, float), "str": (str,)}
-LARGEST_INTEGER = 2**63
-
-T = TypeVar("T")
-
+LONGEST_RECORD = 1 << 20
+"""Characters."""
 LEFT_OUT = ("acknowledged_ns", "acknowledged_by", "comments")
 """Fields of an alarm that are stored in columns of their own."""
+ALWAYS = ("outcome", "members", "deviations")
+"""Fields that every record has; their defaults are for an alarm that has just begun."""
 
 
 def text_of(alarm: Alarm) -> str:
@@ -29,39 +27,31 @@ def text_of(alarm: Alarm) -> str:
 
 
 def alarm_of(
-    source: object, detected_ns: object, text: str, acknowledged_ns: int, author: str
+    source: object, detected_ns: object, text: object, acknowledged_ns: object, author: object
 ) -> Alarm:
-    """Alarm of a row, without its comments; raises one of ``UNREADABLE``."""
-    content = json.loads(text)
-    content["outcome"] = Outcome(content["outcome"])
-    content["members"] = tuple(_sound(Member(**member)) for member in content["members"])
-    content["deviations"] = tuple(_sound(Symbol(**symbol)) for symbol in content["deviations"])
-    content |= {"acknowledged_ns": acknowledged_ns, "acknowledged_by": author}
-    known = {entry.name for entry in fields(Alarm)}
-    alarm = _sound(Alarm(**{name: value for name, value in content.items() if name in known}))
-    if alarm.key != (source, detected_ns):
-        raise ValueError("the record is that of another alarm")
-    return alarm
-
-
-def comment_of(stamp_ns: int, author: str, text: str) -> Comment:
-    """Comment of a row; raises one of ``UNREADABLE``."""
-    return _sound(Comment(stamp_ns, author, text))
-
-
-def _sound(record: T) -> T:
-    """The record, if its numbers are numbers and its texts are texts.
+    """Alarm of a row, without its comments.
 
     Raises
     ------
-    TypeError
-        Naming the field.
+    ValueError
+        Naming what is wrong with it.
     """
-    for entry in fields(record):  # type: ignore[arg-type]
-        value = getattr(record, entry.name)
-        kinds = KINDS.get(str(entry.type))
-        if kinds and (not isinstance(value, kinds) or isinstance(value, bool)):
-            raise TypeError(entry.name)
-        if isinstance(value, int) and abs(value) >= LARGEST_INTEGER:
-            raise ValueError(entry.name)
-    return record
+    if not isinstance(text, str):
+        raise ValueError(f"its record is no text of at most {LONGEST_RECORD} characters")
+    # A size that is not known is NaN.
+    content = parse_json(text, largest=LONGEST_RECORD, finite=False)
+    if not isinstance(content, dict):
+        raise ValueError(f"its record = {shown(content)} must be a mapping")
+    if missing := [name for name in ALWAYS if name not in content]:
+        raise ValueError(f"its record has no {missing[0]!r}")
+    content |= {"acknowledged_ns": acknowledged_ns, "acknowledged_by": author, "comments": ()}
+    known = {entry.name: content[entry.name] for entry in fields(Alarm) if entry.name in content}
+    alarm = record_of_fields(Alarm, known, finite=False)
+    if alarm.key != (source, detected_ns):
+        raise ValueError("its record is that of another alarm")
+    return alarm
+
+
+def comment_of(stamp_ns: object, author: object, text: object) -> Comment:
+    """Comment of a row; raises ValueError."""
+    return record_of_fields(Comment, {"stamp_ns": stamp_ns, "author": author, "text": text})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from flea_diag.errors import ConfigurationError, RecordingError
 from flea_diag.tools.campaign.run_result import RunResult, from_mapping
+from flea_diag.wire.json_text import parse_json
 from flea_diag.wire.regular_file import read_bytes, read_text
 
 RESULTS = "results.jsonl"
@@ -118,9 +118,9 @@ def _read(file: Path) -> Iterator[RunResult]:
     for number, line in enumerate(whole.splitlines(), 1):
         where = f"{file}: line {number}"
         try:
-            content = json.loads(line)
+            content = parse_json(line)
         except ValueError as error:
-            raise RecordingError(f"{where}: is not JSON: {error}") from error
+            raise RecordingError(f"{where}: {error}") from None
         yield from_mapping(content, where)
 
 

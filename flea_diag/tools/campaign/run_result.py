@@ -7,11 +7,12 @@ seconds after the first scan of the run; stamps are those of the records.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any
 
-from flea_diag.errors import RecordingError, shown
+from flea_diag.errors import RecordingError
 from flea_diag.formats import FORMATS, migrated
+from flea_diag.wire.record_fields import record_of_fields, within
 from flea_diag.wire.records import BY_DESIGN
 
 KINDS = ("real", "simulated", "injected", "spliced")
@@ -19,6 +20,9 @@ KINDS = ("real", "simulated", "injected", "spliced")
 two recordings joined. Kinds are never added up in one figure."""
 
 NOMINAL = "nominal"
+
+MOST = 1e9
+"""Largest count, and longest time in s, that a result may state."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,7 @@ class RunResult:
     failure: str = ""
     outcome: str = ""
     group: tuple[str, ...] = ()
-    probabilities: tuple[float, ...] = ()
+    probabilities: tuple[float, ...] = within(0.0, 1.0, ())
     words: str = ""
     detected_stamp_ns: int | None = None
     isolated_stamp_ns: int | None = None
@@ -90,14 +94,14 @@ class RunResult:
     isolation_time_s: float | None = None
     detection_motion_s: float | None = None
     alarms_s: tuple[float, ...] = ()
-    false_alarms: int = 0
-    nominal_s: float = 0.0
-    duration_s: float = 0.0
+    false_alarms: int = within(0, MOST, 0)
+    nominal_s: float = within(-MOST, MOST, 0.0)
+    duration_s: float = within(0.0, MOST, 0.0)
     not_observable: tuple[str, ...] = ()
     features_computed: tuple[str, ...] = ()
-    features_skipped: int = 0
-    cpu_s: float = 0.0
-    peak_memory_bytes: int = 0
+    features_skipped: int = within(0, MOST, 0)
+    cpu_s: float = within(0.0, MOST, 0.0)
+    peak_memory_bytes: int = within(0, 1e15, 0)
     digest: str = ""
     decision_digest: str = ""
     backend: str = ""
@@ -160,20 +164,16 @@ class RunResult:
         return json.dumps(asdict(self), allow_nan=False, separators=(",", ":"))
 
 
-_TUPLES = tuple(entry.name for entry in fields(RunResult) if str(entry.type).startswith("tuple"))
-
-
 def from_mapping(content: Any, where: str) -> RunResult:
     """Result from the content of a line.
 
     Raises
     ------
     RecordingError
-        The line is no result of this version.
+        The line is no result of this version; the field that is wrong is named.
     """
     content = migrated("run result", content, where)
-    known = {entry.name for entry in fields(RunResult)}
-    odd = sorted(set(content) - known) or sorted({"id", "kind", "row"} - set(content))
-    if odd:
-        raise RecordingError(f"{where}: {shown(odd[0])} is unknown or missing: evaluate anew")
-    return RunResult(**{k: tuple(v) if k in _TUPLES else v for k, v in content.items()})
+    try:
+        return record_of_fields(RunResult, content)
+    except ValueError as error:
+        raise RecordingError(f"{where}: {error}: evaluate anew") from None

@@ -15,7 +15,10 @@ import numpy.typing as npt
 from flea_diag.errors import RecordingError
 from flea_diag.formats import migrated, stamped
 from flea_diag.tools.campaign.envelope import Envelope
+from flea_diag.tools.campaign.trace_content import TraceContent
 from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, block_of
+from flea_diag.wire.json_text import parse_json
+from flea_diag.wire.record_fields import record_of_fields
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
@@ -32,6 +35,7 @@ from flea_diag.wire.regular_file import opened
 SUFFIX = ".trace.json.gz"
 LARGEST_BYTES = 16 << 20
 """Unpacked; usual traces have at most a tenth of this."""
+MOST_VALUES = 1_000_000
 
 BAND = 2.0
 """Standard deviations from an estimate to an edge of its band."""
@@ -199,7 +203,10 @@ def read_trace(detail: Path) -> dict[str, Any] | None:
     """The trace beside a run's details; None if there is none or it cannot be read."""
     try:
         with opened(trace_path(detail), LARGEST_BYTES) as file, gzip.open(file) as stream:
-            content = json.loads(stream.read(LARGEST_BYTES))
-        return migrated("run trace", content, str(detail))
+            text = stream.read(LARGEST_BYTES + 1).decode("utf-8")
+        content = parse_json(text, largest=LARGEST_BYTES, most_values=MOST_VALUES)
+        trace = migrated("run trace", content, str(detail))
+        record_of_fields(TraceContent, trace)
     except (OSError, EOFError, zlib.error, ValueError, RecordingError):
         return None
+    return trace

@@ -19,12 +19,14 @@ from flea_diag.tools.extra import require
 from flea_diag.tools.features.samples import FeatureRun
 from flea_diag.tools.interval import wilson
 from flea_diag.tools.terminal import write_text
+from flea_diag.wire.json_text import parse_json
 from flea_diag.wire.regular_file import read_text
 
 HIDDEN = (32, 16)
 SEED = 7
 MOST_EPOCHS = 300
 LARGEST_BYTES = 16 << 20
+MOST_NUMBERS = 500_000
 
 
 def train(samples: Sequence[Sample], features: Sequence[str], source: str) -> Perceptron:
@@ -85,11 +87,15 @@ def read_classifier(path: Path) -> Perceptron:
         The file cannot be read, is not JSON, or does not contain a network.
     """
     try:
-        mapping = json.loads(read_text(path, LARGEST_BYTES, ConfigurationError))
+        mapping = parse_json(
+            read_text(path, LARGEST_BYTES, ConfigurationError),
+            largest=LARGEST_BYTES,
+            most_values=MOST_NUMBERS,
+        )
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{path}: not valid JSON: {error}") from error
+    except ValueError as error:
+        raise ConfigurationError(f"{path}: {error}") from None
     return Perceptron.from_mapping(mapping, str(path))
 
 

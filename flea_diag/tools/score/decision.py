@@ -2,26 +2,69 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from flea_diag.errors import RecordingError
 from flea_diag.formats import migrated
 from flea_diag.tools.campaign.result_log import RESULTS, read_results
 from flea_diag.tools.campaign.run_result import RunResult
 from flea_diag.wire.bags.bag_layout import refuse_closed
+from flea_diag.wire.json_text import parse_json
+from flea_diag.wire.record_fields import record_of_fields
 from flea_diag.wire.regular_file import read_text
+
+R = TypeVar("R")
 
 LARGEST_JSON_BYTES = 64 << 20
 
-Episode = Mapping[str, Any]
-"""One episode of a replay's summary, checked by ``_episodes``."""
-ABSENT: Episode = {}
+MOST_VALUES = 1_000_000
+"""Keys and values of such a file; a replay of an hour has some thousand."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """The group at a change of its members or of its outcome."""
+
+    at_s: float
+    outcome: str
+    members: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Episode:
+    """The compared part of one episode; older files lack evidence and steps."""
+
+    outcome: str
+    detected_at_s: float
+    ambiguity_group: tuple[str, ...]
+    detected_by: str = ""
+    kept: Mapping[str, str] = field(default_factory=dict)
+    dropped: Mapping[str, str] = field(default_factory=dict)
+    steps: tuple[Step, ...] = ()
+
+
+@dataclass(frozen=True)
+class ReplaySummary:
+    """The compared part of the JSON of ``flea replay``."""
+
+    bag: str
+    outcome: str | None
+    ambiguity_group: tuple[str, ...]
+    digest: str
+    episodes: tuple[Episode, ...]
+    decision_digest: str = ""
+    backend: str = ""
+
+
+@dataclass(frozen=True)
+class DetailSummary:
+    """The compared part of the summary in the details of a run."""
+
+    episodes: tuple[Episode, ...]
 
 
 @dataclass(frozen=True)
@@ -42,7 +85,7 @@ class Decision:
     @property
     def verdict(self) -> tuple[Any, ...]:
         """What must be equal for two decisions to be equal."""
-        said = [(e["outcome"], sorted(e["ambiguity_group"])) for e in self.episodes]
+        said = [(e.outcome, sorted(e.ambiguity_group)) for e in self.episodes]
         return self.outcome, self.group, self.alarms_s, said, bool(self.failure)
 
     def same_numbers(self, other: Decision) -> bool:
@@ -113,60 +156,40 @@ def _of_results(results: tuple[RunResult, ...], folder: Path) -> Iterator[Decisi
 
 
 def _of_detail(path: Path) -> tuple[Episode, ...]:
-    with _shaped(path):
-        detail = migrated("run detail", _json(path), str(path))
-        return _episodes(migrated("replay summary", detail["summary"], str(path)))
+    detail = migrated("run detail", _json(path), str(path))
+    summary = migrated("replay summary", detail.get("summary"), str(path))
+    return _shaped(DetailSummary, summary, path).episodes
 
 
-def _of_summary(summary: Any, path: Path) -> Decision:
-    with _shaped(path):
-        episodes = _episodes(summary)
-        return Decision(
-            Path(summary["bag"]).name,
-            str(summary["outcome"]),
-            tuple(sorted(map(str, summary["ambiguity_group"]))),
-            tuple(episode["detected_at_s"] for episode in episodes),
-            episodes,
-            str(summary["digest"]),
-            str(summary.get("decision_digest", "")),
-            str(summary.get("backend", "")),
-        )
-
-
-def _episodes(summary: Mapping[str, Any]) -> tuple[Episode, ...]:
-    """The compared part of each episode; older files lack evidence and steps."""
-    return tuple(
-        {
-            "outcome": str(row["outcome"]),
-            "detected_at_s": float(row["detected_at_s"]),
-            "detected_by": str(row.get("detected_by", "")),
-            "ambiguity_group": [str(fault) for fault in row["ambiguity_group"]],
-            "kept": dict(row.get("kept", {})),
-            "dropped": dict(row.get("dropped", {})),
-            "steps": [
-                {"at_s": float(s["at_s"]), "outcome": str(s["outcome"]), "members": [*s["members"]]}
-                for s in row.get("steps", ())
-            ],
-        }
-        for row in summary["episodes"]
+def _of_summary(content: Any, path: Path) -> Decision:
+    summary = _shaped(ReplaySummary, content, path)
+    return Decision(
+        Path(summary.bag).name,
+        str(summary.outcome),
+        tuple(sorted(summary.ambiguity_group)),
+        tuple(episode.detected_at_s for episode in summary.episodes),
+        summary.episodes,
+        summary.digest,
+        summary.decision_digest,
+        summary.backend,
     )
 
 
-@contextmanager
-def _shaped(path: Path) -> Iterator[None]:
-    """Refuse JSON of another shape."""
+def _shaped(kind: type[R], content: Any, path: Path) -> R:
+    """The compared part of some JSON; what else it holds is passed over."""
     try:
-        yield
-    except (TypeError, KeyError, ValueError, AttributeError) as error:
+        return record_of_fields(kind, content, strict=False)
+    except ValueError as error:
         raise RecordingError(
-            f"{path}: not the JSON of a replay ({error!r}): write it with flea replay --json"
-        ) from error
+            f"{path}: not the JSON of a replay ({error}): write it with flea replay --json"
+        ) from None
 
 
 def _json(path: Path) -> Any:
     try:
-        return json.loads(read_text(path, LARGEST_JSON_BYTES))
-    except (OSError, ValueError, RecursionError) as error:
+        text = read_text(path, LARGEST_JSON_BYTES)
+        return parse_json(text, largest=LARGEST_JSON_BYTES, most_values=MOST_VALUES)
+    except (OSError, ValueError) as error:
         raise RecordingError(f"{path}: cannot be read as JSON: {error}") from error
 
 
@@ -176,49 +199,47 @@ def _json(path: Path) -> Any:
 def differences(a: Decision, b: Decision) -> list[str]:
     """What changed, when, and by which evidence."""
     lines = [f"{a.words()}  ->  {b.words()}"]
-    for number, (one, other) in enumerate(zip_longest(a.episodes, b.episodes, fillvalue=ABSENT), 1):
+    for number, (one, other) in enumerate(zip_longest(a.episodes, b.episodes), 1):
         lines += [f"episode {number}: {line}" for line in _of_episodes(one, other)]
     return lines
 
 
-def _of_episodes(a: Episode, b: Episode) -> Iterator[str]:
-    if ABSENT in (a, b):
-        yield f"in {'A' if a else 'B'} only, {_opened(a or b)}"
+def _of_episodes(a: Episode | None, b: Episode | None) -> Iterator[str]:
+    if a is None or b is None:
+        which, only = ("A", a) if b is None else ("B", b)
+        yield f"in {which} only, {_opened(only)}"
         return
     if _opened(a) != _opened(b):
         yield f"{_opened(a)}  ->  {_opened(b)}"
-    parting = _parting(a["steps"], b["steps"])
+    parting = _parting(a.steps, b.steps)
     if parting:
         yield parting
-    for fault in sorted(set(a["ambiguity_group"]) ^ set(b["ambiguity_group"])):
+    for fault in sorted(set(a.ambiguity_group) ^ set(b.ambiguity_group)):
         yield f"{fault}: A {_held(a, fault)}; B {_held(b, fault)}"
 
 
 def _opened(episode: Episode) -> str:
-    by = episode["detected_by"] or "an unknown residual"
-    return f"detected at {episode['detected_at_s']} s by {by}"
+    by = episode.detected_by or "an unknown residual"
+    return f"detected at {episode.detected_at_s} s by {by}"
 
 
-def _parting(a: Any, b: Any) -> str:
+def _parting(a: tuple[Step, ...], b: tuple[Step, ...]) -> str:
     """The step at which the two groups first differ."""
     for one, other in zip(a, b, strict=False):
-        if (one["outcome"], one["members"]) != (other["outcome"], other["members"]):
-            return (
-                f"they differ at {one['at_s']} s ({_step(one)}) and {other['at_s']} s "
-                f"({_step(other)})"
-            )
+        if (one.outcome, one.members) != (other.outcome, other.members):
+            return f"they differ at {one.at_s} s ({_step(one)}) and {other.at_s} s ({_step(other)})"
     longer, which = (a, "A") if len(a) > len(b) else (b, "B")
     rest = longer[min(len(a), len(b)) :]
-    return f"{which} continues at {rest[0]['at_s']} s ({_step(rest[0])})" if rest else ""
+    return f"{which} continues at {rest[0].at_s} s ({_step(rest[0])})" if rest else ""
 
 
-def _step(step: Mapping[str, Any]) -> str:
-    members = step["members"]
+def _step(step: Step) -> str:
+    members = step.members
     named = ", ".join(members[:4]) + (f" and {len(members) - 4} more" if len(members) > 4 else "")
-    return f"{step['outcome']} {{{named}}}"
+    return f"{step.outcome} {{{named}}}"
 
 
 def _held(episode: Episode, fault: str) -> str:
-    if fault in episode["ambiguity_group"]:
-        return f"kept it ({episode['kept'].get(fault, 'no reason recorded')})"
-    return f"dropped it ({episode['dropped'].get(fault, 'never in the group')})"
+    if fault in episode.ambiguity_group:
+        return f"kept it ({episode.kept.get(fault, 'no reason recorded')})"
+    return f"dropped it ({episode.dropped.get(fault, 'never in the group')})"

@@ -13,7 +13,7 @@ import struct
 from collections import deque
 from typing import NoReturn
 
-from flea_diag.errors import WireError
+from flea_diag.errors import WireError, shown
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 """CDR, little endian, no options."""
@@ -48,9 +48,9 @@ def text_bytes(value: str) -> bytes:
     try:
         raw = value.encode()
     except UnicodeEncodeError as error:
-        raise WireError(f"text {value[:40]!r} cannot be written as UTF-8: {error.reason}") from None
+        raise WireError(f"text {shown(value)} cannot be written as UTF-8: {error.reason}") from None
     if b"\0" in raw:
-        raise WireError(f"text {value[:40]!r} contains a zero character, which would truncate it")
+        raise WireError(f"text {shown(value)} contains a zero character, which would truncate it")
     return raw
 
 

@@ -14,8 +14,9 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
-from flea_diag.errors import WireError
+from flea_diag.errors import WireError, shown
 from flea_diag.wire import records as r
+from flea_diag.wire.json_text import parse_json
 from flea_diag.wire.wording import Words, words_of
 
 R = TypeVar("R")
@@ -69,7 +70,7 @@ _INT64 = range(-(2**63), 2**63)
 
 def _int_text(value: int) -> str:
     if int(value) not in _INT64:
-        raise WireError(f"number {value} does not fit 64 bits")
+        raise WireError(f"number {shown(value)} does not fit 64 bits")
     return str(int(value))
 
 
@@ -85,7 +86,7 @@ def _json_text(value: Iterable[Any]) -> str:
 
 
 def _strings(text: str) -> tuple[str, ...]:
-    value = json.loads(text)
+    value = parse_json(text)
     if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
         raise ValueError("is not a list of strings")
     return tuple(value)
@@ -286,16 +287,16 @@ def _read_pairs(prefix: str, kind: Any, values: Pairs, where: str) -> tuple[tupl
 def _scalar(kind: Any, text: str, where: str) -> Any:
     try:
         return _TEXT[kind][1](text)
-    except (ValueError, KeyError, RecursionError):
+    except (ValueError, KeyError):
         expected = _EXPECTED.get(kind, "list of strings")
-        raise WireError(f"{where}: {text[:60]!r} is not a valid {expected}") from None
+        raise WireError(f"{where}: {shown(text)} is not a valid {expected}") from None
 
 
 def _json_object(text: str, where: str) -> Pairs:
     try:
-        content = json.loads(text)
-    except (ValueError, RecursionError):
+        content = parse_json(text)
+    except ValueError:
         content = None
     if not isinstance(content, dict) or not all(isinstance(v, str) for v in content.values()):
-        raise WireError(f"{where}: {text[:60]!r} is not a JSON object of strings")
+        raise WireError(f"{where}: {shown(text)} is not a JSON object of strings")
     return tuple(content.items())

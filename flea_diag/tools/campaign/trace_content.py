@@ -1,0 +1,60 @@
+"""What the file of a run's trace must hold: every part that the drawing of the run uses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from flea_diag.wire.record_fields import within
+
+LONGEST_S = 1e9
+
+
+@dataclass(frozen=True)
+class TraceSignal:
+    """Extremes of one signal in stretches of equal length; None where it has no value."""
+
+    low: tuple[float | None, ...]
+    high: tuple[float | None, ...]
+    unit: str
+    stretch_s: float = within(0.0, LONGEST_S)
+
+
+@dataclass(frozen=True)
+class TraceGroup:
+    """The ambiguity group from one moment on; ``features`` are names and the number available."""
+
+    at_s: float
+    outcome: str
+    episode: int
+    members: tuple[tuple[str, float | None], ...]
+    dropped: Mapping[str, str]
+    words: str
+    features: tuple[tuple[str, ...], int]
+
+
+@dataclass(frozen=True)
+class TraceFeature:
+    """One vibration feature that was requested."""
+
+    asked_s: float | None
+    name: str
+    symbol: str
+    unit: str
+    reason: str
+    value: float | None
+    low: float | None
+    high: float | None
+    cost_ms: float | None
+
+
+@dataclass(frozen=True)
+class TraceContent:
+    """The whole file."""
+
+    traces: Mapping[str, TraceSignal]
+    symbols: tuple[tuple[float, tuple[tuple[str, str, str], ...]], ...]
+    groups: tuple[TraceGroup, ...]
+    features: tuple[TraceFeature, ...]
+    truth: tuple[tuple[str, float], ...]
+    duration_s: float = within(0.0, LONGEST_S)
