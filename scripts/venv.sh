@@ -51,6 +51,15 @@ pip_install() {
     }
 }
 
+# What flea_diag itself is made from.
+sources_sum() {
+    (cd "$root" && sum_of flea_diag flea_sim_driver config launch launcher resource \
+        package.xml setup.py)
+}
+
+# Leftovers of an earlier build would be installed too, including deleted modules.
+forget_build() { rm -rf "$root/build/lib" "$root"/build/bdist.*; }
+
 # $1: extras, e.g. numba or numba,test. A plain install: an editable one leaves out the data
 # files by which ros2 and the nodes find each other. Both steps do nothing when nothing changed.
 install() {
@@ -58,20 +67,19 @@ install() {
     stamp=$venv/.dependencies-$1
     wanted=$(cd "$root" && sum_of constraints.txt setup.py)
     if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
-        say "installing ROS 2 Jazzy and the other dependencies [$1] into .venv (a few minutes)"
+        say "installing ROS 2 Jazzy, flea_diag and the other dependencies [$1] into .venv (a few minutes)"
         pip_install setuptools
+        forget_build
+        installed=$(sources_sum)
         pip_install "$root[$1]"
         printf '%s' "$wanted" >"$stamp"
-        rm -f "$venv/.sources"
+        printf '%s' "$installed" >"$venv/.sources"
     fi
-    stamp=$venv/.sources
-    wanted=$(cd "$root" && sum_of flea_diag flea_sim_driver config launch launcher resource \
-        package.xml setup.py)
-    if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ] || [ ! -x "$venv/bin/flea" ]; then
+    wanted=$(sources_sum)
+    if [ "$(cat "$venv/.sources" 2>/dev/null)" != "$wanted" ] || [ ! -x "$venv/bin/flea" ]; then
         say "installing flea_diag into .venv"
-        # Leftovers of an earlier build would be installed too, including deleted modules.
-        rm -rf "$root/build/lib" "$root"/build/bdist.*
+        forget_build
         pip_install --no-deps --force-reinstall "$root"
-        printf '%s' "$wanted" >"$stamp"
+        printf '%s' "$wanted" >"$venv/.sources"
     fi
 }

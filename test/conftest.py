@@ -31,8 +31,9 @@ STEERING = ("ROS_", "RCUTILS_", "FASTRTPS_", "FASTDDS_", "FLEA_", "XDG_STATE_", 
 
 STARTS_NODES = re.compile(r"\bdomain: int\b")
 """What a file says whose tests start nodes: all of these run in one worker."""
-SLOWEST = ("system", "tools")
-"""Folders of the longest files: they come before the rest, so that no worker ends much later."""
+FIRST = ("project", "system", "tools")
+"""Folders that come before the rest: what does without compiled code, which the nodes are just
+compiling, then the longest files, so that no worker ends much later."""
 
 
 @cache
@@ -48,8 +49,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     missed = {i.path for i in items if "domain" in getattr(i, "fixturenames", ())} - live
     if missed:
         raise pytest.UsageError(f"{min(missed)}: says nowhere 'domain: int', but starts nodes")
-    early = {path: path.relative_to(HERE).parts[0] in SLOWEST for path in paths}
-    items.sort(key=lambda item: (item.path not in live, not early[item.path]))
+    items.sort(key=lambda item: (item.path not in live, _place(item.path)))
+
+
+def _place(path: Path) -> int:
+    folder = path.relative_to(HERE).parts[0]
+    return FIRST.index(folder) if folder in FIRST else len(FIRST)
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import random
+from functools import cache
 
 import pytest
 from support import fuzzing
@@ -11,33 +12,69 @@ from support import fuzzing
 from flea_diag.errors import ConfigurationError
 
 INPUTS = 60
-TARGETS = {target.name: target for target in fuzzing.targets()}
+NAMES = (
+    "codec ChannelTable",
+    "codec Truth",
+    "codec Scan",
+    "codec DataQuality",
+    "codec Residual",
+    "codec AmbiguityGroup",
+    "codec Detection",
+    "codec Symbols",
+    "codec VibrationBlock",
+    "codec VibrationLevel",
+    "codec FeatureRequest",
+    "codec FeatureValue",
+    "codec Health",
+    "scan columns",
+    "bag",
+    "importer",
+    "yaml text",
+    "scenario text",
+    "actuator",
+    "faults",
+    "feature table",
+    "calibration",
+    "scenario",
+    "campaign",
+    "parameters",
+)
+"""Every reader, known before the first test: what they read takes seconds to make."""
 
 
-@pytest.mark.parametrize("name", TARGETS)
+@cache
+def target_named(name: str) -> fuzzing.Target:
+    return {target.name: target for target in fuzzing.targets()}[name]
+
+
+def test_no_reader_is_left_out() -> None:
+    assert tuple(target.name for target in fuzzing.targets()) == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_what_is_whole_is_read(name: str) -> None:
-    assert all(fuzzing.accepted(TARGETS[name], seed) for seed in TARGETS[name].seeds)
+    assert all(fuzzing.accepted(target_named(name), seed) for seed in target_named(name).seeds)
 
 
-@pytest.mark.parametrize("name", TARGETS)
+@pytest.mark.parametrize("name", NAMES)
 def test_what_is_damaged_is_read_or_refused(name: str) -> None:
-    target, chance = TARGETS[name], random.Random(11)
+    target, chance = target_named(name), random.Random(11)
     for _ in range(INPUTS if name != "faults" else 8):
         fuzzing.accepted(target, fuzzing.damaged(chance.choice(target.seeds), chance))
 
 
 @pytest.mark.parametrize("name", ["scenario", "parameters", "calibration"])
 def test_a_tree_is_read_from_its_text_as_well(name: str) -> None:
-    target = fuzzing.as_text(TARGETS[name])
+    target = fuzzing.as_text(target_named(name))
     assert all(fuzzing.accepted(target, seed) for seed in target.seeds)
     assert not fuzzing.accepted(target, b"{: [")
 
 
 def test_a_rate_that_is_a_list_is_refused() -> None:
-    (table,) = copy.deepcopy(TARGETS["feature table"].seeds)
+    (table,) = copy.deepcopy(target_named("feature table").seeds)
     table["nominal"]["false_alarm_rate"] = [1.0]
     with pytest.raises(ConfigurationError, match="false_alarm_rate"):
-        TARGETS["feature table"].read(table)
+        target_named("feature table").read(table)
 
 
 @pytest.mark.parametrize(
@@ -53,4 +90,4 @@ def test_a_rate_that_is_a_list_is_refused() -> None:
 )
 def test_findings(name: str, content: object) -> None:
     with pytest.raises(ConfigurationError):
-        TARGETS[name].read(content)
+        target_named(name).read(content)

@@ -26,7 +26,7 @@ MOST_VALUES = 1_000_000
 
 
 @dataclass(frozen=True)
-class Step:
+class ReplayStep:
     """The group at a change of its members or of its outcome."""
 
     at_s: float
@@ -35,7 +35,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Episode:
+class ReplayEpisode:
     """The compared part of one episode; older files lack evidence and steps."""
 
     outcome: str
@@ -44,7 +44,7 @@ class Episode:
     detected_by: str = ""
     kept: Mapping[str, str] = field(default_factory=dict)
     dropped: Mapping[str, str] = field(default_factory=dict)
-    steps: tuple[Step, ...] = ()
+    steps: tuple[ReplayStep, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class ReplaySummary:
     outcome: str | None
     ambiguity_group: tuple[str, ...]
     digest: str
-    episodes: tuple[Episode, ...]
+    episodes: tuple[ReplayEpisode, ...]
     decision_digest: str = ""
     backend: str = ""
 
@@ -64,7 +64,7 @@ class ReplaySummary:
 class DetailSummary:
     """The compared part of the summary in the details of a run."""
 
-    episodes: tuple[Episode, ...]
+    episodes: tuple[ReplayEpisode, ...]
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Decision:
     outcome: str
     group: tuple[str, ...]
     alarms_s: tuple[float, ...]
-    episodes: tuple[Episode, ...] = ()
+    episodes: tuple[ReplayEpisode, ...] = ()
     digest: str = ""
     decision_digest: str = ""
     backend: str = ""
@@ -155,7 +155,7 @@ def _of_results(results: tuple[RunResult, ...], folder: Path) -> Iterator[Decisi
         )
 
 
-def _of_detail(path: Path) -> tuple[Episode, ...]:
+def _of_detail(path: Path) -> tuple[ReplayEpisode, ...]:
     detail = migrated("run detail", _json(path), str(path))
     summary = migrated("replay summary", detail.get("summary"), str(path))
     return _shaped(DetailSummary, summary, path).episodes
@@ -204,7 +204,7 @@ def differences(a: Decision, b: Decision) -> list[str]:
     return lines
 
 
-def _of_episodes(a: Episode | None, b: Episode | None) -> Iterator[str]:
+def _of_episodes(a: ReplayEpisode | None, b: ReplayEpisode | None) -> Iterator[str]:
     if a is None or b is None:
         which, only = ("A", a) if b is None else ("B", b)
         yield f"in {which} only, {_opened(only)}"
@@ -218,12 +218,12 @@ def _of_episodes(a: Episode | None, b: Episode | None) -> Iterator[str]:
         yield f"{fault}: A {_held(a, fault)}; B {_held(b, fault)}"
 
 
-def _opened(episode: Episode) -> str:
+def _opened(episode: ReplayEpisode) -> str:
     by = episode.detected_by or "an unknown residual"
     return f"detected at {episode.detected_at_s} s by {by}"
 
 
-def _parting(a: tuple[Step, ...], b: tuple[Step, ...]) -> str:
+def _parting(a: tuple[ReplayStep, ...], b: tuple[ReplayStep, ...]) -> str:
     """The step at which the two groups first differ."""
     for one, other in zip(a, b, strict=False):
         if (one.outcome, one.members) != (other.outcome, other.members):
@@ -233,13 +233,13 @@ def _parting(a: tuple[Step, ...], b: tuple[Step, ...]) -> str:
     return f"{which} continues at {rest[0].at_s} s ({_step(rest[0])})" if rest else ""
 
 
-def _step(step: Step) -> str:
+def _step(step: ReplayStep) -> str:
     members = step.members
     named = ", ".join(members[:4]) + (f" and {len(members) - 4} more" if len(members) > 4 else "")
     return f"{step.outcome} {{{named}}}"
 
 
-def _held(episode: Episode, fault: str) -> str:
+def _held(episode: ReplayEpisode, fault: str) -> str:
     if fault in episode.ambiguity_group:
         return f"kept it ({episode.kept.get(fault, 'no reason recorded')})"
     return f"dropped it ({episode.dropped.get(fault, 'never in the group')})"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import pytest
 
@@ -10,8 +11,12 @@ from flea_diag.configuration import knowledge, load_calibration
 from flea_diag.stages.baselines.limit_check import LimitCheckStage, learned_limits
 from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Record, Scan
 
-FAULTS = knowledge(load_calibration("")).faults
 LIMITS = {"motor_current": (-2.0, 4.0), "motor_temperature": (10.0, 60.0)}
+
+
+@cache
+def faults() -> tuple[str, ...]:
+    return knowledge(load_calibration("")).faults
 
 
 def scan(k: int, current: float, temperature: float = 20.0) -> Scan:
@@ -19,7 +24,7 @@ def scan(k: int, current: float, temperature: float = 20.0) -> Scan:
 
 
 def run(currents: list[float]) -> list[Record]:
-    stage = LimitCheckStage(LIMITS, FAULTS)
+    stage = LimitCheckStage(LIMITS, faults())
     return [out for k, value in enumerate(currents, 1) for out in stage.handle(scan(k, value))]
 
 
