@@ -39,6 +39,7 @@ from flea_diag.wire.records import (
 )
 from flea_diag.wire.topics import TOPIC_NAMED
 from flea_sim_driver.scenario.scenario_file import load_scenario, scenario_from_mapping
+from support.json_readers import json_readers
 from support.places import ROOT
 
 BAG = ROOT / "bags" / "winding_short"
@@ -239,6 +240,7 @@ def targets() -> tuple[Target, ...]:
         "parameters": (_read_parameters, values),
     }  # fmt: skip
     found += [Target(name, read, (tree,)) for name, (read, tree) in readers.items()]
+    found += [Target(name, read, (text,)) for name, (read, text) in json_readers(_file).items()]
     return tuple(found)
 
 

@@ -38,6 +38,11 @@ NAMES = (
     "scenario",
     "campaign",
     "parameters",
+    "alarm row",
+    "run result",
+    "replay summary",
+    "run trace",
+    "classifier",
 )
 """Every reader, known before the first test: what they read takes seconds to make."""
 

@@ -19,6 +19,11 @@ class TraceSignal:
     unit: str
     stretch_s: float = within(0.0, LONGEST_S)
 
+    def __post_init__(self) -> None:
+        """Both extremes are known, or none."""
+        if [low is None for low in self.low] != [high is None for high in self.high]:
+            raise ValueError("low and high must have values at the same places")
+
 
 @dataclass(frozen=True)
 class TraceGroup:
