@@ -15,6 +15,7 @@ from typing import Any
 from urllib.parse import parse_qs, quote, urlsplit
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.web.socket_gate import POLICY_VIOLATION, bounded
 from flea_diag.web.throttle import Throttle
 from flea_diag.wire.regular_file import read_text
 
@@ -26,7 +27,7 @@ COOKIE = "flea_token"
 SHORTEST_TOKEN = 16
 LARGEST_TOKEN_BYTES = 4096
 LOCAL_NAMES = ("localhost",)
-POLICY_VIOLATION = 1008
+SOCKET_PATH = "/_nicegui_ws/"
 MOST_GUESSES, GUESSES_S = 10, 60.0
 """Limit of token attempts from one address, and its period."""
 MOST_LOADS, LOADS_S = 30, 10.0
@@ -125,6 +126,9 @@ class Guard:
         if not served or not _asked_for_by_a_person(scope, headers):
             return await _refuse(scope, send, 403, b"this host or origin is not served\n")
         who = (scope.get("client") or ("",))[0]
+        if _is_polling(scope):
+            return await _refuse(scope, send, 400, b"the page is served over WebSocket alone\n")
+        receive = bounded(receive) if scope["type"] == "websocket" else receive
         if _is_page(scope) and not self._loads.passes(who):
             return await _refuse(scope, send, 429, b"the page was loaded too often just now\n")
         if not self._token or self._knows(headers.get("cookie", "")):
@@ -154,6 +158,11 @@ class Guard:
 def _is_page(scope: Scope) -> bool:
     """Whether this makes a page, which the server keeps until its browser has gone."""
     return scope["type"] == "http" and scope.get("method") == "GET" and scope["path"] == "/"
+
+
+def _is_polling(scope: Scope) -> bool:
+    """Whether this is the other way to send what a WebSocket carries, with other limits."""
+    return scope["type"] == "http" and scope["path"].startswith(SOCKET_PATH)
 
 
 def _asked_for_by_a_person(scope: Scope, headers: dict[str, str]) -> bool:

@@ -213,10 +213,11 @@ class Page:
     # -- operator actions
 
     def _act(self, event: Any) -> None:
-        act, _, name = event.args.partition(" ")
+        act, _, name = str(event.args).partition(" ")
         alarm = next((a for a in self._desk.state.alarms if key_text(a.key) == name), None)
-        if alarm is not None:
-            {"ack": self._acknowledge, "comment": self._comment}[act](alarm)
+        do = {"ack": self._acknowledge, "comment": self._comment}.get(act)
+        if alarm is not None and do is not None:
+            do(alarm)
 
     def _acknowledge_latest(self) -> None:
         standing = [alarm for alarm in self._desk.state.alarms if alarm.standing]

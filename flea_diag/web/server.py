@@ -13,6 +13,7 @@ from nicegui import ui
 from flea_diag.errors import ConfigurationError
 from flea_diag.web.connection import MOST_CONNECTIONS, PatientProtocol
 from flea_diag.web.guard import Guard, is_loopback
+from flea_diag.web.socket_gate import LONGEST_MESSAGE
 
 END_S = 3.0
 KEPT_MESSAGES = 200
@@ -52,6 +53,7 @@ class Server:
                 timeout_graceful_shutdown=1,
                 http=PatientProtocol,
                 limit_concurrency=MOST_CONNECTIONS,
+                ws_max_size=LONGEST_MESSAGE,
             )
         )
         self._thread = threading.Thread(

@@ -9,6 +9,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from nicegui import Client, app, ui
 
@@ -19,6 +21,8 @@ from flea_diag.web.view import View
 PERIOD_S = 0.1
 CONNECT_S = 15.0
 """Time within which a browser that has loaded the page must connect, or reload it."""
+MOST_KINDS = 10
+"""Kinds of error that are reported."""
 MOST_MARKS = 8
 """Largest number of events of a kind in strip charts."""
 
@@ -26,10 +30,19 @@ MOST_MARKS = 8
 class Site:
     """All open pages of one stand, and the task that updates them."""
 
-    def __init__(self, desk: OperatorNode, view: View, strips: StripCharts, title: str) -> None:
+    def __init__(
+        self,
+        desk: OperatorNode,
+        view: View,
+        strips: StripCharts,
+        title: str,
+        say: Callable[[str], None] = lambda _: None,
+    ) -> None:
         self.desk, self.title = desk, title
         self._view, self._strips = view, strips
         self._pages: dict[str, Page] = {}
+        self._say = say
+        self._reported: set[str] = set()
         self._woken = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._expired_s = 0.0
@@ -48,6 +61,7 @@ class Site:
 
     async def _run(self) -> None:
         self._loop = asyncio.get_running_loop()
+        self._loop.set_exception_handler(self._report)
         self._update()
         while True:
             with contextlib.suppress(asyncio.TimeoutError):
@@ -55,6 +69,14 @@ class Site:
             self._woken.clear()
             self._update()
             self._expire()
+
+    def _report(self, _: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:
+        """Say what a browser's message has caused, each kind of error once and in one line."""
+        error = context.get("exception")
+        kind = type(error).__name__ if error else str(context.get("message", ""))
+        if kind not in self._reported and len(self._reported) < MOST_KINDS:
+            self._reported.add(kind)
+            self._say(f"the page passes over what a browser sent: {kind}")
 
     def _expire(self) -> None:
         """Forget pages that no browser has connected to; NiceGUI keeps them for a minute."""

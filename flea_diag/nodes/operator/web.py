@@ -70,7 +70,7 @@ def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
     author = parameters.author or getpass.getuser()
     desk = Desk(open_journal(parameters.journal, bus), author)
     strips = StripCharts()
-    site = Site(desk, View(tools), strips, f"flea_diag · {bus.stand}")
+    site = Site(desk, View(tools), strips, f"flea_diag · {bus.stand}", bus.warn)
     server = Server(site.title, parameters.address, parameters.port, token)
 
     def take(record: Record) -> None:
