@@ -106,10 +106,11 @@ def rows_of(part: dict[str, Any], several: bool) -> Iterator[KeptRow]:
 def of_bench(summary: dict[str, Any], arguments: argparse.Namespace) -> KeptResult:
     """Figures of a bench; its load and backend describe the machine."""
     figures, left_out = summary["figures"], TIMES if arguments.ratios else ()
+    name = summary["name"]
     machine = f"{summary['cores']} cores, load average {summary['load']:.1f}"
     return KeptResult(
         arguments.title,
-        f"scripts/bench {summary['name']}",
+        name if name.startswith("scripts/") else f"scripts/bench {name}",
         Origin(
             summary["date"],
             summary["commit"],

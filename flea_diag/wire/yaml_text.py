@@ -26,6 +26,7 @@ LONGEST_PROBLEM = 160
 
 # What Python makes of a date, number or tag that is none.
 _UNREADABLE = (ValueError, LookupError, AttributeError, TypeError, OverflowError)
+_MERGE = "tag:yaml.org,2002:merge"
 _TEXTS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:binary")
 
 
@@ -66,8 +67,7 @@ class _BoundedLoader(yaml.SafeLoader):  # type: ignore[misc,unused-ignore]
             return _Extent(1, 1)
         parts = node.value
         if isinstance(node, yaml.MappingNode):
-            for key, _ in node.value:
-                _check_key(key)
+            _check_keys([key for key, _ in node.value])
             parts = [part for pair in node.value for part in pair]
         inner = [self._extents[part] for part in parts]
         depth = max((each.depth for each in inner), default=0)
@@ -88,6 +88,17 @@ class _BoundedLoader(yaml.SafeLoader):  # type: ignore[misc,unused-ignore]
             said = shown(node.value) if isinstance(node, yaml.ScalarNode) else "this"
             kind = node.tag.rpartition(":")[2]
             raise _refusal(f"{said} is no {kind}", node.start_mark) from error
+
+
+def _check_keys(nodes: list[Any]) -> None:
+    """Each can be shown and stands there once: of two values the later would win in silence."""
+    seen = set()
+    for node in nodes:
+        _check_key(node)
+        if isinstance(node, yaml.ScalarNode) and node.tag != _MERGE:
+            if (node.tag, node.value) in seen:
+                raise _refusal(f"the key {shown(node.value)} occurs twice", node.start_mark)
+            seen.add((node.tag, node.value))
 
 
 def _check_key(node: Any) -> None:

@@ -1,0 +1,1 @@
+"""Well-formed bombs: input that every parser accepts and that is enormous, wrong or changing."""

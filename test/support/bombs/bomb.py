@@ -1,0 +1,89 @@
+"""One bomb: a row that makes an input, and what must become of it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+
+from flea_diag.configuration import make_pipeline
+from flea_diag.tools.main import main
+
+REFUSED = "refused"
+"""Exit status 2 and one line on standard error."""
+TOLD = "told"
+"""Any exit status, and words: what is wrong is named, or what was read is reported."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """One input: ``read`` reads it, prints, and returns an exit status.
+
+    ``says`` are words of which one must be printed; ``meanwhile`` runs beside ``read``, again and
+    again, and changes the input.
+    """
+
+    read: Callable[[], int]
+    ends: str = REFUSED
+    says: tuple[str, ...] = ()
+    meanwhile: Callable[[], None] | None = None
+
+    def run(self) -> int:
+        """Read it, changing or not; exit status."""
+        if self.meanwhile is None:
+            return self.read()
+        over = threading.Event()
+        changing = threading.Thread(target=_again_and_again, args=(self.meanwhile, over))
+        changing.start()
+        try:
+            return self.read()
+        finally:
+            over.set()
+            changing.join()
+
+
+Make = Callable[[Path, Random], Input]
+"""Makes an input in an empty folder, at random."""
+
+
+def imported() -> None:
+    """What a command imports when it is called."""
+    make_pipeline(None)
+
+
+@dataclass(frozen=True)
+class Bomb:
+    """A row of a gate's table."""
+
+    gate: str
+    name: str
+    make: Make
+    prepare: Callable[[], object] = imported
+    """Imports what every row of the gate needs, once and before its processes."""
+
+
+def rows(gate: str, *makers: Make, prepare: Callable[[], object] = imported) -> tuple[Bomb, ...]:
+    """Rows of a gate; each is named after its function."""
+    return tuple(
+        Bomb(gate, make.__name__.replace("_", " ").strip(), make, prepare) for make in makers
+    )
+
+
+def flea(*arguments: object) -> Callable[[], int]:
+    """The command with these arguments."""
+    return lambda: main([str(argument) for argument in arguments])
+
+
+def several(low: int, high: int, chance: Random) -> int:
+    """A number between two, each order of magnitude as likely as another."""
+    return round(low * (high / low) ** chance.random())
+
+
+def _again_and_again(change: Callable[[], None], over: threading.Event) -> None:
+    while not over.wait(0.001):
+        try:
+            change()
+        except OSError:
+            continue
