@@ -22,12 +22,24 @@ from collections.abc import Iterator, Mapping
 
 LONGEST_SHOWN = 80
 """Characters of a value that a message quotes."""
+LONGEST_MESSAGE, LONGEST_END = 1000, 300
+"""Characters of a whole message, and of its end where it is longer."""
 LONGEST_INTEGER_BITS = 200
 """Beyond, the digits of a whole number are counted, not written: writing them takes long."""
 
 
 class FleaError(Exception):
-    """Base class of all errors raised intentionally by flea_diag."""
+    """Base class of all errors raised intentionally by flea_diag.
+
+    Its words are of bounded length: a file may name itself, and what is in it, by a megabyte.
+    """
+
+    def __str__(self) -> str:
+        """The message; of a longer one the beginning and the end, which says what to do."""
+        text = super().__str__()
+        if len(text) <= LONGEST_MESSAGE:
+            return text
+        return f"{text[: LONGEST_MESSAGE - LONGEST_END - 5]} ... {text[-LONGEST_END:]}"
 
 
 class InputError(FleaError):

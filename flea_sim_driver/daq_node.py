@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import (
@@ -106,7 +106,7 @@ def parsed_injection(text: str) -> InjectionRequest:
         value = math.inf
     if colon and not math.isfinite(value):
         raise ConfigurationError(
-            f"inject = {text!r}: size {size!r} is no number, write for example jam:0.5"
+            f"inject = {shown(text)}: size {shown(size)} is no number, write for example jam:0.5"
         )
     return InjectionRequest(fault.strip(), value, where.strip())
 

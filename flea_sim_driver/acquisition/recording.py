@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.errors import RecordingError
+from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.records import Scan
 from flea_sim_driver.acquisition.sensors import COLUMN
 from flea_sim_driver.scenario.scenario import Scenario
@@ -77,7 +77,7 @@ def read_real(path: Path) -> RunSignals:
     motion, label = match[1] + match[2], match[4]
     if motion not in MOTIONS:
         raise RecordingError(
-            f"{path}: no motion {motion!r} is known, there are {', '.join(MOTIONS)}"
+            f"{path}: no motion {shown(motion)} is known, there are {', '.join(MOTIONS)}"
         )
     table = _table(path)
     unit = 1 if label == "Nominal" else 0

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.scenario_file import load_scenario
 
@@ -49,6 +49,6 @@ def find_scenario(name_or_path: str) -> Scenario:
         if candidate.is_file() and candidate.parent == folder:
             return load_scenario(candidate)
     raise ConfigurationError(
-        f"scenario {name_or_path!r} is neither a YAML file nor one of "
+        f"scenario {shown(name_or_path)} is neither a YAML file nor one of "
         f"{', '.join(scenario_names()) or 'the installed ones (none found)'}"
     )

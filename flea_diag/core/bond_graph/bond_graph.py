@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from flea_diag.core.bond_graph.law import DEFAULT_LAW, LAWS, Law, Ports
 from flea_diag.core.symbolic.expression import FUNCTIONS
 from flea_diag.core.symbolic.unit import dimension, spelled
-from flea_diag.errors import ConfigurationError, ModelError
+from flea_diag.errors import ConfigurationError, ModelError, shown
 
 JUNCTIONS = ("0", "1")
 SOURCES = ("Se", "Sf", "MSe", "MSf")
@@ -148,7 +148,7 @@ def bond_graph(
     for element in elements:
         if element.kind not in KINDS:
             raise ConfigurationError(
-                f"{name}: element {element.name!r} has unknown type {element.kind!r},"
+                f"{name}: element {shown(element.name)} has unknown type {shown(element.kind)},"
                 f" known are {', '.join(KINDS)}"
             )
     for tail, head in arrows:
@@ -179,7 +179,7 @@ def _refuse_repeats(graph: str, names: list[str], what: str) -> None:
     for name, count in Counter(names).items():
         if count > 1:
             raise ConfigurationError(
-                f"{graph}: {what} {name!r} is given {count} times, name it once"
+                f"{graph}: {what} {shown(name)} is given {count} times, name it once"
             )
         _check_name(graph, name, what)
 
@@ -192,7 +192,7 @@ def _check_name(graph: str, name: str, what: str) -> None:
     """Refuse names that are not identifiers or are reserved: they go into compiled equations."""
     if not name.isidentifier() or keyword.iskeyword(name) or name in RESERVED:
         raise ConfigurationError(
-            f"{graph}: {what} {name!r} cannot be a name; use letters, digits and underscores,"
+            f"{graph}: {what} {shown(name)} cannot be a name; use letters, digits and underscores,"
             f" and none of {', '.join(RESERVED)}"
         )
 
@@ -211,7 +211,7 @@ def _check_variables(graph: BondGraph) -> None:
         _check_name(graph.name, name, what)
         if name in taken:
             raise ConfigurationError(
-                f"{graph.name}: {name!r} is a {taken[name]} and a {what}; rename one of them"
+                f"{graph.name}: {shown(name)} is a {taken[name]} and a {what}; rename one of them"
             )
         taken[name] = what
 
@@ -220,7 +220,7 @@ def _check_ends(graph: str, elements: Mapping[str, Element], tail: str, head: st
     for end in (tail, head):
         if end not in elements:
             raise ModelError(
-                f"{graph}: bond {tail} -> {head} is dangling, there is no element {end!r};"
+                f"{graph}: bond {tail} -> {head} is dangling, there is no element {shown(end)};"
                 " define it or remove the bond"
             )
     if tail == head:
@@ -238,7 +238,8 @@ def _check_domain(graph: BondGraph, bond: Bond) -> None:
     for domain in named:
         if domain not in DOMAINS:
             raise ConfigurationError(
-                f"{graph.name}: domain {domain!r} at bond {bond.tail} -> {bond.head} is unknown,"
+                f"{graph.name}: domain {shown(domain)} at bond {bond.tail} -> {bond.head} is "
+                "unknown,"
                 f" known are {', '.join(DOMAINS)}"
             )
     if not named or len(set(named)) > 1:
@@ -252,7 +253,7 @@ _PORTS = {**dict.fromkeys((*SOURCES, *PASSIVE, *DETECTORS), (1, 1)), "TF": (2, 2
 
 
 def _check_ports(graph: BondGraph, element: Element) -> None:
-    bonds, where = graph.at(element.name), f"{graph.name}: {element.kind} {element.name!r}"
+    bonds, where = graph.at(element.name), f"{graph.name}: {element.kind} {shown(element.name)}"
     least, most = _PORTS.get(element.kind, (2, 10_000))
     if not least <= len(bonds) <= most:
         wanted = f"exactly {least}" if least == most else f"at least {least}"
@@ -272,18 +273,20 @@ def _check_ports(graph: BondGraph, element: Element) -> None:
 
 
 def _check_law(graph: BondGraph, element: Element) -> None:
-    where = f"{graph.name}: {element.kind} {element.name!r}"
+    where = f"{graph.name}: {element.kind} {shown(element.name)}"
     law = graph.law(element)
     if law is None:
         if element.law or element.parameters:
             raise ConfigurationError(
-                f"{where} has unknown law {element.law!r}, known are {', '.join(LAWS)}"
+                f"{where} has unknown law {shown(element.law)}, known are {', '.join(LAWS)}"
             )
         if element.kind in (*SOURCES, *DETECTORS) and not element.signal:
             raise ConfigurationError(f"{where} has no signal; name the input or channel it is")
         return
     if law.kind != element.kind and not (law.kind == "M" and element.kind in SOURCES):
-        raise ConfigurationError(f"{where} cannot have law {element.law!r}, that is for {law.kind}")
+        raise ConfigurationError(
+            f"{where} cannot have law {shown(element.law)}, that is for {law.kind}"
+        )
     if set(law.roles) != set(element.parameters):
         raise ConfigurationError(
             f"{where} has parameters {sorted(element.parameters)},"
@@ -302,24 +305,25 @@ def _check_source_law(graph: BondGraph, element: Element, where: str) -> None:
     for name in element.powers or ("",):
         if name not in graph.elements or graph.elements[name].kind != "R":
             raise ConfigurationError(
-                f"{where} carries the power of {name!r}, which is no R element; name R elements"
+                f"{where} carries the power of {shown(name)}, which is no R element; name R "
+                "elements"
             )
 
 
 def _check_parameter(graph: BondGraph, element: Element, law: Law, role: str, name: str) -> None:
-    where = f"{graph.name}: {element.kind} {element.name!r}, {role} {name!r}"
+    where = f"{graph.name}: {element.kind} {shown(element.name)}, {role} {shown(name)}"
     parameter = graph.parameters.get(name)
     if parameter is None:
         raise ConfigurationError(f"{where} is not among the parameters; give it a value and a unit")
     wanted = law.roles[role].dimension(ports(graph, element))
     if dimension(parameter.unit) != wanted:
         raise ConfigurationError(
-            f"{where} has unit {parameter.unit!r}, it must be of {spelled(wanted)};"
+            f"{where} has unit {shown(parameter.unit)}, it must be of {spelled(wanted)};"
             " convert the value and its unit"
         )
     if not math.isfinite(parameter.value) or not law.roles[role].admits(parameter.value):
         raise ConfigurationError(
-            f"{where} = {parameter.value!r} {parameter.unit} must be finite and"
+            f"{where} = {shown(parameter.value)} {parameter.unit} must be finite and"
             f" {law.roles[role].bound}; correct its value"
         )
 

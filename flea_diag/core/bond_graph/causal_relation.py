@@ -18,7 +18,7 @@ from flea_diag.core.bond_graph.causality import (
     with_loops,
 )
 from flea_diag.core.symbolic.expression import Expression, Variable, product, symbols, total
-from flea_diag.errors import ModelError
+from flea_diag.errors import ModelError, shown
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def _resistor(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> li
     if ends[bond.name] == element.name:
         return [Relation(effort.name, law.effort(flow, p), element.name)]
     if law.flow is None:
-        raise ModelError(f"{graph.name}: law of R {element.name!r} cannot take an effort")
+        raise ModelError(f"{graph.name}: law of R {shown(element.name)} cannot take an effort")
     return [Relation(flow.name, law.flow(effort, p), element.name)]
 
 

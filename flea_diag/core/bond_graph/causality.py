@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from flea_diag.core.bond_graph.bond_graph import STORES, Bond, BondGraph, Element
-from flea_diag.errors import ModelError
+from flea_diag.errors import ModelError, shown
 
 Ends = dict[str, str]
 """Bond name -> node that sets the effort on it; the node at the other end sets the flow."""
@@ -80,11 +80,11 @@ def require_sound(graph: BondGraph, causality: Causality) -> None:
     """Raise ModelError for the first defect, naming the element and the remedy."""
     if causality.conflicts:
         first = causality.conflicts[0]
-        raise ModelError(f"{graph.name}: causal conflict at {first.node!r}, {first.words}")
+        raise ModelError(f"{graph.name}: causal conflict at {shown(first.node)}, {first.words}")
     if causality.derivative:
         name = causality.derivative[0]
         raise ModelError(
-            f"{graph.name}: {graph.elements[name].kind} {name!r} has derivative causality,"
+            f"{graph.name}: {graph.elements[name].kind} {shown(name)} has derivative causality,"
             " its state depends on others; merge it with the store that fixes it,"
             " or put a compliance (C with R) between the two"
         )
@@ -135,7 +135,7 @@ class _Assignment:
         if self.ends.get(bond.name, wanted) != wanted:
             self._conflict(
                 element.name,
-                f"it {_VERB[sets]} but {far!r} has already done so; another source or"
+                f"it {_VERB[sets]} but {shown(far)} has already done so; another source or"
                 " store fixes the same variable, remove one or join them through an element",
             )
             return

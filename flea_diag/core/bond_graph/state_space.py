@@ -25,7 +25,7 @@ from flea_diag.core.symbolic.expression import (
     symbols,
     text,
 )
-from flea_diag.errors import ModelError
+from flea_diag.errors import ModelError, shown
 
 Array = npt.NDArray[np.float64]
 
@@ -188,7 +188,7 @@ def state_space(
         solved[relation.target] = substitute(relation.expression, solved)
     missing = [name for name in outputs if name not in solved]
     if missing:
-        raise ModelError(f"{where}: no element gives {missing[0]!r}; add a De or Df for it")
+        raise ModelError(f"{where}: no element gives {shown(missing[0])}; add a De or Df for it")
     rates = {r.target: substitute(r.expression, solved) for r in relations if r.temporal}
     readings = tuple(solved[name] for name in outputs)
     states = _needed(rates, readings)

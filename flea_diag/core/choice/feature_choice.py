@@ -14,7 +14,7 @@ from functools import cached_property
 from flea_diag.core.choice.fault_group import Group, entropy, normalised, outcomes, refine
 from flea_diag.core.choice.feature_question import Question, Rules
 from flea_diag.core.choice.feature_table import FaultFeatureTable
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 
 __all__ = ["STRATEGIES", "FeatureChooser", "Rules", "next_feature", "outcomes", "refine"]
 
@@ -127,7 +127,7 @@ class FeatureChooser:
     ) -> None:
         if strategy not in STRATEGIES:
             raise ConfigurationError(
-                f"strategy {strategy!r} is unknown, choose one of {', '.join(STRATEGIES)}"
+                f"strategy {shown(strategy)} is unknown, choose one of {', '.join(STRATEGIES)}"
             )
         self.table = table
         self.strategy = strategy

@@ -119,7 +119,7 @@ class FaultFeatureTable:
             symbol = "1" if outside and "1" in self.alphabet else symbol[0]
         if symbol not in self.alphabet:
             raise ConfigurationError(
-                f"symbol {symbol!r} is not of the table's alphabet {' '.join(self.alphabet)}"
+                f"symbol {shown(symbol)} is not of the table's alphabet {' '.join(self.alphabet)}"
             )
         return self.alphabet.index(symbol)
 

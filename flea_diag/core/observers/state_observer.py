@@ -36,7 +36,7 @@ from flea_diag.core.observers.state_filter import Filter, Innovation
 from flea_diag.core.observers.thermal_filter import ThermalFilter
 from flea_diag.core.observers.track_loops import LOST, WARMED
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -100,10 +100,12 @@ class StateObserver:
         kind: str = "optimal",
     ) -> None:
         if kind not in FILTERS:
-            raise ConfigurationError(f"filter {kind!r} is unknown, known are {', '.join(FILTERS)}")
+            raise ConfigurationError(
+                f"filter {shown(kind)} is unknown, known are {', '.join(FILTERS)}"
+            )
         if voltage_sampling not in SAMPLINGS:
             raise ConfigurationError(
-                f"voltage sampling {voltage_sampling!r} is unknown, known are "
+                f"voltage sampling {shown(voltage_sampling)} is unknown, known are "
                 f"{', '.join(SAMPLINGS)}"
             )
         if not period_s > 0.0:

@@ -28,7 +28,7 @@ from flea_diag.core.symbolic.expression import (
     symbols,
     total,
 )
-from flea_diag.errors import ModelError
+from flea_diag.errors import ModelError, shown
 
 
 def rate_symbol(name: str) -> str:
@@ -223,7 +223,7 @@ class _Measured:
         for sensor in self.actuator.sensors.values():
             if sensor.at == near.name and sensor.integrates and "stiffness" in p:
                 return p["stiffness"] * Variable(sensor.channel)
-        raise self._open(near, f"the effort of {element.kind} {element.name!r}")
+        raise self._open(near, f"the effort of {element.kind} {shown(element.name)}")
 
     def _two_port_effort(
         self, bond: Bond, element: Element, p: Mapping[str, Expression]
@@ -249,7 +249,7 @@ class _Measured:
             return p["gain"] * signal if element.law == "gain" else signal
         if element.kind == "1":
             return self.common(element) or self._series_flow(bond, element)
-        raise self._open(near, f"the flow of {element.kind} {element.name!r}")
+        raise self._open(near, f"the flow of {element.kind} {shown(element.name)}")
 
     def _series_flow(self, bond: Bond, junction: Element) -> Expression:
         """Flow of a 1-junction from the one resistor on it and the efforts around it."""
@@ -275,7 +275,7 @@ class _Measured:
     def _open(self, junction: Element, what: str) -> ModelError:
         return ModelError(
             f"{self.actuator.name}: no parity relation, at {junction.kind}-junction"
-            f" {junction.name!r} {what} is not measured; add a sensor there"
+            f" {shown(junction.name)} {what} is not measured; add a sensor there"
         )
 
     def _detects(self, name: str) -> bool:

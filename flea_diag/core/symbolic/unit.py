@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 
 Dimension = tuple[int, int, int, int, int]
 """Exponents of kg, m, s, A, K. Angles are numbers, so rad counts as 1."""
@@ -51,7 +51,7 @@ def dimension(unit: str) -> Dimension:
         token = _TOKEN.match(unit, place)
         if token is None or (place > 0) != bool(token[1]) or token[2] not in UNITS:
             raise ConfigurationError(
-                f"unit {unit!r} is not understood at {unit[place:]!r}; write it with"
+                f"unit {shown(unit)} is not understood at {shown(unit[place:])}; write it with"
                 f" {', '.join(UNITS)} and * / ^ (SI, no prefixes: 0.002 H, not 2 mH)"
             )
         times = int(token[3] or 1) * (-1 if token[1] == "/" else 1)

@@ -18,7 +18,7 @@ from flea_diag.core.vibration import features_motion as motion
 from flea_diag.core.vibration import features_spectral as spectral
 from flea_diag.core.vibration import features_time as time
 from flea_diag.core.vibration.window import Floats, NotComputableError, Window
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 
 
 class Scope(str, Enum):
@@ -148,7 +148,7 @@ class FeatureId:
         if found and str(found) == text:
             return found
         raise ConfigurationError(
-            f"feature {text!r} is unknown; ids are accelerometer_<n>_<feature>, "
+            f"feature {shown(text)} is unknown; ids are accelerometer_<n>_<feature>, "
             "accelerometers_<feature> or the name of a feature of the scans: "
             "see `flea features list`"
         )
@@ -209,5 +209,5 @@ def _finite(feature: Feature, window: Window) -> float:
         raise NotComputableError("the window contains samples that are not finite")
     value = float(feature.combine(np.asarray(feature.function(window), dtype=np.float64)))
     if not np.isfinite(value):
-        raise NotComputableError(f"{feature.name} = {value!r} is not finite")
+        raise NotComputableError(f"{feature.name} = {shown(value)} is not finite")
     return value

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.residual_rows import unit_refusal
+from flea_diag.errors import shown
 from flea_diag.wire.records import (
     NEVER_NS,
     STREAM,
@@ -162,7 +163,8 @@ def mismatch(calibration: Calibration, table: ChannelTable) -> str:
     voltage = table.info("motor_voltage")
     if voltage is not None and voltage.sampling != calibration.voltage_sampling:
         return (
-            f"the calibration is for a motor_voltage sampled as {calibration.voltage_sampling!r}, "
-            f"this stand samples {voltage.sampling!r}: calibrate on recordings of this stand"
+            "the calibration is for a motor_voltage sampled as "
+            f"{shown(calibration.voltage_sampling)}, "
+            f"this stand samples {shown(voltage.sampling)}: calibrate on recordings of this stand"
         )
     return ""

@@ -83,7 +83,9 @@ def check(bag: Path) -> list[BagFinding]:
 def _file(scan: McapScan) -> Iterator[BagFinding]:
     name = scan.path.name
     if scan.profile != "ros2":
-        yield BagFinding(True, f"{name}: profile {scan.profile!r} in the header, must be 'ros2'")
+        yield BagFinding(
+            True, f"{name}: profile {shown(scan.profile)} in the header, must be 'ros2'"
+        )
     for loss in scan.losses:
         yield BagFinding(True, loss)
     if not scan.indexed:
@@ -95,10 +97,14 @@ def _file(scan: McapScan) -> Iterator[BagFinding]:
 def _channel(channel: Channel) -> Iterator[BagFinding]:
     known = dict(channel.metadata)
     if channel.encoding != "cdr":
-        yield BagFinding(True, f"{channel.topic}: encoding {channel.encoding!r}, must be 'cdr'")
+        yield BagFinding(
+            True, f"{channel.topic}: encoding {shown(channel.encoding)}, must be 'cdr'"
+        )
     if channel.schema.encoding not in ("ros2msg", "ros2idl"):
         encoding = channel.schema.encoding
-        yield BagFinding(True, f"{channel.topic}: schema encoding {encoding!r}, must be 'ros2msg'")
+        yield BagFinding(
+            True, f"{channel.topic}: schema encoding {shown(encoding)}, must be 'ros2msg'"
+        )
     if "offered_qos_profiles" not in known:
         yield BagFinding(True, f"{channel.topic}: no offered_qos_profiles on its channel")
     ours = layout.split_name(channel.topic)

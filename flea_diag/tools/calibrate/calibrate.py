@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flea_diag.errors import CalibrationError, ConfigurationError
+from flea_diag.errors import CalibrationError, ConfigurationError, shown
 from flea_diag.tools.calibrate import plots as calibration_plots
 from flea_diag.tools.calibrate import report as calibration_report
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording, check_alike, read_nominal
@@ -231,7 +231,8 @@ def _check_described(first: NominalRecording, described: Any, actuator: str) -> 
     if strange:
         raise CalibrationError(
             f"{first.run.name}: channel {strange[0]} is not a sensor of actuator "
-            f"{described['name']!r} ({actuator}): choose the matching description with --actuator"
+            f"{shown(described['name'])} ({actuator}): choose the matching description with "
+            "--actuator"
         )
 
 

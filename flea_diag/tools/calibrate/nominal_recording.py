@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flea_diag.errors import CalibrationError, FleaError
+from flea_diag.errors import CalibrationError, FleaError, shown
 from flea_diag.tools.terminal import progress, warn
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def _content(bag: Path) -> tuple[ChannelTable | None, list[int], Any]:
             table = record
         elif isinstance(record, Truth) and record.fault not in NOMINAL:
             raise CalibrationError(
-                f"{bag}: truth is {record.fault!r}: calibration needs nominal recordings"
+                f"{bag}: truth is {shown(record.fault)}: calibration needs nominal recordings"
             )
         elif isinstance(record, ScanBlock):
             rows.append(_rows(record.channels, record.values))
@@ -132,8 +132,8 @@ def check_alike(first: NominalRecording, other: NominalRecording) -> None:
     """
     if other.stand != first.stand:
         raise CalibrationError(
-            f"{other.run.name}: recorded on stand {other.stand!r}, {first.run.name} on "
-            f"{first.stand!r}: calibrate each stand separately"
+            f"{other.run.name}: recorded on stand {shown(other.stand)}, {first.run.name} on "
+            f"{shown(first.stand)}: calibrate each stand separately"
         )
     if abs(other.period_s - first.period_s) > 0.01 * first.period_s:
         raise CalibrationError(
@@ -142,8 +142,9 @@ def check_alike(first: NominalRecording, other: NominalRecording) -> None:
         )
     if other.sampling != first.sampling:
         raise CalibrationError(
-            f"{other.run.name}: motor_voltage sampled as {other.sampling!r}, {first.run.name} as "
-            f"{first.sampling!r}: calibrate from recordings of one stand"
+            f"{other.run.name}: motor_voltage sampled as {shown(other.sampling)}, "
+            f"{first.run.name} as "
+            f"{shown(first.sampling)}: calibrate from recordings of one stand"
         )
     if other.channels != first.channels:
         odd = sorted(set(first.channels) ^ set(other.channels))

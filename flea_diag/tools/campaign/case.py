@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_diag.tools.campaign.campaign import (
     CLASSIFIER,
     HALVES,
@@ -90,7 +90,7 @@ def plan(campaign: Campaign, recordings: RecordingSet) -> tuple[Case, ...]:
         raise ConfigurationError(f"{campaign.name}: the campaign has no run")
     (name, _, _), count = Counter(case.key for case in once).most_common(1)[0]
     if count > 1:
-        raise ConfigurationError(f"{campaign.name}: {count} runs are named {name!r}")
+        raise ConfigurationError(f"{campaign.name}: {count} runs are named {shown(name)}")
     classifier = _found(campaign, campaign.classifier)
     nominal = _taught(campaign, recordings)
     return tuple(
@@ -236,7 +236,7 @@ def _injected(source: Injections, campaign: Campaign, recordings: RecordingSet) 
     for title in source.rows or known:
         if title not in known:
             raise ConfigurationError(
-                f"{source.name}: rows: {title!r} is unknown, choose among {', '.join(known)}"
+                f"{source.name}: rows: {shown(title)} is unknown, choose among {', '.join(known)}"
             )
         rungs = known[title].ladder if source.ladder else (None,)
         cases = [rung for rung in rungs for _ in range(source.cases)]

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from flea_diag.errors import ConfigurationError, FleaError, RecordingError
+from flea_diag.errors import ConfigurationError, FleaError, RecordingError, shown
 from flea_diag.tools.campaign.campaign import (
     HALVES,
     LISTS,
@@ -177,9 +177,9 @@ def _paths(pattern: str, folder: Path) -> list[Path]:
         if recordings:
             return recordings
     if pattern.startswith("/"):
-        raise ConfigurationError(f"no recording matches {pattern!r}: no bag, no .data file")
+        raise ConfigurationError(f"no recording matches {shown(pattern)}: no bag, no .data file")
     where = f"{folder} or {data}" if data else f"{folder}; {DATA_FOLDER} is not set"
-    raise ConfigurationError(f"no recording matches {pattern!r} in {where}")
+    raise ConfigurationError(f"no recording matches {shown(pattern)} in {where}")
 
 
 def _recordings(path: Path) -> Iterator[Path]:

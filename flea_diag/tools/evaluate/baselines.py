@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_diag.stages import Stage
 from flea_diag.tools.campaign.campaign import CLASSIFIER
 from flea_diag.wire.blocks import Block, ScanBlock
@@ -172,5 +172,5 @@ def baseline(name: str) -> Baseline:
     """
     if name not in BASELINES:
         known = ", ".join(BASELINES)
-        raise ConfigurationError(f"configuration {name!r} is unknown, choose of: {known}")
+        raise ConfigurationError(f"configuration {shown(name)} is unknown, choose of: {known}")
     return BASELINES[name]

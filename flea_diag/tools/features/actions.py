@@ -28,7 +28,7 @@ from flea_diag.core.vibration.features import FEATURES, FeatureId
 from flea_diag.core.vibration.level_learning import LEAST_RUNS, learn_levels
 from flea_diag.core.vibration.nominal_range import NominalRange
 from flea_diag.core.vibration.vibration_monitor import BLOCKS, RAISED, SECTIONS
-from flea_diag.errors import CalibrationError, ConfigurationError
+from flea_diag.errors import CalibrationError, ConfigurationError, shown
 from flea_diag.tools.extra import require
 from flea_diag.tools.features import bearing, bench
 from flea_diag.tools.features.judge import judge, pair_report, report
@@ -217,7 +217,7 @@ def _known(faults: Iterable[str], known: Iterable[str], what: str) -> None:
     unknown = sorted(set(faults) - set(known))
     if unknown:
         raise ConfigurationError(
-            f"{what}: fault {unknown[0]!r} is unknown: choose of {', '.join(known)}"
+            f"{what}: fault {shown(unknown[0])} is unknown: choose of {', '.join(known)}"
         )
 
 

@@ -6,7 +6,7 @@ import argparse
 import math
 from collections.abc import Sequence
 
-from flea_diag.errors import ConfigurationError, FleaError
+from flea_diag.errors import ConfigurationError, FleaError, shown
 from flea_diag.tools.features import bench
 from flea_diag.tools.features.samples import FeatureRun, Grid, run_of_bag
 from flea_diag.tools.features.stand import LARGEST_LOAD_N, SEVERITIES, stand_runs
@@ -60,7 +60,9 @@ def seeds_of(text: str) -> range:
     """
     first, _, last = text.partition(":")
     if not (first.isdecimal() and last.isdecimal() and int(first) < int(last)):
-        raise ConfigurationError(f"features: --stand = {text!r} must be FIRST:LAST, such as 0:20")
+        raise ConfigurationError(
+            f"features: --stand = {shown(text)} must be FIRST:LAST, such as 0:20"
+        )
     return range(int(first), int(last))
 
 
@@ -72,6 +74,6 @@ def _loads(text: str) -> tuple[float, float]:
         low, high = math.nan, math.nan
     if not 0.0 <= low < high <= LARGEST_LOAD_N:
         raise ConfigurationError(
-            f"features: --loads = {text!r} must be LOW:HIGH within 0 to {LARGEST_LOAD_N:g} N"
+            f"features: --loads = {shown(text)} must be LOW:HIGH within 0 to {LARGEST_LOAD_N:g} N"
         )
     return low, high

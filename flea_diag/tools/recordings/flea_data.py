@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.errors import RecordingError
+from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.regular_file import opened
 
 COLUMNS = (
@@ -136,7 +136,7 @@ def _read_line(line: bytes, cut: bool) -> tuple[int, list[float]]:
         raise _LineError(f"{why}{len(texts) + 1} columns, must be {len(COLUMNS) + 1}")
     if cut and texts[-1] != "NaN" and _decimals(texts[-1]) < max(map(_decimals, texts)):
         # A truncated number still parses; it is recognised by its missing digits.
-        raise _LineError(f"the file ends within it: column {len(texts) + 1} = {texts[-1]!r}")
+        raise _LineError(f"the file ends within it: column {len(texts) + 1} = {shown(texts[-1])}")
     return _stamp_ns(stamp), [_value(k, text) for k, text in enumerate(texts)]
 
 
@@ -146,7 +146,7 @@ def _decimals(text: str) -> int:
 
 def _value(number: int, text: str) -> float:
     column = COLUMNS[number]
-    where = f"column {number + 2} ({column}) = {text[:40]!r}"
+    where = f"column {number + 2} ({column}) = {shown(text)}"
     try:
         value = float(text)
     except ValueError:
@@ -162,12 +162,12 @@ def _stamp_ns(text: str) -> int:
     match = _STAMP.fullmatch(text)
     if match is None:
         raise _LineError(
-            f"column 1 (Time) = {text[:40]!r} must be like 2010-09-03_11:09:58.01_-0700"
+            f"column 1 (Time) = {shown(text)} must be like 2010-09-03_11:09:58.01_-0700"
         )
     minute, seconds, fraction, offset = match.groups()
     if int(seconds) >= 60 or minute[:4] not in _YEARS:
         raise _LineError(
-            f"column 1 (Time) = {text[:40]!r} is outside its limits of the years {_YEARS[0]} to "
+            f"column 1 (Time) = {shown(text)} is outside its limits of the years {_YEARS[0]} to "
             f"{_YEARS[-1]} and 60 seconds"
         )
     return _minute_ns(minute, offset) + int(seconds) * _NS + int(fraction.ljust(9, "0"))
@@ -178,5 +178,5 @@ def _minute_ns(minute: str, offset: str) -> int:
     try:
         moment = datetime.strptime(f"{minute}{offset}", "%Y-%m-%d_%H:%M%z")
     except ValueError:
-        raise _LineError(f"column 1 (Time) = {minute!r} is not a date and time") from None
+        raise _LineError(f"column 1 (Time) = {shown(minute)} is not a date and time") from None
     return int(moment.timestamp()) * _NS

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_diag.tools.motion import MOVING_M_S, speed
 from flea_diag.wire.records import Scan
 
@@ -106,7 +106,7 @@ def faulted(
     """
     if injection.mode not in MODES:
         raise ConfigurationError(
-            f"mode {injection.mode!r} is unknown: choose one of {', '.join(MODES)}"
+            f"mode {shown(injection.mode)} is unknown: choose one of {', '.join(MODES)}"
         )
     reading = values.copy()
     since = times_s >= injection.onset_s
@@ -130,7 +130,7 @@ def inject(
         The mode is unknown, or no scan contains the channel.
     """
     if not any(injection.channel in scan.channels for scan in scans):
-        raise ConfigurationError(f"no scan contains the channel {injection.channel!r}")
+        raise ConfigurationError(f"no scan contains the channel {shown(injection.channel)}")
     first = scans[0].stamp_ns
     holding = [k for k, scan in enumerate(scans) if injection.channel in scan.channels]
     at = [scans[k].channels.index(injection.channel) for k in holding]

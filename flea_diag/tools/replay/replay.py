@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flea_diag.errors import ConfigurationError, FleaError, RecordingError
+from flea_diag.errors import ConfigurationError, FleaError, RecordingError, shown
 from flea_diag.tools.numeric_backend import numeric_backend
 from flea_diag.tools.terminal import IN_PART, make_folder, progress, say, warn, write_json
 
@@ -158,7 +158,8 @@ def _check_names(target: str | None, bags: Sequence[Path]) -> None:
     double = next((name for name, count in names.items() if count > 1), None)
     if double is not None:
         raise ConfigurationError(
-            f"--json {target}: {names[double]} bags are named {double!r} and would share one file: "
+            f"--json {target}: {names[double]} bags are named {shown(double)} and would share "
+            "one file: "
             "write all to one file (--json results.json)"
         )
 

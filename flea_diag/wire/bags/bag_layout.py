@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from flea_diag.errors import RecordingError
+from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.topics import TOPICS, Topic
 from flea_diag.wire.whole_file import replace_file
 
@@ -81,7 +81,7 @@ def checked_namespace(namespace: str) -> str:
     full = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
     if not _NAMESPACE.fullmatch(full):
         raise RecordingError(
-            f"namespace {namespace!r} is not a ROS name: use letters, digits and _ between "
+            f"namespace {shown(namespace)} is not a ROS name: use letters, digits and _ between "
             "slashes, no leading digit"
         )
     return full

@@ -9,7 +9,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from flea_diag.errors import RecordingError, WireError
+from flea_diag.errors import RecordingError, WireError, shown
 from flea_diag.wire.bags.bag_description import BagDescription, described
 from flea_diag.wire.bags.bag_layout import (
     METADATA_FILE,
@@ -146,7 +146,7 @@ class BagReader:
             return self.namespaces[0]
         chosen = checked_namespace(namespace)
         if chosen not in self.namespaces:
-            raise RecordingError(f"{self.path} has no namespace {namespace!r}, it has {has}")
+            raise RecordingError(f"{self.path} has no namespace {shown(namespace)}, it has {has}")
         return chosen
 
     def _wanted(self, types: set[type] | None, namespace: str) -> dict[str, Topic]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from flea_diag.errors import RecordingError
+from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.bags import bag_layout as layout
 from flea_diag.wire.bags.bag_segment import BagSegment
 from flea_diag.wire.messages.codec import encode
@@ -126,7 +126,7 @@ class BagWriter:
         """
         found = layout.split_name(topic)
         if found is None:
-            raise RecordingError(f"topic {topic!r} is not listed in flea_diag.wire.topics")
+            raise RecordingError(f"topic {shown(topic)} is not listed in flea_diag.wire.topics")
         self._add(topic, found[1], data, stamp_ns, log_ns)
 
     def _add(self, name: str, topic: Topic, data: bytes, stamp_ns: int, log_ns: int | None) -> None:

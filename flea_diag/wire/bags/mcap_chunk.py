@@ -6,7 +6,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 
-from flea_diag.errors import RecordingError
+from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.bags.budget import Budget
 
 CHUNK_LIMIT_BYTES = 64 << 20
@@ -90,7 +90,7 @@ def _decompress(compression: str, packed: bytes, size: int) -> bytes:
         ) from error
     except (RuntimeError, EOFError, ValueError, MemoryError) as error:
         raise DamageError(f"cannot be decompressed: {error}") from None
-    raise DamageError(f"unknown compression {compression!r}")
+    raise DamageError(f"unknown compression {shown(compression)}")
 
 
 def unzstd(packed: bytes, size: int) -> bytes:

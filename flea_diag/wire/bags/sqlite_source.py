@@ -14,7 +14,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from flea_diag.errors import RecordingError
+from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.bags.bag_description import BagDescription
 from flea_diag.wire.bags.budget import MEGABYTE, STORAGE_RATIO, Budget
 from flea_diag.wire.bags.mcap_chunk import CHUNK_LIMIT_BYTES, DamageError, unzstd
@@ -42,7 +42,7 @@ class SqliteSource:
         self._packed = known.compression
         self._files = [directory / Path(name).name for name in known.files]
         if self._packed not in ("", "file", "message"):
-            raise RecordingError(f"{directory}: compression mode {self._packed!r} is unknown")
+            raise RecordingError(f"{directory}: compression mode {shown(self._packed)} is unknown")
         self.channels: dict[tuple[Path, int], Channel] = {}
         for file in self._files:
             with self._database(file) as database:
@@ -135,12 +135,12 @@ def _check_tables(database: sqlite3.Connection) -> None:
     for table in TABLES:
         found = database.execute(query, (table,)).fetchone()
         if found is None:
-            raise RecordingError(f"it has no table {table!r}")
+            raise RecordingError(f"it has no table {shown(table)}")
         plain = found[0] == "table" and not str(found[1]).upper().startswith("CREATE VIRTUAL")
         # ``hidden`` is 2 or 3 for a generated column.
         columns = database.execute(f"PRAGMA table_xinfo({table})") if plain else ()
         if not plain or any(hidden for *_, hidden in columns):
-            raise RecordingError(f"{table!r} is not an ordinary table: its rows are computed")
+            raise RecordingError(f"{shown(table)} is not an ordinary table: its rows are computed")
 
 
 def _topics(database: sqlite3.Connection) -> dict[int, Channel]:

@@ -9,7 +9,7 @@ from itertools import chain
 from operator import attrgetter
 from typing import Any
 
-from flea_diag.errors import WireError
+from flea_diag.errors import WireError, shown
 from flea_diag.wire import records as r
 from flea_diag.wire.messages.cdr import ENCAPSULATION, CdrReader, CdrWriter, stamp_bytes
 
@@ -82,7 +82,7 @@ def _check_residual(record: r.Residual) -> None:
         (n for n in (*record.names, *record.regressor_names, *record.estimated) if "/" in n), None
     )
     if wrong is not None:
-        raise WireError(f"Residual: name {wrong!r} contains a '/', which is reserved")
+        raise WireError(f"Residual: name {shown(wrong)} contains a '/', which is reserved")
     lengths = {len(column) for column in (record.names, record.values, record.z, record.thresholds)}
     if len(lengths) > 1:
         raise WireError(
@@ -185,7 +185,7 @@ def _level_names(record: r.VibrationLevel) -> tuple[str, ...]:
 def _axes(axes: tuple[str, ...], with_kurtosis: bool) -> tuple[str, ...]:
     wrong = next((axis for axis in axes if axis.endswith(KURTOSIS)), None)
     if wrong is not None:
-        raise WireError(f"VibrationLevel: axis {wrong!r} has the reserved suffix {KURTOSIS!r}")
+        raise WireError(f"VibrationLevel: axis {shown(wrong)} has the reserved suffix {KURTOSIS!r}")
     return (*axes, *(axis + KURTOSIS for axis in axes if with_kurtosis))
 
 
