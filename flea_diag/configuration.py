@@ -17,6 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
+from flea_diag.core.backend import compiling
 from flea_diag.core.bond_graph.actuator import actuator as read_actuator
 from flea_diag.core.calibration import calibration as calibrations
 from flea_diag.core.calibration.calibration import Calibration
@@ -243,6 +244,10 @@ def _part(kind: type[P], values: Any) -> P:
     return kind(**given)
 
 
+def _unheard(_name: str) -> None:
+    """Nobody asked for the progress."""
+
+
 @dataclass(frozen=True)
 class Component(Generic[P]):
     """Builds a stage from one frozen parameter object."""
@@ -264,12 +269,29 @@ class Component(Generic[P]):
             f"{parameters.actuator}, {parameters.faults}, {parameters.features}"
         )
 
-    def warm_up(self, parameters: Any) -> None:
+    def check(self, parameters: Any) -> None:
+        """Refuse parameters and files from which no stage can be built.
+
+        Raises
+        ------
+        FleaError
+            Names the file or parameter, its value and the remedy.
+        """
+        self.make(parameters)
+        file_texts(parameters)
+
+    def warm_up(self, parameters: Any, begun: Callable[[str], None] = _unheard) -> None:
         """Run scans and features through a throw-away stage, to compile and load its code.
+
+        ``begun`` is called with the name of each function whose compilation begins.
 
         Otherwise the first scan is delayed by this, by up to a minute if nothing is compiled yet,
         later scans are lost, and the first answer to a feature request is late.
         """
+        with compiling(begun):
+            self._warmed(parameters)
+
+    def _warmed(self, parameters: Any) -> None:
         stage = self.make(parameters)
         if Scan not in stage.consumes:
             return

@@ -12,9 +12,10 @@ from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError, shown
-from flea_diag.wire.bus import Bus, Program, run
+from flea_diag.wire.bus import Bus, Consumers, Program, named, run
 from flea_diag.wire.parameters import parameter
 from flea_diag.wire.records import (
+    AmbiguityGroup,
     ChannelTable,
     Health,
     Level,
@@ -32,10 +33,11 @@ PHASE = 0.3
 """Deadlines are this share of a tick early: at the tick, a jitter of 1 us would lose a tick."""
 GRACE_S = 0.3
 HEALTH_S = 1.0
-WAIT_TOLD_S = 5.0
+SUBSCRIBERS_S = 10.0
 LATE_S = 0.05
 JITTER_SCANS = 6000
 """Scans over which the jitter is reported: one minute in real time."""
+STREAMS = (ChannelTable, VibrationBlock, Scan)
 PUBLISHES = (ChannelTable, Truth, VibrationBlock, Scan, Health)
 
 
@@ -65,8 +67,8 @@ class DaqParameters:
     )
     wait_for: str = parameter(
         "",
-        "nodes that must be ready before the stand starts, such as diagnoser or "
-        "observer,isolator,extractor: a node listens to sensors/channels once it is",
+        "nodes that must be active before the stand starts, such as diagnoser or "
+        "observer,isolator,extractor; it ends once they have said their last verdict",
         read_only=True,
     )
     wait_s: float = parameter(
@@ -126,61 +128,63 @@ class Daq:
         from flea_sim_driver.stand import Stand
 
         self._bus, self._parameters = bus, parameters
-        scenario = _scenario(parameters)
-        bus.advertise(*PUBLISHES)
-        self._warm_up(Stand(scenario))
-        self._wait()
-        # The DAQ stamps by its own clock; a stand that is itself the clock keeps its epoch.
-        start = None if parameters.publish_clock else time.time_ns()
-        self._stand = Stand(scenario, start)
+        self._scenario = _scenario(parameters)
+        self._stand = Stand(self._scenario)
         self._tick_s = max(TICK_S / parameters.rate, 1e-3)
         self._due: deque[Record] = deque()
         self._published: dict[type, int] = dict.fromkeys(PUBLISHES, 0)
         self._begin: float | None = None
+        self._paused_at: float | None = None
         self._worst_late_s = 0.0
         self._left_s: deque[float] = deque(maxlen=JITTER_SCANS)
         self._ended_at = math.inf
         self._injected = ""
-        bus.info(f"{scenario.run.name}: {scenario.run.duration_s:g} s, seed {scenario.run.seed}")
-        if parameters.inject:
-            self._check_injection(parameters)
-            self._inject(parameters)
+        self._check_injection(parameters)
+        bus.advertise(*PUBLISHES)
+        self._consumers = Consumers(bus, named(parameters.wait_for), parameters.wait_s, STREAMS)
+        self._given_up_at = time.monotonic() + SUBSCRIBERS_S
         bus.check_parameters(self._check_injection)
         bus.on_parameters(self._inject)
+        bus.on("deactivate", self._pause)
+        bus.on("activate", self._resume)
         bus.every(self._tick_s, self._tick)
         bus.every(HEALTH_S, self._report)
 
-    @staticmethod
-    def _warm_up(stand: Any) -> None:
-        """Compile and load before the first deadline, on a stand that is not published."""
-        stand.advance()
-
-    def _wait(self) -> None:
-        self._wait_for_nodes()
+    def _awaited(self) -> bool:
+        """Whether all who were to be waited for are there."""
+        if not self._consumers.ready():
+            return False
         wanted = self._parameters.wait_for_subscribers
-        if wanted and not self._bus.wait_for_subscribers(Scan, count=wanted):
-            self._bus.warn(f"fewer than {wanted} subscribers of sensors/slow after 10 s: starting")
+        if self._bus.matched(Scan) >= wanted:
+            return True
+        if time.monotonic() < self._given_up_at:
+            return False
+        self._bus.warn(
+            f"fewer than {wanted} subscribers of sensors/slow after {SUBSCRIBERS_S:g} s: starting"
+        )
+        return True
 
-    def _wait_for_nodes(self) -> None:
-        """Wait until the named nodes are ready; log every few seconds which are not."""
-        named = {name.strip() for name in self._parameters.wait_for.split(",") if name.strip()}
-        begin = time.monotonic()
-        while missing := named - self._bus.listeners(ChannelTable):
-            waited_s = time.monotonic() - begin
-            who = ", ".join(sorted(missing))
-            if not self._bus.ok:
-                return
-            if waited_s > self._parameters.wait_s:
-                raise ConfigurationError(
-                    f"wait_for: {who} not ready after wait_s = {self._parameters.wait_s:g} s: "
-                    "start it, or raise wait_s"
-                )
-            if waited_s > WAIT_TOLD_S:
-                self._bus.info(f"the stand starts once {who} is ready ({waited_s:.0f} s so far)")
-            self._bus.wait_until(
-                lambda: named <= self._bus.listeners(ChannelTable),
-                min(WAIT_TOLD_S, self._parameters.wait_s),
-            )
+    def _start(self, now: float) -> None:
+        """Begin the run; timers take a while to start, so it begins with the first that is due."""
+        from flea_sim_driver.stand import Stand
+
+        # The DAQ stamps by its own clock; a stand that is itself the clock keeps its epoch.
+        start = None if self._parameters.publish_clock else time.time_ns()
+        self._stand = Stand(self._scenario, start)
+        self._begin = now - PHASE * self._tick_s
+        run = self._scenario.run
+        self._bus.info(f"{run.name}: {run.duration_s:g} s, seed {run.seed}")
+        self._inject(self._parameters)
+
+    def _pause(self) -> None:
+        self._paused_at = time.monotonic()
+        self._bus.caution("deactivated: the stand pauses until the node is activated again")
+
+    def _resume(self) -> None:
+        """Go on where the stand paused; its time has stood still."""
+        if self._paused_at is not None and self._begin is not None:
+            self._begin += time.monotonic() - self._paused_at
+        self._paused_at = None
 
     def _check_injection(self, parameters: DaqParameters) -> None:
         """Refuse an impossible fault, so that setting the parameter fails with the reason."""
@@ -189,7 +193,8 @@ class Daq:
             self._stand.injection(asked.fault, asked.size, where=asked.where)
 
     def _inject(self, parameters: DaqParameters) -> None:
-        if parameters.inject == self._injected:
+        self._parameters = parameters
+        if self._begin is None or parameters.inject == self._injected:
             return
         self._injected = parameters.inject
         self._stand.clear()
@@ -203,8 +208,11 @@ class Daq:
     def _tick(self) -> None:
         """Publish all records that are due; compute the next block half a block ahead."""
         now = time.monotonic()
-        if self._begin is None:  # timers take a while to start; the run begins with the first
-            self._begin = now - PHASE * self._tick_s
+        if self._begin is None:
+            if not self._awaited():
+                return
+            self._start(now)
+        assert self._begin is not None
         elapsed_ns = int((now - self._begin) * self._parameters.rate * 1e9)
         while self._due and self._offset_ns(self._due[0]) <= elapsed_ns:
             self._send(self._due.popleft(), elapsed_ns)
@@ -213,7 +221,7 @@ class Daq:
         self._refill(elapsed_ns)
         if not self._due and self._stand.finished:
             self._ended_at = min(self._ended_at, now)
-            if now > self._ended_at + GRACE_S:
+            if now > self._ended_at + GRACE_S and self._consumers.done():
                 self._bus.end()
 
     def _refill(self, elapsed_ns: int) -> None:
@@ -246,6 +254,7 @@ class Daq:
         level = Level.OK if late < LATE_S else Level.WARN
         message = "streaming" if level is Level.OK else f"{late:.3f} s behind its clock"
         values = (
+            ("state", self._bus.state),
             ("scans", str(self._published[Scan])),
             ("vibration_blocks", str(self._published[VibrationBlock])),
             ("worst_late_ms", f"{late * 1e3:.2f}"),
@@ -282,8 +291,25 @@ def _scenario(parameters: DaqParameters) -> Scenario:
     return overridden(found, parameters.scenario, run, fault if parameters.fault else None)
 
 
+def check(parameters: DaqParameters) -> None:
+    """Refuse a scenario or fault that the stand cannot run."""
+    from flea_sim_driver.stand import Stand
+
+    stand = Stand(_scenario(parameters))
+    if parameters.inject:
+        asked = parsed_injection(parameters.inject)
+        stand.injection(asked.fault, asked.size, where=asked.where)
+
+
 def program() -> Program:
     """Describe this node for ``--help``."""
+
+    def prepare(bus: Bus[Any], parameters: Any) -> None:
+        """Compile and load before the first deadline, on a stand that is not published."""
+        from flea_sim_driver.stand import Stand
+
+        bus.info("warming up; the first start after an installation compiles for some seconds")
+        Stand(_scenario(parameters)).advance()
 
     def start(bus: Bus[Any], parameters: Any) -> None:
         Daq(bus, parameters)
@@ -293,12 +319,15 @@ def program() -> Program:
         "The simulated stand: runs a scenario and publishes what its DAQ measures.",
         DaqParameters,
         start,
+        subscribes=(AmbiguityGroup,),
         publishes=PUBLISHES,
         examples=(
             "ros2 run flea_diag daq --ros-args -p scenario:=jam",
             "ros2 run flea_diag daq --ros-args -p fault:=winding_short -p fault_onset_s:=5.0",
             "ros2 param set /daq inject jam:0.5     (while it runs; '' clears)",
         ),
+        prepare=prepare,
+        check=check,
     )
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 import sys
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from importlib.util import find_spec
 from types import FunctionType
@@ -48,6 +49,33 @@ def compiled(function: Callable[..., Any], *parts: Callable[..., Any]) -> Callab
 def exact(function: Callable[..., Any], *parts: Callable[..., Any]) -> Callable[..., Any]:
     """As ``compiled``, but no sum is reordered: the same bits as Python and numpy."""
     return _compiled({"error_model": "numpy"}, function, parts)
+
+
+@contextmanager
+def compiling(begun: Callable[[str], None]) -> Iterator[None]:
+    """Call ``begun`` with the name of each function that numba begins to compile meanwhile.
+
+    Functions that are compiled as part of another one are not named. Without numba, or where
+    all is compiled already, nothing is called.
+    """
+    if find_spec("numba") is None:
+        yield
+        return
+    from numba.core import event
+
+    class Listener(event.Listener):  # type: ignore[misc]
+        depth = 0
+
+        def on_start(self, event: Any) -> None:
+            if not self.depth:
+                begun(event.data["dispatcher"].py_func.__name__)
+            self.depth += 1
+
+        def on_end(self, event: Any) -> None:
+            self.depth -= 1
+
+    with event.install_listener("numba:compile", Listener()):
+        yield
 
 
 def _compiled(

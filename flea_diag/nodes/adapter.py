@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from flea_diag import __version__
+from flea_diag.nodes.compile_progress import CompileProgress
 from flea_diag.nodes.health import HealthReport
 from flea_diag.nodes.record_log import RecordLog
 from flea_diag.nodes.stand_diagnostics import MIRRORED, mirrored
@@ -79,8 +80,15 @@ class StageFactory(Protocol):
         """What it rests on, in one line for the log."""
         ...
 
-    def warm_up(self, parameters: Any) -> None:
-        """Compile and load beforehand what would otherwise delay the first records."""
+    def check(self, parameters: Any) -> None:
+        """Refuse parameters and files from which no stage can be built."""
+        ...
+
+    def warm_up(self, parameters: Any, begun: Callable[[str], None]) -> None:
+        """Compile and load beforehand what would otherwise delay the first records.
+
+        ``begun`` is called with the name of each function whose compilation begins.
+        """
         ...
 
 
@@ -105,16 +113,20 @@ def stage_program(
     examples: tuple[str, ...] = (),
 ) -> Program:
     """Program of a node that runs one stage."""
+    begin_s = 0.0
 
-    def start(bus: Bus[Any], parameters: Any) -> None:
-        begin = time.monotonic()
+    def prepare(bus: Bus[Any], parameters: Any) -> None:
+        nonlocal begin_s
+        begin_s = time.monotonic()
         bus.info(f"flea_diag {__version__}, stand {bus.stand}; {component.described(parameters)}")
         bus.info("warming up; the first start after an installation compiles for up to a minute")
-        component.warm_up(parameters)
+        component.warm_up(parameters, CompileProgress(bus.info))
+
+    def start(bus: Bus[Any], parameters: Any) -> None:
         memory = getattr(parameters, "memory", NONE)
         Adapter(bus, component.build, parameters, ports, VerdictMemory(bus, memory))
         topics = ", ".join(bus.full_name(kind) for kind in ports.subscribes)
-        bus.info(f"ready after {time.monotonic() - begin:.1f} s, listening to {topics}")
+        bus.info(f"ready after {time.monotonic() - begin_s:.1f} s, listening to {topics}")
 
     return Program(
         name,
@@ -124,6 +136,8 @@ def stage_program(
         ports.subscribes,
         (*ports.publishes, Health),
         examples,
+        prepare,
+        component.check,
     )
 
 
@@ -176,6 +190,7 @@ class Adapter:
         if hasattr(self._stage, "reset"):
             bus.serve_trigger("~/reset", self._reset)
         bus.on_parameters(self._reconfigure)
+        bus.on("deactivate", self._pause)
         bus.every(WATCH_S, self._watch)
         bus.every(REPEAT_S, self._repeat)
 
@@ -261,6 +276,14 @@ class Adapter:
         records = self._stage.reset()  # type: ignore[attr-defined]
         self._publish(records)
         return f"episode closed, detection re-armed, {len(records)} records published"
+
+    def _pause(self) -> None:
+        """Mark the verdict stale: nothing is judged until the node is activated again."""
+        self._bus.caution("deactivated: no record is judged until the node is activated again")
+        changed = self._verdict.source_silent(True)
+        if changed is not None:
+            self._bus.publish(changed)
+            self._mirror(changed)
 
     def _watch(self) -> None:
         if self._health.silent:

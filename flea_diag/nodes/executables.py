@@ -9,6 +9,7 @@ EXECUTABLES = {
     "extractor": "flea_diag.nodes.extractor",
     "isolator": "flea_diag.nodes.isolator",
     "observer": "flea_diag.nodes.observer",
+    "player": "flea_diag.nodes.recording.player",
     "recorder": "flea_diag.nodes.recording.recorder",
     "web": "flea_diag.nodes.operator.web",
 }

@@ -48,7 +48,8 @@ class HealthReport:
             stream.malformed + stream.refused + stream.lost for stream in self._bus.streams.values()
         )
         level, message = self._judged(passed_over)
-        values = (*self._stream_values(), *self._machine_values(), *extra)
+        state = ("state", self._bus.state)
+        values = (state, *self._stream_values(), *self._machine_values(), *extra)
         self._reported_passed_over = passed_over
         return Health(self._bus.now_ns(), self._bus.name, level, message, values)
 

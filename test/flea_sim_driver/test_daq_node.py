@@ -6,7 +6,7 @@ import signal
 import time
 
 import numpy as np
-from support.live import Peer, Process, node
+from support.live import Peer, Process, node, toy
 
 from flea_diag.wire.records import ChannelTable, Health, Scan, Truth, VibrationBlock
 from flea_sim_driver.scenario.settings import DEFAULT_EPOCH_S
@@ -41,23 +41,30 @@ def test_the_daq_streams_its_scenario_and_ends_by_itself(domain: int) -> None:
 
 
 def test_the_stand_starts_once_the_nodes_named_are_ready(domain: int) -> None:
+    """A node that is there and not active is not ready; whoever else listens does not count."""
     with (
-        Process(daq("duration_s:=0.5", "wait_for:=diagnosis"), domain) as child,
+        Process(daq("duration_s:=0.5", "wait_for:=toy"), domain) as child,
+        Process(toy("-p", "autostart:=false"), domain),
         Peer(domain, name="recorder") as early,
     ):
-        early.listen(ChannelTable, Scan)
-        child.wait_for("the stand starts once diagnosis is ready")
+        early.listen(ChannelTable, Scan, Health)
+        child.wait_for("waiting for toy (unconfigured) to become active", 20.0)
         assert not any(isinstance(record, Scan) for record in early.records)
-        with Peer(domain, name="diagnosis") as late:
-            late.listen(ChannelTable)
-            early.find(lambda record: isinstance(record, Scan))
-            assert child.end() == 0
+        early.change_state("toy", "configure")
+        early.change_state("toy", "activate")
+        early.find(lambda record: isinstance(record, Scan), 20.0)
+        assert child.end() == 0
+        toy_had = early.find(
+            lambda r: isinstance(r, Health) and dict(r.values).get("sensors/slow/received") == "50",
+            20.0,
+        )
+    assert dict(toy_had.values)["state"] == "active"
 
 
 def test_a_stand_that_waits_in_vain_says_for_whom(domain: int) -> None:
     with Process(daq("wait_for:=nobody,noone", "wait_s:=0.1"), domain) as child:
         assert child.end() == 2
-    assert "nobody, noone not ready after wait_s = 0.1 s" in child.output
+    assert "not ready after 0.1 s: nobody (not started), noone (not started)" in child.output
 
 
 def test_faults_come_and_go_while_it_runs(domain: int) -> None:

@@ -24,7 +24,10 @@ class Room(NamedTuple):
     pure: bool = False
 
 
-ROS = ("rclpy", "rcl_interfaces", "std_srvs", "rosgraph_msgs", "builtin_interfaces", "launch")
+ROS = (
+    "rclpy", "rcl_interfaces", "lifecycle_msgs", "std_srvs", "rosgraph_msgs", "builtin_interfaces",
+    "launch",
+)  # fmt: skip
 BAGS = ("mcap", "rosbags", "zstandard", "lz4", "yaml")
 PAGES = ("jinja2", "markupsafe")
 BATCH = ("tqdm", "distributed")

@@ -170,6 +170,21 @@ class Peer:
             self.bus._publishers[record_type].wait_for_all_acked(Duration(seconds=int(LIMIT_S)))
         )
 
+    def change_state(self, node: str, transition: str) -> bool:
+        """Ask a node for a transition of its life cycle; whether it succeeded."""
+        from lifecycle_msgs.msg import Transition
+        from lifecycle_msgs.srv import ChangeState
+
+        request = ChangeState.Request(transition=Transition(label=transition))
+        return bool(self.call(ChangeState, f"{node}/change_state", request).success)
+
+    def state(self, node: str) -> str:
+        """State of a node's life cycle, asked for by its service."""
+        from lifecycle_msgs.srv import GetState
+
+        answer = self.call(GetState, f"{node}/get_state", GetState.Request())
+        return str(answer.current_state.label)
+
     def call(self, service_type: type, name: str, request: Any) -> Any:
         """Answer of a service."""
         client = self.node.create_client(service_type, name)

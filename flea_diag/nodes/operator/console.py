@@ -128,6 +128,11 @@ def chosen_style(asked: str, terminal: bool, textual: bool) -> str:
     return "screen" if textual else "page"
 
 
+def check(parameters: ConsoleParameters) -> None:
+    """Refuse a style that cannot be shown."""
+    chosen_style(parameters.style, sys.stdout.isatty(), _has_textual())
+
+
 def _has_textual() -> bool:
     from importlib.util import find_spec
 
@@ -150,6 +155,7 @@ def program() -> Program:
             "ros2 run flea_diag console --ros-args -p style:=page",
             "ros2 run flea_diag console --ros-args -r __ns:=/stand_2",
         ),
+        check=check,
     )
 
 

@@ -108,6 +108,7 @@ class Recorder:
             self._record(topic)
         bus.on_parameters(self._reconfigure)
         bus.every(WHOLE_EVERY_S, self._make_whole)
+        bus.on("deactivate", self._pause)
         bus.info(f"recording {len(topics)} topics to {self._directory}")
 
     def close(self) -> None:
@@ -130,7 +131,9 @@ class Recorder:
                 # It is kept as it came; no file can say that it was sent before 1970.
                 self._bus.warn(f"{name}: stamp {stamp_ns} ns is before 1970: the source's clock")
                 stamp_ns = received_ns
-            self._health.arrived(topic.record, stamp_ns, late=False)
+            # A latched record may be of any age: how old it is says nothing of this node's lag.
+            if not topic.latched:
+                self._health.arrived(topic.record, stamp_ns, late=False)
             self._health.taken()
             try:
                 self._writer.write_raw(name, data, stamp_ns, received_ns)
@@ -149,6 +152,10 @@ class Recorder:
             self._bus.end(error)
         if next(self._is_second):
             self._watch_disk()
+
+    def _pause(self) -> None:
+        self._make_whole()
+        self._bus.caution("deactivated: nothing is recorded until the node is activated again")
 
     def _watch_disk(self) -> None:
         free_mb = self._free_mb()
@@ -221,6 +228,13 @@ def chosen_topics(names: tuple[str, ...]) -> tuple[Topic, ...]:
     return tuple(TOPIC_NAMED[name.lstrip("/")] for name in dict.fromkeys(names))
 
 
+def check(parameters: RecorderParameters) -> None:
+    """Refuse parameters and files with which nothing could be recorded."""
+    checked_directory(parameters.directory)
+    chosen_topics(parameters.topics)
+    file_texts(parameters)
+
+
 def _existing(path: Path) -> Path:
     """The path, or its nearest existing parent."""
     return next(place for place in (path, *path.absolute().parents) if place.exists())
@@ -239,6 +253,7 @@ def program() -> Program:
             "ros2 run flea_diag recorder --ros-args -p directory:=bags/runs/jam_1",
             "ros2 run flea_diag recorder --ros-args -p topics:='[sensors/slow, ambiguity_group]'",
         ),
+        check=check,
     )
 
 

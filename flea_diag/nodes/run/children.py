@@ -69,10 +69,8 @@ class Children:
     def _process(
         self, module: str, parameters: Parameters, show: bool, keys: bool
     ) -> subprocess.Popen[bytes]:
-        given = [text for pair in parameters.items() for text in ("-p", "{}:={}".format(*pair))]
-        arguments = ["--ros-args", *given] if given else []
         return subprocess.Popen(
-            [sys.executable, "-m", module, *arguments],
+            command(module, parameters),
             stdin=None if keys else subprocess.DEVNULL,
             stdout=None if show else self._log,
             stderr=None if keys else self._log,
@@ -143,6 +141,36 @@ class Children:
             self._tell(f"{name} did not end within {END_S:.0f} s: killed")
             child.kill()
             child.wait()
+
+
+def command(module: str, parameters: Parameters, *arguments: str) -> list[str]:
+    """Command line of a node with these parameters."""
+    given = [text for pair in parameters.items() for text in ("-p", "{}:={}".format(*pair))]
+    return [sys.executable, "-m", module, *arguments, *(["--ros-args", *given] if given else [])]
+
+
+def refuse_unsound(nodes: Mapping[str, Parameters]) -> None:
+    """Have each of these modules check its parameters, before anything is started.
+
+    Raises
+    ------
+    ConfigurationError
+        What the first of them says that refuses its own.
+    """
+    checks = [
+        subprocess.Popen(
+            command(module, parameters, "--check"),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for module, parameters in nodes.items()
+    ]
+    said = [check.communicate()[1] for check in checks]
+    for check, text in zip(checks, said, strict=True):
+        if check.returncode:
+            line = text.strip().splitlines()[-1] if text.strip() else "a node cannot be checked"
+            raise ConfigurationError(line.removeprefix("flea_diag: "))
 
 
 def end_with_parent() -> None:

@@ -1,7 +1,7 @@
 """Live run of ``scripts/run``: simulated stand and diagnosis, each node in its own process.
 
-All waits are for a state of the ROS graph or for a record, never for a fixed time: the stand
-starts once all subscribers are connected, and the nodes are ended after the last verdict.
+All waits are for a state of a node or for a record, never for a fixed time: the stand starts once
+all nodes are active, and the nodes are ended after the last verdict.
 """
 
 from __future__ import annotations
@@ -21,15 +21,14 @@ from flea_diag.configuration import config_path
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError, line_of, visible
 from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.nodes.operator.web import PORT
-from flea_diag.nodes.run.children import Children
+from flea_diag.nodes.run.children import Children, refuse_unsound
 from flea_diag.nodes.run.domain import reserved_domain
 from flea_diag.nodes.run.run_summary import NOMINAL_FAULT, as_text, summarise
 from flea_diag.wire.bags.bag import read_bag
-from flea_diag.wire.bus import Bus, guest
+from flea_diag.wire.bus import Bus, Consumers, guest
 from flea_diag.wire.records import (
     AmbiguityGroup,
     Detection,
-    Health,
     Record,
     Scan,
     Truth,
@@ -37,11 +36,9 @@ from flea_diag.wire.records import (
 
 SEPARATE = ("observer", "isolator", "extractor", "recorder")
 COMPOSED = ("diagnoser", "recorder")
-"""Nodes that subscribe to the stand; with ``--composed`` the diagnosis is one process. Their health
-reports show when they are ready."""
+"""Nodes that subscribe to the stand; with ``--composed`` the diagnosis is one process."""
 READY_S = 180.0
 """Long, since numba compiles at the first start after an installation."""
-LAST_VERDICT_S = 5.0
 LATEST_S = 60.0
 
 
@@ -51,21 +48,13 @@ class LiveRun:
     def __init__(self, options: argparse.Namespace, bus: Bus[Any], children: Children) -> None:
         self._options, self._bus, self._children = options, bus, children
         self._listeners = COMPOSED if options.composed else SEPARATE
-        self._healthy: set[str] = set()
-        self._latest: AmbiguityGroup | None = None
         self.interrupted = False
         self.bags = [options.bag]
-        bus.subscribe(Health, self._note_health)
-        bus.subscribe(AmbiguityGroup, self._note_group)
-
-    def _note_health(self, health: Health) -> None:
-        self._healthy.add(health.node)
-
-    def _note_group(self, group: AmbiguityGroup) -> None:
-        self._latest = group
 
     def execute(self) -> None:
         """Start the subscribers, then the stand; return when the stand has ended."""
+        checked = {"recorder": self._parameters("recorder"), "daq": self._daq_parameters()}
+        refuse_unsound({EXECUTABLES[name]: given for name, given in checked.items()})
         say(f"starting {', '.join(self._listeners)} and console")
         for name in self._listeners:
             self._children.start(name, EXECUTABLES[name], self._parameters(name))
@@ -75,34 +64,25 @@ class LiveRun:
         if self._options.web:
             self._children.start("web", EXECUTABLES["web"], self._parameters("web"))
             say(f"the page is at http://127.0.0.1:{PORT}/")
-        self._until(self._all_listen, READY_S, "the nodes to discover each other")
+        self._until(Consumers(self._bus, self._screens(), READY_S).ready)
         say(f"all nodes are ready; the stand starts, {self._what()}")
         self._children.start("daq", EXECUTABLES["daq"], self._daq_parameters())
-        limit_s = self._options.duration + LATEST_S
-        self._until(lambda: self._children.ended("daq"), limit_s, "the stand to end")
-        if not self.interrupted:
-            self._until(self._verdict_is_last, LAST_VERDICT_S, "the last verdict", needed=False)
+        self._until(lambda: self._children.ended("daq"))
 
-    def _all_listen(self) -> bool:
-        # Subscribers to the verdict: this process, console, recorder, page and a separate observer.
-        needed = 3 + self._options.web + ("observer" in self._listeners)
-        heard = self._bus.subscribers(AmbiguityGroup) >= needed
-        return heard and self._healthy >= set(self._listeners)
+    def _screens(self) -> tuple[str, ...]:
+        """Nodes to wait for: those that listen to the stand, and the screens."""
+        return (*self._listeners, "console", *(("web",) if self._options.web else ()))
 
-    def _verdict_is_last(self) -> bool:
-        return self._latest is not None and self._latest.stale
-
-    def _until(
-        self, predicate: Callable[[], bool], limit_s: float, what: str, needed: bool = True
-    ) -> None:
+    def _until(self, predicate: Callable[[], bool]) -> None:
         def settled() -> bool:
             self._children.supervise(("daq", "console"), self._anew)
             # Quitting the console ends the run.
             self.interrupted |= not self._plain() and self._children.ended("console")
             return self.interrupted or predicate()
 
-        if not self._bus.wait_until(settled, limit_s) and needed:
-            raise ConfigurationError(f"timeout of {limit_s:.0f} s while waiting for {what}")
+        limit_s = READY_S + self._options.duration + LATEST_S
+        if not self._bus.wait_until(settled, limit_s):
+            raise ConfigurationError(f"the run did not end within {limit_s:.0f} s")
 
     def _what(self) -> str:
         fault = self._options.fault
@@ -139,7 +119,7 @@ class LiveRun:
         return {
             "scenario": self._options.scenario,
             "duration_s": repr(self._options.duration),
-            "wait_for_subscribers": str(self._bus.subscribers(Scan)),
+            "wait_for": ",".join(self._listeners),
             **({"seed": str(self._options.seed)} if self._options.seed is not None else {}),
             **(
                 {"fault": fault, "fault_onset_s": repr(self._options.at)}

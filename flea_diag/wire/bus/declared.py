@@ -32,6 +32,11 @@ class Common:
         choices=("events", "single"),
         read_only=True,
     )
+    autostart: bool = parameter(
+        True,
+        "configure and activate at the start; false: wait for ~/change_state",
+        read_only=True,
+    )
 
 
 class Declared(Generic[P]):

@@ -7,23 +7,27 @@ cost one memcpy, whereas a message object costs up to 1 ms.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from flea_diag.errors import FleaError, InputError, WireError, line_of
+from flea_diag.errors import FleaError, InputError, WireError
 from flea_diag.wire.bus.declared import Declared
+from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
+from flea_diag.wire.bus.node_log import NodeLog
+from flea_diag.wire.bus.node_states import NodeStates
 from flea_diag.wire.bus.remote_parameter import RemoteParameter
 from flea_diag.wire.messages import codec
-from flea_diag.wire.records import Record
+from flea_diag.wire.records import Health, Record
 from flea_diag.wire.topics import TOPIC_OF, Topic
 
 P = TypeVar("P")
 
-WARN_EVERY_S = 5.0
-"""Shortest period between two warnings in the log; the counters count every event."""
-
 POLL_S = 0.02
+
+SILENT = (UNCONFIGURED, INACTIVE)
+"""States in which a node publishes nothing but its health."""
 
 READER_DEPTH = 100
 """Queue length of a reader of a latched topic. The writer keeps one sample for late joiners, but
@@ -41,7 +45,7 @@ class Subscription:
     lost: int = 0
 
 
-class Bus(Generic[P]):
+class Bus(NodeLog, Generic[P]):
     """The part of ROS that a program needs; wraps a node.
 
     Parameters
@@ -55,12 +59,15 @@ class Bus(Generic[P]):
     """
 
     def __init__(self, node: Any, executor: Any, declared: Declared[P], finished: Any) -> None:
-        self._node = node
+        super().__init__(node)
         self._executor = executor
         self._declared = declared
         self._finished = finished
         self._publishers: dict[type, Any] = {}
         self._clock: Any = None
+        self._hooks: defaultdict[str, list[Callable[[], None]]] = defaultdict(list)
+        self.state = ACTIVE
+        """State of the life cycle. Records and timers are served in ``active`` alone."""
         self.streams: dict[type, Subscription] = {}
         self.stand = node.get_namespace().strip("/") or "stand"
 
@@ -70,9 +77,27 @@ class Bus(Generic[P]):
         return str(self._node.get_fully_qualified_name()).lstrip("/")
 
     @property
-    def ok(self) -> bool:
-        """Whether the node is running; false after SIGINT or SIGTERM."""
-        return bool(self._node.context.ok())
+    def working(self) -> bool:
+        """Whether records are taken and timers served."""
+        return self.state == ACTIVE
+
+    def on(self, transition: str, call: Callable[[], None]) -> None:
+        """Call at a transition of the life cycle: ``activate`` or ``deactivate``."""
+        self._hooks[transition].append(call)
+
+    def run_hooks(self, transition: str) -> None:
+        """Call what has been registered for a transition."""
+        for call in self._hooks[transition]:
+            call()
+
+    def forget(self) -> None:
+        """Forget what the program has registered and made; the node destroys the latter."""
+        self._hooks.clear()
+        self._declared.on_check.clear()
+        self._declared.on_change.clear()
+        self._publishers = {kind: p for kind, p in self._publishers.items() if kind is Health}
+        self._clock = None
+        self.streams.clear()
 
     def end(self, error: FleaError | None = None) -> None:
         """End the program after this callback, with status 0, or 2 and the error as last line."""
@@ -111,9 +136,9 @@ class Bus(Generic[P]):
         self.publish_raw(type(record), codec.encode(record, self.stand))
 
     def publish_raw(self, record_type: type, data: bytes) -> None:
-        """Publish bytes written by the codec."""
+        """Publish bytes written by the codec; nothing but health while the node is inactive."""
         self.advertise(record_type)
-        if self.ok:
+        if self.ok and (record_type is Health or self.state not in SILENT):
             self._publishers[record_type].publish(data)
 
     def publish_clock(self, stamp_ns: int) -> None:
@@ -161,6 +186,8 @@ class Bus(Generic[P]):
         stream = self.streams.setdefault(record_type, Subscription(topic))
 
         def received(data: bytes) -> None:
+            if not self.working:
+                return
             stream.received += 1
             try:
                 take(data)
@@ -188,13 +215,19 @@ class Bus(Generic[P]):
         )
         return stream
 
-    # -- timers, services, logging
+    # -- timers, services
 
     def every(self, seconds: float, call: Callable[[], None]) -> None:
         """Call at a fixed period of real time, also while simulated time is paused."""
-        self._timer(seconds, call)
 
-    def _timer(self, seconds: float, call: Callable[[], None]) -> Any:
+        def due() -> None:
+            if self.working:
+                call()
+
+        self.always(seconds, due)
+
+    def always(self, seconds: float, call: Callable[[], None]) -> Any:
+        """The same in every state of the life cycle; returns the timer."""
         from rclpy.clock import Clock, ClockType
 
         clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -205,35 +238,19 @@ class Bus(Generic[P]):
         from std_srvs.srv import Trigger
 
         def respond(_request: Any, response: Any) -> Any:
-            response.success, response.message = True, answer()
+            response.success = self.working
+            response.message = answer() if self.working else f"the node is {self.state}"
             return response
 
         self._node.create_service(Trigger, name, respond)
 
     def remote_parameter(self, node: str, name: str) -> RemoteParameter:
         """A string parameter of another node of this namespace."""
-        return RemoteParameter(self._node, self._timer, node, name)
+        return RemoteParameter(self._node, self.always, node, name)
 
-    def info(self, text: str) -> None:
-        """Log a line."""
-        self._node.get_logger().info(line_of(text))
-
-    def debug(self, text: str) -> None:
-        """Log a line for those who ask for it."""
-        self._node.get_logger().debug(line_of(text))
-
-    def caution(self, text: str) -> None:
-        """Log a warning each time."""
-        self._node.get_logger().warning(line_of(text))
-
-    def error(self, text: str) -> None:
-        """Log an error each time."""
-        self._node.get_logger().error(line_of(text))
-
-    def warn(self, text: str) -> None:
-        """Log a warning, throttled."""
-        # rclpy throttles per line of code, not per text: one limit for all warnings of a node.
-        self._node.get_logger().warning(line_of(text), throttle_duration_sec=WARN_EVERY_S)
+    def node_states(self, names: Iterable[str]) -> NodeStates:
+        """Life-cycle states of other nodes of this namespace."""
+        return NodeStates(self._node, names)
 
     # -- discovery
 
@@ -247,12 +264,16 @@ class Bus(Generic[P]):
         here = self._node.get_namespace()
         return {str(info.node_name) for info in found if info.node_namespace == here}
 
+    def connected(self, record_type: type) -> bool:
+        """Whether every subscription found in the graph is connected to this node's publisher."""
+        return self.matched(record_type) >= self.subscribers(record_type)
+
     def wait_for_subscribers(
         self, *record_types: type, count: int = 1, timeout_s: float = 10.0
     ) -> bool:
         """Spin until each topic has ``count`` subscribers; False on timeout."""
         return self.wait_until(
-            lambda: all(self._matched(record_type) >= count for record_type in record_types),
+            lambda: all(self.matched(record_type) >= count for record_type in record_types),
             timeout_s,
         )
 
@@ -265,7 +286,8 @@ class Bus(Generic[P]):
             self._executor.spin_once(timeout_sec=POLL_S)
         return True
 
-    def _matched(self, record_type: type) -> int:
+    def matched(self, record_type: type) -> int:
+        """Number of subscriptions connected to this node's publisher."""
         self.advertise(record_type)
         return int(self._publishers[record_type].get_subscription_count())
 

@@ -11,17 +11,23 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 from flea_diag.errors import ConfigurationError, FleaError, line_of, visible
 from flea_diag.wire.bus.declared import Common, Declared
 from flea_diag.wire.bus.endpoint import Bus
-from flea_diag.wire.ending import Deadline, end_at_once, handed_over, ignore
+from flea_diag.wire.bus.managed import Managed
+from flea_diag.wire.bus.screen import Foreground
+from flea_diag.wire.ending import Deadline, end_at_once, handed_over, ignore, leave
 from flea_diag.wire.parameters import Descriptor, descriptors
 from flea_diag.wire.topics import TOPIC_OF
 
 ENDLESS_S = 1e6
 """Timeout of a wait; without one the EventsExecutor of rclpy 7.1 livelocks (overflow)."""
+
+REFUSED = 2
+CHECK = "--check"
+"""Argument that has a node check its parameters and files, and end."""
 
 NO_RCLPY = (
     "ROS 2 is not installed: `pip install flea_diag` brings it on Linux x86-64, elsewhere install "
@@ -36,23 +42,6 @@ CLOSE_PATIENCE_S = 10.0
 Closing = Callable[[], None]
 
 
-@runtime_checkable
-class Foreground(Protocol):
-    """A user interface that needs the main thread while the node runs in another."""
-
-    def run(self) -> None:
-        """Run in the main thread until the operator quits or ``leave`` is called."""
-        ...
-
-    def leave(self) -> None:
-        """Make ``run`` return because the node has ended; called from the other thread."""
-        ...
-
-    def close(self) -> None:
-        """Release resources at the very end."""
-        ...
-
-
 TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 """Transport of Fast DDS unless the environment sets one: no shared memory. A killed reader may
 never release the buffers that it received there (eProsima/Fast-DDS#5469, in 2.14). Once the
@@ -63,8 +52,11 @@ never release the buffers that it received there (eProsima/Fast-DDS#5469, in 2.1
 class Program:
     """Description of an executable, and how it starts.
 
-    ``start`` subscribes, advertises and returns at once: a function to be called at the end, or a
-    ``Foreground`` for the main thread, or None. The node spins from then on.
+    ``prepare`` compiles and loads what takes long; it may run in a thread of its own and touches
+    nothing of ROS but the log. ``start`` subscribes, advertises and returns at once: a function to
+    be called at the end, or a ``Foreground`` for the main thread, or None. Both are "configure" of
+    the life cycle; records and timers are served from "activate" on. ``check`` raises for
+    parameters with which the node could not start; it touches nothing of ROS.
     """
 
     name: str
@@ -74,6 +66,8 @@ class Program:
     subscribes: tuple[type, ...] = ()
     publishes: tuple[type, ...] = ()
     examples: tuple[str, ...] = ()
+    prepare: Callable[[Bus[Any], Any], None] | None = None
+    check: Callable[[Any], None] | None = None
 
 
 def run(make: Callable[[], Program], argv: Sequence[str] | None = None) -> int:
@@ -92,11 +86,16 @@ def run(make: Callable[[], Program], argv: Sequence[str] | None = None) -> int:
         if _wants_help(arguments):
             _print(usage(program))
             return 0
+        if CHECK in arguments:
+            arguments.remove(CHECK)
+            _refuse_unknown(program, arguments)
+            _check(program, arguments)
+            return 0
         _refuse_unknown(program, arguments)
         return _run(program, arguments)
     except FleaError as error:
         print(f"flea_diag: {line_of(error)}", file=sys.stderr)
-        return 2
+        return REFUSED
 
 
 def _print(text: str) -> None:
@@ -110,7 +109,7 @@ def _print(text: str) -> None:
 
 def usage(program: Program) -> str:
     """The text of ``--help``; needs no ROS."""
-    lines = [f"ros2 run flea_diag {program.name} [--ros-args …]", "", program.summary]
+    lines = [f"ros2 run flea_diag {program.name} [--check] [--ros-args …]", "", program.summary]
     for title, record_types in (
         ("subscribes", program.subscribes),
         ("publishes", program.publishes),
@@ -125,6 +124,7 @@ def usage(program: Program) -> str:
     lines += [
         _explained(entry) for entry in (*descriptors(program.parameters), *descriptors(Common))
     ]
+    lines += ["", "--check: check parameters and files, and end with status 0 or 2"]
     lines += ["", "ROS arguments: -r __ns:=/stand_2 (a second stand), -r TOPIC:=OTHER,"]
     lines += [
         "  --params-file FILE, --log-level debug, -p use_sim_time:=true, all after --ros-args"
@@ -153,35 +153,34 @@ def _refuse_unknown(program: Program, arguments: list[str]) -> None:
     first = arguments[0] if arguments else "--ros-args"
     if first != "--ros-args":
         raise ConfigurationError(
-            f"unknown argument {first!r}: nodes accept only --ros-args, "
+            f"unknown argument {first!r}: nodes accept only --check and --ros-args, "
             f"see ros2 run flea_diag {program.name} --help"
         )
 
 
 def _run(program: Program, arguments: list[str]) -> int:
-    try:
-        import rclpy
-        from rclpy.executors import ExternalShutdownException
-        from rclpy.task import Future
-    except ImportError as error:
-        raise ConfigurationError(NO_RCLPY.format(error=error)) from None
+    rclpy = _rclpy()
+    from rclpy.executors import ExternalShutdownException
+    from rclpy.task import Future
+
     with handed_over():
         _init(rclpy, arguments)
     deadline = Deadline(rclpy.ok, START_PATIENCE_S)
-    close: Closing | None = None
+    managed: Managed | None = None
     node = None
     try:
-        node = _node(rclpy, program.name)
+        node = _node(program.name)
         declared: Declared[Any] = Declared(node, program.parameters)
         executor = make_executor(declared.common.executor)
         executor.add_node(node)
         finished: Any = Future()
-        started = program.start(Bus(node, executor, declared, finished), declared.value)
-        close = started.close if isinstance(started, Foreground) else started
-        if close is not None:
-            deadline.patience_s = CLOSE_PATIENCE_S
-        if isinstance(started, Foreground):
-            _serve_behind(started, executor, finished)
+        bus = Bus(node, executor, declared, finished)
+        managed = Managed(program, bus, node, lambda: declared.value)
+        managed.on_open = lambda: setattr(deadline, "patience_s", CLOSE_PATIENCE_S)
+        if declared.common.autostart:
+            managed.autostart()
+        if managed.screen is not None:
+            _serve_behind(managed.screen, executor, finished)
         else:
             spin(executor, finished)
         if finished.done() and isinstance(finished.result(), FleaError):
@@ -192,14 +191,38 @@ def _run(program: Program, arguments: list[str]) -> int:
         if rclpy.ok():
             raise
     finally:
-        if close is not None:
-            close()
+        if managed is not None:
+            managed.close()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
         ignore()
         deadline.met()
+        if managed is not None and managed.preparing:
+            leave()
     return 0
+
+
+def _rclpy() -> Any:
+    try:
+        import rclpy
+    except ImportError as error:
+        raise ConfigurationError(NO_RCLPY.format(error=error)) from None
+    return rclpy
+
+
+def _check(program: Program, arguments: list[str]) -> None:
+    """Refuse parameters with which the node could not start; no other node notices."""
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
+    rclpy = _rclpy()
+    _init(rclpy, arguments)
+    try:
+        node = _node(program.name)
+        declared: Declared[Any] = Declared(node, program.parameters)
+        if program.check is not None:
+            program.check(declared.value)
+    finally:
+        rclpy.try_shutdown()
 
 
 def _serve_behind(screen: Foreground, executor: Any, finished: Any) -> None:
@@ -242,9 +265,11 @@ def _init(rclpy: Any, arguments: list[str]) -> None:
         raise ConfigurationError(f"ROS refuses the arguments {arguments}: {first}") from None
 
 
-def _node(rclpy: Any, name: str) -> Any:
+def _node(name: str) -> Any:
+    from rclpy.lifecycle import LifecycleNode
+
     try:
-        return rclpy.create_node(name, automatically_declare_parameters_from_overrides=True)
+        return LifecycleNode(name, automatically_declare_parameters_from_overrides=True)
     except ValueError as error:
         raise ConfigurationError(f"node {name}: a parameter has no value: {error}") from None
 

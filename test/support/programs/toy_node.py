@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from flea_diag.errors import ConfigurationError
@@ -88,7 +89,13 @@ class Toy:
         return f"a toy that says {parameters.fault}"
 
     @staticmethod
-    def warm_up(parameters: ToyParameters) -> None:
+    def check(parameters: ToyParameters) -> None:
+        """Any parameters will do but one."""
+        if parameters.serial == "bad":
+            raise ConfigurationError("serial = 'bad' cannot be built")
+
+    @staticmethod
+    def warm_up(parameters: ToyParameters, begun: Callable[[str], None]) -> None:
         """Nothing is slow here, unless asked for: as a compiler, it lets no signal handler in."""
         if parameters.busy:
             signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGUSR1,))

@@ -1,0 +1,163 @@
+"""A program as a managed node: what is done in each transition of its life cycle.
+
+Configure prepares (reads, compiles) and starts; the topics then exist, but nothing is taken from
+them until activate. Cleanup closes and removes all that was made since configure.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from flea_diag.errors import ConfigurationError, FleaError
+from flea_diag.wire.bus import life_cycle as states
+from flea_diag.wire.bus.endpoint import Bus
+from flea_diag.wire.bus.life_cycle import LifeCycle
+from flea_diag.wire.bus.screen import Foreground
+from flea_diag.wire.records import Health, Level
+
+LOOK_S = 0.02
+REPORT_S = 1.0
+ENTITIES = ("publishers", "subscriptions", "timers", "services", "clients")
+"""What a node of rclpy holds; each has a function that destroys one."""
+
+SCREEN_NEEDS_AUTOSTART = (
+    "the full-screen console runs from start to end: leave autostart at true, "
+    "or choose style:=lines"
+)
+
+
+class Managed:
+    """One program and the node that runs it.
+
+    Parameters
+    ----------
+    program
+        What runs.
+    bus
+        Of the node.
+    node
+        A ``LifecycleNode`` of rclpy.
+    value
+        Returns the present parameters.
+    """
+
+    def __init__(self, program: Any, bus: Bus[Any], node: Any, value: Callable[[], Any]) -> None:
+        self._program, self._bus, self._node, self._value = program, bus, node, value
+        self._close: Callable[[], None] | None = None
+        self.on_open: Callable[[], None] = lambda: None
+        """Called when the program has something open that must be closed in order."""
+        self.screen: Foreground | None = None
+        self._worker: threading.Thread | None = None
+        self._raised: BaseException | None = None
+        self._reports = Health in program.publishes
+        if self._reports:
+            bus.advertise(Health)
+        bus.always(REPORT_S, self._report)
+        duties = {
+            states.CONFIGURE: self._configure,
+            states.ACTIVATE: lambda: bus.run_hooks(states.ACTIVATE),
+            states.DEACTIVATE: lambda: bus.run_hooks(states.DEACTIVATE),
+            states.CLEANUP: self._cleanup,
+            states.SHUTDOWN: self._shut_down,
+        }
+        self._life = LifeCycle(node, duties, self._entered)
+        self._own = self._entities()
+
+    @property
+    def preparing(self) -> bool:
+        """Whether a thread is still compiling; it cannot be interrupted, only left behind."""
+        return self._worker is not None and self._worker.is_alive()
+
+    def autostart(self) -> None:
+        """Configure and activate; what is slow is done in a thread, so that services answer."""
+        self._life.begin(states.CONFIGURE)
+        if self._program.prepare is None:
+            self._start()
+            self._begin_work()
+            return
+        self._worker = threading.Thread(target=self._prepare, name="prepare", daemon=True)
+        self._worker.start()
+        self._watch = self._bus.always(LOOK_S, self._look)
+
+    def close(self) -> None:
+        """Close what the program has open; without effect when nothing is."""
+        close, self._close, self.screen = self._close, None, None
+        if close is not None:
+            close()
+
+    def _prepare(self) -> None:
+        try:
+            self._program.prepare(self._bus, self._value())
+        except BaseException as error:
+            self._raised = error
+
+    def _look(self) -> None:
+        """Go on in the thread of the executor once everything is prepared."""
+        if self.preparing:
+            return
+        self._node.destroy_timer(self._watch)
+        if self._raised is not None:
+            raise self._raised
+        self._start()
+        self._begin_work()
+
+    def _begin_work(self) -> None:
+        self._life.end(success=True)
+        self._life.change(states.ACTIVATE)
+
+    def _start(self) -> None:
+        started = self._program.start(self._bus, self._value())
+        self.screen = started if isinstance(started, Foreground) else None
+        self._close = started.close if isinstance(started, Foreground) else started
+        if self._close is not None:
+            self.on_open()
+
+    def _configure(self) -> None:
+        """On request; the executor is busy meanwhile, as with any managed node."""
+        try:
+            if self._program.prepare is not None:
+                self._program.prepare(self._bus, self._value())
+            self._start()
+            if self.screen is not None:
+                raise ConfigurationError(SCREEN_NEEDS_AUTOSTART)
+        except FleaError:
+            self._withdraw()
+            raise
+
+    def _cleanup(self) -> None:
+        if self.screen is not None:
+            raise ConfigurationError(SCREEN_NEEDS_AUTOSTART)
+        self._withdraw()
+
+    def _withdraw(self) -> None:
+        """Close, and destroy all that was made since the node was created."""
+        self.close()
+        self._bus.forget()
+        for kind, made in self._entities().items():
+            for each in made - self._own[kind]:
+                getattr(self._node, f"destroy_{kind.removesuffix('s')}")(each)
+
+    def _shut_down(self) -> None:
+        if self._bus.working:
+            self._bus.run_hooks(states.DEACTIVATE)
+        self.close()
+        self._bus.end()
+
+    def _entities(self) -> dict[str, set[Any]]:
+        return {kind: set(getattr(self._node, kind)) for kind in ENTITIES}
+
+    def _entered(self, state: str) -> None:
+        self._bus.state = state
+        self._report(also_active=True)
+
+    def _report(self, also_active: bool = False) -> None:
+        """State on /diagnostics; an active node has a report of its own, with more in it."""
+        state = self._bus.state
+        if not self._reports or (state == states.ACTIVE and not also_active):
+            return
+        level = Level.OK if state == states.ACTIVE else Level.STALE
+        words = state if state == states.ACTIVE else f"{state}: nothing is judged or recorded"
+        values = (("state", state),)
+        self._bus.publish(Health(self._bus.now_ns(), self._bus.name, level, words, values))

@@ -1,0 +1,57 @@
+"""The log of a node, on its terminal and on /rosout."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flea_diag.errors import line_of
+
+WARN_EVERY_S = 5.0
+"""Shortest period between two warnings in the log; the counters count every event."""
+
+
+class NodeLog:
+    """Logs lines through the logger of a node.
+
+    Nothing is logged after a shutdown request: rcl would complain that /rosout is gone.
+
+    Parameters
+    ----------
+    node
+        Node of rclpy.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self._node = node
+
+    @property
+    def ok(self) -> bool:
+        """Whether the node is running; false after SIGINT or SIGTERM."""
+        return bool(self._node.context.ok())
+
+    # rclpy keeps severity and throttling by line of code, hence one line for each.
+
+    def debug(self, text: str) -> None:
+        """Log a line for those who ask for it."""
+        if self.ok:
+            self._node.get_logger().debug(line_of(text))
+
+    def info(self, text: str) -> None:
+        """Log a line."""
+        if self.ok:
+            self._node.get_logger().info(line_of(text))
+
+    def caution(self, text: str) -> None:
+        """Log a warning each time."""
+        if self.ok:
+            self._node.get_logger().warning(line_of(text))
+
+    def error(self, text: str) -> None:
+        """Log an error each time."""
+        if self.ok:
+            self._node.get_logger().error(line_of(text))
+
+    def warn(self, text: str) -> None:
+        """Log a warning, throttled: one limit for all such warnings of a node."""
+        if self.ok:
+            self._node.get_logger().warning(line_of(text), throttle_duration_sec=WARN_EVERY_S)

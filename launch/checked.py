@@ -1,0 +1,112 @@
+"""What both launch files do: check every argument before a process starts, and end together.
+
+Loaded by path, since a launch file may run in a Python that does not have our package. What a
+node refuses, its executable says itself (``--check``).
+"""
+
+import json
+import os
+import subprocess
+
+from ament_index_python.packages import get_package_prefix
+from launch.actions import DeclareLaunchArgument, Shutdown
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+PACKAGE = "flea_diag"
+TRUTHS = {"true": True, "1": True, "false": False, "0": False}
+
+
+def declared(arguments):
+    """A declaration for each row of (name, default, kind, description)."""
+    return [
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, default, _, text in arguments
+    ]
+
+
+def values(context, arguments):
+    """Values of all arguments by name, of the kind of their row.
+
+    Raises RuntimeError with one line that names the argument, its value and what is allowed:
+    launch ends with status 1, and no process has been started yet.
+    """
+    given = context.launch_configurations
+    return {name: _value(name, kind, given.get(name, "")) for name, _, kind, _ in arguments}
+
+
+def _value(name, kind, text):
+    if kind is bool:
+        if text.lower() not in TRUTHS:
+            raise RuntimeError(f"{name}:={text} is unknown, choose true or false")
+        return TRUTHS[text.lower()]
+    if kind is float:
+        try:
+            return float(text)
+        except ValueError:
+            raise RuntimeError(f"{name}:={text} is not a number, write for example 5.0") from None
+    return text
+
+
+class Nodes:
+    """The nodes of one launch, checked together and started together.
+
+    ``needed`` of ``add`` are those without which there is nothing left to do: launch ends with
+    the first of them that ends. A node that fails ends launch with status 1 in any case.
+    """
+
+    def __init__(self, namespace):
+        self._namespace = namespace
+        self._rows = []
+
+    def add(self, executable, parameters, needed=True):
+        """Note a node; parameters are plain values, or launch arguments by name (``Argument``)."""
+        self._rows.append((executable, parameters, needed))
+
+    def actions(self):
+        """Check all nodes at once; the actions that start them."""
+        checks = [(name, _check(name, parameters)) for name, parameters, _ in self._rows]
+        said = [(name, check, check.communicate()[1]) for name, check in checks]
+        for name, check, text in said:
+            if check.returncode:
+                lines = text.strip().splitlines() or [f"{name} cannot be checked"]
+                raise RuntimeError(lines[-1].removeprefix("flea_diag: "))
+        return [self._node(*row) for row in self._rows]
+
+    def _node(self, executable, parameters, needed):
+        return Node(
+            package=PACKAGE,
+            executable=executable,
+            namespace=self._namespace,
+            parameters=[{name: _parameter(value) for name, value in parameters.items()}],
+            output="screen",
+            on_exit=_on_exit(executable, needed),
+        )
+
+
+def _parameter(value):
+    # Plain text would be read as YAML: "5" as a number.
+    return ParameterValue(value, value_type=type(value))
+
+
+def _check(executable, parameters):
+    """Start the check of one node; it opens no connection to others."""
+    path = os.path.join(get_package_prefix(PACKAGE), "lib", PACKAGE, executable)
+    given = [part for name, value in parameters.items()
+             for part in ("-p", f"{name}:={json.dumps(value)}")]  # fmt: skip
+    command = [path, "--check", "--ros-args", *given]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+
+def _on_exit(executable, needed):
+    def ended(event, context):
+        if context.is_shutdown:
+            return None
+        if event.returncode:
+            # Launch has no status of its own for this; it returns 1 after an exception, once all
+            # other processes have ended.
+            raise RuntimeError(f"{executable} ended with status {event.returncode}")
+        return [Shutdown(reason=f"{executable} has ended")] if needed else None
+
+    return ended

@@ -1,0 +1,184 @@
+"""The managed life cycle of a node, by the services that ROS 2 defines for it."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+
+import pytest
+from support.live import Peer, Process, node, toy
+
+from flea_diag.wire.records import AmbiguityGroup, Health, Residual, Scan
+
+LIMIT_S = 20.0
+PRIMARY = {1: "unconfigured", 2: "inactive", 3: "active", 4: "finalized"}
+"""Numbers and names of the design article on managed nodes."""
+
+
+class Managed:
+    """A toy node, and a peer that commands it and sends it scans."""
+
+    def __init__(self, process: Process, peer: Peer) -> None:
+        self.process, self.peer, self.stamp_ns = process, peer, 10**12
+
+    def scan(self, current: float) -> None:
+        """Send one scan."""
+        self.stamp_ns += 10_000_000
+        self.peer.bus.publish(Scan(self.stamp_ns, ("motor_current",), (current,)))
+
+    def seen(self) -> list[float]:
+        """How many scans the stage said each time that it had seen since it was built."""
+        return [r.values[0] for r in self.peer.records if isinstance(r, Residual)]
+
+    def refused(self, transition: str) -> bool:
+        """Whether a transition does not succeed."""
+        return not self.peer.change_state("toy", transition)
+
+
+@pytest.fixture
+def managed(domain: int) -> Iterator[Managed]:
+    """A toy that waits for its transitions."""
+    with Process(toy("-p", "autostart:=false"), domain) as process, Peer(domain) as peer:
+        for kind in (Health, AmbiguityGroup, Residual):
+            peer.bus.subscribe(kind, peer.records.append)
+        yield Managed(process, peer)
+
+
+def configured(managed: Managed) -> None:
+    assert managed.peer.change_state("toy", "configure")
+    peer = managed.peer
+    assert peer.bus.wait_for_subscribers(Scan)
+    peer.until(lambda: all(map(peer.node.count_publishers, ("residual", "ambiguity_group"))))
+
+
+def test_a_node_starts_itself_unless_it_is_told_not_to(domain: int) -> None:
+    with Process(toy(), domain), Peer(domain) as peer:
+        states = peer.bus.node_states(("toy",))
+        peer.until(lambda: states.of("toy") == "active", LIMIT_S)
+        assert peer.state("toy") == "active"
+    with Process(toy("-p", "autostart:=false"), domain), Peer(domain) as peer:
+        assert peer.state("toy") == "unconfigured"
+
+
+def test_states_and_transitions_are_those_of_ros(managed: Managed) -> None:
+    from lifecycle_msgs.srv import GetAvailableStates, GetAvailableTransitions
+
+    states = managed.peer.call(
+        GetAvailableStates, "/toy/get_available_states", GetAvailableStates.Request()
+    ).available_states
+    assert {s.id: s.label for s in states if s.id in PRIMARY} == PRIMARY
+    possible = managed.peer.call(
+        GetAvailableTransitions, "/toy/get_available_transitions", GetAvailableTransitions.Request()
+    ).available_transitions
+    assert {each.transition.label for each in possible} == {"configure", "shutdown"}
+
+
+def test_each_state_is_latched_and_on_diagnostics_and_an_event(managed: Managed) -> None:
+    from lifecycle_msgs.msg import TransitionEvent
+
+    events = []
+    managed.peer.node.create_subscription(
+        TransitionEvent, "/toy/transition_event", lambda e: events.append(e.goal_state.label), 10
+    )
+    managed.peer.until(lambda: managed.peer.node.count_publishers("/toy/transition_event") > 0)
+    configured(managed)
+    assert managed.peer.change_state("toy", "activate")
+    for state in ("unconfigured", "configuring", "inactive", "active"):
+        managed.peer.find(
+            lambda r, s=state: isinstance(r, Health) and dict(r.values).get("state") == s, LIMIT_S
+        )
+    late = managed.peer.bus.node_states(("toy",))  # joins when all has been said
+    managed.peer.until(lambda: late.of("toy") == "active", LIMIT_S)
+    managed.peer.until(lambda: events[-1:] == ["active"], LIMIT_S)
+    assert events == ["configuring", "inactive", "activating", "active"]
+
+
+def test_records_are_judged_only_while_the_node_is_active(managed: Managed) -> None:
+    peer = managed.peer
+    configured(managed)
+    managed.scan(9.0)
+    assert peer.acknowledged(Scan)
+    assert peer.change_state("toy", "activate")
+    managed.scan(9.0)
+    first = peer.find(lambda r: isinstance(r, AmbiguityGroup), LIMIT_S)
+    assert first.outcome.value == "ISOLATED"
+    peer.until(lambda: managed.seen() == [1.0], LIMIT_S)
+
+    assert peer.change_state("toy", "deactivate")
+    managed.process.wait_for("deactivated: no record is judged", LIMIT_S)
+    stale = peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.stale, LIMIT_S)
+    published = sum(isinstance(r, AmbiguityGroup) for r in peer.records)
+    reported = len(peer.records)
+    managed.scan(1.0)
+    peer.until(
+        lambda: sum(isinstance(r, Health) for r in peer.records[reported:]) >= 3, LIMIT_S
+    )  # 3 s: the verdict of an active node would have been repeated
+    assert sum(isinstance(r, AmbiguityGroup) for r in peer.records) == published
+    assert [member.fault for member in stale.members] == ["jam"]
+    assert managed.seen() == [1.0]
+
+    assert peer.change_state("toy", "activate")
+    managed.scan(9.0)
+    peer.until(lambda: managed.seen() == [1.0, 2.0], LIMIT_S)  # the same stage goes on
+
+
+def test_cleanup_drops_the_stage_and_configure_builds_one_of_the_present_parameters(
+    managed: Managed,
+) -> None:
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    peer = managed.peer
+    for _ in range(2):  # nothing of the first life is in the way of the second
+        configured(managed)
+        assert peer.change_state("toy", "activate")
+        managed.scan(9.0)
+        group = peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.members, LIMIT_S)
+        peer.until(lambda: managed.seen() == [1.0], LIMIT_S)
+        assert peer.change_state("toy", "deactivate")
+        assert peer.change_state("toy", "cleanup")
+        peer.until(lambda: peer.bus.subscribers(Scan) == 0, LIMIT_S)
+        peer.until(lambda: not peer.bus.matched(Scan), LIMIT_S)
+        parameter = Parameter("fault", value="spall").to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        assert peer.call(SetParameters, "/toy/set_parameters", request).results[0].successful
+        fault = group.members[0].fault
+        peer.records.clear()
+    assert fault == "spall"
+
+
+def test_what_is_not_possible_is_refused_in_words(managed: Managed) -> None:
+    assert managed.refused("activate")
+    words = "transition 'activate' refused in state unconfigured: possible are configure, shutdown"
+    managed.process.wait_for(words, LIMIT_S)
+    assert managed.refused("transition_success")
+    assert managed.refused("fly")
+    assert managed.peer.state("toy") == "unconfigured"
+
+
+def test_shutdown_ends_the_node_with_status_0(managed: Managed) -> None:
+    configured(managed)
+    assert managed.peer.change_state("toy", "activate")
+    assert managed.peer.change_state("toy", "shutdown")
+    assert managed.process.end() == 0
+    assert "Traceback" not in managed.process.output
+
+
+def test_a_configuration_that_fails_leaves_the_node_unconfigured(domain: int) -> None:
+    """Started by itself the node ends with the same line (``test_program``)."""
+    command = node("flea_diag.nodes.observer", "-p", "autostart:=false", "-p", "calibration:=none")
+    with Process(command, domain) as process, Peer(domain) as peer:
+        peer.until(lambda: peer.node.count_publishers("/observer/state") > 0, LIMIT_S)
+        assert not peer.change_state("observer", "configure")
+        process.wait_for("transition configure failed: none: no such configuration file", LIMIT_S)
+        assert peer.state("observer") == "unconfigured"
+        assert process.signal(signal.SIGINT) == 0
+
+
+def test_the_services_answer_while_the_node_compiles(domain: int) -> None:
+    with Process(toy("-p", "busy:=true"), domain) as process, Peer(domain) as peer:
+        process.wait_for("warming up", LIMIT_S)
+        assert peer.state("toy") == "configuring"
+        assert not peer.change_state("toy", "configure")
+        assert process.signal(signal.SIGTERM) == 0
+    assert "Traceback" not in process.output
