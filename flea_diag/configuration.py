@@ -161,13 +161,17 @@ def knowledge(
         The calibration belongs to another actuator than described.
     """
     name, rows, tables = _signatures(actuator, faults, calibration.channels, calibration.period_s)
+    _refuse_another(calibration, name, actuator)
+    table = load_features(features).of_vibration()
+    return Knowledge(calibration, calibration_sha256(calibration), rows, tables, table)
+
+
+def _refuse_another(calibration: Calibration, name: str, actuator: str) -> None:
     if name != calibration.actuator:
         raise CalibrationError(
             f"the calibration is for actuator {shown(calibration.actuator)}, {actuator} describes "
             f"{shown(name)}: choose the matching description, or calibrate this actuator"
         )
-    table = load_features(features).of_vibration()
-    return Knowledge(calibration, calibration_sha256(calibration), rows, tables, table)
 
 
 @lru_cache(maxsize=8)
@@ -270,15 +274,18 @@ class Component(Generic[P]):
         )
 
     def check(self, parameters: Any) -> None:
-        """Refuse parameters and files from which no stage can be built.
+        """Refuse files from which no stage can be built; quick, for it builds none.
 
         Raises
         ------
         FleaError
             Names the file or parameter, its value and the remedy.
         """
-        self.make(parameters)
-        file_texts(parameters)
+        calibration = load_calibration(parameters.calibration)
+        described = read_actuator(load_yaml(parameters.actuator), parameters.actuator)
+        _refuse_another(calibration, described.name, parameters.actuator)
+        catalogue(load_yaml(parameters.faults), described, parameters.faults)
+        load_features(parameters.features)
 
     def warm_up(self, parameters: Any, begun: Callable[[str], None] = _unheard) -> None:
         """Run scans and features through a throw-away stage, to compile and load its code.

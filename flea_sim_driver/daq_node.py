@@ -34,11 +34,13 @@ PHASE = 0.3
 GRACE_S = 0.3
 HEALTH_S = 1.0
 SUBSCRIBERS_S = 10.0
+ACKNOWLEDGED_S = 2.0
+"""Longest wait for readers to acknowledge the channel table; one of them may be dying."""
 LATE_S = 0.05
 JITTER_SCANS = 6000
 """Scans over which the jitter is reported: one minute in real time."""
-STREAMS = (ChannelTable, VibrationBlock, Scan)
-PUBLISHES = (ChannelTable, Truth, VibrationBlock, Scan, Health)
+STREAMS = (VibrationBlock, Scan, ChannelTable)
+PUBLISHES = (*STREAMS, Truth, Health)
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,7 @@ class Daq:
         self._due: deque[Record] = deque()
         self._published: dict[type, int] = dict.fromkeys(PUBLISHES, 0)
         self._begin: float | None = None
+        self._opened_at = 0.0
         self._paused_at: float | None = None
         self._worst_late_s = 0.0
         self._left_s: deque[float] = deque(maxlen=JITTER_SCANS)
@@ -164,17 +167,35 @@ class Daq:
         )
         return True
 
-    def _start(self, now: float) -> None:
-        """Begin the run; timers take a while to start, so it begins with the first that is due."""
+    def _begun(self, now: float) -> bool:
+        """Whether the run has begun: with the first timer that finds everybody ready.
+
+        The channel table goes out first. Who has acknowledged it will get the first scan too, as
+        the writers of the streams were announced before.
+        """
+        if not self._due:
+            if not self._awaited():
+                return False
+            self._open()
+            self._opened_at = now
+        if not self._bus.acknowledged(ChannelTable) and now < self._opened_at + ACKNOWLEDGED_S:
+            return False
+        self._begin = now - PHASE * self._tick_s
+        self._inject(self._parameters)
+        return True
+
+    def _open(self) -> None:
+        """A stand that begins now; what precedes its first scan is published."""
         from flea_sim_driver.stand import Stand
 
         # The DAQ stamps by its own clock; a stand that is itself the clock keeps its epoch.
         start = None if self._parameters.publish_clock else time.time_ns()
         self._stand = Stand(self._scenario, start)
-        self._begin = now - PHASE * self._tick_s
         run = self._scenario.run
         self._bus.info(f"{run.name}: {run.duration_s:g} s, seed {run.seed}")
-        self._inject(self._parameters)
+        self._due.extend(sorted(self._stand.advance(), key=self._offset_ns))
+        while isinstance(self._due[0], ChannelTable | Truth):
+            self._send(self._due.popleft(), 0)
 
     def _pause(self) -> None:
         self._paused_at = time.monotonic()
@@ -208,10 +229,8 @@ class Daq:
     def _tick(self) -> None:
         """Publish all records that are due; compute the next block half a block ahead."""
         now = time.monotonic()
-        if self._begin is None:
-            if not self._awaited():
-                return
-            self._start(now)
+        if self._begin is None and not self._begun(now):
+            return
         assert self._begin is not None
         elapsed_ns = int((now - self._begin) * self._parameters.rate * 1e9)
         while self._due and self._offset_ns(self._due[0]) <= elapsed_ns:

@@ -5,16 +5,17 @@ node refuses, its executable says itself (``--check``).
 """
 
 import json
+import math
 import os
 import subprocess
 
 from ament_index_python.packages import get_package_prefix
 from launch.actions import DeclareLaunchArgument, Shutdown
-from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 
 PACKAGE = "flea_diag"
+ARGUMENT_OF = {"directory": "bag"}
+"""Parameter of a node -> launch argument, where the names differ."""
 TRUTHS = {"true": True, "1": True, "false": False, "0": False}
 
 
@@ -43,9 +44,12 @@ def _value(name, kind, text):
         return TRUTHS[text.lower()]
     if kind is float:
         try:
-            return float(text)
+            number = float(text)
         except ValueError:
-            raise RuntimeError(f"{name}:={text} is not a number, write for example 5.0") from None
+            number = math.nan
+        if not math.isfinite(number):
+            raise RuntimeError(f"{name}:={text} is not a finite number, write for example 5.0")
+        return number
     return text
 
 
@@ -61,17 +65,17 @@ class Nodes:
         self._rows = []
 
     def add(self, executable, parameters, needed=True):
-        """Note a node; parameters are plain values, or launch arguments by name (``Argument``)."""
+        """Note a node with its parameters."""
         self._rows.append((executable, parameters, needed))
 
     def actions(self):
         """Check all nodes at once; the actions that start them."""
         checks = [(name, _check(name, parameters)) for name, parameters, _ in self._rows]
-        said = [(name, check, check.communicate()[1]) for name, check in checks]
-        for name, check, text in said:
+        said = [check.communicate()[1].strip() for _, check in checks]
+        for (name, check), text, (_, parameters, _) in zip(checks, said, self._rows, strict=True):
             if check.returncode:
-                lines = text.strip().splitlines() or [f"{name} cannot be checked"]
-                raise RuntimeError(lines[-1].removeprefix("flea_diag: "))
+                line = text.splitlines()[-1] if text else f"{name} cannot be checked"
+                raise RuntimeError(_named(line.removeprefix("flea_diag: "), parameters))
         return [self._node(*row) for row in self._rows]
 
     def _node(self, executable, parameters, needed):
@@ -79,15 +83,10 @@ class Nodes:
             package=PACKAGE,
             executable=executable,
             namespace=self._namespace,
-            parameters=[{name: _parameter(value) for name, value in parameters.items()}],
+            parameters=[parameters] if parameters else [],
             output="screen",
             on_exit=_on_exit(executable, needed),
         )
-
-
-def _parameter(value):
-    # Plain text would be read as YAML: "5" as a number.
-    return ParameterValue(value, value_type=type(value))
 
 
 def _check(executable, parameters):
@@ -97,6 +96,16 @@ def _check(executable, parameters):
              for part in ("-p", f"{name}:={json.dumps(value)}")]  # fmt: skip
     command = [path, "--check", "--ros-args", *given]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+
+def _named(line, parameters):
+    """What a node says of one of its values, with the launch argument in front."""
+    texts = {name: value for name, value in parameters.items() if isinstance(value, str) and value}
+    quoted = [name for name, value in texts.items() if f"'{value}'" in line]
+    leading = [name for name, value in texts.items() if line.startswith(value)]
+    for name in (quoted or leading)[:1]:
+        return f"{ARGUMENT_OF.get(name, name)}:={texts[name]}: {line}"
+    return line
 
 
 def _on_exit(executable, needed):

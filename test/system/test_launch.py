@@ -1,123 +1,192 @@
-"""The launch files: `launch` is not on PyPI, so this is what can be held without it.
+"""The launch files, run with real nodes by a stand-in for ``ros2 launch``, which is not on PyPI.
 
-They are executed against stand-ins that keep what they are given (no behaviour is copied), and
-held against our own programs: executables, parameters and topics must exist. Where the real
-`launch` and `launch_ros` are installed, the descriptions are built with those as well.
+What the stand-in does is said in ``support/programs/launch_stand_in.py``. Where the real `launch`
+and `launch_ros` are installed, the descriptions are built with those as well.
 """
 
 from __future__ import annotations
 
 import ast
+import os
 import runpy
+import signal
 import sys
-from types import ModuleType
+from pathlib import Path
 from typing import Any
 
 import pytest
-from support.live import ROOT
+from support.decisions import BAGS
+from support.live import ROOT, Peer, Process, children
+from support.prefix import launched, source_prefix
 
 from flea_diag.wire.parameters import descriptors
-from flea_diag.wire.topics import TOPIC_NAMED
+from flea_diag.wire.records import AmbiguityGroup, Outcome
 
 FILES = ("stand.launch.py", "replay.launch.py")
-
-
-class Kept:
-    """What a launch file made: its class by name and everything it was given."""
-
-    def __init__(self, kind: str, args: tuple[Any, ...], given: dict[str, Any]) -> None:
-        self.kind, self.args, self.given = kind, args, given
-
-
-class StandIn(ModuleType):
-    """A module that has every class, each of which makes a ``Kept``."""
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return lambda *args, **given: Kept(name, args, given)
+ALLOWED = {"launch", "launch_ros", "ament_index_python"}
+LIMIT_S = 120.0
 
 
 @pytest.fixture
-def without_launch(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (
-        "launch", "launch.actions", "launch.conditions", "launch.substitutions",
-        "launch_ros", "launch_ros.actions", "launch_ros.parameter_descriptions",
-    ):  # fmt: skip
-        monkeypatch.setitem(sys.modules, module, StandIn(module))
+def prefix(tmp_path: Path) -> str:
+    return source_prefix(tmp_path / "prefix")
 
 
-def entries(name: str) -> list[Kept]:
-    made = runpy.run_path(str(ROOT / "launch" / name))["generate_launch_description"]()
-    assert made.kind == "LaunchDescription"
-    return list(made.args[0])
+def executables(pid: int) -> dict[str, int]:
+    """Nodes that a launch has started: name -> process id."""
+    found = {}
+    for child in children(pid):
+        words = Path(f"/proc/{child}/cmdline").read_bytes().decode().split("\0")
+        if "flea_diag.nodes.main" in words:
+            found[words[words.index("flea_diag.nodes.main") + 1]] = child
+    return found
 
 
-def imported_names(name: str) -> set[tuple[str, str]]:
-    tree = ast.parse((ROOT / "launch" / name).read_text(encoding="utf-8"))
-    return {
-        (node.module or "", alias.name)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
+def gone(pid: int) -> bool:
+    return not Path(f"/proc/{pid}").exists()
+
+
+# --- arguments ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("file", "arguments", "words"),
+    [
+        ("stand.launch.py", ["fault:=foo"], ["fault:=foo", "unknown fault", "jam"]),
+        ("stand.launch.py", ["scenario:=nosuch"], ["scenario:=nosuch", "neither", "nominal"]),
+        ("stand.launch.py", ["calibration:=no.yaml"], ["calibration:=no.yaml", "no such"]),
+        ("stand.launch.py", ["duration_s:=abc"], ["duration_s:=abc", "not a finite number"]),
+        ("stand.launch.py", ["duration_s:=nan"], ["duration_s:=nan", "not a finite number"]),
+        ("stand.launch.py", ["duration_s:=-1"], ["duration_s = -1.0 s", "below its limit"]),
+        ("stand.launch.py", ["record:=maybe"], ["record:=maybe", "true or false"]),
+        ("stand.launch.py", ["bag:={here}"], ["bag:={here}", "exists", "name a new bag"]),
+        ("replay.launch.py", [], ["missing required argument 'bag'"]),
+        ("replay.launch.py", ["bag:=nobag"], ["bag:=nobag", "does not exist"]),
+        ("replay.launch.py", ["bag:={jam}", "rate:=0"], ["rate = 0.0", "below its limit"]),
+    ],
+)
+def test_a_bad_argument_is_one_line_and_nothing_is_started(
+    domain: int, prefix: str, tmp_path: Path, file: str, arguments: list[str], words: list[str]
+) -> None:
+    places = {"here": str(tmp_path), "jam": str(BAGS / "jam")}
+    given = [each.format(**places) for each in arguments]
+    with Process(launched(file, *given), domain, AMENT_PREFIX_PATH=prefix) as process:
+        assert process.end() == 1
+    lines = process.output.splitlines()
+    assert len(lines) == 1, process.output
+    for word in words:
+        assert word.format(**places) in lines[0]
+    assert "process started" not in process.output
+
+
+# --- life and end -------------------------------------------------------------------------
+
+
+def test_the_stand_ends_by_itself_with_the_right_verdict(
+    domain: int, prefix: str, tmp_path: Path
+) -> None:
+    command = launched(
+        "stand.launch.py", "fault:=motor_current_bias", "fault_onset_s:=4", "duration_s:=12",
+        f"bag:={tmp_path / 'bag'}",
+    )  # fmt: skip
+    with (
+        Process(command, domain, AMENT_PREFIX_PATH=prefix) as process,
+        Peer(domain) as peer,
+    ):
+        peer.bus.subscribe(AmbiguityGroup, peer.records.append)
+        process.wait_for("process started", LIMIT_S)
+        last = peer.find(lambda r: r.stale, LIMIT_S)
+        started = executables(process.child.pid)
+        assert process.end() == 0, process.output
+    assert {"diagnoser", "recorder", "console"} <= set(started)
+    assert all(map(gone, started.values()))
+    assert "motor_current_bias" in [member.fault for member in last.members]
+    assert last.outcome in (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE, Outcome.DETECTED)
+    assert (tmp_path / "bag" / "metadata.yaml").is_file()
+
+
+def test_a_replay_with_separate_nodes_ends_by_itself(domain: int, prefix: str) -> None:
+    command = launched(
+        "replay.launch.py", f"bag:={BAGS / 'jam'}", "rate:=2.0", "composed:=false", "console:=false"
+    )
+    with Process(command, domain, AMENT_PREFIX_PATH=prefix) as process:
+        assert process.end() == 0, process.output
+    assert "ISOLATED: the fault is jam" in process.output
+    assert "records played" in process.output
+
+
+def test_a_node_that_fails_ends_the_launch_with_status_1(domain: int, prefix: str) -> None:
+    command = launched("stand.launch.py", "record:=false")
+    with Process(command, domain, AMENT_PREFIX_PATH=prefix) as process:
+        process.wait_for("NOMINAL", LIMIT_S)
+        started = executables(process.child.pid)
+        os.kill(started["diagnoser"], signal.SIGKILL)
+        assert process.end() == 1
+    assert "diagnoser ended with status -9" in process.output
+    assert set(started) == {"diagnoser", "console", "daq"}
+    assert all(map(gone, started.values()))
+
+
+def test_ctrl_c_ends_all_nodes_with_status_0(domain: int, prefix: str) -> None:
+    command = launched("stand.launch.py", "record:=false", "namespace:=stand_2")
+    with Process(command, domain, AMENT_PREFIX_PATH=prefix) as process:
+        process.wait_for("listening to /stand_2/sensors/channels", LIMIT_S)
+        started = executables(process.child.pid)
+        assert process.signal(signal.SIGINT) == 0
+    assert all(map(gone, started.values()))
+    for word in ("Traceback", "escalating", "rosout", "ended with code -"):
+        assert word not in process.output
+
+
+# --- what is in the files -----------------------------------------------------------------
+
+
+@pytest.fixture
+def stood_in(monkeypatch: pytest.MonkeyPatch, prefix: str) -> Any:
+    """The stand-in's modules in place of launch."""
+    program = runpy.run_path(str(ROOT / "test/support/programs/launch_stand_in.py"))
+    for name, module in program["stand_in_modules"]().items():
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", prefix)
+    return program
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_every_node_is_an_executable_of_ours(without_launch: None, name: str) -> None:
-    nodes = [entry.given for entry in entries(name) if entry.kind == "Node"]
-    assert nodes
-    for given in nodes:
-        assert given["package"] == "flea_diag"
-        assert (ROOT / "launcher" / given["executable"]).is_file()
-
-
-def test_the_parameters_given_exist(without_launch: None) -> None:
-    from flea_diag import configuration
-    from flea_diag.nodes.recording.recorder import RecorderParameters
-    from flea_sim_driver.daq_node import DaqParameters
-
-    stages = ("observer", "isolator", "extractor", "diagnoser")
-    known = {
-        **{
-            name: {
-                entry.name for entry in descriptors(getattr(configuration, name.upper()).parameters)
-            }
-            for name in stages
-        },
-        "daq": {entry.name for entry in descriptors(DaqParameters)},
-        "recorder": {entry.name for entry in descriptors(RecorderParameters)},
+def test_every_argument_is_explained_and_used(stood_in: Any, name: str) -> None:
+    described = stood_in["description_of"](ROOT / "launch" / name)
+    declared = [each for each in described.entities if hasattr(each, "default_value")]
+    arguments = runpy.run_path(str(ROOT / "launch" / name))["ARGUMENTS"]
+    assert [each.name for each in declared] == [row[0] for row in arguments]
+    assert all(each.description for each in declared)
+    words = {
+        node.value
+        for node in ast.walk(ast.parse((ROOT / "launch" / name).read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
     }
-    given = {
-        entry.given["executable"]: set().union(*entry.given["parameters"])
-        for entry in entries("stand.launch.py")
-        if entry.kind == "Node" and entry.given["parameters"]
-    }
-    assert set(given) == set(known)
-    for executable, names in given.items():
-        assert names <= known[executable]
+    assert {row[0] for row in arguments} <= words
 
 
+@pytest.mark.parametrize("composed", ["true", "false"])
 @pytest.mark.parametrize("name", FILES)
-def test_every_argument_used_is_declared_and_explained(without_launch: None, name: str) -> None:
-    declared = [entry for entry in entries(name) if entry.kind == "DeclareLaunchArgument"]
-    tree = ast.parse((ROOT / "launch" / name).read_text(encoding="utf-8"))
-    used = {
-        call.args[0].value
-        for call in ast.walk(tree)
-        if isinstance(call, ast.Call)
-        and getattr(call.func, "id", "") == "LaunchConfiguration"
-        and isinstance(call.args[0], ast.Constant)
-    }
-    names = {entry.args[0] for entry in declared}
-    assert used <= names
-    assert all(entry.given["description"] for entry in declared)
+def test_nodes_and_parameters_exist(stood_in: Any, name: str, composed: str) -> None:
+    from importlib import import_module
 
+    from flea_diag.nodes.executables import EXECUTABLES
 
-def test_a_replay_plays_only_what_a_stand_sends(without_launch: None) -> None:
-    sources = runpy.run_path(str(ROOT / "launch" / "replay.launch.py"))["SOURCES"]
-    assert set(sources) <= set(TOPIC_NAMED)
-    assert "ambiguity_group" not in sources
+    described = stood_in["description_of"](ROOT / "launch" / name)
+    context = stood_in["Context"]()
+    for each in described.entities[:-1]:
+        context.launch_configurations[each.name] = each.default_value or ""
+    context.launch_configurations["composed"] = composed
+    context.launch_configurations["bag"] = str(BAGS / "jam") if "replay" in name else ""
+    nodes = described.entities[-1].function(context)
+    assert len(nodes) >= 3
+    for node in nodes:
+        assert node.package == "flea_diag"
+        known = import_module(EXECUTABLES[node.executable]).program().parameters
+        names = {entry.name for entry in descriptors(known)} | {"use_sim_time"}
+        for parameters in node.parameters:
+            assert set(parameters) <= names
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -127,6 +196,13 @@ def test_the_description_is_built_by_the_real_launch(name: str) -> None:
     assert made.entities
 
 
-def test_nothing_but_launch_is_imported() -> None:
-    modules = {module.split(".")[0] for name in FILES for module, _ in imported_names(name)}
-    assert modules == {"launch", "launch_ros"}
+def test_nothing_but_launch_and_the_standard_library_is_imported() -> None:
+    """A launch file may run in a Python that does not have our package."""
+    modules = set()
+    for path in (ROOT / "launch").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                modules.add((node.module or "").split(".")[0])
+            elif isinstance(node, ast.Import):
+                modules |= {alias.name.split(".")[0] for alias in node.names}
+    assert modules - set(sys.stdlib_module_names) == ALLOWED

@@ -27,9 +27,12 @@ from flea_diag.wire.records import (
 TICK_S = 0.01
 """Period of publishing; also that of /clock."""
 HEALTH_S = 1.0
+ACKNOWLEDGED_S = 2.0
+"""Longest wait for readers to acknowledge the channel table; one of them may be dying."""
 MOST_AT_ONCE_NS = 200_000_000
 """Span of the bag published at once, whatever the speed: more would overrun the queues."""
-STREAMS = (ChannelTable, VibrationBlock, Scan)
+STREAMS = (VibrationBlock, Scan, ChannelTable)
+"""In this order: who knows the writer of the channel table knows those of the streams."""
 SOURCES = (*STREAMS, Truth)
 """What a stand sends. Recorded verdicts would interfere with the new ones."""
 
@@ -75,7 +78,7 @@ class Player:
         self._published_ns = 0
         self._paused_s: float | None = None
         self._played = 0
-        self._ended = False
+        self._ended = self._greeted = False
         bus.advertise(*SOURCES, Health)
         self._consumers = Consumers(bus, named(parameters.wait_for), parameters.wait_s, STREAMS)
         bus.on("deactivate", self._pause)
@@ -90,17 +93,29 @@ class Player:
                 self._bus.end()
             return
         if self._first_ns is None:
-            if not self._consumers.ready():
-                return
-            self._begin()
+            if self._consumers.ready():
+                self._begin()
+            return
+        if not self._acknowledged():
+            return
         now_ns = self._due_ns()
         self._bus.publish_clock(now_ns)
         while self._next is not None and self._next[0] <= now_ns:
-            self._bus.publish(self._next[1])
-            self._played += 1
-            self._next = next(self._records, None)
+            self._publish()
         if self._next is None:
             self._end()
+
+    def _acknowledged(self) -> bool:
+        """Whether all readers have what precedes the first scan; until then time stands still.
+
+        A reader that has acknowledged the channel table will get the first scan too.
+        """
+        if self._greeted:
+            return True
+        waited_s = time.monotonic() - self._begin_s
+        self._greeted = self._bus.acknowledged(ChannelTable) or waited_s > ACKNOWLEDGED_S
+        self._begin_s = time.monotonic() if self._greeted else self._begin_s
+        return self._greeted
 
     def _begin(self) -> None:
         self._records = self._reader.records(SOURCES, self._namespace())
@@ -109,8 +124,17 @@ class Player:
             raise RecordingError(f"{self._reader.path} contains no record of a stand")
         self._first_ns, self._begin_s = self._next[0], time.monotonic()
         self._published_ns = self._first_ns
+        while self._next is not None and isinstance(self._next[1], ChannelTable | Truth):
+            self._publish()
         rate = self._parameters.rate
         self._bus.info(f"playing {self._reader.path} at {rate:g} times the recorded speed")
+
+    def _publish(self) -> None:
+        """Publish the next record."""
+        assert self._next is not None
+        self._bus.publish(self._next[1])
+        self._played += 1
+        self._next = next(self._records, None)
 
     def _namespace(self) -> str | None:
         """That of this node if the bag has it; else that of the bag, if it has but one."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from flea_diag.errors import FleaError, InputError, WireError
+from flea_diag.wire.bus.context_end import unless_ended
 from flea_diag.wire.bus.declared import Declared
 from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
 from flea_diag.wire.bus.node_log import NodeLog
@@ -139,7 +140,8 @@ class Bus(NodeLog, Generic[P]):
         """Publish bytes written by the codec; nothing but health while the node is inactive."""
         self.advertise(record_type)
         if self.ok and (record_type is Health or self.state not in SILENT):
-            self._publishers[record_type].publish(data)
+            with unless_ended(self._node.context):
+                self._publishers[record_type].publish(data)
 
     def publish_clock(self, stamp_ns: int) -> None:
         """Publish /clock, for nodes that use simulated time."""
@@ -150,7 +152,8 @@ class Bus(NodeLog, Generic[P]):
         message = Clock()
         message.clock.sec, message.clock.nanosec = divmod(stamp_ns, 1_000_000_000)
         if self.ok:
-            self._clock.publish(message)
+            with unless_ended(self._node.context):
+                self._clock.publish(message)
 
     def _create_publisher(self, record_type: type) -> Any:
         topic = TOPIC_OF[record_type]
@@ -267,6 +270,16 @@ class Bus(NodeLog, Generic[P]):
     def connected(self, record_type: type) -> bool:
         """Whether every subscription found in the graph is connected to this node's publisher."""
         return self.matched(record_type) >= self.subscribers(record_type)
+
+    def acknowledged(self, record_type: type) -> bool:
+        """Whether every connected reader has what was published; each of them knows this writer.
+
+        A writer may find a reader before the reader finds the writer, and what is published in
+        between is lost.
+        """
+        from rclpy.duration import Duration
+
+        return bool(self._publishers[record_type].wait_for_all_acked(Duration(nanoseconds=0)))
 
     def wait_for_subscribers(
         self, *record_types: type, count: int = 1, timeout_s: float = 10.0

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flea_diag.errors import ConfigurationError, FleaError, line_of, visible
+from flea_diag.wire.bus.context_end import shutdown_errors
 from flea_diag.wire.bus.declared import Common, Declared
 from flea_diag.wire.bus.endpoint import Bus
 from flea_diag.wire.bus.managed import Managed
@@ -187,7 +188,7 @@ def _run(program: Program, arguments: list[str]) -> int:
             raise finished.result()
     except ExternalShutdownException:
         pass
-    except _shutdown_errors():
+    except shutdown_errors():
         if rclpy.ok():
             raise
     finally:
@@ -253,7 +254,7 @@ def _serve_behind(screen: Foreground, executor: Any, finished: Any) -> None:
 def _ended_errors() -> tuple[type[Exception], ...]:
     from rclpy.executors import ExternalShutdownException
 
-    return (ExternalShutdownException, *_shutdown_errors())
+    return (ExternalShutdownException, *shutdown_errors())
 
 
 def _init(rclpy: Any, arguments: list[str]) -> None:
@@ -272,14 +273,6 @@ def _node(name: str) -> Any:
         return LifecycleNode(name, automatically_declare_parameters_from_overrides=True)
     except ValueError as error:
         raise ConfigurationError(f"node {name}: a parameter has no value: {error}") from None
-
-
-def _shutdown_errors() -> tuple[type[Exception], ...]:
-    """Errors that rclpy raises when its context ends during a call."""
-    from rclpy.exceptions import NotInitializedException
-    from rclpy.impl.implementation_singleton import rclpy_implementation as c
-
-    return (NotInitializedException, c.InvalidHandle, c.RCLError)
 
 
 def make_executor(kind: str = "events") -> Any:
