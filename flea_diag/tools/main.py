@@ -23,6 +23,7 @@ MODULES = (
     "stand.simulate",
     "stand.scenarios",
     "stand.realism",
+    "stand.warm_up",
     "features.features",
     "recordings.importer",
     "replay.replay",

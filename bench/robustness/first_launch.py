@@ -1,0 +1,202 @@
+"""The first launch after an installation: nothing is compiled, and the machine is busy.
+
+Stand and replay in turn, each through its launch file with a compile cache of its own that is empty
+at first, beside processes that keep the cores busy. Right is: status 0, no orphan, no traceback;
+for the stand the true fault in a group of at most three; for a replay the digest of `flea replay`.
+``ros2 launch`` is not on PyPI: the stand-in of the tests runs the launch files.
+
+scripts/first_launch                     20 runs beside two busy processes
+scripts/first_launch --runs 2 --json -   two runs, result as JSON
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "test")]
+
+from support.decisions import BAGS, NAMES
+from support.live import Peer, Process, children
+from support.prefix import launched, source_prefix
+
+from flea_diag.nodes.run.domain import reserved_domain
+from flea_diag.nodes.run.run_summary import summarise
+from flea_diag.stages.digest import DECISIONS, digest
+from flea_diag.tools.main import main as flea
+from flea_diag.wire.bags.bag import read_bag
+from flea_diag.wire.records import AmbiguityGroup, Detection, Record, Scan, Truth
+
+FAULTS = ("jam", "motor_current_bias", "winding_short", "motor_temperature_bias", "nominal")
+ONSET_S, DURATION_S = 8.0, 30.0
+LIMIT_S = 600.0
+JUDGED = (Scan, Truth, Detection, AmbiguityGroup)
+
+
+@dataclass(frozen=True)
+class FirstLaunch:
+    """One launch; ``first_verdict_s`` and ``took_s`` count from its start."""
+
+    kind: str
+    what: str
+    status: int
+    first_verdict_s: float
+    took_s: float
+    load: float
+    faults: tuple[str, ...]
+
+    @property
+    def right(self) -> bool:
+        """Whether nothing is to be said against it."""
+        return not self.faults
+
+
+@contextmanager
+def busy(count: int) -> Iterator[None]:
+    """Processes that never wait."""
+    workers = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.wait()
+
+
+def launch(kind: str, what: str, expected: str, folder: Path) -> FirstLaunch:
+    """Launch once, wait for the end, and judge."""
+    bag = folder / "bag"
+    arguments = {
+        "stand": [*_fault(what), f"duration_s:={DURATION_S}", f"bag:={bag}"],
+        "replay": [f"bag:={BAGS / what}"],
+    }[kind]
+    more = {
+        "AMENT_PREFIX_PATH": source_prefix(folder / "prefix"),
+        "NUMBA_CACHE_DIR": str(folder / "cache"),
+        "XDG_STATE_HOME": str(folder / "state"),
+        "ROS_LOG_DIR": str(folder / "log"),
+    }
+    heard: list[Record] = []
+    began_s = time.monotonic()
+    verdict_s = float("nan")
+    with reserved_domain() as domain, Peer(domain) as peer:
+        for record_type in DECISIONS:
+            peer.bus.subscribe(record_type, heard.append)
+        with Process(launched(f"{kind}.launch.py", *arguments), domain, **more) as process:
+            if peer.bus.wait_until(lambda: _ended(process) or _verdict(heard), LIMIT_S):
+                verdict_s = time.monotonic() - began_s
+            started: set[int] = set()
+            while not peer.bus.wait_until(lambda: _ended(process), 1.0):
+                started |= set(children(process.child.pid))
+                if time.monotonic() - began_s > LIMIT_S:
+                    process.child.kill()
+            status = process.end()
+            orphans = [pid for pid in started if Path(f"/proc/{pid}").exists()]
+    faults = [f"status {status}"] if status else []
+    faults += [f"{len(orphans)} orphans"] if orphans else []
+    faults += ["traceback"] if "Traceback" in process.output else []
+    faults += _judged(bag) if kind == "stand" else _differs(heard, expected)
+    if faults:
+        (folder.parent / f"{folder.name}.log").write_text(process.output, encoding="utf-8")
+    took_s, load = time.monotonic() - began_s, os.getloadavg()[0]
+    return FirstLaunch(kind, what, status, verdict_s, took_s, load, tuple(faults))
+
+
+def _fault(name: str) -> list[str]:
+    return [] if name == "nominal" else [f"fault:={name}", f"fault_onset_s:={ONSET_S}"]
+
+
+def _ended(process: Process) -> bool:
+    process.read()  # a full pipe would stop it
+    return process.child.poll() is not None
+
+
+def _verdict(heard: list[Record]) -> bool:
+    return any(isinstance(record, AmbiguityGroup) for record in heard)
+
+
+def _judged(bag: Path) -> list[str]:
+    """What `scripts/run` says against the recorded run."""
+    if not bag.is_dir():
+        return ["no bag"]
+    return list(summarise(record for _, record in read_bag(bag, JUDGED)).failures)
+
+
+def _differs(heard: list[Record], expected: str) -> list[str]:
+    return (
+        [] if digest(heard) == expected else [f"digest {digest(heard)[:12]}, not {expected[:12]}"]
+    )
+
+
+def digests(folder: Path) -> dict[str, str]:
+    """Digest of `flea replay` of each bag that comes with the source."""
+    bags = [str(BAGS / name) for name in NAMES]
+    flea(["replay", *bags, "-q", "--json", f"{folder}/"])
+    return {
+        name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))["digest"]
+        for name in NAMES
+    }
+
+
+def main() -> int:
+    """Run and print; exit status 1 where one was not right."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=20)
+    parser.add_argument("--busy", type=int, default=2, help="busy processes beside (2)")
+    parser.add_argument("--until", metavar="HH:MM", help="begin no run after this time of the day")
+    parser.add_argument("--json", metavar="FILE", help="result as JSON; - for standard output")
+    given = parser.parse_args()
+    launches: list[FirstLaunch] = []
+    with tempfile.TemporaryDirectory() as name:
+        expected = digests(Path(name))
+        with busy(given.busy):
+            for number in range(given.runs):
+                if given.until and time.strftime("%H:%M") >= given.until:
+                    break
+                kind, names = (("stand", FAULTS), ("replay", NAMES))[number % 2]
+                what = names[number // 2 % len(names)]
+                folder = Path(name) / str(number)
+                folder.mkdir()
+                launches.append(launch(kind, what, expected.get(what, ""), folder))
+                _print(launches[-1], folder)
+    _report(launches, given.json)
+    return 0 if launches and all(one.right for one in launches) else 1
+
+
+def _print(one: FirstLaunch, folder: Path) -> None:
+    said = "right" if one.right else ", ".join(one.faults)
+    print(
+        f"{one.kind:6} {one.what:24} first verdict {one.first_verdict_s:6.1f} s, "
+        f"ended {one.took_s:6.1f} s, load {one.load:4.1f}: {said}",
+        file=sys.stderr,
+        flush=True,
+    )
+    log = folder.parent / f"{folder.name}.log"
+    if log.exists():
+        print(log.read_text(encoding="utf-8"), file=sys.stderr)
+
+
+def _report(launches: list[FirstLaunch], target: str | None) -> None:
+    right = sum(one.right for one in launches)
+    print(f"{right} of {len(launches)} launches right", file=sys.stderr)
+    if target:
+        rows = [asdict(one) for one in launches]
+        text = json.dumps({"right": right, "runs": len(rows), "launches": rows}, indent=1) + "\n"
+        if target == "-":
+            sys.stdout.write(text)
+        else:
+            Path(target).write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,123 @@
+"""``flea warm-up``: compiles ahead what nodes and replays need.
+
+numba keeps compiled code on disk and takes it from there only if source file (time of its last
+change, size), numba and processor are the same: it is made where it is used, after installation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+from flea_diag.tools.terminal import IN_PART, say, warn, write_json
+
+NAME = "warm-up"
+SUMMARY = "compile ahead what nodes and replays need: the first start is then as quick as any other"
+EXAMPLES = """\
+examples:
+  flea warm-up                 as the last step of an installation, or of an image
+  flea warm-up --check         status 1 if anything still had to be compiled
+  flea warm-up --json -        what was compiled, and how long it took
+"""
+
+
+BLOCK_SCANS = 1024
+"""As many as a replay reads at once; more than the longest window, which has code of its own."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One part of the software: what was compiled for it, and how long that took."""
+
+    part: str
+    compiled: tuple[str, ...]
+    seconds: float
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``flea warm-up``."""
+    parser.add_argument(
+        "--check", action="store_true", help="end with status 1 if anything had to be compiled"
+    )
+    parser.add_argument("--json", metavar="FILE", help="write the result as JSON; - for stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compile part by part; return 0, or 1 with ``--check`` where something was not yet."""
+    if find_spec("numba") is None:
+        warn("numba is not installed: there is nothing to compile")
+    quiet = arguments.json == "-"
+    steps = [_done(part, work, quiet) for part, work in PARTS.items()]
+    names = [name for step in steps for name in step.compiled]
+    if arguments.json:
+        rows = [{"part": s.part, "compiled": list(s.compiled), "seconds": s.seconds} for s in steps]
+        write_json(arguments.json, {"compiled": len(names), "parts": rows})
+    if arguments.check and names:
+        warn(
+            f"{len(names)} functions were not on disk, among them {names[0]}: run flea warm-up as "
+            "this user, or name a writable folder in NUMBA_CACHE_DIR"
+        )
+        return IN_PART
+    return 0
+
+
+def _done(part: str, work: Callable[[], None], quiet: bool) -> Step:
+    from flea_diag.core.backend import compiling
+
+    names: list[str] = []
+
+    def begun(name: str) -> None:
+        names.append(name)
+        if not quiet:
+            say(f"{part}: compiling {name} ({len(names)})")
+
+    begin_s = time.monotonic()
+    with compiling(begun):
+        work()
+    step = Step(part, tuple(names), round(time.monotonic() - begin_s, 1))
+    if not quiet:
+        say(f"{part}: ready after {step.seconds:.1f} s, {len(names)} functions compiled")
+    return step
+
+
+def _diagnosis() -> None:
+    from flea_diag.configuration import DIAGNOSER
+
+    DIAGNOSER.warm_up(DIAGNOSER.parameters())
+
+
+def _stand() -> None:
+    from flea_sim_driver.scenario.library import find_scenario
+    from flea_sim_driver.stand import Stand
+
+    Stand(find_scenario("nominal")).advance()
+
+
+def _replay() -> None:
+    """Scans of the simulated stand in a block, as a replay reads them from a bag."""
+    import numpy as np
+
+    from flea_diag.configuration import make_pipeline
+    from flea_diag.wire.blocks import ScanBlock
+    from flea_diag.wire.records import Scan
+    from flea_sim_driver.scenario.library import find_scenario
+    from flea_sim_driver.stand import Stand
+
+    stand = Stand(find_scenario("nominal"))
+    scans: list[Scan] = []
+    while len(scans) < BLOCK_SCANS:
+        scans += [record for record in stand.advance() if isinstance(record, Scan)]
+    stamps_ns = np.array([scan.stamp_ns for scan in scans])
+    values = np.array([scan.values for scan in scans])
+    make_pipeline(None).handle_block(ScanBlock(stamps_ns, scans[0].channels, values))
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    "diagnosis": _diagnosis,
+    "simulated stand": _stand,
+    "replay": _replay,
+}
+"""Part -> what makes numba compile all of its functions."""
