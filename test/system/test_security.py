@@ -79,13 +79,25 @@ def profiles() -> dict[str, ET.Element]:
     return {each.attrib["node"]: each for each in root.iter("profile")}
 
 
+OF_ALL = {"~/state", "~/transition_event"}
+"""Topics that each node publishes as a managed one."""
+WAITED_FOR = {
+    f"{name}/state" for name in ("diagnoser", "observer", "isolator", "extractor", "recorder")
+}
+SOURCES = ("daq", "player")
+LIFE_CYCLE = (
+    "change_state", "get_state", "get_available_states", "get_available_transitions",
+    "get_transition_graph",
+)  # fmt: skip
+
+
 def named(profile: ET.Element, kind: str) -> set[str]:
     """Topics that a profile may publish or subscribe."""
     return {t.text or "" for rule in profile.findall(f"topics[@{kind}]") for t in rule}
 
 
 def test_every_node_has_a_policy_and_every_topic_in_it_is_ours() -> None:
-    known = {topic.name for topic in TOPICS}
+    known = {topic.name for topic in TOPICS} | OF_ALL | WAITED_FOR
     standard = {"/parameter_events", "/rosout", "/clock"}
     assert sorted(profiles()) == NODES
     for name, profile in profiles().items():
@@ -99,11 +111,21 @@ def test_the_policies_allow_what_each_node_declares_and_no_more() -> None:
         declared = import_module(EXECUTABLES[name]).program()
         topics = {topic.record: topic.name for topic in TOPICS}
         standard = {"/parameter_events", "/rosout", "/clock"}
-        assert named(profile, "publish") - standard == {topics[t] for t in declared.publishes}
-        assert named(profile, "subscribe") - standard == {topics[t] for t in declared.subscribes}
+        writes = {topics[t] for t in declared.publishes} | OF_ALL
+        reads = {topics[t] for t in declared.subscribes}
+        reads |= WAITED_FOR if name in SOURCES else set()
+        assert named(profile, "publish") - standard == writes
+        assert named(profile, "subscribe") - standard == reads
+
+
+def test_the_policies_allow_the_life_cycle_of_each_node() -> None:
+    wanted = {f"~/{name}" for name in LIFE_CYCLE}
+    for name, profile in profiles().items():
+        replies = {s.text or "" for rule in profile.findall("services[@reply]") for s in rule}
+        assert wanted <= replies, name
 
 
 def test_only_the_stand_says_what_the_sensors_read() -> None:
     for name, profile in profiles().items():
         writes = {topic for topic in named(profile, "publish") if topic.startswith("sensors/")}
-        assert bool(writes) == (name == "daq")
+        assert bool(writes) == (name in SOURCES)
