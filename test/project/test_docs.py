@@ -33,7 +33,7 @@ MADE_BY_BUILD = "reference/"
 
 WORDS = re.compile(r"`([^`\n]+)`")
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)")
-COMMAND = re.compile(r"`flea ([a-z]+)")
+COMMAND = re.compile(r"`flea ([a-z][a-z-]*)")
 
 
 def text_of(document: str) -> str:

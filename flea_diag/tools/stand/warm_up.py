@@ -29,7 +29,7 @@ BLOCK_SCANS = 1024
 
 
 @dataclass(frozen=True)
-class Step:
+class WarmUpPart:
     """One part of the software: what was compiled for it, and how long that took."""
 
     part: str
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _done(part: str, work: Callable[[], None], quiet: bool) -> Step:
+def _done(part: str, work: Callable[[], None], quiet: bool) -> WarmUpPart:
     from flea_diag.core.backend import compiling
 
     names: list[str] = []
@@ -77,7 +77,7 @@ def _done(part: str, work: Callable[[], None], quiet: bool) -> Step:
     begin_s = time.monotonic()
     with compiling(begun):
         work()
-    step = Step(part, tuple(names), round(time.monotonic() - begin_s, 1))
+    step = WarmUpPart(part, tuple(names), round(time.monotonic() - begin_s, 1))
     if not quiet:
         say(f"{part}: ready after {step.seconds:.1f} s, {len(names)} functions compiled")
     return step
