@@ -29,6 +29,7 @@ from flea_diag.wire.records import (
     FeatureRequest,
     FeatureValue,
     Health,
+    Hypotheses,
     Record,
     Residual,
     Scan,
@@ -44,6 +45,7 @@ JUDGEMENTS = (
     Symbols,
     FeatureRequest,
     FeatureValue,
+    Hypotheses,
     AmbiguityGroup,
 )
 
@@ -207,9 +209,15 @@ class Adapter:
                 self._memory.keep(record)
                 if AmbiguityGroup in self._stage.consumes:
                     self._said_once[AmbiguityGroup] = record
-            self._bus.publish(record)
+                self._publish_verdict(record)
+            else:
+                self._bus.publish(record)
             self._log.add(record)
             self._mirror(record)
+
+    def _publish_verdict(self, group: AmbiguityGroup) -> None:
+        for record in self._verdict.messages(group, self._bus.stand):
+            self._bus.publish(record)
 
     def _mirror(self, record: Record) -> None:
         """Publish a changed state on /diagnostics; it is repeated every second."""
@@ -291,7 +299,7 @@ class Adapter:
             self._publish(getattr(self._stage, "finish", tuple)())
         changed = self._verdict.source_silent(self._health.silent)
         if changed is not None:
-            self._bus.publish(changed)
+            self._publish_verdict(changed)
             if changed.stale:
                 self._bus.caution("the source has stopped: the last verdict is repeated as stale")
             self._mirror(changed)
@@ -299,7 +307,7 @@ class Adapter:
     def _repeat(self) -> None:
         again = self._verdict.again()
         if again is not None:
-            self._bus.publish(again)
+            self._publish_verdict(again)
         for record in self._mirrored.values():
             self._bus.publish(mirrored(record, self._bus.name, self._bus.now_ns()))
         self._bus.publish(self._health.record())

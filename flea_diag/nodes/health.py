@@ -8,6 +8,7 @@ from typing import Any
 
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.records import Health, Level
+from flea_diag.wire.topics import TOPIC_OF
 
 SILENT_AFTER_S = 0.6
 """Silence after which the source is stale. With a check every 0.1 s it is reported within 1 s."""
@@ -33,8 +34,12 @@ class HealthReport:
         return last is not None and time.monotonic() - last > SILENT_AFTER_S
 
     def arrived(self, record_type: type, stamp_ns: int, late: bool) -> None:
-        """Count a record of a stream; ``late`` when a newer one arrived before it."""
-        self._worst_lag_ns = max(self._worst_lag_ns, self._bus.now_ns() - stamp_ns)
+        """Count a record of a stream; ``late`` when a newer one arrived before it.
+
+        A latched record has no lag: a late subscriber receives it at any age.
+        """
+        if not TOPIC_OF[record_type].latched:
+            self._worst_lag_ns = max(self._worst_lag_ns, self._bus.now_ns() - stamp_ns)
         if late:
             self._late[record_type] = self._late.get(record_type, 0) + 1
 

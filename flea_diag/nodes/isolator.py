@@ -29,7 +29,7 @@ def program() -> Program:
                 r.VibrationLevel,
                 r.FeatureValue,
             ),
-            publishes=(r.FeatureRequest, r.AmbiguityGroup),
+            publishes=(r.FeatureRequest, r.Hypotheses, r.AmbiguityGroup),
         ),
         examples=(
             "ros2 topic echo /ambiguity_group",

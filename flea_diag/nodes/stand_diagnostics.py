@@ -7,6 +7,7 @@ and on every change. No node of ours reads it. Names are ``NODE: verdict`` and `
 
 from __future__ import annotations
 
+from flea_diag.wire.messages.summary import summary
 from flea_diag.wire.records import AmbiguityGroup, DataQuality, Health, Record
 from flea_diag.wire.wording import words_of
 
@@ -17,7 +18,8 @@ def mirrored(record: AmbiguityGroup | DataQuality, node: str, now_ns: int) -> He
     """Diagnostic status with the content of a record of one of the ``MIRRORED`` types."""
     if isinstance(record, DataQuality):
         return _status(record, f"{node}: channels", now_ns, _of_channels(record))
-    return _status(record, f"{node}: verdict", now_ns, _of_group(record))
+    brief = summary(record)
+    return _status(brief, f"{node}: verdict", now_ns, _of_group(brief))
 
 
 def _status(record: Record, name: str, now_ns: int, values: tuple[tuple[str, str], ...]) -> Health:
@@ -29,11 +31,13 @@ def _of_group(group: AmbiguityGroup) -> tuple[tuple[str, str], ...]:
     members = tuple(
         (f"possible/{c.fault}", f"probability {c.probability:.3g}: {c.reason}")
         for c in group.members
+        if c.reason
     )
     return (
         ("outcome", group.outcome.value),
         ("episode", str(group.episode)),
         ("source", group.source),
+        ("members", ", ".join(c.fault for c in group.members)),
         *members,
     )
 

@@ -1,13 +1,15 @@
 """The verdict as published: on every change, repeated every second, STALE when the source stops.
 
-A console that joins late, or lost a message, is up to date within a second.
+A console that joins late, or lost a message, is up to date within a second. What goes out is a
+summary; the hypotheses behind it are a latched record, published once per verdict.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from flea_diag.wire.records import AmbiguityGroup
+from flea_diag.wire.messages.summary import summary
+from flea_diag.wire.records import AmbiguityGroup, Record, Verdict
 
 
 class NumberedVerdict:
@@ -16,6 +18,8 @@ class NumberedVerdict:
     def __init__(self) -> None:
         self._group: AmbiguityGroup | None = None
         self._seq = 0
+        self._published: Verdict | None = None
+        """Verdict of the latest hypotheses that went out."""
 
     def changed(self, group: AmbiguityGroup, silent: bool = False) -> AmbiguityGroup:
         """Number a new group; it is stale when its source has already stopped."""
@@ -36,6 +40,14 @@ class NumberedVerdict:
             return None
         self._group = replace(self._group, stale=silent)
         return self._numbered(self._group)
+
+    def messages(self, group: AmbiguityGroup, stand: str) -> tuple[Record, ...]:
+        """Records to publish for a group: its hypotheses if they are new, then its summary."""
+        brief = summary(group, stand)
+        if group.verdict == self._published:
+            return (brief,)
+        self._published = group.verdict
+        return group.hypotheses(), brief
 
     def _numbered(self, group: AmbiguityGroup) -> AmbiguityGroup:
         self._seq += 1

@@ -10,7 +10,7 @@ from flea_diag.wire.records import NextTest, Outcome
 def next_tests(state: OperatorState) -> Panel | None:
     """Tests that would split the remaining group, best gain per second first."""
     group = state.group
-    if group is None or group.outcome is not Outcome.INDISTINGUISHABLE:
+    if group is None or group.outcome is not Outcome.INDISTINGUISHABLE or group.summary:
         return None
     if not group.next_tests:
         return Panel("next", "NEXT TEST  no known test splits these faults")

@@ -1,8 +1,8 @@
 """Everything a screen shows, folded from records: ``state = fold(state, record, arrived_ns)``.
 
 Frozen and bounded: the size does not grow with time. A screen that joins late starts from the
-latched topics (verdict, detection, data quality, channels, truth); other topics are shown from
-then on.
+latched topics (verdict, hypotheses, detection, data quality, channels, truth); other topics are
+shown from then on.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from flea_diag.wire.records import (
     FeatureRequest,
     FeatureValue,
     Health,
+    Hypotheses,
     Outcome,
     Record,
     Residual,
@@ -57,8 +58,8 @@ class GroupStep:
     """One change of the group: the remaining faults, and those dropped with the reason."""
 
     stamp_ns: int
+    detected_ns: int
     episode: int
-    step: int
     outcome: Outcome
     faults: tuple[str, ...]
     dropped: tuple[tuple[str, str], ...] = ()
@@ -94,6 +95,7 @@ class OperatorState:
     """
 
     group: AmbiguityGroup | None = None
+    hypotheses: Hypotheses | None = None
     detection: Detection | None = None
     quality: DataQuality | None = None
     channels: ChannelTable | None = None
@@ -195,31 +197,37 @@ def _anew(state: OperatorState) -> OperatorState:
 
 def _with_group(state: OperatorState, group: AmbiguityGroup, _: int) -> OperatorState:
     before = state.group
+    group = group.with_hypotheses(state.hypotheses)
     state = replace(state, group=group)
     if group.detected_stamp_ns != NEVER_NS:
         state = _with_alarm(state, _alarm_of(state, group))
     elif before is not None and before.detected_stamp_ns != NEVER_NS:
         state = _closed(state, before, group.stamp_ns)
-    step = _step(before, group)
-    last = state.steps[-1] if state.steps else None
-    if last is not None and (last.episode, last.outcome, last.faults) == (
-        step.episode, step.outcome, step.faults,
-    ):  # fmt: skip
+    return _with_step(state, group)
+
+
+def _with_step(state: OperatorState, group: AmbiguityGroup) -> OperatorState:
+    """Add a change of the group; its faults ruled out become known with the hypotheses."""
+    faults = tuple(candidate.fault for candidate in group.members)
+    key = group.detected_stamp_ns, group.episode, group.outcome, faults
+    steps, last = state.steps, state.steps[-1] if state.steps else None
+    if last is not None and (last.detected_ns, last.episode, last.outcome, last.faults) == key:
+        if last.dropped or not group.dropped:
+            return state
+        steps = steps[:-1]
+    known = {name for step in steps if step.detected_ns == key[0] for name, _ in step.dropped}
+    dropped = tuple((c.fault, c.reason) for c in group.dropped if c.fault not in known)
+    step = GroupStep(group.stamp_ns, *key, dropped)
+    return replace(state, steps=(*steps, step)[-MOST_STEPS:])
+
+
+def _with_hypotheses(state: OperatorState, found: Hypotheses, arrived_ns: int) -> OperatorState:
+    """Complete the verdict that these hypotheses belong to, if it came first."""
+    state = replace(state, hypotheses=found)
+    group = state.group
+    if group is None or group.verdict != found.verdict:
         return state
-    return replace(state, steps=(*state.steps, step)[-MOST_STEPS:])
-
-
-def _step(before: AmbiguityGroup | None, group: AmbiguityGroup) -> GroupStep:
-    same = before is not None and before.detected_stamp_ns == group.detected_stamp_ns
-    earlier = {c.fault for c in before.dropped} if before is not None and same else set()
-    return GroupStep(
-        group.stamp_ns,
-        group.episode,
-        group.step,
-        group.outcome,
-        tuple(c.fault for c in group.members),
-        tuple((c.fault, c.reason) for c in group.dropped if c.fault not in earlier),
-    )
+    return _with_group(state, group, arrived_ns)
 
 
 def _alarm_of(state: OperatorState, group: AmbiguityGroup) -> Alarm:
@@ -328,6 +336,7 @@ _FOLDS: dict[type, Callable[[OperatorState, Any, int], OperatorState]] = {
     FeatureRequest: _with_request,
     FeatureValue: _with_value,
     Health: _with_health,
+    Hypotheses: _with_hypotheses,
     Residual: _latest("residual"),
     Scan: _latest("scan"),
     Symbols: _with_symbols,

@@ -94,7 +94,8 @@ def possible(state: OperatorState) -> Panel | None:
     lines, alone = [], len(group.members) == 1
     for rank, entry in enumerate(group.members, 1):
         lines.append(Line(f"{rank}. {_candidate(entry, alone)}", level_of(group), entry.fault))
-        lines.append(Line(f"     {'':24} {entry.reason}"))
+        if entry.reason:
+            lines.append(Line(f"     {'':24} {entry.reason}"))
     return Panel("possible", standing_of(group).upper(), tuple(lines))
 
 
@@ -137,6 +138,9 @@ def why(candidate: Candidate) -> Panel:
 def dropped(state: OperatorState) -> Panel | None:
     """Faults ruled out, grouped by reason."""
     group = state.group
+    if group is not None and group.dropped_count:
+        why = "no message on hypotheses yet, which holds the reasons"
+        return Panel("dropped", f"RULED OUT ({group.dropped_count})", (Line(why),))
     if group is None or not group.dropped:
         return None
     reasons: dict[str, list[str]] = {}

@@ -36,8 +36,11 @@ LEFT_OUT: dict[type, tuple[str, ...]] = {
     Symbols: (),
     FeatureRequest: (),
     FeatureValue: ("cost_ms",),
-    AmbiguityGroup: ("seq", "source", "stale", "next_tests", "opened_by", "offsets", "counters"),
-}
+    AmbiguityGroup: (
+        "seq", "source", "stale", "next_tests", "opened_by", "offsets", "counters", "summary",
+        "dropped_count", "not_observable_count",
+    ),
+}  # fmt: skip
 """Decisions in the rank of their topics -> fields that are not part of the decision."""
 
 DECISIONS = tuple(LEFT_OUT)

@@ -203,6 +203,7 @@ def _member(candidate: Candidate, alone: bool) -> Markup:
         spread = f" ± {number(candidate.size_sigma)}" if known else ""
         unit = "" if candidate.size_unit in ("", "1") else f" {candidate.size_unit}"
         size = f"size {number(candidate.size)}{spread}{unit}, "
+    why = f"{candidate.hypothesis}: {candidate.reason}" if candidate.reason else ""
     known = 0.0 <= candidate.probability <= 1.0
     width = candidate.probability if known else 0.0
     return tag(
@@ -211,7 +212,7 @@ def _member(candidate: Candidate, alone: bool) -> Markup:
             "td",
             tag("span", candidate.fault, class_="fault"),
             tag("div", tag("i", style=f"width:{width:.1%}"), class_="meter"),
-            tag("span", f"{size}{candidate.hypothesis}: {candidate.reason}", class_="soft"),
+            tag("span", f"{size}{why}", class_="soft"),
         ),
         tag("td", likely(candidate, alone), class_="share"),
     )

@@ -20,6 +20,7 @@ from flea_diag.wire.records import NEVER_NS, AmbiguityGroup
 MOST_IN_TREE = 8
 """Largest group whose tree is drawn: beyond it the tree is illegible and slow to compute."""
 NO_EPISODE = "No episode is open."
+NO_HYPOTHESES = "No message on hypotheses yet, which holds the course of the episode."
 
 
 @dataclass(frozen=True)
@@ -69,14 +70,14 @@ def _answered(shown: Shown) -> object:
 
 
 def _flow(shown: Shown, _: Tools) -> Markup:
-    if shown.episode is None:
-        return _nothing(NO_EPISODE)
+    if shown.episode is None or shown.episode.summary:
+        return _nothing(_without(shown))
     return joined(group_flow(shown.episode), dropped(shown.episode))
 
 
 def _symbols(shown: Shown, _: Tools) -> Markup:
-    if shown.episode is None:
-        return _nothing(NO_EPISODE)
+    if shown.episode is None or shown.episode.summary:
+        return _nothing(_without(shown))
     residual = shown.state.residual
     return symbol_matrix(shown.episode, residual.names if residual is not None else ())
 
@@ -92,8 +93,8 @@ def _paths(shown: Shown, tools: Tools) -> Markup:
 def _tree(shown: Shown, tools: Tools) -> Markup:
     group = shown.episode
     listed = features(shown.state)
-    if group is None:
-        return joined(_nothing(NO_EPISODE), listed)
+    if group is None or group.summary:
+        return joined(_nothing(_without(shown)), listed)
     if not group.features_available:
         return listed
     count = len(before_features(group))
@@ -101,6 +102,11 @@ def _tree(shown: Shown, tools: Tools) -> Markup:
         words = f"{count} faults are possible; the tree is drawn for at most {MOST_IN_TREE}."
         return joined(_nothing(words), listed)
     return joined(diagnosis_tree(tools.planner, group), listed)
+
+
+def _without(shown: Shown) -> str:
+    """Why a panel of the course of an episode is empty."""
+    return NO_EPISODE if shown.episode is None else NO_HYPOTHESES
 
 
 def _nothing(words: str) -> Markup:
@@ -182,4 +188,4 @@ class View:
 
 def _said(group: AmbiguityGroup) -> tuple[object, ...]:
     """Content that makes two verdicts different; NaN prevents comparing whole records."""
-    return group.source, group.detected_stamp_ns, group.stamp_ns, group.step, group.outcome
+    return group.verdict, group.outcome, group.summary

@@ -7,7 +7,7 @@ epoch, at the acquisition of the data; values are SI (REP-103, temperatures in d
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cache
 
 import numpy as np
@@ -26,6 +26,9 @@ from flea_diag.wire.vocabulary import Level as Level
 from flea_diag.wire.vocabulary import Outcome as Outcome
 from flea_diag.wire.vocabulary import Quality as Quality
 from flea_diag.wire.vocabulary import RemarkKind as RemarkKind
+
+Verdict = tuple[str, int, int, int, int]
+"""Which verdict: source, stamps of detection and latest evidence, episode, step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,12 +232,15 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One fault of the catalogue with all evidence for and against it."""
+    """One fault of the catalogue with all evidence for and against it.
+
+    In a summary the members beyond those that fit have a name only.
+    """
 
     fault: str
-    hypothesis: str
-    probability: float
-    reason: str
+    hypothesis: str = ""
+    probability: float = float("nan")
+    reason: str = ""
     evidence: tuple[Evidence, ...] = ()
     size: float = float("nan")
     size_sigma: float = float("nan")
@@ -258,11 +264,34 @@ class NextTest:
 
 
 @dataclass(frozen=True, slots=True)
+class Hypotheses:
+    """Everything that a verdict rests on: all evidence, all faults ruled out, and the advice."""
+
+    stamp_ns: int
+    outcome: Outcome
+    episode: int
+    step: int
+    members: tuple[Candidate, ...]
+    dropped: tuple[Candidate, ...]
+    detected_stamp_ns: int
+    words: str
+    source: str
+    not_observable: tuple[tuple[str, str], ...] = ()
+    next_tests: tuple[NextTest, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict that these hypotheses belong to."""
+        return self.source, self.detected_stamp_ns, self.stamp_ns, self.episode, self.step
+
+
+@dataclass(frozen=True, slots=True)
 class AmbiguityGroup:
     """The verdict: possible faults, ranked, and faults ruled out, each with its reason.
 
     ``offsets`` are the unit offsets of the observer, from which a restarted observer resumes;
-    ``counters`` are the data errors so far, such as ``sensors/slow/lost``.
+    ``counters`` are the data errors so far, such as ``sensors/slow/lost``. A ``summary`` names all
+    members, gives the reason for the first of them, and counts what ``Hypotheses`` hold besides.
     """
 
     stamp_ns: int
@@ -284,6 +313,34 @@ class AmbiguityGroup:
     opened_by: str = ""
     offsets: tuple[UnitOffset, ...] = ()
     counters: tuple[tuple[str, int], ...] = ()
+    summary: bool = False
+    dropped_count: int = 0
+    not_observable_count: int = 0
+
+    @property
+    def verdict(self) -> Verdict:
+        """Which verdict this is; repeated and stale ones are the same."""
+        return self.source, self.detected_stamp_ns, self.stamp_ns, self.episode, self.step
+
+    def hypotheses(self) -> Hypotheses:
+        """What this verdict rests on, as a record of its own."""
+        return Hypotheses(**{entry.name: getattr(self, entry.name) for entry in fields(Hypotheses)})
+
+    def with_hypotheses(self, hypotheses: Hypotheses | None) -> AmbiguityGroup:
+        """A summary completed by the hypotheses of the same verdict; else the group as it is."""
+        if hypotheses is None or not self.summary or hypotheses.verdict != self.verdict:
+            return self
+        return replace(
+            self,
+            members=hypotheses.members,
+            dropped=hypotheses.dropped,
+            words=hypotheses.words,
+            not_observable=hypotheses.not_observable,
+            next_tests=hypotheses.next_tests,
+            summary=False,
+            dropped_count=0,
+            not_observable_count=0,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,6 +420,7 @@ Record = (
     | DataQuality
     | Detection
     | Symbols
+    | Hypotheses
     | AmbiguityGroup
     | FeatureRequest
     | FeatureValue

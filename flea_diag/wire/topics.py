@@ -30,7 +30,7 @@ class Topic:
 
 TOPICS: tuple[Topic, ...] = (
     Topic(r.ChannelTable, "sensors/channels", DIAGNOSTIC_ARRAY, 1, True, 0),
-    Topic(r.Truth, "truth", DIAGNOSTIC_ARRAY, 10, True, 1),
+    Topic(r.Truth, "truth", DIAGNOSTIC_ARRAY, 1, True, 1),
     Topic(r.VibrationBlock, "sensors/vibration", POINT_CLOUD, 50, False, 2),
     Topic(r.Scan, "sensors/slow", JOINT_STATE, 100, False, 3),
     Topic(r.DataQuality, "data_quality", DIAGNOSTIC_ARRAY, 1, True, 4),
@@ -40,9 +40,10 @@ TOPICS: tuple[Topic, ...] = (
     Topic(r.VibrationLevel, "vibration_level", JOINT_STATE, 50, False, 8),
     Topic(r.FeatureRequest, "feature_request", DIAGNOSTIC_ARRAY, 50, False, 9),
     Topic(r.FeatureValue, "feature", DIAGNOSTIC_ARRAY, 50, False, 10),
-    Topic(r.AmbiguityGroup, "ambiguity_group", DIAGNOSTIC_ARRAY, 1, True, 11),
-    Topic(r.Health, "/diagnostics", DIAGNOSTIC_ARRAY, 10, False, 12),
-    Topic(r.Remark, "remark", DIAGNOSTIC_ARRAY, 50, True, 13),
+    Topic(r.Hypotheses, "hypotheses", DIAGNOSTIC_ARRAY, 1, True, 11),
+    Topic(r.AmbiguityGroup, "ambiguity_group", DIAGNOSTIC_ARRAY, 1, True, 12),
+    Topic(r.Health, "/diagnostics", DIAGNOSTIC_ARRAY, 10, False, 13),
+    Topic(r.Remark, "remark", DIAGNOSTIC_ARRAY, 50, True, 14),
 )
 
 TOPIC_OF: dict[type, Topic] = {topic.record: topic for topic in TOPICS}

@@ -37,8 +37,9 @@ def words_of(part: Any, whole: Any = None) -> Words:
     return words._replace(message=f"{words.level.name}: {words.message}")
 
 
-def _verdict_level(group: r.AmbiguityGroup) -> Level:
-    return Level.STALE if group.stale else r.OUTCOME_LEVEL[group.outcome]
+def _verdict_level(group: r.AmbiguityGroup | r.Hypotheses) -> Level:
+    stale = isinstance(group, r.AmbiguityGroup) and group.stale
+    return Level.STALE if stale else r.OUTCOME_LEVEL[group.outcome]
 
 
 def _channel_table(table: r.ChannelTable, _: None) -> Words:
@@ -97,10 +98,16 @@ def _ambiguity_group(group: r.AmbiguityGroup, _: None) -> Words:
     return Words(_verdict_level(group), "ambiguity_group", f"{stale}{group.words}")
 
 
-def _candidate(candidate: r.Candidate, group: r.AmbiguityGroup) -> Words:
+def _hypotheses(found: r.Hypotheses, _: None) -> Words:
+    sentence = f"{len(found.members)} possible, {len(found.dropped)} ruled out"
+    return Words(_verdict_level(found), "hypotheses", sentence)
+
+
+def _candidate(candidate: r.Candidate, group: r.AmbiguityGroup | r.Hypotheses) -> Words:
     # A fault keeps its name when it is ruled out: a viewer that shows the last status of each
     # name then shows the change instead of an outdated suspect.
-    name = f"ambiguity_group/{candidate.fault}"
+    topic = "hypotheses" if isinstance(group, r.Hypotheses) else "ambiguity_group"
+    name = f"{topic}/{candidate.fault}"
     if not any(candidate is member for member in group.members):
         return Words(Level.OK, name, f"dropped: {candidate.reason}")
     probability = candidate.probability
@@ -149,6 +156,7 @@ _WORDS: dict[type, Any] = {
     r.Detection: _detection,
     r.Symbols: _symbols,
     r.Symbol: _symbol,
+    r.Hypotheses: _hypotheses,
     r.AmbiguityGroup: _ambiguity_group,
     r.Candidate: _candidate,
     r.FeatureRequest: _feature_request,

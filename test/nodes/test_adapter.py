@@ -7,7 +7,15 @@ from collections.abc import Iterator
 import pytest
 from support.live import Peer, Process, toy
 
-from flea_diag.wire.records import AmbiguityGroup, Health, Level, Outcome, Residual, Scan
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    Health,
+    Hypotheses,
+    Level,
+    Outcome,
+    Residual,
+    Scan,
+)
 
 PERIOD_NS = 10_000_000
 
@@ -28,7 +36,7 @@ class Stand:
 def stand(domain: int) -> Iterator[Stand]:
     with Process(toy(), domain) as process, Peer(domain) as peer:
         peer.process = process  # type: ignore[attr-defined]
-        peer.listen(AmbiguityGroup, Residual, Health)
+        peer.listen(AmbiguityGroup, Hypotheses, Residual, Health)
         assert peer.bus.wait_for_subscribers(Scan)
         yield Stand(peer)
 
@@ -58,6 +66,23 @@ def test_verdict_on_change_repeated_and_stale(stand: Stand) -> None:
     peer.until(lambda: not groups(peer)[-1].stale)
     seqs = [group.seq for group in groups(peer)]
     assert seqs == sorted(set(seqs))
+
+
+def test_hypotheses_once_a_verdict_and_to_a_late_joiner(stand: Stand, domain: int) -> None:
+    peer = stand.peer
+    stand.scan(1.0)
+    peer.find(lambda r: isinstance(r, AmbiguityGroup))
+    stand.scan(9.0)
+    changed = peer.find(lambda r: getattr(r, "outcome", None) == Outcome.ISOLATED)
+    peer.until(lambda: len(groups(peer)) >= 5)
+    found = [record for record in peer.records if isinstance(record, Hypotheses)]
+    assert [record.outcome for record in found] == [Outcome.NOMINAL, Outcome.ISOLATED]
+    assert changed.summary
+    assert found[-1].verdict == changed.verdict
+    assert found[-1].members == changed.with_hypotheses(found[-1]).members
+    with Peer(domain, name="late") as late:
+        late.listen(Hypotheses)
+        assert late.find(lambda r: True).outcome == Outcome.ISOLATED
 
 
 def test_the_log_says_start_readiness_and_each_verdict_once(stand: Stand) -> None:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
 from support.verdicts import FIRST, FLAG, LAST, MS, NOMINAL, START, shown
 
 from flea_diag.operator.state import (
     MOST_STEPS,
     MOST_SYMBOLS,
+    OperatorState,
     aged,
     with_journal,
     with_losses,
 )
+from flea_diag.wire.messages.summary import summary
 from flea_diag.wire.records import (
     ChannelInfo,
     ChannelTable,
@@ -26,6 +29,31 @@ from flea_diag.wire.records import (
     Symbol,
     Symbols,
 )
+
+
+@pytest.mark.parametrize("first", ["hypotheses", "summary"])
+def test_summary_and_hypotheses_give_the_whole_verdict_in_either_order(first: str) -> None:
+    whole = shown(NOMINAL, FIRST, LAST)
+    state = OperatorState()
+    for each in (NOMINAL, FIRST, LAST):
+        pair = (each.hypotheses(), summary(each))
+        state = shown(*(pair if first == "hypotheses" else reversed(pair)), state=state)
+    assert repr(state.group) == repr(whole.group)
+    assert repr(state.steps) == repr(whole.steps)
+    assert [alarm.members for alarm in state.alarms] == [alarm.members for alarm in whole.alarms]
+    repeated = shown(replace(summary(LAST), seq=7), state=state)
+    assert repeated.group is not None
+    assert repr(repeated.group.dropped) == repr(LAST.dropped)
+    assert repeated.steps is state.steps
+
+
+def test_a_summary_alone_names_members_and_counts_the_rest() -> None:
+    state = shown(NOMINAL, summary(FIRST), summary(LAST))
+    assert [step.faults for step in state.steps][-1] == ("jam",)
+    assert state.group is not None
+    assert (state.group.summary, state.group.dropped_count) == (True, 1)
+    older = shown(FIRST.hypotheses(), state=state)
+    assert older.group is state.group, "hypotheses of another verdict complete nothing"
 
 
 def test_the_group_shrinks_step_by_step_and_each_step_says_why() -> None:

@@ -14,6 +14,7 @@ from flea_diag.operator.verdict_view import line as verdict_line
 from flea_diag.operator.verdict_view import why
 from flea_diag.operator.view import page
 from flea_diag.operator.view import view as panels
+from flea_diag.wire.messages.summary import summary
 from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
@@ -97,6 +98,16 @@ def test_the_verdict_its_members_and_why() -> None:
     assert "no accelerometer on this stand" in text
     assert "FEATURES  1 of 14 computed, 13 not requested" in text
     assert "rms                          computed before this screen started" in text
+
+
+def test_a_summary_says_what_it_lacks() -> None:
+    """Before the hypotheses arrive: every name, a count of the rest, and no advice made up."""
+    names = tuple(Candidate(f"fault_{k:02}", "h+", 0.02, "r" * 200) for k in range(50))
+    text = view(shown(summary(replace(GROUP, members=names))))
+    assert "1. fault_00" in text
+    assert "50. fault_49                       ?" in text
+    assert "RULED OUT (1)\n  no message on hypotheses yet, which holds the reasons" in text
+    assert "NEXT TEST" not in text
 
 
 def test_one_line_a_change() -> None:

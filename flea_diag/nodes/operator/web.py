@@ -14,7 +14,7 @@ from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
 from flea_diag.operator.state import SHOWN
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.parameters import parameter
-from flea_diag.wire.records import AmbiguityGroup, Detection, Record
+from flea_diag.wire.records import AmbiguityGroup, Detection, Hypotheses, Record
 
 PORT = 8630
 NO_NICEGUI = "the page needs NiceGUI, which is not installed: pip install 'flea_diag[web]'"
@@ -75,7 +75,7 @@ def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
 
     def take(record: Record) -> None:
         strips.take(record)
-        if isinstance(record, Detection | AmbiguityGroup):
+        if isinstance(record, Detection | Hypotheses | AmbiguityGroup):
             site.wake()
 
     desk.on_record.append(take)

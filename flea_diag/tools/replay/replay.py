@@ -87,22 +87,18 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
     RecordingError
         There is no flea_diag bag, or no scan in it.
     """
-    from flea_diag.stages.digest import DECISIONS, Digest, decided
+    from flea_diag.tools.replay.recorded import RECORDED, RecordedDecisions
     from flea_diag.tools.replay.summary import BULK, summarise, without_values
     from flea_diag.wire.bags.bag import BagReader
-    from flea_diag.wire.records import AmbiguityGroup
 
     reader = BagReader(bag)
-    recorded, published = (Digest(), Digest(decided)), False
+    recorded = RecordedDecisions()
 
     def sent() -> Iterator[Record | ScanBlock]:
-        """Records of the stand; recorded decisions only enter a digest of their own."""
-        nonlocal published
-        for record in reader.blocks((*sources(), *DECISIONS), namespace):
-            if isinstance(record, DECISIONS):
-                published = published or isinstance(record, AmbiguityGroup)
-                for each in recorded:
-                    each.add(record)
+        """Records of the stand; recorded decisions only enter digests of their own."""
+        for record in reader.blocks((*sources(), *RECORDED), namespace):
+            if isinstance(record, RECORDED):
+                recorded.add(record)
             else:
                 yield record
 
@@ -115,8 +111,7 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
         **summary,
         "backend": numeric_backend(),
         "bag": str(bag),
-        "recorded_digest": recorded[0].hexdigest() if published else None,
-        "recorded_decision_digest": recorded[1].hexdigest() if published else None,
+        **recorded.digests(),
         "losses": reader.losses,
     }
 

@@ -125,15 +125,17 @@ def estimates(bag: Path, calibration: Path | None = None) -> list[Estimate]:
 def _said(bag: Path, calibration: Path | None) -> Iterable[Record | Block]:
     """Channel table, truth and verdicts, recorded or from a new diagnosis."""
     from flea_diag.configuration import make_pipeline
+    from flea_diag.tools.replay.recorded import completed
     from flea_diag.tools.replay.replay import diagnosed, sources
     from flea_diag.wire.bags.bag import BagReader
-    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Truth
+    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Hypotheses, Truth
 
     reader = BagReader(bag)
     if calibration is None:
-        recorded = [r for _, r in reader.records((ChannelTable, Truth, AmbiguityGroup))]
+        kinds = ChannelTable, Truth, Hypotheses, AmbiguityGroup
+        recorded = [r for _, r in reader.records(kinds)]
         if any(isinstance(record, AmbiguityGroup) for record in recorded):
-            return recorded
+            return completed(recorded)
     # The truth is read for the serial number only: no stage consumes it.
     return diagnosed(reader.blocks((*sources(), Truth)), make_pipeline(calibration))
 

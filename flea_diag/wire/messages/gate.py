@@ -1,7 +1,7 @@
 """Checks of every message in addition to its layout, live or from a bag.
 
-Stamps must be after 1970, and names must be unique: of a channel twice in one scan the later
-value would be used, and a healthy stand would appear faulty.
+Stamps must be after 1970, names of faults must fit a list, and names must be unique: of a channel
+twice in one scan the later value would be used, and a healthy stand would appear faulty.
 """
 
 from __future__ import annotations
@@ -39,9 +39,13 @@ _NAMES: dict[type, tuple[Callable[[Any], Names], ...]] = {
     r.ChannelTable: (lambda table: tuple(row.name for row in table.channels),),
     r.DataQuality: (lambda quality: tuple(row.channel for row in quality.channels),),
     r.Symbols: (lambda symbols: tuple(row.residual for row in symbols.symbols),),
+    r.Hypotheses: (lambda found: tuple(row.fault for row in (*found.members, *found.dropped)),),
     r.AmbiguityGroup: (lambda group: tuple(row.fault for row in (*group.members, *group.dropped)),),
 }
 """Record -> its lists of names, in each of which names must be unique."""
+
+SEPARATOR = ", "
+"""Not in the name of a fault: it separates the names in a list of members."""
 
 
 def check(record: Any) -> None:
@@ -58,3 +62,6 @@ def check(record: Any) -> None:
         name = twice(names_of(record))
         if name:
             raise WireError(f"the name {shown(name)} occurs twice, names must be unique")
+    for fault in (row.fault for row in getattr(record, "members", ())):
+        if not fault or SEPARATOR in fault:
+            raise WireError(f"the fault {shown(fault)} is no name: without comma, and not empty")

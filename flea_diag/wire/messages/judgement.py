@@ -1,26 +1,23 @@
 """Judgements as DiagnosticArray: a record as rows that any viewer can show.
 
-The key/values of the rows hold the record exactly; ``name``, ``level`` and ``message`` are for
-display. The first status is the record itself, followed by one status for each of its parts
-(channel, symbol, candidate). Numbers are ``repr(float)`` and read back exactly; a list of strings
-is JSON; pairs become one key each (``not_observable/spall``). Unknown keys are skipped and a
-missing key takes the default of the field, so that old bags stay readable when fields are added.
+The key/values of the rows hold the record exactly (``key_values``); ``name``, ``level`` and
+``message`` are for display. The first status is the record itself, followed by one status for each
+of its parts (channel, symbol, candidate).
 """
 
 from __future__ import annotations
 
-import dataclasses
-import json
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple, TypeVar, get_type_hints
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeVar
 
 from flea_diag.errors import WireError, shown
 from flea_diag.wire import records as r
-from flea_diag.wire.json_text import parse_json
+from flea_diag.wire.messages.key_values import Pairs, arguments, key_values
 from flea_diag.wire.wording import Words, words_of
 
 R = TypeVar("R")
-Pairs = tuple[tuple[str, str], ...]
+NAMES = ", "
+"""Separates the names of the members in one value."""
 
 
 class Status(NamedTuple):
@@ -34,19 +31,28 @@ class Status(NamedTuple):
 
 
 class RowField(NamedTuple):
-    """A tuple field of a record that becomes rows; ``standing`` distinguishes two such fields."""
+    """A tuple field of a record that becomes rows; ``standing`` distinguishes two such fields.
+
+    Where they are ``listed``, the record's own status names them all, and a candidate of which
+    only the name is given has no row.
+    """
 
     field: str
     row: type
     standing: str = ""
+    listed: bool = False
 
 
 ROWS: dict[type, tuple[RowField, ...]] = {
     r.ChannelTable: (RowField("channels", r.ChannelInfo),),
     r.DataQuality: (RowField("channels", r.ChannelQuality),),
     r.Symbols: (RowField("symbols", r.Symbol),),
-    r.AmbiguityGroup: (
+    r.Hypotheses: (
         RowField("members", r.Candidate, "possible"),
+        RowField("dropped", r.Candidate, "dropped"),
+    ),
+    r.AmbiguityGroup: (
+        RowField("members", r.Candidate, "possible", listed=True),
         RowField("dropped", r.Candidate, "dropped"),
     ),
 }
@@ -65,107 +71,6 @@ FIRST_KEYS: dict[type, tuple[str, ...]] = {
 }
 """Keys with a guaranteed order; the others follow in the order of the record's fields."""
 
-_INT64 = range(-(2**63), 2**63)
-
-
-def _int_text(value: int) -> str:
-    if int(value) not in _INT64:
-        raise WireError(f"number {shown(value)} does not fit 64 bits")
-    return str(int(value))
-
-
-def _int(text: str) -> int:
-    value = int(text) if len(text) <= 20 else _INT64.stop
-    if value not in _INT64:
-        raise ValueError("does not fit 64 bits")
-    return value
-
-
-def _json_text(value: Iterable[Any]) -> str:
-    return json.dumps(list(value), ensure_ascii=False)
-
-
-def _strings(text: str) -> tuple[str, ...]:
-    value = parse_json(text)
-    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-        raise ValueError("is not a list of strings")
-    return tuple(value)
-
-
-_TEXT: dict[Any, tuple[Callable[[Any], str], Callable[[str], Any]]] = {
-    str: (str, str),
-    int: (_int_text, _int),
-    float: (lambda value: repr(float(value)), float),
-    bool: (lambda value: "true" if value else "false", {"true": True, "false": False}.__getitem__),
-    r.Outcome: (lambda value: str(value.value), r.Outcome),
-    r.Quality: (lambda value: str(value.value), r.Quality),
-    r.RemarkKind: (lambda value: str(value.value), r.RemarkKind),
-    tuple[str, ...]: (_json_text, _strings),
-}
-"""Type of a field -> its writer and its reader."""
-
-_EXPECTED: dict[Any, str] = {
-    int: "integer",
-    float: "number",
-    bool: "boolean",
-    r.Outcome: "outcome",
-    r.Quality: "quality",
-    r.RemarkKind: "kind of remark",
-}
-"""Type of a field -> its name in an error."""
-
-_PAIRS: dict[Any, Any] = {
-    tuple[tuple[str, str], ...]: str,
-    tuple[tuple[str, int], ...]: int,
-}
-"""Fields that become one key per pair -> type of the second element of a pair."""
-
-_NESTED: dict[Any, Any] = {
-    tuple[r.Evidence, ...]: r.Evidence,
-    tuple[r.NextTest, ...]: r.NextTest,
-    tuple[r.UnitOffset, ...]: r.UnitOffset,
-}
-"""Fields that become one key with a JSON object per part -> class of a part."""
-
-
-class _Field(NamedTuple):
-    name: str
-    kind: Any
-    required: bool
-
-
-def _fields(record_type: type) -> tuple[_Field, ...]:
-    hints = get_type_hints(record_type)
-    tables = {row.field for row in ROWS.get(record_type, ())} | {"stamp_ns"}
-    if record_type is r.Evidence:
-        tables = set()
-    return tuple(
-        _Field(entry.name, hints[entry.name], entry.default is dataclasses.MISSING)
-        for entry in dataclasses.fields(record_type)
-        if entry.name not in tables
-    )
-
-
-_KINDS = (
-    r.ChannelTable,
-    r.DataQuality,
-    r.Detection,
-    r.Symbols,
-    r.AmbiguityGroup,
-    r.FeatureRequest,
-    r.FeatureValue,
-    r.Truth,
-    r.Remark,
-    r.ChannelInfo,
-    r.ChannelQuality,
-    r.Symbol,
-    r.Candidate,
-    r.Evidence,
-    r.NextTest,
-    r.UnitOffset,
-)
-_LAYOUT: dict[type, tuple[_Field, ...]] = {kind: _fields(kind) for kind in _KINDS}
-
 
 def statuses(record: Any, stand: str) -> list[Status]:
     """Rows of a record, the record's own status first."""
@@ -176,8 +81,9 @@ def statuses(record: Any, stand: str) -> list[Status]:
     for table in ROWS.get(type(record), ()):
         standing = (("standing", table.standing),) if table.standing else ()
         for part in getattr(record, table.field):
-            values = (*standing, *_values(part))
-            rows.append(_status(words_of(part, record), hardware, values))
+            values = key_values(part)
+            if not table.listed or values != (("fault", part.fault),):
+                rows.append(_status(words_of(part, record), hardware, (*standing, *values)))
     return rows
 
 
@@ -185,35 +91,24 @@ def _status(words: Words, hardware: str, values: Pairs) -> Status:
     return Status(words.level, words.name, words.message, hardware, values)
 
 
+def _elsewhere(record_type: type) -> tuple[str, ...]:
+    """Fields that are not key/values of the first status: the stamp, and those that are rows."""
+    return ("stamp_ns", *(table.field for table in ROWS.get(record_type, ())))
+
+
 def _head_values(record: Any) -> Pairs:
-    values = _values(record)
-    first = FIRST_KEYS.get(type(record))
-    if first is None:
-        return values
-    known = dict(values)
-    known["members"] = ", ".join(candidate.fault for candidate in record.members)
+    values = key_values(record, _elsewhere(type(record)))
+    lists = tuple(
+        (table.field, NAMES.join(part.fault for part in getattr(record, table.field)))
+        for table in ROWS.get(type(record), ())
+        if table.listed
+    )
+    first = FIRST_KEYS.get(type(record), ())
+    known = dict((*values, *lists))
     return (
         *((key, known[key]) for key in first),
         *(pair for pair in values if pair[0] not in first),
     )
-
-
-def _values(value: Any) -> Pairs:
-    """Every field of a dataclass as key/values."""
-    pairs: list[tuple[str, str]] = []
-    for name, kind, _ in _LAYOUT[type(value)]:
-        content = getattr(value, name)
-        if kind in _TEXT:
-            pairs.append((name, _TEXT[kind][0](content)))
-        elif kind in _PAIRS:
-            write = _TEXT[_PAIRS[kind]][0]
-            pairs += [(f"{name}/{key}", write(item)) for key, item in content]
-        else:
-            pairs += [
-                (f"{name}/{number}", json.dumps(dict(_values(item)), ensure_ascii=False))
-                for number, item in enumerate(content, 1)
-            ]
-    return tuple(pairs)
 
 
 def record_of(record_type: type[R], stamp_ns: int, rows: Sequence[Status]) -> R:
@@ -235,8 +130,12 @@ def record_of(record_type: type[R], stamp_ns: int, rows: Sequence[Status]) -> R:
     stray = len(rows) - 1 - sum(map(len, parts.values()))
     if stray:
         raise WireError(f"{record_type.__name__}: {stray} statuses with an unknown standing")
-    content = {"stamp_ns": stamp_ns, **_read(record_type, rows[0].values), **parts}
-    return record_type(**content)
+    head = rows[0].values
+    for table in tables:
+        if table.listed:
+            parts[table.field] = _listed(table, dict(head).get(table.field, ""), parts[table.field])
+    own = arguments(record_type, head, _elsewhere(record_type))
+    return record_type(**{"stamp_ns": stamp_ns, **own, **parts})
 
 
 def _health(stamp_ns: int, rows: Sequence[Status]) -> r.Health:
@@ -247,56 +146,20 @@ def _health(stamp_ns: int, rows: Sequence[Status]) -> r.Health:
 
 def _parts(table: RowField, rows: Sequence[Status]) -> tuple[Any, ...]:
     return tuple(
-        table.row(**_read(table.row, row.values))
+        table.row(**arguments(table.row, row.values))
         for row in rows
         if not table.standing or ("standing", table.standing) in row.values[:1]
     )
 
 
-def _read(kind: type, values: Pairs) -> dict[str, Any]:
-    """Keyword arguments of a dataclass from key/values."""
-    known = dict(values)
-    content: dict[str, Any] = {}
-    for name, hint, required in _LAYOUT[kind]:
-        where = f"{kind.__name__}.{name}"
-        if hint in _TEXT:
-            if name in known:
-                content[name] = _scalar(hint, known[name], where)
-            elif required:
-                raise WireError(f"{where}: key {name!r} is missing in the message")
-        elif hint in _PAIRS:
-            content[name] = _read_pairs(f"{name}/", _PAIRS[hint], values, where)
-        elif hint in _NESTED:
-            part = _NESTED[hint]
-            content[name] = tuple(
-                part(**_read(part, _json_object(text, where)))
-                for key, text in values
-                if key.startswith(f"{name}/")
-            )
-    return content
-
-
-def _read_pairs(prefix: str, kind: Any, values: Pairs, where: str) -> tuple[tuple[str, Any], ...]:
-    return tuple(
-        (key[len(prefix) :], _scalar(kind, text, where))
-        for key, text in values
-        if key.startswith(prefix)
-    )
-
-
-def _scalar(kind: Any, text: str, where: str) -> Any:
-    try:
-        return _TEXT[kind][1](text)
-    except (ValueError, KeyError):
-        expected = _EXPECTED.get(kind, "list of strings")
-        raise WireError(f"{where}: {shown(text)} is not a valid {expected}") from None
-
-
-def _json_object(text: str, where: str) -> Pairs:
-    try:
-        content = parse_json(text)
-    except ValueError:
-        content = None
-    if not isinstance(content, dict) or not all(isinstance(v, str) for v in content.values()):
-        raise WireError(f"{where}: {shown(text)} is not a JSON object of strings")
-    return tuple(content.items())
+def _listed(table: RowField, names: str, parts: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The parts in the order of the list, those without a row by name only."""
+    if not names:
+        return parts
+    rows = {part.fault: part for part in parts}
+    listed = tuple(rows.pop(name, table.row(name)) for name in names.split(NAMES))
+    if rows:
+        raise WireError(
+            f"{table.field}: status of {shown(next(iter(rows)))}, which is not in the list"
+        )
+    return listed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from support.recordings import opened, publish, recorder, scan, until_written
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.recording.recorder import checked_directory, chosen_topics
-from flea_diag.wire.records import Health, Scan
+from flea_diag.wire.records import Health, Scan, Truth
 from flea_diag.wire.topics import TOPICS
 
 
@@ -42,6 +43,25 @@ def test_sigterm_closes_the_bag(domain: int, tmp_path: Path) -> None:
 
     assert [codec.decode(Scan, data) for _, _, data in rows] == [scan(k) for k in range(20)]
     assert opened(bag)["/sensors/channels"] == 1
+
+
+def test_a_latched_record_of_any_age_is_no_lag(domain: int, tmp_path: Path) -> None:
+    """What was said an hour ago is received by a recorder that starts now; it is not slow."""
+    hour_ns = 3600 * 10**9
+    with Process(recorder(tmp_path / "run"), domain) as process, Peer(domain) as peer:
+        peer.listen(Health)
+        assert peer.bus.wait_for_subscribers(Scan)
+        peer.bus.publish(Truth(time.time_ns() - hour_ns, "nominal", -1))
+        peer.bus.publish(Scan(time.time_ns(), ("motor_current",), (0.0,)))
+        until_written(peer, 2)
+        assert process.signal(signal.SIGTERM) == 0
+    lags_ms = [
+        float(dict(record.values)["worst_lag_ms"])
+        for record in peer.records
+        if isinstance(record, Health)
+    ]
+    assert lags_ms
+    assert 0.0 < max(lags_ms) < 0.1 * hour_ns / 1e6
 
 
 def test_a_message_from_before_1970_ends_no_recording(domain: int, tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
     Candidate,
+    Hypotheses,
     Outcome,
     Record,
     Residual,
@@ -107,5 +108,5 @@ class Toy:
 
 
 if __name__ == "__main__":
-    ports = StagePorts(subscribes=(Scan,), publishes=(Residual, AmbiguityGroup))
+    ports = StagePorts(subscribes=(Scan,), publishes=(Residual, Hypotheses, AmbiguityGroup))
     sys.exit(run(lambda: stage_program("toy", "A toy.", Toy, ports, ("an example",))))
