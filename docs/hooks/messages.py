@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,8 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from flea_diag.wire import records as r
-from flea_diag.wire.messages.codec import encode
+from flea_diag.wire.messages.codec import decode, encode
+from flea_diag.wire.messages.summary import summary
 from flea_diag.wire.topics import TOPIC_OF
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,10 +38,18 @@ WHERE: dict[str, Path] = {
     "data_quality": LIVE,
     "fault_detected": LIVE,
     "symbol": LIVE,
+    "hypotheses": LIVE,
     "ambiguity_group": LIVE,
     "/diagnostics": LIVE,
 }
 """Topic -> bag whose last message of it, if it is not STALE, is shown."""
+
+AS_NOW: dict[str, tuple[type, Callable[[Any], r.Record]]] = {
+    "data_quality": (r.DataQuality, lambda quality: quality),
+    "hypotheses": (r.AmbiguityGroup, r.AmbiguityGroup.hypotheses),
+    "ambiguity_group": (r.AmbiguityGroup, summary),
+}
+"""Topic whose format is newer than the bag -> record in the bag, and what is published now."""
 
 _T = 1_700_000_008_500_000_000
 MADE: tuple[r.Record, ...] = (
@@ -86,10 +95,19 @@ def _message(topic: str) -> Any:
         row = TOPIC_OF[type(record)]
         if row.name == topic:
             return _STORE.deserialize_cdr(encode(record), row.message)
+    kind, now = AS_NOW.get(topic, (None, None))
+    recorded = (TOPIC_OF[kind].name if kind else topic).lstrip("/")
     with AnyReader([WHERE[topic]], default_typestore=_STORE) as reader:
-        connections = [c for c in reader.connections if c.topic.lstrip("/") == topic.lstrip("/")]
-        found = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages(connections)]
-    return next(message for message in reversed(found) if not _is_stale(message))
+        connections = [c for c in reader.connections if c.topic.lstrip("/") == recorded]
+        found = [
+            (bytes(raw), reader.deserialize(raw, c.msgtype))
+            for c, _, raw in reader.messages(connections)
+        ]
+    raw, message = next(row for row in reversed(found) if not _is_stale(row[1]))
+    if kind is None or now is None:
+        return message
+    record = now(decode(kind, raw))
+    return _STORE.deserialize_cdr(encode(record), TOPIC_OF[type(record)].message)
 
 
 def _is_stale(message: Any) -> bool:

@@ -7,6 +7,7 @@ EXECUTABLES = {
     "daq": "flea_sim_driver.daq_node",
     "diagnoser": "flea_diag.nodes.diagnoser",
     "extractor": "flea_diag.nodes.extractor",
+    "fault_reporter": "flea_diag.nodes.operator.fault_reporter",
     "isolator": "flea_diag.nodes.isolator",
     "observer": "flea_diag.nodes.observer",
     "player": "flea_diag.nodes.recording.player",

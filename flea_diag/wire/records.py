@@ -258,8 +258,8 @@ class NextTest:
 
     kind: str
     what: str
-    seconds: float
-    expected_size: float
+    seconds: float = float("nan")
+    expected_size: float = float("nan")
     splits: tuple[str, ...] = ()
 
 

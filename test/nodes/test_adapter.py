@@ -36,7 +36,7 @@ class Stand:
 def stand(domain: int) -> Iterator[Stand]:
     with Process(toy(), domain) as process, Peer(domain) as peer:
         peer.process = process  # type: ignore[attr-defined]
-        peer.listen(AmbiguityGroup, Hypotheses, Residual, Health)
+        peer.listen(AmbiguityGroup, Residual, Health)
         assert peer.bus.wait_for_subscribers(Scan)
         yield Stand(peer)
 
@@ -70,10 +70,11 @@ def test_verdict_on_change_repeated_and_stale(stand: Stand) -> None:
 
 def test_hypotheses_once_a_verdict_and_to_a_late_joiner(stand: Stand, domain: int) -> None:
     peer = stand.peer
+    peer.listen(Hypotheses)
     stand.scan(1.0)
     peer.find(lambda r: isinstance(r, AmbiguityGroup))
     stand.scan(9.0)
-    changed = peer.find(lambda r: getattr(r, "outcome", None) == Outcome.ISOLATED)
+    changed = peer.find(lambda r: isinstance(r, AmbiguityGroup) and r.outcome == Outcome.ISOLATED)
     peer.until(lambda: len(groups(peer)) >= 5)
     found = [record for record in peer.records if isinstance(record, Hypotheses)]
     assert [record.outcome for record in found] == [Outcome.NOMINAL, Outcome.ISOLATED]

@@ -20,7 +20,7 @@ PARTS = {
     "sensors/channels": (r.ChannelInfo,),
     "data_quality": (r.ChannelQuality, r.UnitOffset),
     "symbol": (r.Symbol,),
-    "ambiguity_group": (r.Candidate, r.Evidence, r.NextTest),
+    "hypotheses": (r.Candidate, r.Evidence, r.NextTest),
 }
 """Classes that a record is made of, described in the section of its topic."""
 SAID_ABOVE = {"stamp_ns"}

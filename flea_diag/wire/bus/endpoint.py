@@ -19,6 +19,7 @@ from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
 from flea_diag.wire.bus.node_log import NodeLog
 from flea_diag.wire.bus.node_states import NodeStates
 from flea_diag.wire.bus.remote_parameter import RemoteParameter
+from flea_diag.wire.bus.remote_service import RemoteService
 from flea_diag.wire.messages import codec
 from flea_diag.wire.records import Health, Record
 from flea_diag.wire.topics import TOPIC_OF, Topic
@@ -254,6 +255,10 @@ class Bus(NodeLog, Generic[P]):
     def node_states(self, names: Iterable[str]) -> NodeStates:
         """Life-cycle states of other nodes of this namespace."""
         return NodeStates(self._node, names)
+
+    def remote_service(self, type_name: str, name: str) -> RemoteService:
+        """A service of another package; ConfigurationError where its type is not installed."""
+        return RemoteService(self._node, type_name, name)
 
     # -- discovery
 

@@ -1,0 +1,69 @@
+"""What a fault manager is told: one code a verdict, within the limits of ros2_medkit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from support.verdicts import LAST, NOMINAL, group
+
+from flea_diag.operator.fault_report import FaultReport, code, fault_report
+from flea_diag.wire.records import Candidate, Outcome
+
+
+def test_one_fault_has_its_own_code_and_a_group_that_of_its_outcome() -> None:
+    one = fault_report(LAST)
+    assert one is not None
+    assert (one.fault_code, one.event_type, one.severity) == ("JAM", 0, 2)
+    assert one.description == LAST.words
+    several = fault_report(group(Outcome.INDISTINGUISHABLE, "jam", "spall"))
+    assert several is not None
+    assert (several.fault_code, several.severity) == ("INDISTINGUISHABLE", 2)
+    assert dict(several.evidence)["members"] == "jam, spall"
+    mismatch = fault_report(group(Outcome.MODEL_MISMATCH))
+    assert mismatch is not None
+    assert (mismatch.fault_code, mismatch.severity) == ("MODEL_MISMATCH", 1)
+
+
+@pytest.mark.parametrize(
+    "verdict",
+    [
+        NOMINAL,
+        group(Outcome.NOT_OBSERVABLE),
+        group(Outcome.DETECTED, "jam", "spall"),
+        replace(LAST, source="replay"),
+    ],
+    ids=["nominal", "at rest", "still splitting", "replay"],
+)
+def test_what_is_no_standing_fault_of_the_live_stand_is_not_reported(verdict: object) -> None:
+    assert fault_report(verdict) is None  # type: ignore[arg-type]
+
+
+def test_evidence_holds_size_and_probability_within_the_limits() -> None:
+    known = Candidate("jam", "friction+", 0.75, "fits", (), 120.5, 4.0, "N")
+    others = tuple(Candidate(f"fault_{n}", "h", 0.01, "fits", (), 1.0, 0.1, "A") for n in range(60))
+    report = fault_report(replace(group(Outcome.INDISTINGUISHABLE), members=(known, *others)))
+    assert report is not None
+    found = dict(report.evidence)
+    assert (found["probability/jam"], found["size/jam"]) == ("0.75", "120.5 N")
+    assert len(report.evidence) == 32
+    assert max(len(value.encode()) for value in found.values()) == 512
+
+
+def test_a_fault_that_is_gone_has_passed_without_evidence() -> None:
+    assert FaultReport("JAM", 0, 2, "words", (("a", "b"),)).passed() == FaultReport(
+        "JAM", 1, 2, "words"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("jam", "JAM"),
+        ("actuator_position_bias", "ACTUATOR_POSITION_BIAS"),
+        ("Motor: 2nd winding!", "MOTOR_2ND_WINDING"),
+        ("x" * 80, "X" * 64),
+    ],
+)
+def test_codes_are_upper_snake_case(name: str, expected: str) -> None:
+    assert code(name) == expected
