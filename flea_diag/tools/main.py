@@ -30,6 +30,7 @@ MODULES = (
     "evaluate.evaluate",
     "score.diff",
     "replay.trend",
+    "replay.events",
     "bags.check",
     "bags.recover",
 )

@@ -136,6 +136,33 @@ def diagnosed(
     yield from pipeline.finish()
 
 
+def diagnosis(
+    bag: Path, calibration: Path | None, kinds: tuple[type, ...]
+) -> Iterable[Record | Block]:
+    """The diagnosis recorded in a bag; a new one where it holds none, or with a calibration.
+
+    ``kinds`` are the types of record that are wanted, the verdict among them.
+
+    Raises
+    ------
+    RecordingError
+        There is no flea_diag bag.
+    """
+    from flea_diag.configuration import make_pipeline
+    from flea_diag.stages.digest import DECISIONS
+    from flea_diag.tools.replay.recorded import completed
+    from flea_diag.wire.bags.bag import BagReader
+    from flea_diag.wire.records import AmbiguityGroup, Hypotheses
+
+    reader = BagReader(bag)
+    if calibration is None:
+        recorded = [record for _, record in reader.records((*kinds, Hypotheses))]
+        if any(isinstance(record, AmbiguityGroup) for record in recorded):
+            return completed(recorded)
+    given = (*sources(), *(kind for kind in kinds if kind not in (*sources(), *DECISIONS)))
+    return diagnosed(reader.blocks(given), make_pipeline(calibration))
+
+
 def _say(summary: dict[str, Any], arguments: argparse.Namespace) -> None:
     from flea_diag.tools.replay.summary import in_words
 

@@ -6,7 +6,7 @@ import argparse
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,7 @@ from flea_diag.formats import stamped
 from flea_diag.tools.terminal import IN_PART, progress, say, warn, write_json, write_text
 
 if TYPE_CHECKING:
-    from flea_diag.wire.blocks import Block
-    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Record
+    from flea_diag.wire.records import AmbiguityGroup, ChannelTable
 
 NAME = "trend"
 SUMMARY = "estimate the trend of a fault size over the bags of one actuator"
@@ -108,11 +107,13 @@ def estimates(bag: Path, calibration: Path | None = None) -> list[Estimate]:
     RecordingError
         There is no flea_diag bag.
     """
+    from flea_diag.tools.replay.replay import diagnosis
     from flea_diag.wire.records import NEVER_NS, AmbiguityGroup, ChannelTable, Truth
 
     mounted = owner = ""
     last: dict[int, tuple[AmbiguityGroup, str]] = {}
-    for record in _said(bag, calibration):
+    # The truth is read for the serial number only: no stage consumes it.
+    for record in diagnosis(bag, calibration, (ChannelTable, Truth, AmbiguityGroup)):
         if isinstance(record, ChannelTable):
             mounted = serial_of(record)
         elif isinstance(record, Truth):
@@ -120,24 +121,6 @@ def estimates(bag: Path, calibration: Path | None = None) -> list[Estimate]:
         elif isinstance(record, AmbiguityGroup) and record.detected_stamp_ns != NEVER_NS:
             last[record.detected_stamp_ns] = record, owner or mounted or UNKNOWN
     return [entry for group, serial in last.values() for entry in _of_group(group, serial, bag)]
-
-
-def _said(bag: Path, calibration: Path | None) -> Iterable[Record | Block]:
-    """Channel table, truth and verdicts, recorded or from a new diagnosis."""
-    from flea_diag.configuration import make_pipeline
-    from flea_diag.tools.replay.recorded import completed
-    from flea_diag.tools.replay.replay import diagnosed, sources
-    from flea_diag.wire.bags.bag import BagReader
-    from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Hypotheses, Truth
-
-    reader = BagReader(bag)
-    if calibration is None:
-        kinds = ChannelTable, Truth, Hypotheses, AmbiguityGroup
-        recorded = [r for _, r in reader.records(kinds)]
-        if any(isinstance(record, AmbiguityGroup) for record in recorded):
-            return completed(recorded)
-    # The truth is read for the serial number only: no stage consumes it.
-    return diagnosed(reader.blocks((*sources(), Truth)), make_pipeline(calibration))
 
 
 def serial_of(table: ChannelTable) -> str:

@@ -59,10 +59,11 @@ class CdrWriter:
 
     __slots__ = ("_body",)
 
-    def __init__(self, stamp_ns: int) -> None:
-        """Start with a ``std_msgs/Header`` of this stamp and an empty frame."""
+    def __init__(self, stamp_ns: int, frame: bool = True) -> None:
+        """Start with a ``std_msgs/Header`` of this stamp and an empty frame, or with its stamp."""
         self._body = bytearray(stamp_bytes(stamp_ns))
-        self.text("")
+        if frame:
+            self.text("")
 
     def align(self, size: int) -> None:
         """Pad with zeros to a multiple of ``size`` bytes."""

@@ -44,8 +44,7 @@ def summary(group: AmbiguityGroup, stand: str = "stand") -> AmbiguityGroup:
 def _words(group: AmbiguityGroup) -> str:
     """The words of a verdict; a long list of names in it becomes their number."""
     names = NAMES.join(member.fault for member in group.members)
-    return (
-        group.words
-        if len(names) <= MOST_LETTERS
-        else group.words.replace(names, f"{len(group.members)} faults")
-    )
+    if len(names) <= MOST_LETTERS:
+        return group.words
+    number = f"{len(group.members)} faults"
+    return group.words.replace(f": {names}", f" {number}").replace(names, number)

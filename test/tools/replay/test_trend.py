@@ -7,6 +7,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -65,7 +66,7 @@ def bag(folder: Path, name: str, serial: str, day: int, size: float) -> Path:
         detected_stamp_ns=START + day * DAY - 10**9,
         members=(member,),
     )
-    with BagWriter(folder / name) as writer:
+    with BagWriter(folder / name, whole_every_s=None) as writer:
         writer.write(table)
         writer.write(replace(verdict, outcome=Outcome.DETECTED, stamp_ns=verdict.stamp_ns - 1))
         writer.write(verdict)
@@ -115,6 +116,21 @@ def test_progpy_takes_it_over(bags: list[str], tmp_path: Path) -> None:
     taken = results.SimResult(one["times"], one["data"])
     assert [row["size"] for row in taken] == [10.0, 13.0, 16.0, 19.0]
     assert taken.times[-1] == 3 * 86400.0
+
+
+def test_the_notebook_of_progpy_says_when_the_limit_is_reached(
+    bags: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """10, 13, 16, 19 a day apart: twice the last is 19 / 3 days away."""
+    pytest.importorskip("progpy", reason="pip install progpy")
+    monkeypatch.chdir(tmp_path)
+    assert flea(["trend", *bags, "--serial", "EMA-7", "--json", "trend.json"]) == 0
+    notebook = json.loads((ROOT / "docs" / "notebooks" / "trend_progpy.ipynb").read_text("utf-8"))
+    names: dict[str, Any] = {}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+    assert names["remaining_days"] == pytest.approx(19 / 3, abs=0.06)
 
 
 def test_a_recording_without_a_serial_or_a_verdict_is_diagnosed_and_kept_apart(

@@ -75,6 +75,8 @@ def test_every_member_is_named_within_the_size(names: tuple[str, ...], limit: in
     count = sum(map(bool, told))
     assert told == [REASON] * count + [""] * (len(names) - count)
     assert (read.summary, read.dropped_count, read.not_observable_count) == (True, 1, 1)
+    listed = f": {names[0]}" if len(names) == 1 else f" {len(names)} faults"
+    assert read.words == f"fault detected, one of{listed}"
 
 
 def test_the_shipped_catalogue_has_reasons_for_the_first_members() -> None:
