@@ -62,9 +62,7 @@ def sizes(groups: list[AmbiguityGroup], end_ns: int) -> Sizes:
     brief = [len(encode(summary(group))) for group in groups]
     behind = [len(encode(group.hypotheses())) for group in groups]
     ends = [*(group.stamp_ns for group in groups[1:]), end_ns]
-    times = [
-        1 + int((end - group.stamp_ns) / 1e9) for group, end in zip(groups, ends, strict=True)
-    ]
+    times = [1 + int((end - group.stamp_ns) / 1e9) for group, end in zip(groups, ends, strict=True)]
     span_s = (end_ns - groups[0].stamp_ns) / 1e9
     new = [i == 0 or g.verdict != groups[i - 1].verdict for i, g in enumerate(groups)]
     before = sum(size * count for size, count in zip(whole, times, strict=True))
@@ -88,7 +86,9 @@ def figures() -> Iterator[Figure]:
     """Print and yield what was measured."""
     all_sizes = []
     like: AmbiguityGroup | None = None
-    print(f"{'scenario':28}{'whole':>8}{'now':>7}{'hypotheses':>12}{'before B/s':>12}{'now B/s':>9}")
+    print(
+        f"{'scenario':28}{'whole':>8}{'now':>7}{'hypotheses':>12}{'before B/s':>12}{'now B/s':>9}"
+    )
     for name in SCENARIOS:
         groups, end_ns = verdicts(name)
         like = max((g for g in groups if g.dropped), key=lambda g: len(g.words), default=like)
