@@ -1,0 +1,139 @@
+"""Expand expressions and collect them by signals: r = sum of coefficient * basis signal.
+
+A parity relation is linear in what recordings can identify of its parameters. ``expand`` writes it
+as a sum of monomials, ``collect`` splits each of them into a coefficient, which holds parameters
+alone, and a basis signal, which holds signals. A function whose argument holds both, such as the
+smooth sign tanh(v / v_s), is part of the signal: a shape of its own.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
+
+from flea_diag.core.symbolic.expression import (
+    ONE,
+    Expression,
+    Function,
+    Power,
+    Product,
+    Sum,
+    Variable,
+    apply,
+    power,
+    product,
+    symbols,
+    total,
+)
+from flea_diag.errors import ConfigurationError, shown
+
+MOST_TERMS = 10_000
+"""A relation with more monomials is a mistake in the description, and would fill the memory."""
+
+_FACTOR = re.compile(r"([*/]?)([A-Za-z_]\w*)(?:\^(\d))?")
+
+
+def expand(expression: Expression) -> Expression:
+    """The same value as a sum of monomials: no product and no positive power holds a sum.
+
+    Arguments of functions and bases of negative powers are expanded each for itself.
+
+    Raises
+    ------
+    ConfigurationError
+        More than ``MOST_TERMS`` monomials.
+    """
+    if isinstance(expression, Sum):
+        return total(map(expand, expression.terms))
+    if isinstance(expression, Product):
+        return _multiplied([expand(factor) for factor in expression.factors])
+    if isinstance(expression, Power):
+        base = expand(expression.base)
+        if isinstance(base, Sum) and expression.exponent > 1:
+            return _multiplied([base] * expression.exponent)
+        return power(base, expression.exponent)
+    if isinstance(expression, Function):
+        return apply(expression.name, expand(expression.argument))
+    return expression
+
+
+def _multiplied(factors: list[Expression]) -> Expression:
+    """Product of expanded factors, term by term."""
+    terms = [factor.terms if isinstance(factor, Sum) else (factor,) for factor in factors]
+    count = math.prod(map(len, terms))
+    if count > MOST_TERMS:
+        raise ConfigurationError(f"a relation expands to {count} terms, at most {MOST_TERMS} can be")
+    found = total(product(choice) for choice in itertools.product(*terms))
+    # A power of a sum may stand among the factors of a term that two factors have formed together.
+    return found if _is_expanded(found) else expand(found)
+
+
+def _is_expanded(expression: Expression) -> bool:
+    terms = expression.terms if isinstance(expression, Sum) else (expression,)
+    factors = [f for term in terms for f in (term.factors if isinstance(term, Product) else (term,))]
+    return not any(isinstance(f, Power) and f.exponent > 1 and isinstance(f.base, Sum) for f in factors)
+
+
+def collect(expression: Expression, signals: Collection[str]) -> Mapping[Expression, Expression]:
+    """Basis signal -> coefficient, in order of appearance; their products sum to the expression.
+
+    Parameters
+    ----------
+    signals
+        Names that vary from scan to scan; all others are parameters. The basis signal of a term
+        without any of them is 1.
+    """
+    found: dict[Expression, Expression] = {}
+    expanded = expand(expression)
+    for term in expanded.terms if isinstance(expanded, Sum) else (expanded,):
+        factors = term.factors if isinstance(term, Product) else (term,)
+        varying = [f for f in factors if any(name in signals for name in symbols(f))]
+        basis = product(varying)
+        constant = product(f for f in factors if f not in varying)
+        found[basis] = found[basis] + constant if basis in found else constant
+    return MappingProxyType(found)
+
+
+def monomial(text: str) -> Expression:
+    """Expression of a product such as ``screw_viscous_friction/screw_ratio^2``.
+
+    Each ``/`` divides by one factor.
+
+    Raises
+    ------
+    ConfigurationError
+        Anything else than names, ``*``, ``/`` and ``^`` with one digit.
+    """
+    found, place = ONE, 0
+    while place < len(text) or not text:
+        token = _FACTOR.match(text, place)
+        if token is None or (place > 0) != bool(token[1]):
+            raise ConfigurationError(
+                f"{shown(text)} is not a product of parameters; write it as a*b/c^2"
+            )
+        exponent = int(token[3] or 1) * (-1 if token[1] == "/" else 1)
+        found = found * power(Variable(token[2]), exponent)
+        place = token.end()
+    return found
+
+
+def exponents(expression: Expression) -> Mapping[str, int]:
+    """Exponent of each name in a product of powers of names.
+
+    Raises
+    ------
+    ConfigurationError
+        The expression is something else.
+    """
+    found: dict[str, int] = {}
+    for factor in expression.factors if isinstance(expression, Product) else (expression,):
+        base, exponent = (
+            (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, 1)
+        )
+        if not isinstance(base, Variable):
+            raise ConfigurationError(f"{expression} is not a product of powers of parameters")
+        found[base.name] = found.get(base.name, 0) + exponent
+    return MappingProxyType(found)
