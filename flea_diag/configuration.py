@@ -182,7 +182,7 @@ def _signatures(
     described = read_actuator(load_yaml(actuator), actuator)
     model = described.with_sensors([name for name in channels if name in described.sensors])
     rows = catalogue(load_yaml(faults), model, faults)
-    names = tuple(model.residuals)
+    names = tuple(name for name, spec in model.residuals.items() if spec.signs)
     tables = {
         quadrant: signature_table(model, rows, names, quadrant, period_s) for quadrant in QUADRANTS
     }

@@ -6,7 +6,7 @@ is data. Any other actuator needs a description of its own and no code.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from flea_diag.core import schema
@@ -17,6 +17,7 @@ from flea_diag.core.bond_graph.actuator_model import (
     ResidualSpec,
     Sensor,
 )
+from flea_diag.core.bond_graph.base_parameters import base_parameters
 from flea_diag.core.bond_graph.bond_graph import DOMAINS, BondGraph, Element, Parameter, bond_graph
 from flea_diag.core.bond_graph.causality import require_sound
 from flea_diag.core.schema import REQUIRED
@@ -42,6 +43,7 @@ _ELEMENT: schema.Keys = {
     "signal": (str, ""),
     "state": (str, ""),
     "powers": (list, []),
+    "modulated_by": (str, ""),
 }
 _SENSOR: schema.Keys = {
     "at": (str, REQUIRED),
@@ -49,6 +51,7 @@ _SENSOR: schema.Keys = {
     "noise": (float, REQUIRED),
     "integrates": (bool, False),
     "state": (str, ""),
+    "offset": (str, ""),
 }
 _INPUT: schema.Keys = {"unit": (str, REQUIRED), "noise": (float, 0.0), "sensor": (bool, False)}
 _VIEW: schema.Keys = {"measured": (list, []), "moved": (dict, {})}
@@ -60,9 +63,13 @@ _RESIDUAL: schema.Keys = {
     "model": (str, ""),
     "junction": (str, ""),
     "reference": (str, ""),
+    "gain": (str, ""),
+    "offset": (str, ""),
     "divided_by": (str, ""),
+    "without": (list, []),
     "normalised": (bool, False),
     "motion": (str, ""),
+    "signs": (bool, True),
 }
 _TOP: schema.Keys = {
     "name": (str, REQUIRED),
@@ -77,6 +84,7 @@ _TOP: schema.Keys = {
     "models": (dict, {"stand": {}}),
     "operating_point": (dict, REQUIRED),
     "residuals": (dict, {}),
+    "base_parameters": (dict, {}),
 }
 
 
@@ -101,7 +109,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
     elements, arrows = _elements(top, where), _arrows(top, where)
     for sensor in sensors.values():
         if sensor.at:
-            elements.append(_detector(sensor, elements, where))
+            elements.append(_detector(sensor, elements, parameters, where))
             arrows.append((sensor.at, elements[-1].name))
     graph = bond_graph(top["name"], tuple(elements), tuple(arrows), parameters)
     result = Actuator(
@@ -114,6 +122,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         _views(top, sensors, graph, where),
         _operating(top, where),
         _residuals(top, where),
+        base_parameters(top["base_parameters"], graph.parameters, f"{where}: base_parameters"),
     )
     if sound:
         _check(result, where)
@@ -163,7 +172,9 @@ def _sensors(top: Mapping[str, Any], where: str) -> tuple[dict[str, Sensor], dic
     return sensors, inputs
 
 
-def _detector(sensor: Sensor, elements: list[Element], where: str) -> Element:
+def _detector(
+    sensor: Sensor, elements: list[Element], parameters: Sequence[Parameter], where: str
+) -> Element:
     place = next((e for e in elements if e.name == sensor.at and e.kind in ("0", "1")), None)
     if place is None:
         raise ConfigurationError(
@@ -171,13 +182,26 @@ def _detector(sensor: Sensor, elements: list[Element], where: str) -> Element:
             "junction; attach it to one"
         )
     _check_sensor_unit(sensor, place, where)
+    _check_offset(sensor, parameters, where)
     return Element(
         f"{sensor.channel}_sensor",
         "De" if place.kind == "0" else "Df",
         signal=sensor.channel,
         state=sensor.state,
         integrates=sensor.integrates,
+        parameters={"offset": sensor.offset} if sensor.offset else {},
     )
+
+
+def _check_offset(sensor: Sensor, parameters: Sequence[Parameter], where: str) -> None:
+    if not sensor.offset:
+        return
+    unit = next((p.unit for p in parameters if p.name == sensor.offset), "")
+    if not unit or dimension(unit) != dimension(sensor.unit):
+        raise ConfigurationError(
+            f"{where}: sensor {shown(sensor.channel)} has offset {shown(sensor.offset)}, which is"
+            f" {'in ' + unit if unit else 'no parameter'}; name a parameter in {sensor.unit}"
+        )
 
 
 def _check_sensor_unit(sensor: Sensor, place: Element, where: str) -> None:
@@ -239,6 +263,7 @@ def _residuals(top: Mapping[str, Any], where: str) -> dict[str, ResidualSpec]:
                 f"{where}: residual {shown(name)} has kind {shown(values['kind'])},"
                 f" known are {', '.join(KINDS_OF_RESIDUAL)}"
             )
+        values["without"] = schema.texts(values["without"], f"{where}: residual {name}: without")
         found[name] = ResidualSpec(name, **values)
     return found
 
@@ -279,8 +304,23 @@ def _check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:
     for channel in (spec.channel, *((spec.reference,) if spec.kind == "difference" else ())):
         if channel not in made.units:
             raise ConfigurationError(f"{place}: {shown(channel)} is no channel or input")
-        if dimension(made.units[channel]) != dimension(spec.unit):
+    _check_unit_of_difference(made, spec, place)
+
+
+def _check_unit_of_difference(made: Actuator, spec: ResidualSpec, place: str) -> None:
+    """Both channels are in the unit of the residual; a displacement is, or its rate."""
+    wanted = dimension(spec.unit)
+    sensor, other = (made.sensors.get(name) for name in (spec.channel, spec.reference))
+    if sensor and other and other.integrates and not sensor.integrates:
+        channels, wanted = [spec.reference], times(wanted, SECOND)
+    else:
+        channels = [name for name in (spec.channel, spec.reference) if name]
+    for channel in channels:
+        if dimension(made.units[channel]) != wanted:
             raise ConfigurationError(
                 f"{place} has unit {shown(spec.unit)}, but {channel} is in "
                 f"{shown(made.units[channel])}"
             )
+    for role in (spec.gain, spec.offset):
+        if role and role not in made.graph.parameters:
+            raise ConfigurationError(f"{place}: {shown(role)} is no parameter")

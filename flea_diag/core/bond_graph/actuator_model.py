@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from flea_diag.core.bond_graph.bond_graph import Bond, BondGraph, bond_graph
 from flea_diag.core.bond_graph.causal_relation import (
     Relation,
     causal_relations,
-    effort_of,
-    flow_of,
+    common_of,
     solve,
     with_measured,
 )
-from flea_diag.core.bond_graph.causality import Causality, require_sound, strong_bonds
+from flea_diag.core.bond_graph.causality import Causality, require_sound
 from flea_diag.core.bond_graph.state_space import StateSpace, state_space
+from flea_diag.core.symbolic.expression import Expression, Variable
 from flea_diag.errors import ConfigurationError, shown
 
 
@@ -30,6 +30,14 @@ class Sensor:
     noise: float
     integrates: bool = False
     state: str = ""
+    offset: str = ""
+    """Parameter that the reading exceeds the variable by; empty: none."""
+
+    @property
+    def reading(self) -> Expression:
+        """The variable (or its integral) by the reading."""
+        channel = Variable(self.channel)
+        return channel - Variable(self.offset) if self.offset else channel
 
 
 @dataclass(frozen=True)
@@ -46,7 +54,9 @@ class ResidualSpec:
     """One named residual; its kind determines which fields are used.
 
     A normalised residual is multiplied by the sign of the flow at junction ``motion``, or at its
-    own junction if ``motion`` is empty.
+    own junction if ``motion`` is empty. The two readings of a difference agree up to the
+    parameters ``gain`` (of the reference) and ``offset``. A balance leaves out the elements
+    ``without``. A residual without ``signs`` is in no signature table.
     """
 
     name: str
@@ -56,9 +66,13 @@ class ResidualSpec:
     model: str = ""
     junction: str = ""
     reference: str = ""
+    gain: str = ""
+    offset: str = ""
     divided_by: str = ""
+    without: tuple[str, ...] = ()
     normalised: bool = False
     motion: str = ""
+    signs: bool = True
 
 
 @dataclass(frozen=True)
@@ -83,6 +97,8 @@ class Actuator:
     views: Mapping[str, ModelView]
     operating: OperatingPoint
     residuals: Mapping[str, ResidualSpec]
+    base_parameters: Mapping[str, Expression] = field(default_factory=dict)
+    """Names of what recordings can identify: products of powers of parameters."""
 
     @cached_property
     def causality(self) -> Causality:
@@ -106,7 +122,7 @@ class Actuator:
         graph = _moved(self.graph, model.moved)
         causality, _ = solve(graph)
         require_sound(graph, causality)
-        measured = {channel: self.variable(channel) for channel in model.measured}
+        measured = {c: (self.variable(c), self.sensors[c].reading) for c in model.measured}
         return with_measured(causal_relations(graph, causality), measured)
 
     def view(self, name: str) -> ModelView:
@@ -122,10 +138,8 @@ class Actuator:
         sensor = self.sensors[channel]
         if not sensor.at:
             return channel
-        node = self.graph.elements[sensor.at]
-        ends = self.causality.effort_from
-        (strong,) = strong_bonds(node.kind, node.name, self.graph.at(node.name), ends)
-        return (effort_of if node.kind == "0" else flow_of)(self.graph, strong)
+        junction = self.graph.elements[sensor.at]
+        return common_of(self.graph, junction, self.causality.effort_from)
 
     def state_space(self, view: str = "stand", outputs: Sequence[str] | None = None) -> StateSpace:
         """Equations of a view; outputs default to every channel that is not an input of it."""

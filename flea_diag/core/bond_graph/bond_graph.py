@@ -11,7 +11,7 @@ import keyword
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from flea_diag.core.bond_graph.law import DEFAULT_LAW, LAWS, Law, Ports
 from flea_diag.core.symbolic.expression import FUNCTIONS
@@ -53,7 +53,8 @@ class Element:
 
     ``parameters`` maps the roles of the law to parameter names; ``signal`` is the input of a
     source or the channel of a detector; ``powers`` names the R elements whose dissipation an
-    MSf carries; ``state`` names the variable of a store, or of a detector that integrates.
+    MSf carries; ``state`` names the variable of a store, or of a detector that integrates;
+    ``modulated_by`` names the junction whose common variable a modulated law depends on.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Element:
     state: str = ""
     powers: tuple[str, ...] = ()
     integrates: bool = False
+    modulated_by: str = ""
 
 
 @dataclass(frozen=True)
@@ -276,7 +278,7 @@ def _check_law(graph: BondGraph, element: Element) -> None:
     where = f"{graph.name}: {element.kind} {shown(element.name)}"
     law = graph.law(element)
     if law is None:
-        if element.law or element.parameters:
+        if element.law or (element.parameters and element.kind not in DETECTORS):
             raise ConfigurationError(
                 f"{where} has unknown law {shown(element.law)}, known are {', '.join(LAWS)}"
             )
@@ -291,6 +293,12 @@ def _check_law(graph: BondGraph, element: Element) -> None:
         raise ConfigurationError(
             f"{where} has parameters {sorted(element.parameters)},"
             f" its law needs {sorted(law.roles)}; name each once"
+        )
+    by = graph.elements.get(element.modulated_by)
+    if law.modulated != bool(by and by.kind in JUNCTIONS) or (element.modulated_by and by is None):
+        raise ConfigurationError(
+            f"{where} has modulated_by {element.modulated_by!r}, its law"
+            f" needs {'a junction' if law.modulated else 'none'} there"
         )
     for role, parameter in element.parameters.items():
         _check_parameter(graph, element, law, role, parameter)
@@ -333,4 +341,8 @@ def ports(graph: BondGraph, element: Element) -> Ports:
     found = [
         dimension(unit) for bond in graph.at(element.name) for unit in DOMAINS[graph.domain(bond)]
     ]
-    return Ports(*found[:4])
+    made = Ports(*found[:4])
+    by = graph.elements.get(element.modulated_by)
+    if by is None or by.domain not in DOMAINS:
+        return made
+    return replace(made, by=dimension(DOMAINS[by.domain][0 if by.kind == "0" else 1]))

@@ -17,7 +17,14 @@ from flea_diag.core.bond_graph.causality import (
     strong_bonds,
     with_loops,
 )
-from flea_diag.core.symbolic.expression import Expression, Variable, product, symbols, total
+from flea_diag.core.symbolic.expression import (
+    ZERO,
+    Expression,
+    Variable,
+    product,
+    symbols,
+    total,
+)
 from flea_diag.errors import ModelError, shown
 
 
@@ -64,6 +71,12 @@ def causal_relations(graph: BondGraph, causality: Causality) -> tuple[Relation, 
     for element in graph.elements.values():
         relations += _BUILD[element.kind](graph, element, causality.effort_from)
     return tuple(relations)
+
+
+def common_of(graph: BondGraph, junction: Element, ends: Mapping[str, str]) -> str:
+    """Name of the common variable of a junction: effort of a 0-junction, flow of a 1-junction."""
+    (strong,) = strong_bonds(junction.kind, junction.name, graph.at(junction.name), ends)
+    return (effort_of if junction.kind == "0" else flow_of)(graph, strong)
 
 
 def _symbols(graph: BondGraph, bond: Bond) -> tuple[Variable, Variable]:
@@ -131,6 +144,8 @@ def _resistor(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> li
     law, p = graph.law(element), _parameters(element)
     assert law is not None
     assert law.effort is not None
+    if law.modulated:
+        p["by"] = Variable(common_of(graph, graph.elements[element.modulated_by], ends))
     if ends[bond.name] == element.name:
         return [Relation(effort.name, law.effort(flow, p), element.name)]
     if law.flow is None:
@@ -161,12 +176,13 @@ def _detector(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> li
     (bond,) = graph.at(element.name)
     effort, flow = _symbols(graph, bond)
     seen = effort if element.kind == "De" else flow
+    offset = _parameters(element).get("offset", ZERO)
     if not element.integrates:
-        return [Relation(element.signal, seen, element.name)]
+        return [Relation(element.signal, seen + offset, element.name)]
     state = element.state or f"x_{element.name}"
     return [
         Relation(state, seen, element.name, temporal=True),
-        Relation(element.signal, Variable(state), element.name),
+        Relation(element.signal, Variable(state) + offset, element.name),
     ]
 
 
@@ -213,20 +229,20 @@ def _order(
 
 
 def with_measured(
-    relations: Iterable[Relation], measured: Mapping[str, str]
+    relations: Iterable[Relation], measured: Mapping[str, tuple[str, Expression]]
 ) -> tuple[Relation, ...]:
     """The same relations with some variables replaced by their measurement.
 
     Parameters
     ----------
     measured
-        Channel -> variable that it measures. The relation that assigned the variable is
-        dropped; the variable becomes an input with the name of the channel, which cuts any
-        loop through it.
+        Channel -> variable that it measures, and that variable by the reading. The relation
+        that assigned the variable is dropped; the channel becomes an input, which cuts any loop
+        through the variable.
     """
-    of = {variable: channel for channel, variable in measured.items()}
+    read = dict(measured.values())
     kept = [r for r in relations if r.target not in measured]
     return tuple(
-        replace(r, expression=Variable(of[r.target]), temporal=False) if r.target in of else r
+        replace(r, expression=read[r.target], temporal=False) if r.target in read else r
         for r in kept
     )

@@ -8,8 +8,9 @@ stay differentiable, and tend to the textbook law as ``smooth_flow`` goes to zer
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from flea_diag.core.symbolic.expression import Expression, apply
 from flea_diag.core.symbolic.unit import SECOND, UNITS, Dimension, per, times
@@ -20,12 +21,14 @@ Formula = Callable[[Expression, Values], Expression]
 
 @dataclass(frozen=True)
 class Ports:
-    """Dimensions of effort and flow at port 1, and at port 2 of a TF or GY."""
+    """Dimensions of effort and flow at port 1, and at port 2 of a TF or GY; of what modulates it."""
 
     effort: Dimension
     flow: Dimension
     effort_2: Dimension = UNITS["1"]
     flow_2: Dimension = UNITS["1"]
+    by: Dimension = UNITS["1"]
+    """Of the common variable of the junction that modulates the element."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +37,16 @@ class Role:
 
     dimension: Callable[[Ports], Dimension]
     bound: str = "> 0"
-    """``> 0``, ``>= 0`` or ``!= 0``."""
+    """``> 0``, ``>= 0``, ``!= 0`` or ``any``."""
 
     def admits(self, value: float) -> bool:
         """Whether a value lies in the range; NaN never does."""
-        return {"> 0": value > 0, ">= 0": value >= 0, "!= 0": abs(value) > 0}[self.bound]
+        return {
+            "> 0": value > 0,
+            ">= 0": value >= 0,
+            "!= 0": abs(value) > 0,
+            "any": not math.isnan(value),
+        }[self.bound]
 
 
 @dataclass(frozen=True)
@@ -47,14 +55,15 @@ class Law:
 
     ``effort`` gives the effort of an R for a flow, ``flow`` the reverse (None if the law cannot
     be inverted, so that the element needs the flow as input); ``forward`` is the coefficient of
-    an I, C, TF or GY, ``backward`` that of its second port.
+    an I, C, TF or GY, ``backward`` that of its second port. A ``modulated`` law also depends on
+    the common variable of another junction, which its formulas take as ``p["by"]``.
     """
 
     kind: str
     roles: Mapping[str, Role]
     effort: Formula | None = None
     flow: Formula | None = None
-    extra: Mapping[str, str] = field(default_factory=dict)
+    modulated: bool = False
 
 
 def _smooth_sign(flow: Expression, p: Values) -> Expression:
@@ -65,6 +74,10 @@ def _stribeck(flow: Expression, p: Values) -> Expression:
     decay = apply("exp", -((flow / p["stribeck_flow"]) ** 2))
     level = p["coulomb"] + (p["breakaway"] - p["coulomb"]) * decay
     return level * _smooth_sign(flow, p) + p["viscous"] * flow
+
+
+def _warm_resistance(p: Values) -> Expression:
+    return p["resistance"] * (1 + p["per_kelvin"] * (p["by"] - p["reference"]))
 
 
 _RESISTANCE = Role(lambda d: per(d.effort, d.flow))
@@ -83,6 +96,31 @@ LAWS: dict[str, Law] = {
         "R",
         {"coulomb": _LEVEL, "viscous": _VISCOUS, "smooth_flow": _FLOW},
         effort=lambda f, p: p["coulomb"] * _smooth_sign(f, p) + p["viscous"] * f,
+    ),
+    "loaded_friction": Law(
+        "R",
+        {
+            "coulomb": _LEVEL,
+            "load_share": Role(lambda d: per(d.effort, d.by), ">= 0"),
+            "viscous": _VISCOUS,
+            "smooth_flow": _FLOW,
+        },
+        effort=lambda f, p: (
+            (p["coulomb"] + p["load_share"] * apply("fabs", p["by"])) * _smooth_sign(f, p)
+            + p["viscous"] * f
+        ),
+        modulated=True,
+    ),
+    "warm_resistance": Law(
+        "R",
+        {
+            "resistance": _RESISTANCE,
+            "per_kelvin": Role(lambda d: per(UNITS["1"], d.by), ">= 0"),
+            "reference": Role(lambda d: d.by, "any"),
+        },
+        effort=lambda f, p: _warm_resistance(p) * f,
+        flow=lambda e, p: e / _warm_resistance(p),
+        modulated=True,
     ),
     "stribeck": Law(
         "R",

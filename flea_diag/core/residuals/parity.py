@@ -9,7 +9,7 @@ sign of the regressor its signature.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -36,9 +36,14 @@ def rate_symbol(name: str) -> str:
     return f"d_{name}"
 
 
+PREDICTED = "predicted_"
+"""Begins the symbol of a state that is taken from its prediction."""
+
+
 def channel_of(symbol: str) -> tuple[str, int]:
-    """Channel and order of derivative that a symbol stands for."""
+    """Channel (or predicted state) and order of derivative that a symbol stands for."""
     order = 0
+    symbol = symbol.removeprefix(PREDICTED)
     while symbol.startswith("d_"):
         symbol, order = symbol[2:], order + 1
     return symbol, order
@@ -71,8 +76,9 @@ class ParityRelation:
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """Channels that the relation reads."""
-        return tuple(dict.fromkeys(channel_of(name)[0] for name in self.arguments))
+        """Channels that the relation reads; a predicted state is none of them."""
+        read = (name for name in self.arguments if not name.startswith(PREDICTED))
+        return tuple(dict.fromkeys(channel_of(name)[0] for name in read))
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:
@@ -136,9 +142,8 @@ def parity_relation(actuator: Actuator, spec: ResidualSpec) -> ParityRelation:
     """
     nominal = actuator.graph.values()
     if spec.kind == "difference":
-        gap = Variable(spec.channel) - Variable(spec.reference)
-        return ParityRelation(spec.name, spec.unit, gap, nominal, ZERO)
-    measured = _Measured(actuator)
+        return ParityRelation(spec.name, spec.unit, _difference(actuator, spec), nominal, ZERO)
+    measured = _Measured(actuator, spec.without)
     junction = actuator.graph.elements[spec.junction]
     balance = measured.balance(junction, None)
     if spec.divided_by:
@@ -148,11 +153,36 @@ def parity_relation(actuator: Actuator, spec: ResidualSpec) -> ParityRelation:
     return made.normalised(spec.name) if spec.normalised else made
 
 
+def _difference(actuator: Actuator, spec: ResidualSpec) -> Expression:
+    """Two readings of one quantity, the reference up to a gain, and an offset between them."""
+    one, other = _common_terms(actuator, spec.channel, spec.reference)
+    gap = one - (Variable(spec.gain) * other if spec.gain else other)
+    return gap - Variable(spec.offset) if spec.offset else gap
+
+
+def _common_terms(
+    actuator: Actuator, channel: str, reference: str
+) -> tuple[Expression, Expression]:
+    """A flow beside a displacement is held against its rate, seen at the same junction."""
+    one, other = (actuator.sensors.get(name) for name in (channel, reference))
+    if one is None or other is None or one.integrates or not other.integrates:
+        return Variable(channel), Variable(reference)
+    place = actuator.graph.elements[other.at]
+    seen = _Measured(actuator.with_sensors([channel])).common(place)
+    if seen is None:
+        raise ModelError(
+            f"{actuator.name}: {channel} is not known at {other.at!r}, where {reference} is; "
+            "compare sensors that a transformer joins"
+        )
+    return seen, Variable(rate_symbol(reference))
+
+
 class _Measured:
     """Variables of the graph expressed in channels, as far as sensors allow."""
 
-    def __init__(self, actuator: Actuator) -> None:
+    def __init__(self, actuator: Actuator, without: Collection[str] = ()) -> None:
         self.actuator = actuator
+        self.without = without
         self.graph: BondGraph = actuator.graph
         self.constants = frozenset(actuator.graph.parameters)
 
@@ -162,15 +192,15 @@ class _Measured:
         return total(
             (1 if bond.head == junction.name else -1) * term(bond, bond.other(junction.name))
             for bond in self.graph.at(junction.name)
-            if bond is not without and not self._detects(bond.other(junction.name))
+            if bond is not without and not self._left_out(bond.other(junction.name))
         )
 
     def common(self, junction: Element, seen: tuple[str, ...] = ()) -> Expression | None:
         """The common variable of a junction from a sensor on it, or on the far side of a TF."""
         own = [s for s in self.actuator.sensors.values() if s.at == junction.name]
         for sensor in sorted(own, key=lambda s: s.integrates):
-            name = Variable(sensor.channel)
-            return time_derivative(name, self.constants) if sensor.integrates else name
+            known = sensor.reading
+            return time_derivative(known, self.constants) if sensor.integrates else known
         for bond in self.graph.at(junction.name):
             found = self._through(bond, bond.other(junction.name), junction, seen)
             if found is not None:
@@ -204,7 +234,7 @@ class _Measured:
             law = self.graph.law(element)
             assert law is not None
             assert law.effort is not None
-            return law.effort(self._known(near), p)
+            return law.effort(self._known(near), self._modulated(element, p))
         if element.kind in ("Se", "MSe"):
             signal = Variable(element.signal)
             return p["gain"] * signal if element.law == "gain" else signal
@@ -258,8 +288,22 @@ class _Measured:
             law = self.graph.law(element)
             if element.kind == "R" and law is not None and law.flow is not None:
                 p = {role: Variable(name) for role, name in element.parameters.items()}
-                return law.flow(self.balance(junction, branch), p)
+                return law.flow(self.balance(junction, branch), self._modulated(element, p))
         raise self._open(junction, "its flow")
+
+    def _modulated(self, element: Element, p: Mapping[str, Expression]) -> Mapping[str, Expression]:
+        """Its parameters, with the variable that modulates it.
+
+        The state of a store is taken from its prediction: as slow as it is, the model knows it
+        better than a single reading, and a fault of that sensor stays out of this relation.
+        """
+        if not element.modulated_by:
+            return p
+        place = self.graph.elements[element.modulated_by]
+        stores = "C" if place.kind == "0" else "I"
+        ends = (self.graph.elements[b.other(place.name)] for b in self.graph.at(place.name))
+        state = next((end.state for end in ends if end.kind == stores), "")
+        return {**p, "by": Variable(PREDICTED + state) if state else self._known(place)}
 
     def _power(self, name: str) -> Expression:
         (bond,) = self.graph.at(name)
@@ -278,5 +322,5 @@ class _Measured:
             f" {shown(junction.name)} {what} is not measured; add a sensor there"
         )
 
-    def _detects(self, name: str) -> bool:
-        return self.graph.elements[name].kind in ("De", "Df")
+    def _left_out(self, name: str) -> bool:
+        return name in self.without or self.graph.elements[name].kind in ("De", "Df")

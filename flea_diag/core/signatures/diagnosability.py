@@ -176,7 +176,11 @@ def diagnosability(
 
 def usable_residuals(model: Actuator) -> tuple[str, ...]:
     """Residuals of the description that this actuator's sensors suffice for."""
-    return tuple(name for name, spec in model.residuals.items() if _usable(model, name, spec.kind))
+    return tuple(
+        name
+        for name, spec in model.residuals.items()
+        if spec.signs and _usable(model, name, spec.kind)
+    )
 
 
 def _usable(model: Actuator, name: str, kind: str) -> bool:

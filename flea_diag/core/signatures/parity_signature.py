@@ -8,15 +8,19 @@ from flea_diag.core.causal_graph.operating_point import sign_of
 from flea_diag.core.causal_graph.propagation import SYMBOL, combined, scaled
 from flea_diag.core.faults.fault import Alternative, Fault, FaultHypothesis
 from flea_diag.core.faults.fault_signature import FaultSignature, signature
-from flea_diag.core.residuals.parity import ParityRelation, channel_of, rate_symbol
+from flea_diag.core.residuals.parity import PREDICTED, ParityRelation, channel_of, rate_symbol
+from flea_diag.core.symbolic.collect import collect
 from flea_diag.core.symbolic.expression import (
+    ONE,
     ZERO,
     Expression,
     Variable,
     derivative,
     evaluate,
-    symbols,
 )
+
+VISIBLE_SHARE = 0.05
+"""A part below this share of the rest counts as zero."""
 
 
 def sensor_signs(cause: FaultHypothesis, value: float, rate: float) -> str:
@@ -78,7 +82,7 @@ def _regressor_signs(
         return now + _later(relation, relation.growth(cause), cause, point)
     if cause.mode == "" and fault.incipient:
         return "0" + now
-    return now + ("*" if now != "0" and _varies(relation, effect) else "0")
+    return now + ("*" if now != "0" and _varies(relation, effect, point) else "0")
 
 
 def _later(
@@ -86,12 +90,20 @@ def _later(
 ) -> str:
     """Slope of an effect that grows by ``growth``: open where motion makes it come and go."""
     sign = _regressor_sign(growth, cause, point)
-    return "*" if sign != "0" and _varies(relation, growth) else sign
+    return "*" if sign != "0" and _varies(relation, growth, point) else sign
 
 
-def _varies(relation: ParityRelation, effect: Expression) -> bool:
-    """Whether an effect changes with motion: any reading is in it, not parameters alone."""
-    return any(name not in relation.nominal for name in symbols(effect))
+def _varies(relation: ParityRelation, effect: Expression, point: Mapping[str, float]) -> bool:
+    """Whether an effect changes with motion, by more than ``VISIBLE_SHARE`` of what is constant.
+
+    A predicted state is as good as constant: it is one because it is slow. A part that is zero at
+    this point may be large at others.
+    """
+    read = [name for name in relation.arguments if not name.startswith(PREDICTED)]
+    parts = collect(effect, read)
+    sizes = {basis: abs(float(evaluate(basis * factor, point))) for basis, factor in parts.items()}
+    constant = sizes.pop(ONE, 0.0)
+    return any(size == 0.0 or size > VISIBLE_SHARE * constant for size in sizes.values())
 
 
 def _dead_signs(

@@ -22,7 +22,7 @@ from flea_diag.core.causal_graph.operating_point import rates
 from flea_diag.core.faults.fault import Alternative, Fault, FaultHypothesis
 from flea_diag.core.faults.fault_signature import UNAFFECTED, FaultSignature, signature
 from flea_diag.core.residuals.parity import ParityRelation, parity_relation
-from flea_diag.core.signatures.parity_signature import parity_cell, sensor_signs
+from flea_diag.core.signatures.parity_signature import VISIBLE_SHARE, parity_cell, sensor_signs
 
 Array = npt.NDArray[np.float64]
 
@@ -32,9 +32,6 @@ SCANS = (1, 5, 100, 3000)
 VISIBLE_SIGMA = (0.3, 0.3, 0.3, 0.05)
 """Smallest visible mean at each of them, in sigmas of a sample: about ten scans are averaged at
 first, some hundred after half a minute."""
-
-VISIBLE_SHARE = 0.05
-"""A response below this share of the largest one so far counts as zero."""
 
 DIVERGED = 1e12
 """A state beyond this magnitude has diverged."""

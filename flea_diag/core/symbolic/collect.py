@@ -65,7 +65,9 @@ def _multiplied(factors: list[Expression]) -> Expression:
     terms = [factor.terms if isinstance(factor, Sum) else (factor,) for factor in factors]
     count = math.prod(map(len, terms))
     if count > MOST_TERMS:
-        raise ConfigurationError(f"a relation expands to {count} terms, at most {MOST_TERMS} can be")
+        raise ConfigurationError(
+            f"a relation expands to {count} terms, at most {MOST_TERMS} can be"
+        )
     found = total(product(choice) for choice in itertools.product(*terms))
     # A power of a sum may stand among the factors of a term that two factors have formed together.
     return found if _is_expanded(found) else expand(found)
@@ -73,8 +75,12 @@ def _multiplied(factors: list[Expression]) -> Expression:
 
 def _is_expanded(expression: Expression) -> bool:
     terms = expression.terms if isinstance(expression, Sum) else (expression,)
-    factors = [f for term in terms for f in (term.factors if isinstance(term, Product) else (term,))]
-    return not any(isinstance(f, Power) and f.exponent > 1 and isinstance(f.base, Sum) for f in factors)
+    factors = [
+        f for term in terms for f in (term.factors if isinstance(term, Product) else (term,))
+    ]
+    return not any(
+        isinstance(f, Power) and f.exponent > 1 and isinstance(f.base, Sum) for f in factors
+    )
 
 
 def collect(expression: Expression, signals: Collection[str]) -> Mapping[Expression, Expression]:

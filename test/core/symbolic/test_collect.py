@@ -59,7 +59,9 @@ def test_an_expanded_expression_is_a_sum_of_monomials(tree: Expression) -> None:
     for term in terms(expand(tree)):
         for factor in factors(term):
             assert not isinstance(factor, Sum)
-            assert not (isinstance(factor, Power) and factor.exponent > 0 and isinstance(factor.base, Sum))
+            assert not (
+                isinstance(factor, Power) and factor.exponent > 0 and isinstance(factor.base, Sum)
+            )
 
 
 @given(trees)

@@ -1,0 +1,71 @@
+"""Base parameters: the products of physical parameters that recordings can identify.
+
+Current, voltage, position and load fix the product of torque constant and screw ratio, and neither
+of the two. As in the identification of robots (Gautier 1991), the relations are therefore written in
+such products. A description names them, the calibration holds their values, and a parameter that no
+recording fixes cancels out of every relation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from flea_diag.core import schema
+from flea_diag.core.symbolic.collect import exponents, monomial
+from flea_diag.core.symbolic.expression import Expression, Variable, product
+from flea_diag.errors import ConfigurationError, shown
+
+
+def base_parameters(
+    content: Any, parameters: Collection[str], where: str
+) -> Mapping[str, Expression]:
+    """Name -> product of powers of physical parameters, as a description gives it.
+
+    Raises
+    ------
+    ConfigurationError
+        A definition is no such product, names no parameter of the graph, or the definitions do
+        not fix each of the parameters in them.
+    """
+    found = {}
+    for name, text in schema.pairs(content, where).items():
+        found[name] = monomial(text)
+        odd = [used for used in exponents(found[name]) if used not in parameters]
+        if odd:
+            raise ConfigurationError(f"{where}: {shown(name)} holds {shown(odd[0])}, no parameter")
+        if not name.isidentifier() or (name in parameters and found[name] != Variable(name)):
+            raise ConfigurationError(
+                f"{where}: {shown(name)} must be a name that no other parameter has"
+            )
+    in_base(found, where)
+    return MappingProxyType(found)
+
+
+def in_base(definitions: Mapping[str, Expression], where: str = "") -> dict[str, Expression]:
+    """Physical parameter -> the same in base parameters: the definitions, solved.
+
+    Raises
+    ------
+    ConfigurationError
+        They are not as many as the parameters in them, or depend on each other.
+    """
+    powers = {name: exponents(definition) for name, definition in definitions.items()}
+    physical = list(dict.fromkeys(name for row in powers.values() for name in row))
+    matrix = np.array([[row.get(name, 0) for name in physical] for row in powers.values()], float)
+    if len(powers) != len(physical) or np.linalg.matrix_rank(matrix) < len(physical):
+        raise ConfigurationError(
+            f"{where}: {len(powers)} products do not fix the {len(physical)} parameters in them"
+            f" ({', '.join(physical)}); name as many independent ones"
+        )
+    inverse = np.linalg.inv(matrix) if physical else matrix
+    whole = np.rint(inverse).astype(int)
+    if physical and not np.allclose(inverse, whole):
+        raise ConfigurationError(f"{where}: a parameter would be a root of the products; rename")
+    return {
+        name: product(Variable(base) ** int(n) for base, n in zip(powers, row, strict=True))
+        for name, row in zip(physical, whole, strict=True)
+    }
