@@ -27,6 +27,9 @@ from flea_diag.core.choice.feature_choice import FeatureChooser
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.drawing.causal_map import CausalMap, causal_map
 from flea_diag.core.faults.fault import Fault, catalogue
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.relation_set import RelationSet, relation_set
+from flea_diag.core.residuals.residual import RELATIONS, UNIT_PARAMETERS
 from flea_diag.core.signatures.signature import SignatureTable, signature_table
 from flea_diag.core.vibration.features import try_out
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
@@ -174,6 +177,25 @@ def _refuse_another(calibration: Calibration, name: str, actuator: str) -> None:
         )
 
 
+def relations(calibration: Calibration, actuator: str = "actuator.yaml") -> RelationSet:
+    """The relations that run, for the sensors and parameters of a calibration."""
+    has_encoder = calibration.parameters.encoder_m_per_rad != 0.0
+    return compiled_relations(actuator, calibration.channels, has_encoder)
+
+
+@lru_cache(maxsize=8)
+def compiled_relations(actuator: str, channels: tuple[str, ...], has_encoder: bool) -> RelationSet:
+    """Relations of the description that these channels close.
+
+    The speed comes from the encoder, or without one whose lead is known from the position.
+    """
+    described = read_actuator(load_yaml(actuator), actuator)
+    known = [name for name in channels if name in described.sensors]
+    fitted = [name for name in known if has_encoder or name != "motor_speed"]
+    held = [entry.name for entry in fields(ActuatorParameters)]
+    return relation_set(described.with_sensors(fitted), RELATIONS, held, UNIT_PARAMETERS)
+
+
 @lru_cache(maxsize=8)
 def _signatures(
     actuator: str, faults: str, channels: tuple[str, ...], period_s: float
@@ -313,7 +335,9 @@ class Component(Generic[P]):
 
 
 def _observer(values: Any) -> ObserverStage:
-    return ObserverStage(load_calibration(values.calibration), _part(ObserverParameters, values))
+    calibration = load_calibration(values.calibration)
+    known = relations(calibration, values.actuator)
+    return ObserverStage(calibration, known, _part(ObserverParameters, values))
 
 
 def _isolator(values: Any) -> IsolatorStage:

@@ -78,6 +78,15 @@ def compiling(begun: Callable[[str], None]) -> Iterator[None]:
         yield
 
 
+def bound(function: Callable[..., Any], **names: Callable[..., Any]) -> FunctionType:
+    """The plain function with these global names bound to others, such as generated functions."""
+    assert isinstance(function, FunctionType)
+    scope = {**function.__globals__, **names}
+    made = FunctionType(function.__code__, scope, function.__name__)
+    made.__module__, made.__qualname__ = function.__module__, function.__qualname__
+    return made
+
+
 def _compiled(
     options: dict[str, Any], function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]
 ) -> Callable[..., Any]:
@@ -101,9 +110,10 @@ def _named(function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]) 
 
     The cache on disk is keyed by name and checks the function's own file only.
     """
-    modules = sorted({part.__module__ for part in parts})
-    sources = "".join(inspect.getsource(sys.modules[module]) for module in modules)
-    digest = zlib.crc32(sources.encode())
+    generated = sorted({part.source for part in parts if hasattr(part, "source")})
+    modules = sorted({part.__module__ for part in parts if not hasattr(part, "source")})
+    sources = [*generated, *(inspect.getsource(sys.modules[module]) for module in modules)]
+    digest = zlib.crc32("".join(sources).encode())
     named = FunctionType(function.__code__, function.__globals__, function.__name__)
     named.__qualname__ = f"{function.__qualname__}_{digest:08x}"
     return named

@@ -15,6 +15,7 @@ from support import stands
 from support.decisions import BAGS
 from support.models import linear_ema as ema
 
+from flea_diag import configuration
 from flea_diag.stages.digest import digest
 from flea_diag.stages.extractor.extractor import ExtractorStage
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
@@ -60,7 +61,7 @@ def pipeline(kind: str = "none") -> Pipeline:
     known = stands.knowledge()
     return Pipeline(
         (
-            ObserverStage(calibration, parameters),
+            ObserverStage(calibration, configuration.relations(calibration), parameters),
             IsolatorStage(known, IsolatorParameters()),
             ExtractorStage(known.features),
         )

@@ -44,7 +44,8 @@ def knowledge(channels: tuple[str, ...] = ema.STAND) -> Knowledge:
 
 def observer(channels: tuple[str, ...] = ema.STAND, **parameters: float) -> ObserverStage:
     """A fresh observer."""
-    return ObserverStage(calibration(channels), ObserverParameters(**parameters))
+    known = calibration(channels)
+    return ObserverStage(known, configuration.relations(known), ObserverParameters(**parameters))
 
 
 def isolator(channels: tuple[str, ...] = ema.STAND, **parameters: float) -> IsolatorStage:

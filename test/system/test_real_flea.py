@@ -61,7 +61,8 @@ def knowledge(calibration: Path) -> Knowledge:
 
 def replay(calibration: Path, file: Path) -> Diagnosis:
     known = knowledge(calibration)
-    observer = ObserverStage(known.calibration, ObserverParameters())
+    relations = configuration.relations(known.calibration)
+    observer = ObserverStage(known.calibration, relations, ObserverParameters())
     stages = Pipeline((observer, IsolatorStage(known, IsolatorParameters())))
     recording = FleaRun.of(read_flea_data(file))
     out = list(stages.handle(recording.channel_table()))

@@ -85,6 +85,7 @@ _TOP: schema.Keys = {
     "operating_point": (dict, REQUIRED),
     "residuals": (dict, {}),
     "base_parameters": (dict, {}),
+    "predicted": (dict, {}),
 }
 
 
@@ -123,6 +124,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         _operating(top, where),
         _residuals(top, where),
         base_parameters(top["base_parameters"], graph.parameters, f"{where}: base_parameters"),
+        schema.pairs(top["predicted"], f"{where}: predicted"),
     )
     if sound:
         _check(result, where)
@@ -282,6 +284,12 @@ def _check(made: Actuator, where: str) -> None:
             )
     for spec in made.residuals.values():
         _check_residual(made, spec, where)
+    for parameter, residual in made.predicted.items():
+        if parameter not in made.graph.parameters or residual not in made.residuals:
+            raise ConfigurationError(
+                f"{where}: predicted: {shown(parameter)} must be a parameter and"
+                f" {shown(residual)} a residual"
+            )
 
 
 def _check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:

@@ -99,6 +99,8 @@ class Actuator:
     residuals: Mapping[str, ResidualSpec]
     base_parameters: Mapping[str, Expression] = field(default_factory=dict)
     """Names of what recordings can identify: products of powers of parameters."""
+    predicted: Mapping[str, str] = field(default_factory=dict)
+    """Parameter that a slow state sets scan by scan -> residual whose prediction gives it."""
 
     @cached_property
     def causality(self) -> Causality:

@@ -1,9 +1,9 @@
 """Base parameters: the products of physical parameters that recordings can identify.
 
-Current, voltage, position and load fix the product of torque constant and screw ratio, and neither
-of the two. As in the identification of robots (Gautier 1991), the relations are therefore written in
-such products. A description names them, the calibration holds their values, and a parameter that no
-recording fixes cancels out of every relation.
+Current, voltage, position and load fix the product of torque constant and screw ratio, and
+neither of the two. As in the identification of robots (Gautier 1991), the relations are written
+in such products. A description names them, the calibration holds their values, and a parameter
+that no recording fixes cancels out of every relation.
 """
 
 from __future__ import annotations

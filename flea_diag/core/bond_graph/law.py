@@ -21,7 +21,7 @@ Formula = Callable[[Expression, Values], Expression]
 
 @dataclass(frozen=True)
 class Ports:
-    """Dimensions of effort and flow at port 1, and at port 2 of a TF or GY; of what modulates it."""
+    """Dimensions of effort and flow at port 1, at port 2 of a TF or GY; of what modulates it."""
 
     effort: Dimension
     flow: Dimension
@@ -77,7 +77,7 @@ def _stribeck(flow: Expression, p: Values) -> Expression:
 
 
 def _warm_resistance(p: Values) -> Expression:
-    return p["resistance"] * (1 + p["per_kelvin"] * (p["by"] - p["reference"]))
+    return p["resistance"] * (1 + p["per_kelvin"] * (p["temperature"] - p["reference"]))
 
 
 _RESISTANCE = Role(lambda d: per(d.effort, d.flow))
@@ -115,12 +115,12 @@ LAWS: dict[str, Law] = {
         "R",
         {
             "resistance": _RESISTANCE,
-            "per_kelvin": Role(lambda d: per(UNITS["1"], d.by), ">= 0"),
-            "reference": Role(lambda d: d.by, "any"),
+            "per_kelvin": Role(lambda d: per(UNITS["1"], UNITS["K"]), ">= 0"),
+            "temperature": Role(lambda d: UNITS["K"], "any"),
+            "reference": Role(lambda d: UNITS["K"], "any"),
         },
         effort=lambda f, p: _warm_resistance(p) * f,
         flow=lambda e, p: e / _warm_resistance(p),
-        modulated=True,
     ),
     "stribeck": Law(
         "R",

@@ -21,6 +21,7 @@ from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanSh
 from flea_diag.core.detection.mean_shift_test import SHIFTING
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.residuals.plausibility import ENTER_SAMPLES, usable
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import (
     INDEX,
@@ -52,9 +53,17 @@ class Trace:
     voltage_usable: npt.NDArray[np.bool_]
 
 
-def trace(run: NominalRun, identified: Identified, kernel_length: int, period_s: float) -> Trace:
+def trace(
+    run: NominalRun,
+    identified: Identified,
+    relations: RelationSet,
+    kernel_length: int,
+    period_s: float,
+) -> Trace:
     """Run one recording through the residual bank, without intervals of bad voltage."""
-    bank = ResidualBank(identified.parameters, period_s=period_s, kernel_length=kernel_length)
+    bank = ResidualBank(
+        identified.parameters, relations, period_s=period_s, kernel_length=kernel_length
+    )
     residuals = bank.step(run.rows, frozen=False)
     values = residuals.values
     good = np.ones(len(values), dtype=bool)

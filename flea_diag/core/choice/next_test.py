@@ -252,7 +252,6 @@ def _signals(p: ActuatorParameters, motion: PlannedMotion, time_s: float) -> Sig
         position_rate_m_s=speed,
         motor_temperature_degc=25.0,
         nut_temperature_degc=25.0,
-        winding_rise_k=0.0,
         direction=direction(p, speed),
     )
     force = motion.load_n + friction_n(p, bare) + p.reflected_mass_kg * acceleration

@@ -1,33 +1,29 @@
 """``residual_bank.ResidualBank`` as a loop, for numba to compile: the same bits as in Python.
 
-The relations themselves are those of ``residual``: numba compiles the same lines.
+``relations``, ``spreads`` and ``drag`` are those of a ``RelationSet``: ``bank_of`` binds them.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals import residual as r
-from flea_diag.core.residuals.residual import Signals
+from flea_diag.core import backend as backends
+from flea_diag.core.residuals.parity import channel_of
+from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
+from flea_diag.core.residuals.residual import PARITIES, STALL, Parity, Signals
 from flea_diag.core.residuals.residual_rows import INDEX, RESIDUAL_INDEX
 from flea_diag.core.residuals.thermal import ESTIMATE, advance
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+Whole = npt.NDArray[np.int64]
 
-RELATIONS = (r.mechanical_n, r.electrical_v, r.drive_v, r.kinematic_m, r.speed_m_s)
-SENSITIVITIES = (r.mechanical_spread, r.electrical_spread)
-"""Called by name in ``parity_loops``, in this order: numba has no table of functions."""
-_ROWS = r.PARITIES
-_RELATION = tuple(RELATIONS.index(row.relation) for row in _ROWS)
-_NORMALISED = tuple(row.normalised for row in _ROWS)
-_SENSITIVITY = tuple(
-    -1 if row.sensitivity is None else SENSITIVITIES.index(row.sensitivity) for row in _ROWS
-)
 _CURRENT, _VOLTAGE = INDEX["motor_current"], INDEX["motor_voltage"]
 _COMMAND, _ENCODER = INDEX["commanded_voltage"], INDEX["motor_speed"]
 _POSITION, _LOAD_POSITION = INDEX["actuator_position"], INDEX["load_position"]
@@ -38,22 +34,80 @@ _OF_MOTOR, _OF_NUT = RESIDUAL_INDEX["motor_temperature"], RESIDUAL_INDEX["nut_te
 _OF_AMBIENT = RESIDUAL_INDEX["ambient_temperature"]
 
 
-def parity_loops(p: Any, s: Signals, values: Array, spread: Array) -> None:
+def _unbound(p: Any, x: Array) -> Any:
+    """In place of a function that only a relation set has: see ``bank_of``."""
+    raise AssertionError("the loops run with the functions of a relation set")
+
+
+relations = spreads = drag = _unbound
+
+
+class Layout(NamedTuple):
+    """Where the functions of a relation set find their signals, and where their values go.
+
+    ``places``, shape (signals, 2): order of derivative and channel, -1 for what is no channel;
+    ``winding`` and ``direction``: indices of these two signals, -1 if no relation has them.
+    ``values``, shape (n, 3): parity row, its relation, whether it is normalised; ``spreads``,
+    shape (m, 3): row of the spreads, its relation among those that differ, the same.
+    """
+
+    places: Whole
+    winding: int
+    direction: int
+    values: Whole
+    spreads: Whole
+
+
+def layout(known: RelationSet) -> Layout:
+    """Of one set of relations."""
+    orders = [channel_of(name) for name in known.signals]
+    places = [(order, INDEX[name]) if name in INDEX else (-1, -1) for name, order in orders]
+    winding = next(iter(known.predicted), "")
+    differing = [row for row in PARITIES if row.differs]
+    return Layout(
+        np.array(places, dtype=np.int64).reshape(-1, 2),
+        known.signals.index(winding) if winding in known.signals else -1,
+        known.signals.index(DIRECTION) if DIRECTION in known.signals else -1,
+        _rows(PARITIES, known.names),
+        _rows(differing, known.differing),
+    )
+
+
+def _rows(rows: Sequence[Parity], known: Sequence[str]) -> Whole:
+    """Place, relation and normalisation of those rows whose relation is known."""
+    found = [
+        (place, known.index(row.relation), row.normalised)
+        for place, row in enumerate(rows)
+        if row.relation in known
+    ]
+    return np.array(found, dtype=np.int64).reshape(-1, 3)
+
+
+@lru_cache(maxsize=8)
+def bank_of(known: RelationSet) -> Callable[..., int]:
+    """``bank_loops`` with the functions of this set, compiled."""
+    made = known.functions
+    parity = backends.bound(parity_loops, relations=made["relations"], spreads=made["spreads"])
+    loop = backends.bound(bank_loops, parity_loops=parity, drag=made["drag"])
+    parts = (made["relations"], made["spreads"], made["drag"], parity, heat_loops, advance)
+    compiled: Callable[..., int] = backends.exact(loop, *parts)
+    return compiled
+
+
+def parity_loops(
+    p: Any, x: Array, direction: float, layout: Layout, values: Array, spread: Array
+) -> None:
     """``ResidualBank._parities`` of one scan."""
-    sign = math.copysign(1.0, s.direction)
-    formed = (
-        r.mechanical_n(p, s), r.electrical_v(p, s), r.drive_v(p, s),
-        r.kinematic_m(p, s), r.speed_m_s(p, s),
-    )  # fmt: skip
-    spreads = r.mechanical_spread(p, s), r.electrical_spread(p, s)
-    place = 0
-    for j in range(len(_RELATION)):
-        factor = sign if _NORMALISED[j] else 1.0
-        values[j] = factor * formed[_RELATION[j]]
-        if _SENSITIVITY[j] >= 0:
-            for u in range(spread.shape[1]):
-                spread[place, u] = factor * spreads[_SENSITIVITY[j]][u]
-            place += 1
+    sign = math.copysign(1.0, direction)
+    formed, apart = relations(p, x), spreads(p, x)
+    for k in range(len(layout.values)):
+        place, row, normalised = layout.values[k]
+        values[place] = sign * formed[row] if normalised else formed[row]
+    for k in range(len(layout.spreads)):
+        place, row, normalised = layout.spreads[k]
+        factor = sign if normalised else 1.0
+        for u in range(spread.shape[1]):
+            spread[place, u] = factor * apart[row][u]
 
 
 def heat_loops(
@@ -69,24 +123,34 @@ def heat_loops(
     values[_OF_AMBIENT] = advance(ambient, row[_AMBIENT], 0.0, around, dt_s, frozen)
     values[_OF_NUT] = advance(nut, row[_NUT], rubbing, around, dt_s, frozen)
     values[_OF_MOTOR] = advance(motor, row[_MOTOR], copper, around, dt_s, frozen)
-    return 0.0 if math.isnan(before) else before - p.reference_temperature_degc
+    warm: float = p.reference_temperature_degc if math.isnan(before) else before
+    return warm
 
 
 def bank_loops(
-    rows: Array, smooth: Array, ways: Array, parameters: npt.NDArray[np.void],
+    rows: Array, smooth: Array, ways: Array, shapes: Array, parameters: npt.NDArray[np.void],
     nodes: tuple[Array, Array, Array], limits: tuple[float, int, float], still: int, frozen: bool,
-    told: tuple[Array, Array, Array, Flags],
+    layout: Layout, told: tuple[Array, Array, Array, Flags],
 ) -> int:  # fmt: skip
     """Scan after scan; returns for how many scans it has stood still.
 
-    ``ways`` are the smooth signs of the speed, ``limits`` the speed above which it moves, scans
-    of a standstill, and the period. ``told`` is to be filled: values, spread, signals, moving.
+    ``ways`` are the smooth signs of the speed, ``shapes``, shape (shapes, n), the values of all,
+    ``limits`` the speed above which it moves, scans of a standstill, and the period. ``told`` is to
+    be filled: values, spread, signals, moving.
     """
     p = parameters[0]
     moving_m_s, rest, dt_s = limits
     values, spread, table, moving = told
+    places = layout.places
+    measured = len(places) - len(shapes)
+    x = np.empty(len(places))
     for i in range(len(rows)):
         value, first, second = smooth[i, 0], smooth[i, 1], smooth[i, 2]
+        for k in range(measured):
+            if places[k, 0] >= 0:
+                x[k] = smooth[i, places[k, 0], places[k, 1]]
+        for k in range(len(shapes)):
+            x[measured + k] = shapes[k, i]
         speed, acceleration, rate = first[_POSITION], second[_POSITION], first[_POSITION]
         if p.encoder_m_per_rad != 0.0:
             speed = value[_ENCODER] * p.encoder_m_per_rad
@@ -94,9 +158,15 @@ def bank_loops(
         current, load = value[_CURRENT], value[_LOAD]
         moves = abs(speed) > moving_m_s or abs(rate) > moving_m_s
         still = still + 1 if not moves and abs(speed) <= moving_m_s else 0
-        push = r.push_n(p, current, load, acceleration)
-        stalled = still > rest and abs(push) > r.STALL * r.dry_friction_n(p, load)
+        push, dry = drag(p, x)
+        stalled = still > rest and abs(push) > STALL * dry
         moving[i] = moves or stalled
+        way = math.copysign(1.0, push) if stalled else ways[i]
+        if layout.direction >= 0:
+            x[layout.direction] = way
+        degc = heat_loops(p, nodes, rows[i], current, speed, dt_s, frozen, values[i])
+        if layout.winding >= 0:
+            x[layout.winding] = degc
         s = Signals(
             current,
             value[_VOLTAGE],
@@ -110,17 +180,9 @@ def bank_loops(
             rate,
             value[_MOTOR],
             value[_NUT],
-            heat_loops(p, nodes, rows[i], current, speed, dt_s, frozen, values[i]),
-            math.copysign(1.0, push) if stalled else ways[i],
+            way,
         )
         for k in range(len(s)):
             table[i, k] = s[k]
-        parity_loops(p, s, values[i], spread[i])
+        parity_loops(p, x, way, layout, values[i], spread[i])
     return still
-
-
-BANK = (
-    bank_loops, parity_loops, heat_loops, advance, *RELATIONS, *SENSITIVITIES,
-    r.push_n, r.motor_force_n, r.friction_n, r.dry_friction_n,
-)  # fmt: skip
-"""What ``backend.exact`` takes: the function, and what it calls."""

@@ -36,14 +36,9 @@ def rate_symbol(name: str) -> str:
     return f"d_{name}"
 
 
-PREDICTED = "predicted_"
-"""Begins the symbol of a state that is taken from its prediction."""
-
-
 def channel_of(symbol: str) -> tuple[str, int]:
-    """Channel (or predicted state) and order of derivative that a symbol stands for."""
+    """Channel and order of derivative that a symbol stands for."""
     order = 0
-    symbol = symbol.removeprefix(PREDICTED)
     while symbol.startswith("d_"):
         symbol, order = symbol[2:], order + 1
     return symbol, order
@@ -76,9 +71,8 @@ class ParityRelation:
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """Channels that the relation reads; a predicted state is none of them."""
-        read = (name for name in self.arguments if not name.startswith(PREDICTED))
-        return tuple(dict.fromkeys(channel_of(name)[0] for name in read))
+        """Channels that the relation reads."""
+        return tuple(dict.fromkeys(channel_of(name)[0] for name in self.arguments))
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:
@@ -292,18 +286,10 @@ class _Measured:
         raise self._open(junction, "its flow")
 
     def _modulated(self, element: Element, p: Mapping[str, Expression]) -> Mapping[str, Expression]:
-        """Its parameters, with the variable that modulates it.
-
-        The state of a store is taken from its prediction: as slow as it is, the model knows it
-        better than a single reading, and a fault of that sensor stays out of this relation.
-        """
+        """Its parameters, with the variable that modulates it."""
         if not element.modulated_by:
             return p
-        place = self.graph.elements[element.modulated_by]
-        stores = "C" if place.kind == "0" else "I"
-        ends = (self.graph.elements[b.other(place.name)] for b in self.graph.at(place.name))
-        state = next((end.state for end in ends if end.kind == stores), "")
-        return {**p, "by": Variable(PREDICTED + state) if state else self._known(place)}
+        return {**p, "by": self._known(self.graph.elements[element.modulated_by])}
 
     def _power(self, name: str) -> Expression:
         (bond,) = self.graph.at(name)

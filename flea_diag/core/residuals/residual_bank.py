@@ -14,17 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.residuals.bank_loops import BANK
+from flea_diag.core.residuals.bank_loops import bank_of, layout
 from flea_diag.core.residuals.parameters import ActuatorParameters, as_record
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual import (
-    PARITIES,
     STALL,
     UNIT_PARAMETERS,
     Signals,
     Value,
     direction,
-    dry_friction_n,
-    push_n,
 )
 from flea_diag.core.residuals.residual_rows import (
     CHANNELS,
@@ -36,17 +34,22 @@ from flea_diag.core.residuals.residual_rows import (
 )
 from flea_diag.core.residuals.thermal import ThermalNode
 from flea_diag.core.smoothing import Smoother
+from flea_diag.core.symbolic.expression import FUNCTIONS
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 
 class ResidualBank:
-    """Computes residuals from a stream of scans, constant memory."""
+    """Computes residuals from a stream of scans, constant memory.
+
+    ``relations`` are those of the actuator whose ``parameters`` these are.
+    """
 
     def __init__(
         self,
         parameters: ActuatorParameters,
+        relations: RelationSet,
         *,
         period_s: float = 0.01,
         kernel_length: int = 31,
@@ -54,7 +57,10 @@ class ResidualBank:
         start_samples: int = 100,
         backend: str = "auto",
     ) -> None:
-        self._compiled = backends.chosen(backend) == "numba"
+        self._relations, self._layout = relations, layout(relations)
+        self._places = self._layout.places.tolist()
+        # numba knows no empty tuple of results.
+        self._compiled = backends.chosen(backend) == "numba" and bool(relations.differing)
         self.adopt(parameters)
         self._period_s = period_s
         self._moving_m_s = moving_m_s
@@ -76,8 +82,8 @@ class ResidualBank:
         spread = np.zeros((len(rows), len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
         if self._compiled:
             return self._follow(rows, smooth, frozen, values, spread)
-        signals, moving = self._signals(rows, smooth, frozen, values)
-        self._parities(signals, values, spread)
+        signals, x, moving = self._signals(rows, smooth, frozen, values)
+        self._parities(signals.direction, x, values, spread)
         return ResidualRows(values, spread, signals, moving)
 
     def _follow(
@@ -89,19 +95,33 @@ class ResidualBank:
             speeds = smooth[:, 0, INDEX["motor_speed"]] * self._p.encoder_m_per_rad
         table = np.empty((len(rows), len(Signals._fields)))
         moving = np.empty(len(rows), dtype=bool)
-        self._still = backends.exact(*BANK)(
+        x = self._measured(np.ascontiguousarray(smooth.transpose(1, 2, 0)))
+        self._still = bank_of(self._relations)(
             rows,
             smooth,
             direction(self._p, speeds),
+            np.array(self._shapes(x)).reshape(-1, len(rows)),
             self._record,
             (self._ambient.state, self._nut.state, self._motor.state),
             (self._moving_m_s, self._kernel_length, self._period_s),
             self._still,
             frozen,
+            self._layout,
             (values, spread, table, moving),
         )
         columns = table[0].tolist() if len(table) == 1 else np.ascontiguousarray(table.T)
         return ResidualRows(values, spread, Signals(*columns), moving)
+
+    def _measured(self, columns: Any) -> list[Value]:
+        """Signals of the relations that are smoothed channels; 0 in place of the others."""
+        return [columns[order][k] if order >= 0 else 0.0 for order, k in self._places]
+
+    def _shapes(self, x: list[Value]) -> list[Value]:
+        """Values of the shapes, by numpy for one number, too: libraries differ in the last bit."""
+        arguments = self._relations.functions["shapes"](self._p, x)
+        named = zip(self._relations.shapes.values(), arguments, strict=True)
+        values = [FUNCTIONS[shape.name](argument) for shape, argument in named]
+        return [float(v) if np.ndim(v) == 0 else v for v in values]
 
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Use other parameters (the learned offsets of this unit)."""
@@ -114,19 +134,26 @@ class ResidualBank:
 
     def _signals(
         self, rows: Array, smooth: Array, frozen: bool, values: Array
-    ) -> tuple[Signals, Flags]:
-        """Smoothed signals, and whether it moves or is stalled.
+    ) -> tuple[Signals, list[Value], Flags]:
+        """Smoothed signals, those of the relations, and whether it moves or is stalled.
 
         Fills in the thermal residuals, whose estimates are among the signals.
         """
-        value, first, second = _columns(smooth)
+        columns = value, first, second = _columns(smooth)
+        x = self._measured(columns)
+        x[len(x) - len(self._relations.shapes) :] = self._shapes(x)
         position, encoder = INDEX["actuator_position"], INDEX["motor_speed"]
         # The encoder where there is one: then a position fault does not touch the speed.
         lead = self._p.encoder_m_per_rad
         speed = value[encoder] * lead if self.has_encoder else first[position]
         acceleration = first[encoder] * lead if self.has_encoder else second[position]
         current, load = value[INDEX["motor_current"]], value[INDEX["load_force"]]
-        way, moving = self._way(len(rows), current, load, (speed, first[position]), acceleration)
+        way, moving = self._way(len(rows), x, (speed, first[position]))
+        warm = self._thermal(rows, current, speed, frozen, values)
+        if self._layout.direction >= 0:
+            x[self._layout.direction] = way
+        if self._layout.winding >= 0:
+            x[self._layout.winding] = warm
         signals = Signals(
             current_a=current,
             voltage_v=value[INDEX["motor_voltage"]],
@@ -140,27 +167,21 @@ class ResidualBank:
             position_rate_m_s=first[position],
             motor_temperature_degc=value[INDEX["motor_temperature"]],
             nut_temperature_degc=value[INDEX["nut_temperature"]],
-            winding_rise_k=self._thermal(rows, current, speed, frozen, values),
             direction=way,
         )
-        return signals, moving
+        return signals, x, moving
 
     def _way(
-        self,
-        count: int,
-        current_a: Value,
-        load_n: Value,
-        speeds_m_s: tuple[Value, Value],
-        acceleration_m_s2: Value,
+        self, count: int, x: list[Value], speeds_m_s: tuple[Value, Value]
     ) -> tuple[Value, Flags]:
         """Smooth sign of the motion, or of the push where it is stalled; whether it is either."""
-        p, (speed, rate) = self._p, speeds_m_s
+        speed, rate = speeds_m_s
         moving = np.empty(count, dtype=bool)
         moving[:] = (abs(speed) > self._moving_m_s) | (abs(rate) > self._moving_m_s)
-        push = push_n(p, current_a, load_n, acceleration_m_s2)
+        push, dry = self._relations.functions["drag"](self._p, x)
         stands = ~moving & (abs(speed) <= self._moving_m_s)  # and not: no speed is known
-        stalled = self._rests(stands) & (abs(push) > STALL * dry_friction_n(p, load_n))
-        way = np.where(stalled, np.copysign(1.0, push), direction(p, speed))
+        stalled = self._rests(stands) & (abs(push) > STALL * dry)
+        way = np.where(stalled, np.copysign(1.0, push), direction(self._p, speed))
         return float(way[0]) if count == 1 else way, moving | stalled
 
     def _rests(self, stands: Flags) -> Flags:
@@ -174,7 +195,7 @@ class ResidualBank:
     def _thermal(
         self, rows: Array, current_a: Value, speed_m_s: Value, frozen: bool, values: Array
     ) -> Value:
-        """Fill in the thermal residuals; returns the rise of the winding before each scan."""
+        """Fill in the thermal residuals; returns the winding's temperature before each scan."""
         p, ambient = self._p, rows[:, INDEX["ambient_temperature"]].tolist()
         excess = current_a - p.current_offset_a
         copper = p.motor_heating_k_per_a2s * (excess * excess)
@@ -189,33 +210,20 @@ class ResidualBank:
             values[:, RESIDUAL_INDEX[name]], motor_degc = node.follow(
                 measured, np.atleast_1d(heat).tolist(), ambient, self._period_s, frozen
             )
-        rise = [0.0 if t != t else t - p.reference_temperature_degc for t in motor_degc]
-        return rise[0] if len(rise) == 1 else np.array(rise)
+        warm = [p.reference_temperature_degc if t != t else t for t in motor_degc]
+        return warm[0] if len(warm) == 1 else np.array(warm)
 
-    def _parities(self, signals: Signals, values: Array, spread: Array) -> None:
+    def _parities(self, way: Value, x: list[Value], values: Array, spread: Array) -> None:
         """Fill in every parity relation and what healthy units differ by in it."""
-        single = len(values) == 1
-        sign = (math if single else np).copysign(1.0, signals.direction)
-        formed = {relation: relation(self._p, signals) for relation in _RELATIONS}
-        spreads = {sensitivity: sensitivity(self._p, signals) for sensitivity in _SENSITIVITIES}
-        found, apart = [], []
-        for parity in PARITIES:
-            factor = sign if parity.normalised else 1.0
-            found.append(factor * formed[parity.relation])
-            if parity.sensitivity is not None:
-                apart.append([factor * value for value in spreads[parity.sensitivity]])
-        if single:
-            values[0, : len(found)], spread[0] = found, apart
-            return
-        for index, column in enumerate(found):
-            values[:, index] = column
-        for place, columns in enumerate(apart):
-            for k, column in enumerate(columns):
-                spread[:, place, k] = column
-
-
-_RELATIONS = tuple(dict.fromkeys(row.relation for row in PARITIES))
-_SENSITIVITIES = tuple(dict.fromkeys(r.sensitivity for r in PARITIES if r.sensitivity is not None))
+        sign = (math if len(values) == 1 else np).copysign(1.0, way)
+        formed = self._relations.functions["relations"](self._p, x)
+        apart = self._relations.functions["spreads"](self._p, x)
+        for place, row, normalised in self._layout.values.tolist():
+            values[:, place] = sign * formed[row] if normalised else formed[row]
+        for place, row, normalised in self._layout.spreads.tolist():
+            factor = sign if normalised else 1.0
+            for k, column in enumerate(apart[row]):
+                spread[:, place, k] = factor * column
 
 
 def _columns(smooth: Array) -> Any:

@@ -1,8 +1,8 @@
 """All residuals, one row each, and the table of their values.
 
 A new residual is a row of ``RESIDUALS`` here and, for a parity relation, a row in
-``residual.PARITIES``. ``residual_bank`` computes them; rows of single sensors are filled by
-``sensor_tests``.
+``residual.PARITIES`` and in the description. ``residual_bank`` computes them; rows of single
+sensors are filled by ``sensor_tests``.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ SENSOR_COLUMNS = together([j for j, row in enumerate(RESIDUALS) if row.gate == "
 INNOVATION_INDEX = {name: at for name, at in RESIDUAL_INDEX.items() if name.startswith("innov")}
 """Filled by the state observer, not by the bank."""
 INNOVATION_COLUMNS = together(list(INNOVATION_INDEX.values()))
-SPREAD_ROWS = tuple(RESIDUAL_INDEX[row.name] for row in PARITIES if row.sensitivity is not None)
+SPREAD_ROWS = tuple(RESIDUAL_INDEX[row.name] for row in PARITIES if row.differs)
 """Residuals in which healthy units differ, in the order of ``ResidualRows.spread``."""
 
 

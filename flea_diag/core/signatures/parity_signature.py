@@ -8,7 +8,7 @@ from flea_diag.core.causal_graph.operating_point import sign_of
 from flea_diag.core.causal_graph.propagation import SYMBOL, combined, scaled
 from flea_diag.core.faults.fault import Alternative, Fault, FaultHypothesis
 from flea_diag.core.faults.fault_signature import FaultSignature, signature
-from flea_diag.core.residuals.parity import PREDICTED, ParityRelation, channel_of, rate_symbol
+from flea_diag.core.residuals.parity import ParityRelation, channel_of, rate_symbol
 from flea_diag.core.symbolic.collect import collect
 from flea_diag.core.symbolic.expression import (
     ONE,
@@ -96,14 +96,17 @@ def _later(
 def _varies(relation: ParityRelation, effect: Expression, point: Mapping[str, float]) -> bool:
     """Whether an effect changes with motion, by more than ``VISIBLE_SHARE`` of what is constant.
 
-    A predicted state is as good as constant: it is one because it is slow. A part that is zero at
-    this point may be large at others.
+    A part that is zero at this point may be large at others.
     """
-    read = [name for name in relation.arguments if not name.startswith(PREDICTED)]
-    parts = collect(effect, read)
-    sizes = {basis: abs(float(evaluate(basis * factor, point))) for basis, factor in parts.items()}
-    constant = sizes.pop(ONE, 0.0)
-    return any(size == 0.0 or size > VISIBLE_SHARE * constant for size in sizes.values())
+    parts = [
+        (basis, float(evaluate(basis, point)), float(evaluate(coefficient, point)))
+        for basis, coefficient in collect(effect, relation.arguments).items()
+    ]
+    constant = sum(abs(factor) for basis, _, factor in parts if basis == ONE)
+    return any(
+        basis != ONE and factor and (not now or abs(now * factor) > VISIBLE_SHARE * constant)
+        for basis, now, factor in parts
+    )
 
 
 def _dead_signs(

@@ -25,6 +25,7 @@ from flea_diag.core.symbolic.expression import (
     apply,
     power,
     product,
+    rewritten,
     symbols,
     total,
 )
@@ -62,25 +63,40 @@ def expand(expression: Expression) -> Expression:
 
 def _multiplied(factors: list[Expression]) -> Expression:
     """Product of expanded factors, term by term."""
-    terms = [factor.terms if isinstance(factor, Sum) else (factor,) for factor in factors]
+    terms = [terms_of(factor) for factor in factors]
     count = math.prod(map(len, terms))
     if count > MOST_TERMS:
-        raise ConfigurationError(
-            f"a relation expands to {count} terms, at most {MOST_TERMS} can be"
-        )
-    found = total(product(choice) for choice in itertools.product(*terms))
-    # A power of a sum may stand among the factors of a term that two factors have formed together.
-    return found if _is_expanded(found) else expand(found)
+        raise ConfigurationError(f"a relation expands to {count} terms, the limit is {MOST_TERMS}")
+    return total(product(choice) for choice in itertools.product(*terms))
 
 
-def _is_expanded(expression: Expression) -> bool:
-    terms = expression.terms if isinstance(expression, Sum) else (expression,)
-    factors = [
-        f for term in terms for f in (term.factors if isinstance(term, Product) else (term,))
-    ]
-    return not any(
-        isinstance(f, Power) and f.exponent > 1 and isinstance(f.base, Sum) for f in factors
-    )
+def terms_of(expression: Expression) -> tuple[Expression, ...]:
+    """Terms of a sum; anything else is one term."""
+    return expression.terms if isinstance(expression, Sum) else (expression,)
+
+
+def factors_of(term: Expression) -> tuple[Expression, ...]:
+    """Factors of a product; anything else is one factor."""
+    return term.factors if isinstance(term, Product) else (term,)
+
+
+def divided(expression: Expression) -> Expression:
+    """The same with every division of a sum by a name carried out term by term.
+
+    What cancels in the terms is gone; sums that nothing divides stay as they are.
+    """
+    return rewritten(expression, _divided_product)
+
+
+def _divided_product(node: Expression) -> Expression:
+    factors = factors_of(node)
+    below = [f for f in factors if isinstance(f, Power) and f.exponent < 0]
+    below = [f for f in below if isinstance(f.base, Variable)]
+    whole = next((f for f in factors if isinstance(f, Sum)), None)
+    if whole is None or not below:
+        return node
+    quotient = total(_divided_product(product((term, *below))) for term in whole.terms)
+    return product((quotient, *(f for f in factors if f is not whole and f not in below)))
 
 
 def collect(expression: Expression, signals: Collection[str]) -> Mapping[Expression, Expression]:
@@ -93,9 +109,8 @@ def collect(expression: Expression, signals: Collection[str]) -> Mapping[Express
         without any of them is 1.
     """
     found: dict[Expression, Expression] = {}
-    expanded = expand(expression)
-    for term in expanded.terms if isinstance(expanded, Sum) else (expanded,):
-        factors = term.factors if isinstance(term, Product) else (term,)
+    for term in terms_of(expand(expression)):
+        factors = factors_of(term)
         varying = [f for f in factors if any(name in signals for name in symbols(f))]
         basis = product(varying)
         constant = product(f for f in factors if f not in varying)
@@ -113,7 +128,8 @@ def monomial(text: str) -> Expression:
     ConfigurationError
         Anything else than names, ``*``, ``/`` and ``^`` with one digit.
     """
-    found, place = ONE, 0
+    found: Expression = ONE
+    place = 0
     while place < len(text) or not text:
         token = _FACTOR.match(text, place)
         if token is None or (place > 0) != bool(token[1]):
@@ -135,7 +151,7 @@ def exponents(expression: Expression) -> Mapping[str, int]:
         The expression is something else.
     """
     found: dict[str, int] = {}
-    for factor in expression.factors if isinstance(expression, Product) else (expression,):
+    for factor in factors_of(expression):
         base, exponent = (
             (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, 1)
         )

@@ -198,19 +198,25 @@ def symbols(expression: Expression) -> tuple[str, ...]:
     return tuple(found)
 
 
-def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expression:
-    """The expression with symbols replaced, back in normal form."""
-    if isinstance(expression, Variable):
-        return values.get(expression.name, expression)
+def rewritten(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
+    """The expression with ``change`` applied to every node, leaves first, back in normal form."""
+    made = expression
     if isinstance(expression, Sum):
-        return total(substitute(term, values) for term in expression.terms)
-    if isinstance(expression, Product):
-        return product(substitute(factor, values) for factor in expression.factors)
-    if isinstance(expression, Power):
-        return power(substitute(expression.base, values), expression.exponent)
-    if isinstance(expression, Function):
-        return apply(expression.name, substitute(expression.argument, values))
-    return expression
+        made = total(rewritten(term, change) for term in expression.terms)
+    elif isinstance(expression, Product):
+        made = product(rewritten(factor, change) for factor in expression.factors)
+    elif isinstance(expression, Power):
+        made = power(rewritten(expression.base, change), expression.exponent)
+    elif isinstance(expression, Function):
+        made = apply(expression.name, rewritten(expression.argument, change))
+    return change(made)
+
+
+def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expression:
+    """The expression with symbols replaced at once, back in normal form."""
+    return rewritten(
+        expression, lambda node: values.get(node.name, node) if isinstance(node, Variable) else node
+    )
 
 
 @lru_cache(maxsize=16384)

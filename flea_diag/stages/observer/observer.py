@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.stages.observer.block_replay import BlockReplay
 from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
@@ -36,8 +37,10 @@ class ObserverStage:
     consumes: tuple[type, ...] = (ChannelTable, Scan, AmbiguityGroup)
     takes_blocks = True
 
-    def __init__(self, calibration: Calibration, parameters: ObserverParameters) -> None:
-        self._chain = ObserverChain(calibration, parameters)
+    def __init__(
+        self, calibration: Calibration, relations: RelationSet, parameters: ObserverParameters
+    ) -> None:
+        self._chain = ObserverChain(calibration, relations, parameters)
         self._replay = BlockReplay()
         self._records = ResidualRecords(calibration)
         self._table: ChannelTable | None = None

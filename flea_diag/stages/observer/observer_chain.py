@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import INDEX, TEMPERATURES
 from flea_diag.core.sensors.unit_change import UnitChange
 from flea_diag.stages.observer.channels import ChannelReadings, Channels
@@ -27,8 +28,11 @@ TEMPERATURE_COLUMNS = np.array([INDEX[name] for name in TEMPERATURES])
 class ObserverChain:
     """All state of the observer that a scan changes; a deep copy of it is a checkpoint."""
 
-    def __init__(self, calibration: Calibration, parameters: ObserverParameters) -> None:
+    def __init__(
+        self, calibration: Calibration, relations: RelationSet, parameters: ObserverParameters
+    ) -> None:
         self._calibration = calibration
+        self._relations = relations
         self._parameters = parameters
         self.order = StreamOrder(round(calibration.period_s * 1e9), parameters.gap_scans)
         self.episode = DetectionEpisode(parameters.rearm_after_s)
@@ -41,7 +45,9 @@ class ObserverChain:
         distrust = f"disagrees with current and motion by more than {c.voltage_limit_v:.1f} V"
         self.channels = Channels(c.channels, distrust, p.observer_backend)
         estimate = StateEstimate(c, p.state_observer, p.observer_seed, p.observer_backend)
-        self.stream = ResidualStream(c, estimate, p.warm_up_s, stamp_ns, p.observer_backend)
+        self.stream = ResidualStream(
+            c, self._relations, estimate, p.warm_up_s, stamp_ns, p.observer_backend
+        )
         if table is not None:
             self.take_ranges(table)
         self.episode.forget()

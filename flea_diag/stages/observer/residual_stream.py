@@ -14,6 +14,7 @@ import numpy.typing as npt
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.observers.observer_block import PREDICTED
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import CHANNELS, SENSOR_COLUMNS, ResidualRows
 from flea_diag.core.smoothing import KERNEL_LENGTH
@@ -50,6 +51,7 @@ class ResidualStream:
     def __init__(
         self,
         calibration: Calibration,
+        relations: RelationSet,
         estimate: StateEstimate,
         warm_up_s: float,
         start_ns: int,
@@ -58,7 +60,11 @@ class ResidualStream:
         c = calibration
         self._p = c.parameters
         self._bank = ResidualBank(
-            c.parameters, period_s=c.period_s, kernel_length=KERNEL_LENGTH, backend=backend
+            c.parameters,
+            relations,
+            period_s=c.period_s,
+            kernel_length=KERNEL_LENGTH,
+            backend=backend,
         )
         self._sensors = SensorValidation(c, backend)
         self._voltage = VoltageTrust(c.voltage_limit_v)

@@ -118,7 +118,7 @@ def learn(
         Fewer than two recordings, recordings of different stands or of another actuator than
         described, or no motion.
     """
-    from flea_diag.configuration import load_yaml
+    from flea_diag.configuration import compiled_relations, load_yaml
     from flea_diag.core.calibration import identification, thresholds
     from flea_diag.core.smoothing import KERNEL_LENGTH
 
@@ -127,7 +127,9 @@ def learn(
     runs = [recording.run for recording in recordings]
     period_s = recordings[0].period_s
     found = identification.identify(runs, KERNEL_LENGTH, period_s)
-    traces = [thresholds.trace(run, found, KERNEL_LENGTH, period_s) for run in runs]
+    has_encoder = found.parameters.encoder_m_per_rad != 0.0
+    relations = compiled_relations(actuator, recordings[0].channels, has_encoder)
+    traces = [thresholds.trace(run, found, relations, KERNEL_LENGTH, period_s) for run in runs]
     innovations = _innovations(recordings, traces, found)
     traces = list(map(thresholds.with_innovations, traces, innovations.residuals))
     calibration = _calibration(

@@ -81,7 +81,7 @@ def _without_vibration(setting: Setting) -> Stage:
 
 
 def _structural(setting: Setting) -> Stage:
-    from flea_diag.configuration import knowledge, load_calibration
+    from flea_diag.configuration import knowledge, load_calibration, relations
     from flea_diag.core.signatures.structural import without_signs
     from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
     from flea_diag.stages.observer.observer import ObserverStage
@@ -95,7 +95,7 @@ def _structural(setting: Setting) -> Stage:
         replace(known, signatures=signatures),
         IsolatorParameters(likelihood=False, gating=False, source="replay"),
     )
-    observer = ObserverStage(calibration, ObserverParameters())
+    observer = ObserverStage(calibration, relations(calibration), ObserverParameters())
     return WithoutVibration(Pipeline((observer, isolator)))
 
 

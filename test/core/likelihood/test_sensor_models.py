@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.models.hand_relations import BY_HAND
 
 from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
 from flea_diag.core.likelihood.regressors import regressors
 from flea_diag.core.likelihood.sensor_models import sensor_models
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.residual import PARITY_NAMED, Signals, direction
+from flea_diag.core.residuals.residual import Signals, direction
 from flea_diag.core.residuals.residual_rows import TEMPERATURES
 
 # Offsets that are far from zero: a scale factor acts on the reading, not on what exceeds its zero.
@@ -42,7 +43,6 @@ def signals() -> Signals:
         position_rate_m_s=speed,
         motor_temperature_degc=zero + 30.0,
         nut_temperature_degc=zero + 30.0,
-        winding_rise_k=zero,
         direction=direction(P, speed),
     )
 
@@ -61,7 +61,7 @@ def test_a_model_adds_what_the_faulty_reading_adds(fault, change, sizes, residua
     true = signals()
     field = READINGS[fault.rsplit("_", 1)[0]]
     read = true._replace(**{field: change(getattr(true, field))})
-    relation = PARITY_NAMED[residual].relation
+    relation = BY_HAND[residual]
     (model,) = [m for m in sensor_models(P, commanded=False) if m.fault == fault]
     added = relation(P, read) - relation(P, true)
     np.testing.assert_allclose(effect(model, sizes, residual, read), added, atol=1e-9)
@@ -74,7 +74,7 @@ def added(channel: str, factor: float) -> tuple[str, np.ndarray, Signals]:
         return channel, np.full(N, 30.0 * factor - 30.0), true
     field = READINGS[channel]
     read = true._replace(**{field: factor * getattr(true, field)})
-    relation = PARITY_NAMED["parity_mechanical"].relation
+    relation = BY_HAND["parity_mechanical"]
     return "parity_mechanical", relation(P, read) - relation(P, true), read
 
 

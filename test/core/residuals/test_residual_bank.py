@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.models import linear_ema as ema
 
+from flea_diag import configuration
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX, RESIDUAL_INDEX, RESIDUALS
@@ -23,12 +24,16 @@ TRUE = ActuatorParameters(
     motor_cooling_s=800.0,
     encoder_m_per_rad=5e-4,
 )
+SENSORS = tuple(name for name in CHANNELS if name != "commanded_voltage")
+KNOWN, ALONE = (
+    configuration.compiled_relations("actuator.yaml", SENSORS, encoder) for encoder in (True, False)
+)
 DELAY = 15
 WHOLE = ema.run()
 
 
 def residuals(columns: ema.Columns, channels: tuple[str, ...] = CHANNELS) -> np.ndarray:
-    bank = ResidualBank(TRUE)
+    bank = ResidualBank(TRUE, KNOWN)
     return bank.step(ema.rows(columns, channels), False).values
 
 
@@ -151,7 +156,7 @@ def test_normalised_by_direction_a_drag_keeps_its_sign_and_a_bias_alternates():
 
 def test_without_an_encoder_the_slope_of_the_position_is_the_speed():
     channels = tuple(c for c in CHANNELS if c != "motor_speed")
-    bank = ResidualBank(ActuatorParameters(coulomb_friction_n=60.0))
+    bank = ResidualBank(ActuatorParameters(coulomb_friction_n=60.0), ALONE)
     assert not bank.has_encoder
     speeds = bank.step(ema.rows(WHOLE, channels), False).signals.speed_m_s
     use = cruising(WHOLE)
@@ -160,7 +165,7 @@ def test_without_an_encoder_the_slope_of_the_position_is_the_speed():
 
 
 def test_a_gap_empties_the_windows_and_keeps_the_temperatures():
-    bank = ResidualBank(TRUE)
+    bank = ResidualBank(TRUE, KNOWN)
     table = ema.rows(WHOLE)
     before = bank.step(table[:500], False)
     bank.interrupt()
@@ -180,7 +185,7 @@ def test_what_is_missing_takes_only_its_own_residuals():
 
 
 def test_adopted_parameters_count_from_then_on():
-    bank, other = ResidualBank(TRUE), ResidualBank(TRUE)
+    bank, other = ResidualBank(TRUE, KNOWN), ResidualBank(TRUE, KNOWN)
     other.adopt(replace(TRUE, current_offset_a=0.35))
     rows = ema.rows(WHOLE)[:200]
     plain, moved = bank.step(rows, False), other.step(rows, False)
@@ -206,7 +211,7 @@ def standing(current_a: float, load_n: float, scans: int = 100) -> ema.Columns:
 )
 def test_what_withstands_too_great_a_push_is_stalled(current_a, load_n, way):
     # Dry friction is 60 N: pushes of 300 N either way, 300 N of load alone, and 130 N.
-    found = ResidualBank(TRUE).step(ema.rows(standing(current_a, load_n), CHANNELS), False)
+    found = ResidualBank(TRUE, KNOWN).step(ema.rows(standing(current_a, load_n), CHANNELS), False)
     stalled = np.arange(100) >= 61  # one kernel to see anything, and another of standing
     assert found.moving.tolist() == (stalled & (way != 0.0)).tolist()
     assert np.all(found.signals.direction[stalled] == way)
@@ -218,7 +223,7 @@ def test_what_withstands_too_great_a_push_is_stalled(current_a, load_n, way):
 def test_a_reversal_is_no_standstill():
     columns = standing(2.0, 40.0)
     columns["motor_speed"][::45] = 4000.0  # a kernel of 31 scans around each sees it move
-    found = ResidualBank(TRUE).step(ema.rows(columns, CHANNELS), False)
+    found = ResidualBank(TRUE, KNOWN).step(ema.rows(columns, CHANNELS), False)
     speed = found.signals.speed_m_s
     still = np.abs(speed[31:]) <= 0.01
     assert still.any()
@@ -235,7 +240,8 @@ def test_compiled_gives_the_bits_of_python(block, encoder):
     draw = np.random.default_rng(6)
     rows[draw.random(rows.shape) < 0.002] = np.nan
     parameters = replace(TRUE, encoder_m_per_rad=encoder, nut_heating_k_per_j=1e-4)
-    banks = [ResidualBank(parameters, backend=backend) for backend in ("numpy", "numba")]
+    known = KNOWN if encoder else ALONE
+    banks = [ResidualBank(parameters, known, backend=backend) for backend in ("numpy", "numba")]
     moved = 0
     for start in range(0, len(rows), block):
         if start >= 700 > start - block:

@@ -8,6 +8,7 @@ import numpy as np
 from support import stands
 from support.observer_scans import jammed
 
+from flea_diag import configuration
 from flea_diag.stages.observer.block_replay import LEAST_SCANS, BlockReplay
 from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
@@ -37,7 +38,8 @@ def detected_at() -> int:
 def warm() -> ObserverChain:
     """A chain after its warm-up, which ends with a single scan."""
     parameters = ObserverParameters(state_observer="none")
-    chain = ObserverChain(stands.calibration(), parameters)
+    known = stands.calibration()
+    chain = ObserverChain(known, configuration.relations(known), parameters)
     chain.begin(jammed()[0].stamp_ns, None)
     for k in range(START):
         one = block(k, k + 1)

@@ -1,0 +1,59 @@
+"""Python functions generated from expressions: ``name(p, x)`` of parameters and signals.
+
+``p`` has the parameters as attributes (a dataclass, or a record for numba), ``x`` is any sequence
+of signals: numbers of one scan, or columns of many. numba compiles the same source. It is kept in
+memory under the name of its digest, where tracebacks and profilers find its lines.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import linecache
+from collections.abc import Mapping, Sequence
+from types import FunctionType
+from typing import Any
+
+from flea_diag.core.symbolic.expression import Constant, Expression, symbols, text
+
+SCOPE = {"fabs": abs, "__builtins__": {}}
+"""Functions that generated code may call on numbers and columns alike, to the same bits.
+
+Others, such as tanh, numpy and the mathematics library round differently."""
+
+Results = Sequence[Expression] | Sequence[Sequence[Expression]]
+
+
+def function_source(name: str, doc: str, signals: Sequence[str], results: Results) -> str:
+    """Source of ``name(p, x)``, which returns a tuple of the results, or a tuple of tuples.
+
+    Names that are no signals are parameters.
+    """
+    flat = [e for r in results for e in ((r,) if isinstance(r, Expression) else r)]
+    used = list(dict.fromkeys(n for expression in flat for n in symbols(expression)))
+    lines = [f"def {name}(p, x):", f'    """{doc}"""']
+    lines += [f"    {n} = x[{signals.index(n)}]" for n in used if n in signals]
+    lines += [f"    {n} = p.{n}" for n in used if n not in signals]
+    lines += ["    return (", *(f"        {_entry(result)}," for result in results), "    )"]
+    return "\n".join([*lines, "", ""])
+
+
+def _entry(result: Expression | Sequence[Expression]) -> str:
+    if isinstance(result, Constant):
+        return repr(result.value)  # a float, so that all entries have one type
+    if isinstance(result, Expression):
+        return text(result)
+    return "(" + " ".join(f"{_entry(expression)}," for expression in result) + ")"
+
+
+def compiled(source: str) -> Mapping[str, FunctionType]:
+    """Functions of a generated source; each carries it as the attribute ``source``."""
+    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
+    place = f"<relations {digest}>"
+    # Without a modification time the entry stays in the cache.
+    linecache.cache[place] = (len(source), None, source.splitlines(keepends=True), place)
+    scope: dict[str, Any] = dict(SCOPE)
+    exec(compile(source, place, "exec"), scope)  # text of our own expressions
+    made = {name: part for name, part in scope.items() if isinstance(part, FunctionType)}
+    for part in made.values():
+        part.source = source  # type: ignore[attr-defined]
+    return made

@@ -1,0 +1,73 @@
+"""The FLEA's relations written down by hand, as an oracle for what is compiled from its graph.
+
+Forces and speeds at the nut, as in the calibration. Nothing that compiles relations is used here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.residual import Signals
+
+COPPER_PER_K = 0.00393
+
+
+def mechanical_n(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> Any:
+    """Motor force less load, friction and inertia."""
+    motor = p.force_constant_n_per_a * (s.current_a - p.current_offset_a)
+    dry = (p.coulomb_friction_n + p.load_friction_ratio * abs(s.load_n)) * s.direction
+    friction = dry + p.viscous_friction_n_s_per_m * s.speed_m_s
+    return motor - s.load_n - friction - p.reflected_mass_kg * s.acceleration_m_s2
+
+
+def electrical_v(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> Any:
+    """Kirchhoff in the motor circuit, the resistance as warm as the winding."""
+    rise = warm_degc - p.reference_temperature_degc
+    drop = p.winding_resistance_ohm * (1.0 + COPPER_PER_K * rise)
+    current = s.current_a - p.current_offset_a
+    return s.voltage_v - p.voltage_offset_v - drop * current - p.back_emf_v_s_per_m * s.speed_m_s
+
+
+def drive_v(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> Any:
+    """Measured against commanded voltage."""
+    return s.voltage_v - p.drive_offset_v - p.drive_gain * s.commanded_voltage_v
+
+
+def kinematic_m(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> Any:
+    """One position sensor against the other."""
+    return s.position_m - p.position_offset_m - s.load_position_m
+
+
+def speed_m_s(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> Any:
+    """Encoder speed through the screw against the slope of the position."""
+    return p.encoder_m_per_rad * s.encoder_speed_rad_s - s.position_rate_m_s
+
+
+BY_HAND: dict[str, Callable[..., Any]] = {
+    "parity_mechanical": mechanical_n,
+    "parity_electrical": electrical_v,
+    "parity_drive": drive_v,
+    "parity_kinematic": kinematic_m,
+    "parity_speed": speed_m_s,
+}
+
+
+def channels_of(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> dict[str, Any]:
+    """The same signals by the names that compiled relations know them by."""
+    lead = p.encoder_m_per_rad or 1.0
+    return {
+        "motor_current": s.current_a,
+        "motor_voltage": s.voltage_v,
+        "commanded_voltage": s.commanded_voltage_v,
+        "load_force": s.load_n,
+        "motor_speed": s.speed_m_s / lead,
+        "d_motor_speed": s.acceleration_m_s2 / lead,
+        "actuator_position": s.position_m,
+        "d_actuator_position": s.position_rate_m_s,
+        "d_d_actuator_position": s.acceleration_m_s2,
+        "load_position": s.load_position_m,
+        "winding_temperature": warm_degc,
+        "direction": s.direction,
+    }
