@@ -22,7 +22,7 @@ from flea_diag.core.residuals.thermal import ESTIMATE, advance
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-Whole = npt.NDArray[np.int64]
+Rows = tuple[tuple[int, int, int], ...]
 
 _CURRENT, _VOLTAGE = INDEX["motor_current"], INDEX["motor_voltage"]
 _COMMAND, _ENCODER = INDEX["commanded_voltage"], INDEX["motor_speed"]
@@ -34,28 +34,20 @@ _OF_MOTOR, _OF_NUT = RESIDUAL_INDEX["motor_temperature"], RESIDUAL_INDEX["nut_te
 _OF_AMBIENT = RESIDUAL_INDEX["ambient_temperature"]
 
 
-def _unbound(p: Any, x: Array) -> Any:
-    """In place of a function that only a relation set has: see ``bank_of``."""
-    raise AssertionError("the loops run with the functions of a relation set")
-
-
-relations = spreads = drag = _unbound
-
-
 class Layout(NamedTuple):
     """Where the functions of a relation set find their signals, and where their values go.
 
-    ``places``, shape (signals, 2): order of derivative and channel, -1 for what is no channel;
+    ``places``: order of derivative and channel of each signal, -1 for what is no channel;
     ``winding`` and ``direction``: indices of these two signals, -1 if no relation has them.
-    ``values``, shape (n, 3): parity row, its relation, whether it is normalised; ``spreads``,
-    shape (m, 3): row of the spreads, its relation among those that differ, the same.
+    ``values``: parity row, its relation, whether it is normalised; ``spreads``: row of the
+    spreads, its relation among those that differ, the same.
     """
 
-    places: Whole
+    places: tuple[tuple[int, int], ...]
     winding: int
     direction: int
-    values: Whole
-    spreads: Whole
+    values: Rows
+    spreads: Rows
 
 
 def layout(known: RelationSet) -> Layout:
@@ -65,7 +57,7 @@ def layout(known: RelationSet) -> Layout:
     winding = next(iter(known.predicted), "")
     differing = [row for row in PARITIES if row.differs]
     return Layout(
-        np.array(places, dtype=np.int64).reshape(-1, 2),
+        tuple(places),
         known.signals.index(winding) if winding in known.signals else -1,
         known.signals.index(DIRECTION) if DIRECTION in known.signals else -1,
         _rows(PARITIES, known.names),
@@ -73,38 +65,46 @@ def layout(known: RelationSet) -> Layout:
     )
 
 
-def _rows(rows: Sequence[Parity], known: Sequence[str]) -> Whole:
+def _rows(rows: Sequence[Parity], known: Sequence[str]) -> Rows:
     """Place, relation and normalisation of those rows whose relation is known."""
-    found = [
-        (place, known.index(row.relation), row.normalised)
+    return tuple(
+        (place, known.index(row.relation), int(row.normalised))
         for place, row in enumerate(rows)
         if row.relation in known
-    ]
-    return np.array(found, dtype=np.int64).reshape(-1, 3)
+    )
 
 
 @lru_cache(maxsize=8)
 def bank_of(known: RelationSet) -> Callable[..., int]:
-    """``bank_loops`` with the functions of this set, compiled."""
-    made = known.functions
-    parity = backends.bound(parity_loops, relations=made["relations"], spreads=made["spreads"])
-    loop = backends.bound(bank_loops, parity_loops=parity, drag=made["drag"])
+    """``bank_loops`` with the functions and the layout of this set, compiled."""
+    made, laid = known.functions, layout(known)
+    parity = backends.bound(
+        parity_loops, relations=made["relations"], spreads=made["spreads"], LAYOUT=laid
+    )
+    loop = backends.bound(bank_loops, parity_loops=parity, drag=made["drag"], LAYOUT=laid)
     parts = (made["relations"], made["spreads"], made["drag"], parity, heat_loops, advance)
     compiled: Callable[..., int] = backends.exact(loop, *parts)
     return compiled
 
 
-def parity_loops(
-    p: Any, x: Array, direction: float, layout: Layout, values: Array, spread: Array
-) -> None:
+def _unbound(p: Any, x: Array) -> Any:
+    """In place of a function that only a relation set has: see ``bank_of``."""
+    raise AssertionError("the loops run with the functions of a relation set")
+
+
+relations = spreads = drag = _unbound
+LAYOUT = Layout((), -1, -1, (), ())
+
+
+def parity_loops(p: Any, x: Array, direction: float, values: Array, spread: Array) -> None:
     """``ResidualBank._parities`` of one scan."""
     sign = math.copysign(1.0, direction)
     formed, apart = relations(p, x), spreads(p, x)
-    for k in range(len(layout.values)):
-        place, row, normalised = layout.values[k]
+    for k in range(len(LAYOUT.values)):
+        place, row, normalised = LAYOUT.values[k]
         values[place] = sign * formed[row] if normalised else formed[row]
-    for k in range(len(layout.spreads)):
-        place, row, normalised = layout.spreads[k]
+    for k in range(len(LAYOUT.spreads)):
+        place, row, normalised = LAYOUT.spreads[k]
         factor = sign if normalised else 1.0
         for u in range(spread.shape[1]):
             spread[place, u] = factor * apart[row][u]
@@ -130,7 +130,7 @@ def heat_loops(
 def bank_loops(
     rows: Array, smooth: Array, ways: Array, shapes: Array, parameters: npt.NDArray[np.void],
     nodes: tuple[Array, Array, Array], limits: tuple[float, int, float], still: int, frozen: bool,
-    layout: Layout, told: tuple[Array, Array, Array, Flags],
+    told: tuple[Array, Array, Array, Flags],
 ) -> int:  # fmt: skip
     """Scan after scan; returns for how many scans it has stood still.
 
@@ -141,14 +141,15 @@ def bank_loops(
     p = parameters[0]
     moving_m_s, rest, dt_s = limits
     values, spread, table, moving = told
-    places = layout.places
+    places = LAYOUT.places
     measured = len(places) - len(shapes)
     x = np.empty(len(places))
     for i in range(len(rows)):
         value, first, second = smooth[i, 0], smooth[i, 1], smooth[i, 2]
         for k in range(measured):
-            if places[k, 0] >= 0:
-                x[k] = smooth[i, places[k, 0], places[k, 1]]
+            order, channel = places[k]
+            if order >= 0:
+                x[k] = smooth[i, order, channel]
         for k in range(len(shapes)):
             x[measured + k] = shapes[k, i]
         speed, acceleration, rate = first[_POSITION], second[_POSITION], first[_POSITION]
@@ -162,11 +163,11 @@ def bank_loops(
         stalled = still > rest and abs(push) > STALL * dry
         moving[i] = moves or stalled
         way = math.copysign(1.0, push) if stalled else ways[i]
-        if layout.direction >= 0:
-            x[layout.direction] = way
+        if LAYOUT.direction >= 0:
+            x[LAYOUT.direction] = way
         degc = heat_loops(p, nodes, rows[i], current, speed, dt_s, frozen, values[i])
-        if layout.winding >= 0:
-            x[layout.winding] = degc
+        if LAYOUT.winding >= 0:
+            x[LAYOUT.winding] = degc
         s = Signals(
             current,
             value[_VOLTAGE],
@@ -184,5 +185,5 @@ def bank_loops(
         )
         for k in range(len(s)):
             table[i, k] = s[k]
-        parity_loops(p, x, way, layout, values[i], spread[i])
+        parity_loops(p, x, way, values[i], spread[i])
     return still

@@ -34,7 +34,7 @@ from flea_diag.core.residuals.residual_rows import (
 )
 from flea_diag.core.residuals.thermal import ThermalNode
 from flea_diag.core.smoothing import Smoother
-from flea_diag.core.symbolic.expression import FUNCTIONS
+from flea_diag.core.symbolic.expression import FUNCTIONS, symbols
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -58,7 +58,13 @@ class ResidualBank:
         backend: str = "auto",
     ) -> None:
         self._relations, self._layout = relations, layout(relations)
-        self._places = self._layout.places.tolist()
+        self._places = self._layout.places
+        self._functions = [FUNCTIONS[shape.name] for shape in relations.shapes.values()]
+        within = {name for shape in relations.shapes.values() for name in symbols(shape)}
+        self._inside = [
+            place if name in within else (-1, 0)
+            for name, place in zip(relations.signals, self._places, strict=True)
+        ]
         # numba knows no empty tuple of results.
         self._compiled = backends.chosen(backend) == "numba" and bool(relations.differing)
         self.adopt(parameters)
@@ -90,27 +96,33 @@ class ResidualBank:
         self, rows: Array, smooth: Array, frozen: bool, values: Array, spread: Array
     ) -> ResidualRows:
         """``_signals`` and ``_parities`` in one compiled loop."""
-        speeds = smooth[:, 1, INDEX["actuator_position"]]
-        if self.has_encoder:
-            speeds = smooth[:, 0, INDEX["motor_speed"]] * self._p.encoder_m_per_rad
         table = np.empty((len(rows), len(Signals._fields)))
         moving = np.empty(len(rows), dtype=bool)
-        x = self._measured(np.ascontiguousarray(smooth.transpose(1, 2, 0)))
+        x = [smooth[:, order, k] if order >= 0 else 0.0 for order, k in self._inside]
+        shapes = np.array(self._shapes(x)).reshape(len(self._relations.shapes), len(rows))
         self._still = bank_of(self._relations)(
             rows,
             smooth,
-            direction(self._p, speeds),
-            np.array(self._shapes(x)).reshape(-1, len(rows)),
+            self._directions(smooth, shapes),
+            shapes,
             self._record,
             (self._ambient.state, self._nut.state, self._motor.state),
             (self._moving_m_s, self._kernel_length, self._period_s),
             self._still,
             frozen,
-            self._layout,
             (values, spread, table, moving),
         )
         columns = table[0].tolist() if len(table) == 1 else np.ascontiguousarray(table.T)
         return ResidualRows(values, spread, Signals(*columns), moving)
+
+    def _directions(self, smooth: Array, shapes: Array) -> Array:
+        """Smooth sign of the speed: a shape where a relation holds it."""
+        if self._layout.direction >= 0:
+            return shapes[self._layout.direction - len(self._places)]
+        speeds = smooth[:, 1, INDEX["actuator_position"]]
+        if self.has_encoder:
+            speeds = smooth[:, 0, INDEX["motor_speed"]] * self._p.encoder_m_per_rad
+        return np.asarray(direction(self._p, speeds))
 
     def _measured(self, columns: Any) -> list[Value]:
         """Signals of the relations that are smoothed channels; 0 in place of the others."""
@@ -119,9 +131,10 @@ class ResidualBank:
     def _shapes(self, x: list[Value]) -> list[Value]:
         """Values of the shapes, by numpy for one number, too: libraries differ in the last bit."""
         arguments = self._relations.functions["shapes"](self._p, x)
-        named = zip(self._relations.shapes.values(), arguments, strict=True)
-        values = [FUNCTIONS[shape.name](argument) for shape, argument in named]
-        return [float(v) if np.ndim(v) == 0 else v for v in values]
+        return [
+            float(function(argument)) if isinstance(argument, float) else function(argument)
+            for function, argument in zip(self._functions, arguments, strict=True)
+        ]
 
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Use other parameters (the learned offsets of this unit)."""
@@ -218,9 +231,9 @@ class ResidualBank:
         sign = (math if len(values) == 1 else np).copysign(1.0, way)
         formed = self._relations.functions["relations"](self._p, x)
         apart = self._relations.functions["spreads"](self._p, x)
-        for place, row, normalised in self._layout.values.tolist():
+        for place, row, normalised in self._layout.values:
             values[:, place] = sign * formed[row] if normalised else formed[row]
-        for place, row, normalised in self._layout.spreads.tolist():
+        for place, row, normalised in self._layout.spreads:
             factor = sign if normalised else 1.0
             for k, column in enumerate(apart[row]):
                 spread[:, place, k] = factor * column
