@@ -57,9 +57,12 @@ def test_rates_and_readings_are_those_of_the_equations_by_hand(stand: StateSpace
 
 
 def test_printed_equations_are_the_published_ones(flea: Actuator) -> None:
+    """With the offset of the reading, the warm winding and friction that grows with the load."""
     lines = flea.state_space("driven").equations(flea.graph.tokens()).splitlines()
-    assert lines[0] == "d i/dt = (motor_voltage - R*i - Km*omega)/L"
-    assert lines[1] == "d omega/dt = (Kt*i - tau_c*tanh(omega/w_s) - B*omega - rho*load_force)/J"
+    warm = "R*(1 + alpha*(T_w - T_0))"
+    assert lines[0] == f"d i/dt = (motor_voltage - V_0 - {warm}*i - Km*omega)/L"
+    dry = "(tau_c + mu*fabs(load_force))*tanh(omega/w_s)"
+    assert lines[1] == f"d omega/dt = (Kt*i - {dry} - B*omega - rho*load_force)/J"
 
 
 def test_measured_load_cuts_the_load_side_off(flea: Actuator) -> None:

@@ -46,7 +46,7 @@ def label(flea: Actuator, graph: TemporalCausalGraph, source: str, target: str) 
         ("e_winding", "e_inductance", "-1"),
         ("e_inductance", "i", "dt/L"),
         ("i", "f_winding", "="),
-        ("f_winding", "e_winding", "R"),
+        ("f_winding", "e_winding", "R*(1 + alpha*(T_w - T_0))"),
         ("f_motor_1", "e_motor_2", "Kt"),
         ("f_motor_2", "e_motor_1", "Km"),
         ("e_rotor", "omega", "dt/J"),
@@ -55,7 +55,7 @@ def label(flea: Actuator, graph: TemporalCausalGraph, source: str, target: str) 
         ("e_load_inertia", "v_load", "dt/M_l"),
         ("f_compliance", "stretch", "dt"),
         ("stretch", "e_compliance", "K_l"),
-        ("winding_resistance", "e_winding", "f_winding"),
+        ("winding_resistance", "e_winding", "(1 + alpha*(T_w - T_0))*f_winding"),
         ("back_emf_constant", "e_motor_1", "f_motor_2"),
     ],
 )

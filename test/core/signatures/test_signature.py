@@ -12,6 +12,7 @@ from flea_diag.configuration import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.faults.fault import Fault, catalogue, hypothesis
+from flea_diag.core.signatures.diagnosability import usable_residuals
 from flea_diag.core.signatures.signature import signature_table
 
 STEP = Fraction(1, 100)
@@ -216,7 +217,7 @@ def test_a_motor_that_draws_nothing_may_bring_the_drive_nearer_to_its_command(
 def test_sensor_fault_moves_its_own_residual_and_the_relations_that_read_it(
     shipped: Actuator, faults: dict[str, Fault]
 ) -> None:
-    names = tuple(shipped.residuals)
+    names = usable_residuals(shipped)
     rows = signature_table(shipped, faults, names, QUADRANTS[0], 0.01)
     moved = {n for n in names if rows["actuator_position_bias"][n].affected}
     assert moved == {"actuator_position", "parity_kinematic"}

@@ -52,7 +52,8 @@ def test_show_says_the_causality(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_equations_of_the_motor(capsys: pytest.CaptureFixture[str]) -> None:
     text = shown(capsys, "equations", "--model", "driven")
-    assert "  d i/dt = (motor_voltage - R*i - Km*omega)/L" in text
+    warm = "R*(1 + alpha*(T_w - T_0))"
+    assert f"  d i/dt = (motor_voltage - V_0 - {warm}*i - Km*omega)/L" in text
     assert "Model stand" not in text
 
 
