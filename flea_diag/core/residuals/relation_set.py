@@ -12,11 +12,11 @@ stands under a push has a direction, too.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import FunctionType, MappingProxyType
 
-from flea_diag.core.bond_graph.actuator_model import Actuator
+from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
 from flea_diag.core.bond_graph.base_parameters import in_base
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parity import parity_relation
@@ -55,11 +55,6 @@ class CompiledRelation:
         """Basis signal -> coefficient: what recordings can identify, one by one."""
         return collect(self.expression, self.signals)
 
-    def with_direction(self) -> tuple[Expression, Expression]:
-        """Push, and the size of the friction that it meets: r = push - friction * direction."""
-        slope = derivative(self.expression, DIRECTION)
-        return substitute(self.expression, {DIRECTION: ZERO}), -slope
-
 
 @dataclass(frozen=True, eq=False)
 class RelationSet(Frozen):
@@ -77,6 +72,8 @@ class RelationSet(Frozen):
         Signal that a slow state sets -> the residual whose prediction gives it.
     units
         Base parameters in which healthy units differ.
+    push
+        What friction has to withstand: the relation that has a direction, without its friction.
     """
 
     relations: tuple[CompiledRelation, ...]
@@ -84,6 +81,7 @@ class RelationSet(Frozen):
     shapes: Mapping[str, Function]
     predicted: Mapping[str, str]
     units: tuple[str, ...]
+    push: Expression = ZERO
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -106,14 +104,14 @@ class RelationSet(Frozen):
         apart = [row.expression for row in self.relations if row.name in self.differing]
         spreads = [[derivative(row, unit) for unit in self.units] for row in apart]
         dragged = next((r for r in self.relations if DIRECTION in r.signals), None)
-        drag = dragged.with_direction() if dragged else (ZERO, ZERO)
+        dry = -derivative(dragged.expression, DIRECTION) if dragged else ZERO
         arguments = [shape.argument for shape in self.shapes.values()]
         return "\n".join(
             function_source(name, doc, self.signals, results)
             for name, doc, results in (
                 ("relations", f"Relations {', '.join(self.names)}.", rows),
                 ("spreads", f"d r / d theta of {', '.join(self.differing)}.", spreads),
-                ("drag", "Push at the screw, and the dry friction that it meets.", drag),
+                ("drag", "Push, and the dry friction that it meets.", (self.push, dry)),
                 ("shapes", f"Arguments of {', '.join(self.shapes)}.", arguments),
             )
         )
@@ -137,6 +135,7 @@ def relation_set(
         Base parameters in which healthy units differ.
     """
     rows, shapes = [], dict[Function, str]()
+    push: Expression = ZERO
     base = _base_values(actuator, held)
     for name in names:
         spec = actuator.residuals.get(name)
@@ -152,13 +151,23 @@ def relation_set(
         varying |= set(shapes.values())
         read = tuple(symbol for symbol in symbols(shaped) if symbol in varying)
         rows.append(CompiledRelation(name, spec.unit, shaped, read))
+        if DIRECTION in read and push == ZERO:
+            bare = parity_relation(actuator, _without_friction(actuator, spec))
+            push = divided(substitute(bare.expression, base))
     named = MappingProxyType({name: shape for shape, name in shapes.items()})
     inside = [name for shape in shapes for name in symbols(shape)]
     every = dict.fromkeys(name for row in rows for name in (*row.signals, *inside))
     measured = [name for name in every if name not in named and name not in held]
     return RelationSet(
-        tuple(rows), (*measured, *named), named, dict(actuator.predicted), tuple(units)
+        tuple(rows), (*measured, *named), named, dict(actuator.predicted), tuple(units), push
     )
+
+
+def _without_friction(actuator: Actuator, spec: ResidualSpec) -> ResidualSpec:
+    """The same balance without the elements that a direction of motion belongs to."""
+    elements = actuator.graph.of_kind("R")
+    rubbing = [element.name for element in elements if "smooth_flow" in element.parameters]
+    return replace(spec, without=(*spec.without, *rubbing))
 
 
 def _base_values(actuator: Actuator, held: Collection[str]) -> dict[str, Expression]:
