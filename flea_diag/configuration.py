@@ -164,15 +164,22 @@ def knowledge(
         The calibration belongs to another actuator than described.
     """
     name, rows, tables = _signatures(actuator, faults, calibration.channels, calibration.period_s)
-    _refuse_another(calibration, name, actuator)
+    require_actuator(calibration, name, actuator)
     table = load_features(features).of_vibration()
     return Knowledge(calibration, calibration_sha256(calibration), rows, tables, table)
 
 
-def _refuse_another(calibration: Calibration, name: str, actuator: str) -> None:
+def require_actuator(calibration: Calibration, name: str, where: str) -> None:
+    """Refuse a calibration of another actuator than described.
+
+    Raises
+    ------
+    CalibrationError
+        Names both.
+    """
     if name != calibration.actuator:
         raise CalibrationError(
-            f"the calibration is for actuator {shown(calibration.actuator)}, {actuator} describes "
+            f"the calibration is for actuator {shown(calibration.actuator)}, {where} describes "
             f"{shown(name)}: choose the matching description, or calibrate this actuator"
         )
 
@@ -305,7 +312,7 @@ class Component(Generic[P]):
         """
         calibration = load_calibration(parameters.calibration)
         described = read_actuator(load_yaml(parameters.actuator), parameters.actuator)
-        _refuse_another(calibration, described.name, parameters.actuator)
+        require_actuator(calibration, described.name, parameters.actuator)
         catalogue(load_yaml(parameters.faults), described, parameters.faults)
         load_features(parameters.features)
 

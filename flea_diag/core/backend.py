@@ -78,8 +78,8 @@ def compiling(begun: Callable[[str], None]) -> Iterator[None]:
         yield
 
 
-def bound(function: Callable[..., Any], **names: Callable[..., Any]) -> FunctionType:
-    """The plain function with these global names bound to others, such as generated functions."""
+def bound(function: Callable[..., Any], **names: Any) -> FunctionType:
+    """The plain function with these global names bound to others: functions and constants."""
     assert isinstance(function, FunctionType)
     scope = {**function.__globals__, **names}
     made = FunctionType(function.__code__, scope, function.__name__)

@@ -118,7 +118,8 @@ class ResidualBank:
     def _directions(self, smooth: Array, shapes: Array) -> Array:
         """Smooth sign of the speed: a shape where a relation holds it."""
         if self._layout.direction >= 0:
-            return shapes[self._layout.direction - len(self._places)]
+            row: Array = shapes[self._layout.direction - len(self._places)]
+            return row
         speeds = smooth[:, 1, INDEX["actuator_position"]]
         if self.has_encoder:
             speeds = smooth[:, 0, INDEX["motor_speed"]] * self._p.encoder_m_per_rad

@@ -20,6 +20,7 @@ EXAMPLES = """\
 examples:
   flea model show --svg graph.svg                     causality assignment, and a drawing
   flea model equations --model driven                 equations integrated by the observer
+  flea model equations --calibration mine.yaml        relations that run, with calibrated numbers
   flea model tcg --from motor_speed-                  faults that explain a low speed
   flea model signatures --rate 100                    signatures as sampled at 100 Hz
   flea model signatures --quadrant i-,w+ --json       initial signatures while braking
@@ -48,6 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=None,
         metavar="NAME",
         help="model of the description (equations, tcg; default stand)",
+    )
+    add(
+        "--calibration",
+        default=None,
+        metavar="FILE",
+        help="calibration whose numbers and channels the relations take (equations)",
     )
     add("--sensors", default=None, metavar="A,B,...", help="sensors fitted (default all)")
     add(

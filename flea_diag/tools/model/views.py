@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.model.equations import equations
 
 if TYPE_CHECKING:
     from flea_diag.core.bond_graph.actuator_model import Actuator
@@ -42,28 +43,6 @@ def _show(model: Actuator, arguments: argparse.Namespace) -> View:
 
 def _kinds(model: Actuator) -> list[str]:
     return list(dict.fromkeys(element.kind for element in model.graph.elements.values()))
-
-
-def _equations(model: Actuator, arguments: argparse.Namespace) -> View:
-    from flea_diag.core.residuals.parity import parity_relation
-
-    tokens = model.graph.tokens()
-    names = [arguments.model] if arguments.model else list(model.views)
-    lines, content = [], {}
-    for name in names:
-        system = model.state_space(name)
-        words = system.equations(tokens).splitlines()
-        lines += [f"Model {name} (inputs {', '.join(system.inputs)}):", *_indent(words), ""]
-        content[name] = {"states": system.states, "inputs": system.inputs, "equations": words}
-    relations = {
-        name: str(parity_relation(model, model.residuals[name]).expression)
-        for name in _residuals(model)
-        if model.residuals[name].kind != "measurement"
-    }
-    lines += ["Parity relations (d_x is the rate of x):"]
-    lines += [f"  {name} = {words}" for name, words in relations.items()]
-    lines += ["", "where " + ", ".join(f"{token} = {name}" for name, token in tokens.items())]
-    return {"models": content, "parity": relations}, lines
 
 
 def _tcg(model: Actuator, arguments: argparse.Namespace) -> View:
@@ -178,7 +157,7 @@ def _helpful(
 
 VIEWS: dict[str, Callable[[Actuator, argparse.Namespace], View]] = {
     "show": _show,
-    "equations": _equations,
+    "equations": equations,
     "tcg": _tcg,
     "signatures": _signatures,
     "diagnosability": _diagnosability,

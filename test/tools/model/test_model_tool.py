@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration import load_calibration, load_yaml
 from flea_diag.tools.main import main
 from flea_diag.tools.model import views as tool
 
@@ -55,6 +56,37 @@ def test_equations_of_the_motor(capsys: pytest.CaptureFixture[str]) -> None:
     warm = "R*(1 + alpha*(T_w - T_0))"
     assert f"  d i/dt = (motor_voltage - V_0 - {warm}*i - Km*omega)/L" in text
     assert "Model stand" not in text
+
+
+def test_relations_that_run_have_their_calibrated_numbers(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    calibration = "calibration_simulated_stand.yaml"
+    content = json.loads(shown(capsys, "equations", "--calibration", calibration, "--json"))
+    learned = load_calibration(calibration)
+    run, numbers = content["relations"], content["base_parameters"]
+    assert run["parity_speed"] == "motor_speed*encoder_m_per_rad - d_actuator_position"
+    row = numbers["force_constant_n_per_a"]
+    assert row["value"] == learned.parameters.force_constant_n_per_a
+    assert row["sigma"] == learned.sigmas["force_constant_n_per_a"]
+    assert row["definition"] == "torque_constant/screw_ratio"
+    assert "an assumption" in numbers["stribeck_speed_m_s"]["not_identified"]
+    assert set(numbers) <= {field.name for field in fields(learned.parameters)}
+
+
+def test_relations_without_a_calibration_have_the_description_s_numbers(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    text = shown(capsys, "equations", "--sensors", "motor_current,actuator_position,load_force")
+    assert "  reflected_mass_kg = 130.02  rotor_inertia/screw_ratio**2\n" in text
+    assert "parity_electrical = not closed: " in text
+    assert "Relations that run, in base parameters:\n  parity_mechanical = " in text
+
+
+def test_a_calibration_of_another_actuator_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    calibration = ("--calibration", "calibration_simulated_stand.yaml")
+    said = refused(capsys, "equations", "--actuator", "actuator_wing.yaml", *calibration)
+    assert "is for actuator 'flea', actuator_wing.yaml describes 'wing'" in said
 
 
 def test_signatures_at_a_rate_and_in_a_quadrant(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,128 @@
+"""``flea model equations``: state equations, and the relations that run, with their numbers."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flea_diag.core.bond_graph.actuator_model import Actuator
+    from flea_diag.core.calibration.calibration import Calibration
+    from flea_diag.core.residuals.relation_set import RelationSet
+
+
+def equations(model: Actuator, arguments: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
+    """State equations of each model, relations as drawn, and relations as they run."""
+    states, lines = _state_equations(model, arguments)
+    drawn = _drawn(model)
+    calibration = _calibration(model, arguments)
+    known = _compiled(model, arguments, calibration)
+    run = {row.name: str(row.expression) for row in known.relations}
+    numbers = _numbers(model, known, calibration)
+    lines += ["Relations as drawn (d_x is the rate of x):"]
+    lines += [f"  {name} = {words}" for name, words in drawn.items()]
+    lines += ["", "Relations that run, in base parameters:"]
+    lines += [f"  {row.name} = {row.expression}  [{row.unit}]" for row in known.relations]
+    lines += [f"  {name} = {shape}" for name, shape in known.shapes.items()]
+    lines += [f"  {name}: predicted by {by}" for name, by in known.predicted.items()]
+    lines += ["", f"Base parameters, {_source(calibration)}:"]
+    lines += [f"  {name} = {_said(row)}" for name, row in numbers.items()]
+    tokens = ", ".join(f"{token} = {name}" for name, token in model.graph.tokens().items())
+    content = {"models": states, "parity": drawn, "relations": run, "base_parameters": numbers}
+    return content, [*lines, "", f"where {tokens}"]
+
+
+def _state_equations(
+    model: Actuator, arguments: argparse.Namespace
+) -> tuple[dict[str, Any], list[str]]:
+    tokens = model.graph.tokens()
+    lines, content = [], {}
+    for name in [arguments.model] if arguments.model else list(model.views):
+        system = model.state_space(name)
+        words = system.equations(tokens).splitlines()
+        lines += [f"Model {name} (inputs {', '.join(system.inputs)}):"]
+        lines += [*(f"  {word}" for word in words), ""]
+        content[name] = {"states": system.states, "inputs": system.inputs, "equations": words}
+    return content, lines
+
+
+def _drawn(model: Actuator) -> dict[str, str]:
+    from flea_diag.core.residuals.parity import parity_relation
+    from flea_diag.errors import ModelError
+
+    found = {}
+    for name, spec in model.residuals.items():
+        if spec.kind == "measurement":
+            continue
+        try:
+            found[name] = str(parity_relation(model, spec).expression)
+        except ModelError as error:
+            found[name] = f"not closed: {error}"
+    return found
+
+
+def _calibration(model: Actuator, arguments: argparse.Namespace) -> Calibration | None:
+    from flea_diag.configuration import load_calibration, require_actuator
+
+    if not arguments.calibration:
+        return None
+    calibration = load_calibration(arguments.calibration)
+    require_actuator(calibration, model.name, arguments.actuator)
+    return calibration
+
+
+def _compiled(
+    model: Actuator, arguments: argparse.Namespace, calibration: Calibration | None
+) -> RelationSet:
+    from flea_diag.configuration import relations
+    from flea_diag.core.residuals.relation_set import relation_set
+
+    if calibration is not None:
+        return relations(calibration, arguments.actuator)
+    names = [name for name, spec in model.residuals.items() if spec.kind != "measurement"]
+    # Without a calibration nothing is a number yet: every parameter keeps its name.
+    held = {*model.base_parameters, *model.graph.parameters} - set(model.predicted)
+    return relation_set(model, names, held, ())
+
+
+def _numbers(
+    model: Actuator, known: RelationSet, calibration: Calibration | None
+) -> dict[str, dict[str, Any]]:
+    """Base parameters that occur in the relations, with value, error and definition."""
+    from flea_diag.core.symbolic.expression import evaluate
+
+    values = model.graph.values()
+    found: dict[str, dict[str, Any]] = {}
+    for name in _parameters(known):
+        definition = model.base_parameters.get(name)
+        row: dict[str, Any] = {"definition": str(definition or name)}
+        row["value"] = float(evaluate(definition, values)) if definition else values[name]
+        if calibration is not None:
+            row["value"] = getattr(calibration.parameters, name)
+            row["sigma"] = calibration.sigmas.get(name)
+            row["not_identified"] = calibration.not_identified.get(name, "")
+        found[name] = {key: entry for key, entry in row.items() if entry not in (None, "")}
+    return found
+
+
+def _parameters(known: RelationSet) -> Iterable[str]:
+    from flea_diag.core.symbolic.expression import symbols
+
+    rows = [*(row.expression for row in known.relations), *known.shapes.values()]
+    used = dict.fromkeys(name for row in rows for name in symbols(row))
+    return [name for name in used if name not in known.signals]
+
+
+def _source(calibration: Calibration | None) -> str:
+    if calibration is None:
+        return "values of the description"
+    return f"calibrated on {calibration.nominal_s:.0f} s of nominal recordings"
+
+
+def _said(row: dict[str, Any]) -> str:
+    value = f"{row['value']:.5g}"
+    if "sigma" in row:
+        value += f" +- {row['sigma']:.2g}"
+    reason = f"  (not identified: {row['not_identified']})" if "not_identified" in row else ""
+    return f"{value}  {row['definition']}{reason}"
