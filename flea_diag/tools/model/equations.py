@@ -39,6 +39,10 @@ def _state_equations(
     tokens = model.graph.tokens()
     lines, content = [], {}
     for name in [arguments.model] if arguments.model else list(model.views):
+        missing = [c for c in model.view(name).measured if c not in model.sensors]
+        if missing:
+            lines += [f"Model {name}: its input {missing[0]} is not among the sensors", ""]
+            continue
         system = model.state_space(name)
         words = system.equations(tokens).splitlines()
         lines += [f"Model {name} (inputs {', '.join(system.inputs)}):"]
