@@ -30,6 +30,7 @@ from flea_diag.core.faults.fault import Fault, catalogue
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet, relation_set
 from flea_diag.core.residuals.residual import RELATIONS, UNIT_PARAMETERS
+from flea_diag.core.residuals.thermal import OF_THERMAL_NODES
 from flea_diag.core.signatures.signature import SignatureTable, signature_table
 from flea_diag.core.vibration.features import try_out
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
@@ -185,9 +186,22 @@ def require_actuator(calibration: Calibration, name: str, where: str) -> None:
 
 
 def relations(calibration: Calibration, actuator: str = "actuator.yaml") -> RelationSet:
-    """The relations that run, for the sensors and parameters of a calibration."""
+    """The relations that run, for the sensors and parameters of a calibration.
+
+    Raises
+    ------
+    ConfigurationError
+        The calibration has identified a parameter that no relation of this description holds.
+    """
     has_encoder = calibration.parameters.encoder_m_per_rad != 0.0
-    return compiled_relations(actuator, calibration.channels, has_encoder)
+    known = compiled_relations(actuator, calibration.channels, has_encoder)
+    for name in calibration.sigmas:
+        if name not in known.parameters and name not in OF_THERMAL_NODES:
+            raise ConfigurationError(
+                f"{actuator}: no relation holds {name}, which the calibration has identified; draw "
+                "it and name it under base_parameters, as config/actuator.yaml does"
+            )
+    return known
 
 
 @lru_cache(maxsize=8)

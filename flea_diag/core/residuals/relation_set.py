@@ -89,6 +89,13 @@ class RelationSet(Frozen):
         return tuple(row.name for row in self.relations)
 
     @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Base parameters in the relations and shapes."""
+        rows = [*(row.expression for row in self.relations), *self.shapes.values()]
+        used = dict.fromkeys(name for row in rows for name in symbols(row))
+        return tuple(name for name in used if name not in self.signals)
+
+    @cached_property
     def differing(self) -> tuple[str, ...]:
         """Relations in which healthy units differ."""
         return tuple(

@@ -19,6 +19,14 @@ CORRECTION_S = 15.0
 """Slow against a step or a drift of a sensor, fast against what heat alone can do."""
 
 
+OF_THERMAL_NODES = (
+    "motor_heating_k_per_a2s",
+    "motor_cooling_s",
+    "nut_heating_k_per_j",
+    "nut_cooling_s",
+)
+"""Parameters of the two nodes, which are no relations."""
+
 ESTIMATE, SUM, STARTED, COOLING_S, SAMPLES = range(5)
 """Places in the state of a node."""
 

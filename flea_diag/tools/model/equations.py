@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -98,7 +97,7 @@ def _numbers(
 
     values = model.graph.values()
     found: dict[str, dict[str, Any]] = {}
-    for name in _parameters(known):
+    for name in known.parameters:
         definition = model.base_parameters.get(name)
         row: dict[str, Any] = {"definition": str(definition or name)}
         row["value"] = float(evaluate(definition, values)) if definition else values[name]
@@ -108,14 +107,6 @@ def _numbers(
             row["not_identified"] = calibration.not_identified.get(name, "")
         found[name] = {key: entry for key, entry in row.items() if entry not in (None, "")}
     return found
-
-
-def _parameters(known: RelationSet) -> Iterable[str]:
-    from flea_diag.core.symbolic.expression import symbols
-
-    rows = [*(row.expression for row in known.relations), *known.shapes.values()]
-    used = dict.fromkeys(name for row in rows for name in symbols(row))
-    return [name for name in used if name not in known.signals]
 
 
 def _source(calibration: Calibration | None) -> str:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from support.models.hand_relations import BY_HAND, channels_of
@@ -18,6 +19,7 @@ from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.residuals.relation_set import RelationSet, relation_set
 from flea_diag.core.residuals.residual import RELATIONS, UNIT_PARAMETERS, Signals, direction
 from flea_diag.core.symbolic.expression import derivative, evaluate, symbols
+from flea_diag.errors import ConfigurationError
 
 CHANNELS = (
     "motor_current",
@@ -253,3 +255,14 @@ def test_a_parameter_that_no_calibration_holds_keeps_the_description_s_value():
     slope = derivative(electrical.expression, "winding_temperature")
     point = {"winding_resistance_ohm": 2.0, "motor_current": 1.5, "current_offset_a": 0.5}
     assert evaluate(slope, point) == pytest.approx(-2.0 * 0.00393)
+
+
+def test_a_description_that_lacks_an_identified_parameter_is_refused(tmp_path):
+    described = configuration.load_yaml("actuator.yaml")
+    described["sensors"]["motor_current"].pop("offset")
+    described["base_parameters"].pop("current_offset_a")
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(described))
+    calibration = configuration.load_calibration("")
+    with pytest.raises(ConfigurationError, match=r"mine\.yaml: no relation holds current_offset_a"):
+        configuration.relations(calibration, str(path))
