@@ -167,7 +167,8 @@ def knowledge(
     name, rows, tables = _signatures(actuator, faults, calibration.channels, calibration.period_s)
     require_actuator(calibration, name, actuator)
     table = load_features(features).of_vibration()
-    return Knowledge(calibration, calibration_sha256(calibration), rows, tables, table)
+    known = relations(calibration, actuator)
+    return Knowledge(calibration, calibration_sha256(calibration), known, rows, tables, table)
 
 
 def require_actuator(calibration: Calibration, name: str, where: str) -> None:
@@ -194,24 +195,26 @@ def relations(calibration: Calibration, actuator: str = "actuator.yaml") -> Rela
         The calibration has identified a parameter that no relation of this description holds.
     """
     has_encoder = calibration.parameters.encoder_m_per_rad != 0.0
-    known = compiled_relations(actuator, calibration.channels, has_encoder)
+    drawn = compiled_relations(actuator).parameters
     for name in calibration.sigmas:
-        if name not in known.parameters and name not in OF_THERMAL_NODES:
+        if name not in drawn and name not in OF_THERMAL_NODES:
             raise ConfigurationError(
                 f"{actuator}: no relation holds {name}, which the calibration has identified; draw "
                 "it and name it under base_parameters, as config/actuator.yaml does"
             )
-    return known
+    return compiled_relations(actuator, calibration.channels, has_encoder)
 
 
 @lru_cache(maxsize=8)
-def compiled_relations(actuator: str, channels: tuple[str, ...], has_encoder: bool) -> RelationSet:
-    """Relations of the description that these channels close.
+def compiled_relations(
+    actuator: str, channels: tuple[str, ...] | None = None, has_encoder: bool = True
+) -> RelationSet:
+    """Relations of the description that these channels close, of all its sensors by default.
 
     The speed comes from the encoder, or without one whose lead is known from the position.
     """
     described = read_actuator(load_yaml(actuator), actuator)
-    known = [name for name in channels if name in described.sensors]
+    known = [name for name in described.sensors if channels is None or name in channels]
     fitted = [name for name in known if has_encoder or name != "motor_speed"]
     held = [entry.name for entry in fields(ActuatorParameters)]
     return relation_set(described.with_sensors(fitted), RELATIONS, held, UNIT_PARAMETERS)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from flea_diag.core.likelihood.effects import Effects
 from flea_diag.core.likelihood.fault_models import (
     DRIVE,
     ELECTRICAL,
@@ -23,6 +24,7 @@ from flea_diag.core.likelihood.fault_models import (
     Term,
 )
 from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
 
 # Scaling y = g y' with g in [0.6, 1.6]: the share of the reading that is wrong, or of the truth.
@@ -55,104 +57,83 @@ class SensorErrorModel:
     shares: tuple[float, float] = SHARES_OF_READING
 
 
-def error_models(p: ActuatorParameters, commanded: bool = True) -> tuple[SensorErrorModel, ...]:
+@dataclass(frozen=True, slots=True)
+class RelationSensor:
+    """A sensor beside its place in the graph: fields as of ``SensorErrorModel``."""
+
+    channel: str
+    unit: str
+    largest_bias: float
+    largest_drift: float
+    reading: str
+    truth: tuple[tuple[str, str, float], ...]
+    reading_rate: str = ""
+
+
+def error_models(
+    p: ActuatorParameters, relations: RelationSet, commanded: bool = True
+) -> tuple[SensorErrorModel, ...]:
     """Every sensor that enters a parity relation, for one calibrated actuator.
 
     A dead voltage loses the same true voltage in both of its relations: the ``commanded`` one,
     where known. With a separate estimate in each relation it would also explain a motor that
     draws no current at full voltage.
     """
-    K, R, Ke = p.force_constant_n_per_a, p.winding_resistance_ohm, p.back_emf_v_s_per_m
-    applied = "commanded_voltage_v" if commanded else "emf_and_drop_v"
-    return (
-        SensorErrorModel(
-            "motor_current",
-            "A",
-            3.0,
-            0.5,
-            "motor_current_a",
-            ((MECHANICAL, K), (ELECTRICAL, -R)),
-            ((MECHANICAL, "resisting_force_n", -1.0), (ELECTRICAL, "driving_voltage_v", 1.0)),
-        ),
-        SensorErrorModel(
-            "load_force",
-            "N",
-            600.0,
-            100.0,
-            "load_n",
-            ((MECHANICAL, -1.0),),
-            ((MECHANICAL, "motor_force_n", 1.0),),
-        ),
-        SensorErrorModel(
-            "motor_voltage",
-            "V",
-            24.0,
-            3.0,
-            "motor_voltage_v",
-            ((ELECTRICAL, 1.0), (DRIVE, 1.0)),
-            ((ELECTRICAL, applied, -1.0), (DRIVE, applied, -1.0)),
-        ),
-        *(_encoder_and_position(p, Ke) if p.encoder_m_per_rad else _position_alone(p, Ke)),
-        SensorErrorModel(
-            "load_position",
-            "m",
-            0.1,
-            0.01,
-            "load_position_m",
-            ((KINEMATIC, -1.0),),
-            ((KINEMATIC, "position_m", 1.0),),
-        ),
-        *_temperatures(p),
+    effects = Effects(relations, p)
+    return (*(_of_relations(row, effects, p) for row in _sensors(p, commanded)), *_temperatures(p))
+
+
+def _of_relations(row: RelationSensor, effects: Effects, p: ActuatorParameters) -> SensorErrorModel:
+    """A sensor whose errors enter the relations as these say; an encoder's count at the nut."""
+    unit = 1.0 / p.encoder_m_per_rad if row.channel == "motor_speed" else 1.0
+    return SensorErrorModel(
+        row.channel,
+        row.unit,
+        row.largest_bias,
+        row.largest_drift,
+        row.reading,
+        effects.gains(row.channel, unit),
+        tuple(term for term in row.truth if term[0] in effects.names),
+        effects.rates(row.channel, unit),
+        row.reading_rate,
     )
 
 
-def _encoder_and_position(p: ActuatorParameters, Ke: float) -> tuple[SensorErrorModel, ...]:
-    """Speed from the encoder (its error counted in m/s at the nut); position for itself."""
-    B = p.viscous_friction_n_s_per_m
+def _sensors(p: ActuatorParameters, commanded: bool) -> tuple[RelationSensor, ...]:
+    """Sensors in the relations, and what tells the truth where one of them is dead."""
+    applied = "commanded_voltage_v" if commanded else "emf_and_drop_v"
+    lost_current = (
+        (MECHANICAL, "resisting_force_n", -1.0),
+        (ELECTRICAL, "driving_voltage_v", 1.0),
+    )
+    lost_load = ((MECHANICAL, "motor_force_n", 1.0),)
+    lost_voltage = ((ELECTRICAL, applied, -1.0), (DRIVE, applied, -1.0))
+    lost_position = ((KINEMATIC, "load_position_m", -1.0), (SPEED, "encoder_m_s", 1.0))
+    lost_load_position = ((KINEMATIC, "position_m", 1.0),)
+    lost_speed = (
+        (SPEED, "position_rate_m_s", -1.0),
+        (ELECTRICAL, "position_rate_m_s", p.back_emf_v_s_per_m),
+        (MECHANICAL, "position_rate_m_s", p.viscous_friction_n_s_per_m),
+        (MECHANICAL, "rate_direction", p.coulomb_friction_n),
+    )
+    encoder = RelationSensor("motor_speed", "m/s", 0.1, 0.05, "encoder_m_s", lost_speed)
+    # Without an encoder the speed is the slope of the position, and takes over its error.
+    drift_m_s = 0.01 if p.encoder_m_per_rad else 0.005
     return (
-        SensorErrorModel(
-            "motor_speed",
-            "m/s",
-            0.1,
-            0.05,
-            "encoder_m_s",
-            ((SPEED, 1.0), (MECHANICAL, -B), (ELECTRICAL, -Ke)),
-            (
-                (SPEED, "position_rate_m_s", -1.0),
-                (ELECTRICAL, "position_rate_m_s", Ke),
-                (MECHANICAL, "position_rate_m_s", B),
-                (MECHANICAL, "rate_direction", p.coulomb_friction_n),
-            ),
-        ),
-        SensorErrorModel(
+        RelationSensor("motor_current", "A", 3.0, 0.5, "motor_current_a", lost_current),
+        RelationSensor("load_force", "N", 600.0, 100.0, "load_n", lost_load),
+        RelationSensor("motor_voltage", "V", 24.0, 3.0, "motor_voltage_v", lost_voltage),
+        *((encoder,) if p.encoder_m_per_rad else ()),
+        RelationSensor(
             "actuator_position",
             "m",
             0.1,
-            0.01,
+            drift_m_s,
             "position_m",
-            ((KINEMATIC, 1.0),),
-            ((KINEMATIC, "load_position_m", -1.0), (SPEED, "encoder_m_s", 1.0)),
-            ((SPEED, -1.0),),
+            lost_position,
             "position_rate_m_s",
         ),
-    )
-
-
-def _position_alone(p: ActuatorParameters, Ke: float) -> tuple[SensorErrorModel, ...]:
-    """Without an encoder the speed is the slope of the position, and takes over its error."""
-    B = p.viscous_friction_n_s_per_m
-    return (
-        SensorErrorModel(
-            "actuator_position",
-            "m",
-            0.1,
-            0.005,
-            "position_m",
-            ((KINEMATIC, 1.0),),
-            ((KINEMATIC, "load_position_m", -1.0),),
-            ((MECHANICAL, -B), (ELECTRICAL, -Ke)),
-            "speed_m_s",
-        ),
+        RelationSensor("load_position", "m", 0.1, 0.01, "load_position_m", lost_load_position),
     )
 
 
@@ -174,11 +155,13 @@ def _temperatures(p: ActuatorParameters) -> tuple[SensorErrorModel, ...]:
     )
 
 
-def sensor_models(p: ActuatorParameters, commanded: bool = True) -> tuple[FaultModel, ...]:
+def sensor_models(
+    p: ActuatorParameters, relations: RelationSet, commanded: bool = True
+) -> tuple[FaultModel, ...]:
     """Bias, scaling, drift and dead of every sensor; a drift has one model for each age."""
     return tuple(
         model
-        for row in error_models(p, commanded)
+        for row in error_models(p, relations, commanded)
         for model in (_bias(row), _scaling(row), *_drifts(row), _dead(row))
     )
 

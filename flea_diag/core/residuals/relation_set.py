@@ -12,7 +12,7 @@ stands under a push has a direction, too.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import FunctionType, MappingProxyType
 
@@ -70,6 +70,8 @@ class RelationSet(Frozen):
         Name -> function and argument, in signals and base parameters.
     predicted
         Signal that a slow state sets -> the residual whose prediction gives it.
+    reference
+        The same signals with the description's value.
     units
         Base parameters in which healthy units differ.
     push
@@ -82,6 +84,7 @@ class RelationSet(Frozen):
     predicted: Mapping[str, str]
     units: tuple[str, ...]
     push: Expression = ZERO
+    reference: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -166,7 +169,13 @@ def relation_set(
     every = dict.fromkeys(name for row in rows for name in (*row.signals, *inside))
     measured = [name for name in every if name not in named and name not in held]
     return RelationSet(
-        tuple(rows), (*measured, *named), named, dict(actuator.predicted), tuple(units), push
+        tuple(rows),
+        (*measured, *named),
+        named,
+        dict(actuator.predicted),
+        tuple(units),
+        push,
+        {name: actuator.graph.parameters[name].value for name in actuator.predicted},
     )
 
 

@@ -66,7 +66,7 @@ class IsolatorStage:
             round(parameters.feature_window_s * 1e9),
             self._vibration.monitor,
         )
-        quantitative = QuantitativeIsolation(knowledge.calibration)
+        quantitative = QuantitativeIsolation(knowledge.calibration, knowledge.relations)
         self._episodes = EpisodeLifecycle(knowledge, parameters, quantitative, merge)
         self._output = IsolatorOutput(
             stand,

@@ -18,6 +18,7 @@ from flea_diag.core.likelihood.fault_models import (
 from flea_diag.core.likelihood.likelihood import Fit
 from flea_diag.core.likelihood.sensor_models import sensor_models
 from flea_diag.core.likelihood.unit_baseline import UnitBaseline
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.stages.isolator.episode_evidence import MOTION_ONLY
 from flea_diag.stages.isolator.fault_episode import FaultEpisode, relation
 from flea_diag.wire.blocks import ResidualBlock, block_of
@@ -54,7 +55,7 @@ class QuantitativeIsolation:
         Models of the faults that move one of them; other faults have no likelihood here.
     """
 
-    def __init__(self, calibration: Calibration) -> None:
+    def __init__(self, calibration: Calibration, relations: RelationSet) -> None:
         limits, fitted = calibration.limits, calibration.parameters
         self._tolerances = calibration.differences()
         self._sigma = {limit.name: limit.sigma[0] for limit in limits}
@@ -62,7 +63,7 @@ class QuantitativeIsolation:
         self._correlation = {limit.name: limit.correlation_samples for limit in limits}
         self.names = tuple(name for name in QUANTIFIED if name in self._sigma)
         self.models = self._of_stand(
-            plant_models(fitted) + sensor_models(fitted, DRIVE in self.names)
+            plant_models(fitted) + sensor_models(fitted, relations, DRIVE in self.names)
         )
         self._dragging = self._of_stand(drag_models(fitted, dragging=True))
         self._baseline = UnitBaseline(self.names)

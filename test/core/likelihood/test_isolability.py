@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from support.models.hand_relations import slope_relations
 
 from flea_diag.core.likelihood.fault_models import (
     DRIVE,
@@ -18,7 +19,7 @@ from flea_diag.core.likelihood.sensor_models import sensor_models
 from flea_diag.core.residuals.parameters import ActuatorParameters
 
 P = ActuatorParameters()
-MODELS = plant_models(P) + sensor_models(P, commanded=False)
+MODELS = plant_models(P) + sensor_models(P, slope_relations(), commanded=False)
 FORCES = (MECHANICAL, "motor_temperature", "nut_temperature", "ambient_temperature")
 ALL = (*FORCES, ELECTRICAL)
 

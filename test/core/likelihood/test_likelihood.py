@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 from support.fault_terms import BIAS, DRAG, LOAD, RESIDUALS, SIGMA, SPACING, TOLERANCE
+from support.models.hand_relations import slope_relations
 
 from flea_diag.core.likelihood.fault_models import (
     ELECTRICAL,
@@ -257,7 +258,7 @@ def test_an_open_winding_pays_for_a_drive_nearer_to_its_command_only_where_there
     found.add(y.T, np.stack([columns[name] for name in REGRESSORS], axis=1))
     lost = Size("share lost", "1", 0.7, 1.1)
     plain = FaultModel("plain", (lost,), (Term(ELECTRICAL, "driving_voltage_v", 1.0),))
-    models = (*plant_models(p), *sensor_models(p), plain)
+    models = (*plant_models(p), *sensor_models(p, slope_relations()), plain)
     made = found.fit(models, dict.fromkeys(residuals, 0.3) | {DRIVE: 0.1},
                      dict.fromkeys(residuals, 4.0), TOLERANCE)  # fmt: skip
     best = {name: max(f.log_likelihood for f in made if f.fault == name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.models.hand_relations import BY_HAND
+from support.models.hand_relations import BY_HAND, slope_relations
 
 from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
 from flea_diag.core.likelihood.regressors import regressors
@@ -62,7 +62,7 @@ def test_a_model_adds_what_the_faulty_reading_adds(fault, change, sizes, residua
     field = READINGS[fault.rsplit("_", 1)[0]]
     read = true._replace(**{field: change(getattr(true, field))})
     relation = BY_HAND[residual]
-    (model,) = [m for m in sensor_models(P, commanded=False) if m.fault == fault]
+    (model,) = [m for m in sensor_models(P, slope_relations(), commanded=False) if m.fault == fault]
     added = relation(P, read) - relation(P, true)
     np.testing.assert_allclose(effect(model, sizes, residual, read), added, atol=1e-9)
 
@@ -82,7 +82,7 @@ def added(channel: str, factor: float) -> tuple[str, np.ndarray, Signals]:
 @pytest.mark.parametrize("channel", [*READINGS, *TEMPERATURES])
 def test_any_scaling_from_0_6_to_1_6_lies_within_the_bounds_of_its_model(channel, factor):
     residual, error, read = added(channel, factor)
-    (model,) = [m for m in sensor_models(P) if m.fault == f"{channel}_scaling"]
+    (model,) = [m for m in sensor_models(P, slope_relations()) if m.fault == f"{channel}_scaling"]
     of_one = effect(model, (1.0,), residual, read)
     size = float(of_one @ error / (of_one @ of_one))
     np.testing.assert_allclose(size * of_one, error, atol=1e-9)

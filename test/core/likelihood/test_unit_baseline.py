@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.models.hand_relations import slope_relations
 
 from flea_diag.core.likelihood.fault_models import REGRESSORS
 from flea_diag.core.likelihood.likelihood import NormalEquations
@@ -76,7 +77,8 @@ def test_a_known_zero_of_the_voltage_tells_a_current_bias_from_a_load_bias():
     episode = NormalEquations(RESIDUALS)
     for values, regressors in scans(5, 500, current_bias_a=0.35, zero_v=zero_v):
         episode.add(values[None], regressors[None])
-    models = [m for m in sensor_models(P) if m.fault in ("motor_current_bias", "load_force_bias")]
+    biases = ("motor_current_bias", "load_force_bias")
+    models = [m for m in sensor_models(P, slope_relations()) if m.fault in biases]
     healthy = stretch(scans(6, PIECE_SCANS * 12, zero_v=zero_v)).evidence
 
     def ahead(known: NormalEquations | None) -> float:
@@ -94,7 +96,7 @@ def test_only_relations_that_are_named_show_the_units_own():
     episode = NormalEquations(RESIDUALS)
     for values, regressors in scans(5, 500, current_bias_a=0.1):
         episode.add(values[None], regressors[None])
-    models = [m for m in sensor_models(P) if m.fault == "motor_current_bias"]
+    models = [m for m in sensor_models(P, slope_relations()) if m.fault == "motor_current_bias"]
     known = stretch(scans(6, PIECE_SCANS * 12)).evidence
     nothing = episode.fit(models, SIGMA, SPACING, TOLERANCE)
     assert episode.fit(models, SIGMA, SPACING, TOLERANCE, known) == nothing

@@ -26,7 +26,7 @@ def knowledge() -> Knowledge:
 
 
 def lifecycle() -> EpisodeLifecycle:
-    quantitative = QuantitativeIsolation(knowledge().calibration)
+    quantitative = QuantitativeIsolation(knowledge().calibration, knowledge().relations)
     merge = Merge(Residual, S // 5, 2 * S)
     return EpisodeLifecycle(knowledge(), IsolatorParameters(), quantitative, merge)
 

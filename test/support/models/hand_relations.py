@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from flea_diag.configuration import compiled_relations
 from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual import Signals
 
 COPPER_PER_K = 0.00393
@@ -43,6 +45,12 @@ def kinematic_m(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> Any
 def speed_m_s(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> Any:
     """Encoder speed through the screw against the slope of the position."""
     return p.encoder_m_per_rad * s.encoder_speed_rad_s - s.position_rate_m_s
+
+
+def slope_relations() -> RelationSet:
+    """Compiled relations of a FLEA without an encoder: the speed is the slope of the position."""
+    channels = ("motor_current", "motor_voltage", "actuator_position", "load_position")
+    return compiled_relations("actuator.yaml", (*channels, "load_force"), False)
 
 
 BY_HAND: dict[str, Callable[..., Any]] = {
