@@ -12,10 +12,9 @@ from flea_diag.core.likelihood.fault_models import (
     DRIVE,
     REGRESSORS,
     FaultModel,
-    drag_models,
-    plant_models,
 )
 from flea_diag.core.likelihood.likelihood import Fit
+from flea_diag.core.likelihood.plant_models import drag_models, plant_models
 from flea_diag.core.likelihood.sensor_models import sensor_models
 from flea_diag.core.likelihood.unit_baseline import UnitBaseline
 from flea_diag.core.residuals.relation_set import RelationSet
@@ -63,9 +62,9 @@ class QuantitativeIsolation:
         self._correlation = {limit.name: limit.correlation_samples for limit in limits}
         self.names = tuple(name for name in QUANTIFIED if name in self._sigma)
         self.models = self._of_stand(
-            plant_models(fitted) + sensor_models(fitted, relations, DRIVE in self.names)
+            plant_models(fitted, relations) + sensor_models(fitted, relations, DRIVE in self.names)
         )
-        self._dragging = self._of_stand(drag_models(fitted, dragging=True))
+        self._dragging = self._of_stand(drag_models(fitted, relations, dragging=True))
         self._baseline = UnitBaseline(self.names)
         self._waiting: list[Residual] = []
 

@@ -14,8 +14,8 @@ from flea_diag.core.likelihood.fault_models import (
     MECHANICAL,
     SPEED,
     Term,
-    plant_models,
 )
+from flea_diag.core.likelihood.plant_models import plant_models
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.unit_difference import UNIT_TERMS
 from flea_diag.errors import ModelError
@@ -69,19 +69,46 @@ def summed(terms: tuple[Term, ...]) -> dict[tuple[str, str, int], float]:
     return found
 
 
+def model(fault: str, sizes: int) -> dict[tuple[str, str, int], float]:
+    models = plant_models(P, slope_relations())
+    return summed(next(m.terms for m in models if m.fault == fault and len(m.sizes) == sizes))
+
+
 def test_a_shorted_winding_is_a_loss_of_resistance_and_of_both_constants():
-    (short,) = [model for model in plant_models(P) if model.fault == "winding_short"]
-    constants = {"force_constant_n_per_a": K, "back_emf_v_s_per_m": KE}
-    derived = SLOPE.lost({"winding_resistance_ohm": 1.0}, 0) + SLOPE.lost(constants, 1)
-    assert summed(short.terms) == pytest.approx(summed(derived))
+    """R falls by 1 ohm, both constants by their whole; the current counts from its zero, 0.3 A."""
+    assert model("winding_short", 2) == pytest.approx(
+        {
+            (ELECTRICAL, "motor_current_a", 0): -1.0,
+            (ELECTRICAL, "one", 0): 0.3,
+            (ELECTRICAL, "speed_m_s", 1): -KE,
+            (MECHANICAL, "motor_current_a", 1): K,
+            (MECHANICAL, "one", 1): -0.3 * K,
+        }
+    )
 
 
-def test_drags_are_gains_of_friction():
-    """A jam adds what a loss of friction leaves, with the other sign."""
-    jam = next(m for m in plant_models(P) if m.fault == "jam" and len(m.sizes) == 3)
-    names = ("coulomb_friction_n", "viscous_friction_n_s_per_m", "load_friction_ratio")
-    derived = tuple(t for k, name in enumerate(names) for t in SLOPE.lost({name: -1.0}, k))
-    assert summed(jam.terms) == pytest.approx(summed(derived))
+def test_a_jam_drags_with_the_direction_the_speed_and_the_load():
+    assert model("jam", 3) == {
+        (MECHANICAL, "direction", 0): 1.0,
+        (MECHANICAL, "speed_m_s", 1): 1.0,
+        (MECHANICAL, "load_and_direction_n", 2): 1.0,
+    }
+
+
+def test_a_motor_without_torque_has_no_back_emf_either():
+    """An open one leaves the driving voltage undropped instead."""
+    (torqueless,) = [
+        m.terms
+        for m in plant_models(P, configuration.compiled_relations("actuator.yaml"))
+        if m.fault == "motor_failure" and any(t.residual == MECHANICAL for t in m.terms)
+    ]
+    assert summed(torqueless) == pytest.approx(
+        {
+            (ELECTRICAL, "speed_m_s", 0): -KE,
+            (MECHANICAL, "motor_current_a", 0): K,
+            (MECHANICAL, "one", 0): -0.3 * K,
+        }
+    )
 
 
 def test_units_differ_as_the_relations_say():

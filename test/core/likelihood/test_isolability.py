@@ -12,14 +12,14 @@ from flea_diag.core.likelihood.fault_models import (
     FaultModel,
     Size,
     Term,
-    plant_models,
 )
 from flea_diag.core.likelihood.isolability import computable, isolable
+from flea_diag.core.likelihood.plant_models import plant_models
 from flea_diag.core.likelihood.sensor_models import sensor_models
 from flea_diag.core.residuals.parameters import ActuatorParameters
 
 P = ActuatorParameters()
-MODELS = plant_models(P) + sensor_models(P, slope_relations(), commanded=False)
+MODELS = plant_models(P, slope_relations()) + sensor_models(P, slope_relations(), commanded=False)
 FORCES = (MECHANICAL, "motor_temperature", "nut_temperature", "ambient_temperature")
 ALL = (*FORCES, ELECTRICAL)
 

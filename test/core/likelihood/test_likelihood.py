@@ -196,7 +196,7 @@ def test_without_evidence_there_is_no_preference():
 def test_lost_lubrication_neither_holds_the_shaft_nor_rubs_as_a_jam_does(
     dry_n, viscous, turning, jammed
 ):
-    from flea_diag.core.likelihood.fault_models import plant_models
+    from flea_diag.core.likelihood.plant_models import plant_models
     from flea_diag.core.residuals.parameters import ActuatorParameters
 
     columns = window(5, 600)
@@ -204,7 +204,9 @@ def test_lost_lubrication_neither_holds_the_shaft_nor_rubs_as_a_jam_does(
     columns["speed_m_s"] = columns["speed_m_s"] * turning
     y = np.stack((dry_n * columns["direction"] + viscous * columns["speed_m_s"], np.zeros(600)))
     y[0] += 12.0 * np.random.default_rng(5).standard_normal(600)
-    models = plant_models(ActuatorParameters(coulomb_friction_n=45.0, load_friction_ratio=0.05))
+    models = plant_models(
+        ActuatorParameters(coulomb_friction_n=45.0, load_friction_ratio=0.05), slope_relations()
+    )
     best: dict[str, float] = {}
     for fit in fits(evidence(y, columns), models):
         best[fit.fault] = max(best.get(fit.fault, -math.inf), fit.log_likelihood)
@@ -214,10 +216,10 @@ def test_lost_lubrication_neither_holds_the_shaft_nor_rubs_as_a_jam_does(
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_sizes_of_a_jam_are_held_to_their_bounds_at_the_optimum(seed):
-    from flea_diag.core.likelihood.fault_models import plant_models
+    from flea_diag.core.likelihood.plant_models import plant_models
     from flea_diag.core.residuals.parameters import ActuatorParameters
 
-    models = (m for m in plant_models(ActuatorParameters()) if m.fault == "jam")
+    models = (m for m in plant_models(ActuatorParameters(), slope_relations()) if m.fault == "jam")
     jam = max((m for m in models if not m.roughness), key=lambda m: len(m.sizes))
     random, columns = np.random.default_rng(seed), window(seed)
     force = columns["load_n"] + 60.0 * columns["direction"] + 500.0 * columns["speed_m_s"]
@@ -239,7 +241,8 @@ def test_an_open_winding_pays_for_a_drive_nearer_to_its_command_only_where_there
     lost_drop, seed
 ):
     """At rest, no current; the loop winds up, so that the voltage rises as a drift would."""
-    from flea_diag.core.likelihood.fault_models import DRIVE, plant_models
+    from flea_diag.core.likelihood.fault_models import DRIVE
+    from flea_diag.core.likelihood.plant_models import plant_models
     from flea_diag.core.likelihood.sensor_models import sensor_models
     from flea_diag.core.residuals.parameters import ActuatorParameters
 
@@ -258,7 +261,7 @@ def test_an_open_winding_pays_for_a_drive_nearer_to_its_command_only_where_there
     found.add(y.T, np.stack([columns[name] for name in REGRESSORS], axis=1))
     lost = Size("share lost", "1", 0.7, 1.1)
     plain = FaultModel("plain", (lost,), (Term(ELECTRICAL, "driving_voltage_v", 1.0),))
-    models = (*plant_models(p), *sensor_models(p, slope_relations()), plain)
+    models = (*plant_models(p, slope_relations()), *sensor_models(p, slope_relations()), plain)
     made = found.fit(models, dict.fromkeys(residuals, 0.3) | {DRIVE: 0.1},
                      dict.fromkeys(residuals, 4.0), TOLERANCE)  # fmt: skip
     best = {name: max(f.log_likelihood for f in made if f.fault == name)
