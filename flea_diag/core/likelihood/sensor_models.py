@@ -94,7 +94,9 @@ def _of_relations(row: RelationSensor, effects: Effects, p: ActuatorParameters) 
         row.reading,
         effects.gains(row.channel, unit),
         tuple(term for term in row.truth if term[0] in effects.names),
-        effects.rates(row.channel, unit),
+        # Where no regressor follows the rate it is that of a speed: what inertia makes of it is less
+        # than the noise.
+        effects.rates(row.channel, unit) if row.reading_rate else (),
         row.reading_rate,
     )
 

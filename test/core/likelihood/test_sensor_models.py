@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.models.hand_relations import BY_HAND, slope_relations
 
+from flea_diag.configuration import compiled_relations
 from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
 from flea_diag.core.likelihood.regressors import regressors
 from flea_diag.core.likelihood.sensor_models import sensor_models
@@ -87,3 +90,13 @@ def test_any_scaling_from_0_6_to_1_6_lies_within_the_bounds_of_its_model(channel
     size = float(of_one @ error / (of_one @ of_one))
     np.testing.assert_allclose(size * of_one, error, atol=1e-9)
     assert model.sizes[0].low - 1e-9 <= size <= model.sizes[0].high + 1e-9
+
+
+@pytest.mark.parametrize("encoder", [0.0, 5e-4])
+def test_every_term_is_made_of_a_regressor(encoder):
+    p = replace(P, encoder_m_per_rad=encoder)
+    known = compiled_relations("actuator.yaml", has_encoder=bool(encoder))
+    models = sensor_models(p, known)
+    assert {term.regressor for model in models for term in model.terms} <= set(REGRESSORS)
+    channels = {model.fault.rsplit("_", 1)[0] for model in models}
+    assert ("motor_speed" in channels) is bool(encoder)
