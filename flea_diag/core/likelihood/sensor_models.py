@@ -94,8 +94,7 @@ def _of_relations(row: RelationSensor, effects: Effects, p: ActuatorParameters) 
         row.reading,
         effects.gains(row.channel, unit),
         tuple(term for term in row.truth if term[0] in effects.names),
-        # Where no regressor follows the rate it is that of a speed: what inertia makes of it is less
-        # than the noise.
+        # The rate of a speed acts through the inertia, by less than the noise: no regressor.
         effects.rates(row.channel, unit) if row.reading_rate else (),
         row.reading_rate,
     )
