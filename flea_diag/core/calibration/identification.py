@@ -1,31 +1,37 @@
 """Identify the actuator's parameters from nominal recordings, by robust linear regression.
 
-Each relation is linear in its parameters if all signals pass the same smoothing kernel:
+Each relation is linear in its parameters, or in quotients of them, if all signals pass the same
+smoothing kernel. The columns follow from the relations that run (``relation_fit``); heating and
+cooling of the thermal nodes from one slope per run (``heat_identification``). For the FLEA:
 
     i = i0 + (F + (fc + c|F|) s(v) + B v + M a) / K            (Newton at the nut)
     V = V0 + R (1 + alpha dT) (i - i0) + Ke v                  (Kirchhoff)
-    dT/dt = h (i - i0)^2 - (T - Ta) / tau                      (heat, one slope per run)
+    dT/dt = h (i - i0)^2 - (T - Ta) / tau                      (heat)
 
 Standard errors are clustered by recording, because samples within one are far from independent.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration import heat_identification
 from flea_diag.core.calibration.calibration import CovarianceBlock, NominalRun
+from flea_diag.core.calibration.relation_fit import Regression, regression
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.residual import COPPER_PER_K
+from flea_diag.core.residuals.parity import channel_of
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import INDEX
 from flea_diag.core.smoothing import hann_kernels
+from flea_diag.core.symbolic.expression import evaluate
 from flea_diag.errors import CalibrationError
 
 Array = npt.NDArray[np.float64]
+RelationsOf = Callable[[bool], RelationSet]
 
 MOVING_M_S = 0.010
 MINIMUM_MOVING_S = 5.0
@@ -115,8 +121,18 @@ def robust_fit(
     return np.asarray(x, dtype=np.float64), covariance, weight
 
 
-def identify(runs: Sequence[NominalRun], kernel_length: int, period_s: float) -> Identified:
+def identify(
+    runs: Sequence[NominalRun],
+    relations_of: RelationsOf,
+    kernel_length: int,
+    period_s: float,
+) -> Identified:
     """Identify every parameter that the recordings allow.
+
+    Parameters
+    ----------
+    relations_of
+        Relations of the actuator, for an encoder whose lead is known, or without one.
 
     Raises
     ------
@@ -128,21 +144,73 @@ def identify(runs: Sequence[NominalRun], kernel_length: int, period_s: float) ->
     result.missing(["winding_inductance_h"], "L/R is far below the scan period; an assumption")
     result.missing(["stribeck_speed_m_s"], "width of the smooth sign of friction; an assumption")
     result.missing(["reference_temperature_degc"], "where the resistance holds; a convention")
-    _encoder(data, result)
-    speed, acceleration = _motion(data, result)
-    moving = np.abs(speed) > MOVING_M_S
+    _encoder(data, relations_of(True), result)
+    relations = relations_of(result.parameters.encoder_m_per_rad != 0.0)
+    signals = _signals(data, relations, result.parameters)
+    moving = np.abs(_speed(data, result)) > MOVING_M_S
     moved_s = float(moving.sum()) * period_s
     if moved_s < MINIMUM_MOVING_S:
         raise CalibrationError(
             f"the recordings hold {moved_s:.1f} s of motion above {MOVING_M_S} m/s, "
             f"{MINIMUM_MOVING_S} s are needed: record the actuator while it moves"
         )
-    _mechanical(data, speed, acceleration, moving, result)
-    _electrical(data, speed, result)
-    _drive(data, result)
+    fit = _Fit(data, relations, signals, result)
+    _mechanical(fit, moving)
+    _electrical(fit)
+    _drive(fit)
     _position(data, result)
     heat_identification.identify(runs, period_s, result)
     return result
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """What the regressions of one calibration share; ``signals``: columns by name, shape (n,)."""
+
+    data: Smoothed
+    relations: RelationSet
+    signals: Mapping[str, Array]
+    result: Identified
+
+    def regression(
+        self, name: str, regressand: str, unknown: Sequence[str], use: npt.NDArray[np.bool_]
+    ) -> Regression | None:
+        """Regression of one relation on the rows that it can be formed in; None if in none."""
+        relation = self.relations.named.get(name)
+        if relation is None:
+            return None
+        rows = np.array([np.isfinite(self.signals[signal]) for signal in relation.signals])
+        use &= rows.all(axis=0)
+        if not use.any():
+            return None
+        known = {k: v for k, v in asdict(self.result.parameters).items() if k not in unknown}
+        return regression(relation, known, regressand, self.signals, use)
+
+
+def _signals(
+    data: Smoothed, relations: RelationSet, parameters: ActuatorParameters
+) -> dict[str, Array]:
+    """Columns of the signals of the relations, shapes with the parameters as assumed."""
+    orders = (data.value, data.first, data.second)
+    found: dict[str, Array] = {}
+    for name in relations.signals:
+        channel, order = channel_of(name)
+        if name in relations.predicted:
+            # On nominal recordings the reading is the prediction; without one it is the reference.
+            warm = data.column(relations.predicted[name])
+            found[name] = np.where(np.isnan(warm), relations.reference[name], warm)
+        elif name not in relations.shapes:
+            found[name] = orders[order][:, INDEX[channel]]
+    for name, shape in relations.shapes.items():
+        found[name] = np.asarray(evaluate(shape, {**asdict(parameters), **found}))
+    return found
+
+
+def _speed(data: Smoothed, result: Identified) -> Array:
+    lead = result.parameters.encoder_m_per_rad
+    if lead:
+        return np.asarray(lead * data.column("motor_speed"))
+    return np.asarray(data.first[:, INDEX["actuator_position"]])
 
 
 def _have(data: Smoothed, *channels: str) -> npt.NDArray[np.bool_]:
@@ -150,97 +218,77 @@ def _have(data: Smoothed, *channels: str) -> npt.NDArray[np.bool_]:
     return np.asarray(finite.all(axis=1), dtype=np.bool_)
 
 
-def _motion(data: Smoothed, result: Identified) -> tuple[Array, Array]:
-    lead = result.parameters.encoder_m_per_rad
-    if lead:
-        column = INDEX["motor_speed"]
-        return lead * data.value[:, column], lead * data.first[:, column]
-    column = INDEX["actuator_position"]
-    return data.first[:, column], data.second[:, column]
-
-
-def _encoder(data: Smoothed, result: Identified) -> None:
+def _encoder(data: Smoothed, relations: RelationSet, result: Identified) -> None:
     use = _have(data, "motor_speed", "actuator_position")
-    if not use.any():
-        result.missing(["encoder_m_per_rad"], "no motor_speed channel")
+    signals = _signals(data, relations, result.parameters) if use.any() else {}
+    fit = _Fit(data, relations, signals, result)
+    name = "encoder_m_per_rad"
+    made = fit.regression("parity_speed", "d_actuator_position", [name], use) if signals else None
+    if made is None:
+        result.missing([name], "no motor_speed channel")
         return
-    rate = data.first[use, INDEX["actuator_position"]]
-    x, covariance, _ = robust_fit(data.column("motor_speed")[use, None], rate, data.run[use])
-    result.found({"encoder_m_per_rad": float(x[0])}, covariance)
+    x, covariance, _ = robust_fit(made.columns, made.target, data.run[use])
+    result.found(*made.solved(x, covariance))
 
 
-def _mechanical(
-    data: Smoothed,
-    speed: Array,
-    acceleration: Array,
-    moving: npt.NDArray[np.bool_],
-    result: Identified,
-) -> None:
-    use = moving & _have(data, "motor_current", "load_force") & np.isfinite(acceleration)
-    names = (
-        "coulomb_friction_n",
-        "viscous_friction_n_s_per_m",
-        "reflected_mass_kg",
-        "load_friction_ratio",
-    )
-    if not use.any():
-        result.missing([*names, "force_constant_n_per_a"], "no current, load and motion together")
+NOT_NEGATIVE = (
+    "coulomb_friction_n",
+    "viscous_friction_n_s_per_m",
+    "reflected_mass_kg",
+    "load_friction_ratio",
+)
+
+
+def _mechanical(fit: _Fit, moving: npt.NDArray[np.bool_]) -> None:
+    names = (*NOT_NEGATIVE, "force_constant_n_per_a")
+    use = moving.copy()
+    made = fit.regression("parity_mechanical", "motor_current", (*names, "current_offset_a"), use)
+    if made is None:
+        fit.result.missing(names, "no current, load and motion together")
         return
-    load, s = data.column("load_force")[use], np.tanh(speed[use] / 0.004)
-    columns = (load, s, speed[use], acceleration[use], np.abs(load) * s, np.ones(use.sum()))
-    A = np.stack(columns, axis=1)
-    x, covariance, _ = robust_fit(A, data.column("motor_current")[use], data.run[use])
-    if x[0] <= 0.0:
+    x, covariance, _ = robust_fit(made.columns, made.target, fit.data.run[use])
+    values, covariance = made.solved(x, covariance)
+    if values["force_constant_n_per_a"] <= 0.0:
         raise CalibrationError(
-            f"the current falls by {-x[0]:.2e} A per newton of opposing load: "
-            "motor_current or load_force has the wrong sign (positive load opposes extension)"
+            f"the current falls by {-1.0 / values['force_constant_n_per_a']:.2e} A per newton of "
+            "opposing load: motor_current or load_force has the wrong sign (positive load opposes "
+            "extension)"
         )
-    K = 1.0 / x[0]
-    # Ratios x_k / x_0, and K = 1 / x_0: their covariance by the gradient at the solution.
-    gradient = np.zeros((len(x), len(x)))
-    gradient[0, 0], gradient[1, 5] = -K * K, 1.0
-    values = {"force_constant_n_per_a": K, "current_offset_a": float(x[5])}
-    for row, (name, k) in enumerate(zip(names, (1, 2, 3, 4), strict=True), 2):
-        gradient[row, k], gradient[row, 0] = K, -x[k] * K * K
-        values[name] = max(float(x[k] * K), 0.0)
-    result.found(values, gradient @ covariance @ gradient.T)
+    values |= {name: max(values[name], 0.0) for name in NOT_NEGATIVE}
+    fit.result.found(values, covariance)
 
 
-def _electrical(data: Smoothed, speed: Array, result: Identified) -> None:
-    use = _have(data, "motor_voltage", "motor_current") & np.isfinite(speed)
+def _electrical(fit: _Fit) -> None:
     names = ("winding_resistance_ohm", "back_emf_v_s_per_m", "voltage_offset_v")
-    p = result.parameters
-    if not use.any():
+    p, result = fit.result.parameters, fit.result
+    use = np.ones(len(fit.data.run), dtype=bool)
+    made = fit.regression("parity_electrical", "motor_voltage", names, use)
+    if made is None:
         result.missing(names, "no motor_voltage channel")
         return
-    rise = np.nan_to_num(data.column("motor_temperature") - p.reference_temperature_degc)
-    current = (data.column("motor_current") - p.current_offset_a) * (1.0 + COPPER_PER_K * rise)
-    voltage = data.column("motor_voltage")[use]
-    A = np.stack((current[use], speed[use], np.ones(use.sum())), axis=1)
     # Energy conservation: the back-EMF constant equals the force constant. With R given, only
     # the offset is unknown; a median finds it if fewer than half of the samples are bad.
-    start = np.array([p.winding_resistance_ohm, p.force_constant_n_per_a, 0.0])
-    start[2] = np.median(voltage - A @ start)
-    x, covariance, weight = robust_fit(A, voltage, data.run[use], start)
-    residual = voltage - A @ x
+    guess = {names[0]: p.winding_resistance_ohm, names[1]: p.force_constant_n_per_a}
+    start = np.array([guess.get(name, 0.0) for name in made.names])
+    start[made.names.index(names[2])] = np.median(made.target - made.columns @ start)
+    x, covariance, weight = robust_fit(made.columns, made.target, fit.data.run[use], start)
+    residual = made.target - made.columns @ x
     scale = 1.4826 * float(np.median(np.abs(residual[weight > 0])))
     # No healthy unit deviates by a third of the drive's output range.
-    supply_v = float(np.quantile(np.abs(voltage), 0.99))
+    supply_v = float(np.quantile(np.abs(fit.signals["motor_voltage"][use]), 0.99))
     result.voltage_limit_v = max(8.0 * scale, supply_v / 3.0)
-    values = dict(zip(names, map(float, x), strict=True))
-    result.found(values, covariance)
+    result.found(*made.solved(x, covariance))
 
 
-def _drive(data: Smoothed, result: Identified) -> None:
-    use = _have(data, "motor_voltage", "commanded_voltage")
-    if not use.any():
-        result.missing(["drive_gain", "drive_offset_v"], "no commanded_voltage channel")
+def _drive(fit: _Fit) -> None:
+    names = ("drive_gain", "drive_offset_v")
+    use = np.ones(len(fit.data.run), dtype=bool)
+    made = fit.regression("parity_drive", "motor_voltage", names, use)
+    if made is None:
+        fit.result.missing(names, "no commanded_voltage channel")
         return
-    A = np.stack((data.column("commanded_voltage")[use], np.ones(use.sum())), axis=1)
-    x, covariance, _ = robust_fit(A, data.column("motor_voltage")[use], data.run[use])
-    result.found(
-        dict(zip(("drive_gain", "drive_offset_v"), map(float, x), strict=True)), covariance
-    )
+    x, covariance, _ = robust_fit(made.columns, made.target, fit.data.run[use])
+    fit.result.found(*made.solved(x, covariance))
 
 
 def _position(data: Smoothed, result: Identified) -> None:

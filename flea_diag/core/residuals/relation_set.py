@@ -92,6 +92,11 @@ class RelationSet(Frozen):
         return tuple(row.name for row in self.relations)
 
     @cached_property
+    def named(self) -> Mapping[str, CompiledRelation]:
+        """Relations by name."""
+        return {row.name: row for row in self.relations}
+
+    @cached_property
     def parameters(self) -> tuple[str, ...]:
         """Base parameters in the relations and shapes."""
         rows = [*(row.expression for row in self.relations), *self.shapes.values()]

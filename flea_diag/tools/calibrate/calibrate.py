@@ -6,6 +6,7 @@ import argparse
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -126,9 +127,9 @@ def learn(
     _check_recordings(recordings, described, actuator)
     runs = [recording.run for recording in recordings]
     period_s = recordings[0].period_s
-    found = identification.identify(runs, KERNEL_LENGTH, period_s)
-    has_encoder = found.parameters.encoder_m_per_rad != 0.0
-    relations = compiled_relations(actuator, recordings[0].channels, has_encoder)
+    relations_of = partial(compiled_relations, actuator, recordings[0].channels)
+    found = identification.identify(runs, relations_of, KERNEL_LENGTH, period_s)
+    relations = relations_of(found.parameters.encoder_m_per_rad != 0.0)
     traces = [thresholds.trace(run, found, relations, KERNEL_LENGTH, period_s) for run in runs]
     innovations = _innovations(recordings, traces, found)
     traces = list(map(thresholds.with_innovations, traces, innovations.residuals))

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy import optimize
 from support import stands
 from support.models import linear_ema as ema
 
+from flea_diag.configuration import compiled_relations
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.identification import identify, robust_fit
 from flea_diag.errors import CalibrationError
@@ -39,8 +42,12 @@ def runs(channels: tuple[str, ...] = ema.CHANNELS, columns=None) -> list[Nominal
     return [NominalRun(f"run{n}", ema.rows(each, channels)) for n, each in enumerate(columns)]
 
 
+def relations_of(channels: tuple[str, ...]):
+    return partial(compiled_relations, "actuator.yaml", channels)
+
+
 def found(columns=None, channels: tuple[str, ...] = ema.CHANNELS):
-    return identify(runs(channels, columns), 31, 0.01)
+    return identify(runs(channels, columns), relations_of(channels), 31, 0.01)
 
 
 @pytest.mark.parametrize("channels", [ema.CHANNELS, ema.STAND])
@@ -88,7 +95,7 @@ def test_a_load_of_the_wrong_sign_is_refused():
 
 def test_runs_shorter_than_the_window_are_refused():
     with pytest.raises(CalibrationError, match="no recording is as long as"):
-        identify([NominalRun("short", np.zeros((30, 10)))], 31, 0.01)
+        identify([NominalRun("short", np.zeros((30, 10)))], relations_of(ema.CHANNELS), 31, 0.01)
 
 
 def test_without_voltage_only_what_needs_it_is_missing():

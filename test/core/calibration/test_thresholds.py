@@ -104,6 +104,9 @@ def test_a_stand_gets_limits_for_what_it_can_form_and_for_nothing_else():
 
 
 def test_bad_stretches_are_found_left_out_and_named():
+    from functools import partial
+
+    from flea_diag.configuration import compiled_relations
     from flea_diag.core.calibration.calibration import NominalRun
     from flea_diag.core.calibration.identification import identify
     from flea_diag.core.calibration.thresholds import stretches, trace
@@ -113,8 +116,9 @@ def test_bad_stretches_are_found_left_out_and_named():
     voltage[800:1000] = -24.0
     columns[2]["motor_voltage"] = voltage
     runs = [NominalRun(f"r{n}", ema.rows(each, ema.STAND)) for n, each in enumerate(columns)]
-    found = identify(runs, 31, 0.01)
-    traced = [trace(run, found, 31, 0.01) for run in runs[1:3]]
+    found = identify(runs, partial(compiled_relations, "actuator.yaml", ema.STAND), 31, 0.01)
+    relations = compiled_relations("actuator.yaml", ema.STAND, False)
+    traced = [trace(run, found, relations, 31, 0.01) for run in runs[1:3]]
     assert stretches(traced[0], 0.01) == []
     (stretch,) = stretches(traced[1], 0.01)
     assert (stretch.run, stretch.channel) == ("r2", "motor_voltage")

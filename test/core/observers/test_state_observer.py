@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from support.observed import BACKENDS, HAVE_NUMBA, NOISE, P, recording
 from support.places import FLEA
 
+from flea_diag.configuration import compiled_relations
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.identification import identify
 from flea_diag.core.calibration.noise_identification import fitted
@@ -306,7 +308,8 @@ def test_real_jam_shows_in_the_currents_residual_and_real_spall_does_not() -> No
         pytest.skip(f"needs the FLEA recordings: none in {FLEA}, set FLEA_DATA_DIR")
     nominal = [file for file in files if "_Nominal_" in file.name]
     learned = [NominalRun(file.name, real_rows(file)) for file in nominal[::4]]
-    p = identify(learned, KERNEL_LENGTH, 0.01).parameters
+    relations_of = partial(compiled_relations, "actuator.yaml", CHANNELS)
+    p = identify(learned, relations_of, KERNEL_LENGTH, 0.01).parameters
     fresh = nominal[1::6]
     jam = [file for file in files if "_Jam_" in file.name][::3]
     spall = [file for file in files if "_Spall_" in file.name][::3]
