@@ -175,7 +175,10 @@ class _Fit:
     def regression(
         self, name: str, regressand: str, unknown: Sequence[str], use: npt.NDArray[np.bool_]
     ) -> Regression | None:
-        """Regression of one relation on the rows that it can be formed in; None if in none."""
+        """Regression of one relation on the rows that it can be formed in; None if in none.
+
+        Parameters that these rows do not fix keep their defaults.
+        """
         relation = self.relations.named.get(name)
         if relation is None:
             return None
@@ -184,7 +187,12 @@ class _Fit:
         if not use.any():
             return None
         known = {k: v for k, v in asdict(self.result.parameters).items() if k not in unknown}
-        return regression(relation, known, regressand, self.signals, use)
+        made = regression(relation, known, regressand, self.signals, use)
+        while loose := made.not_fixed():
+            self.result.missing(loose, "these recordings do not fix it apart from the others")
+            known |= {name: getattr(self.result.parameters, name) for name in loose}
+            made = regression(relation, known, regressand, self.signals, use)
+        return made
 
 
 def _signals(
@@ -254,7 +262,7 @@ def _mechanical(fit: _Fit, moving: npt.NDArray[np.bool_]) -> None:
             "opposing load: motor_current or load_force has the wrong sign (positive load opposes "
             "extension)"
         )
-    values |= {name: max(values[name], 0.0) for name in NOT_NEGATIVE}
+    values |= {name: max(values[name], 0.0) for name in NOT_NEGATIVE if name in values}
     fit.result.found(values, covariance)
 
 
@@ -270,7 +278,8 @@ def _electrical(fit: _Fit) -> None:
     # the offset is unknown; a median finds it if fewer than half of the samples are bad.
     guess = {names[0]: p.winding_resistance_ohm, names[1]: p.force_constant_n_per_a}
     start = np.array([guess.get(name, 0.0) for name in made.names])
-    start[made.names.index(names[2])] = np.median(made.target - made.columns @ start)
+    if names[2] in made.names:
+        start[made.names.index(names[2])] = np.median(made.target - made.columns @ start)
     x, covariance, weight = robust_fit(made.columns, made.target, fit.data.run[use], start)
     residual = made.target - made.columns @ x
     scale = 1.4826 * float(np.median(np.abs(residual[weight > 0])))

@@ -4,6 +4,9 @@ A relation that is linear in its unknown parameters gives one column for each of
 derivative. One that is not, because a trusted term has an unknown coefficient of its own (the
 motor's force constant), is divided by that coefficient: the quotients are what the columns
 determine, and products of their powers are the parameters.
+
+What recordings do not fix shows in the rank of the columns: a load that never changes, a speed that
+is always the same.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import qr
 
 from flea_diag.core.bond_graph.base_parameters import in_base
 from flea_diag.core.residuals.relation_set import CompiledRelation
@@ -30,22 +34,56 @@ from flea_diag.core.symbolic.expression import (
     substitute,
     symbols,
 )
+from flea_diag.errors import CalibrationError
 
 Array = npt.NDArray[np.float64]
 Signals = Mapping[str, Array]
+
+LEAST_LEFT = 1e-6
+"""Share of a column that the others must leave: with less of it rounding would decide."""
 
 
 @dataclass(frozen=True)
 class Regression:
     """y = A x, and the parameters as expressions in x.
 
-    ``columns`` has shape (n, k) and ``target`` (n,); x is named ``names``.
+    ``columns`` has shape (n, k) and ``target`` (n,); x is named ``names``. ``quotients`` are x in
+    parameters.
     """
 
     columns: Array
     target: Array
     names: tuple[str, ...]
     parameters: Mapping[str, Expression]
+    quotients: Mapping[str, Expression]
+
+    def not_fixed(self) -> tuple[str, ...]:
+        """Parameters that the columns leave open, each alone in a column of which that is so.
+
+        Columns of unit length are eliminated largest first (QR with pivoting); what is then left of
+        a column is what only it says.
+
+        Raises
+        ------
+        CalibrationError
+            Such a column holds no parameter of its own, so that nothing can be kept at its default.
+        """
+        length = np.linalg.norm(self.columns, axis=0)
+        R, order = qr(self.columns / np.where(length > 0.0, length, 1.0), mode="r", pivoting=True)
+        left = np.abs(np.diag(R[: len(order)]))
+        return tuple(self._own(self.names[k]) for k in order[left < LEAST_LEFT])
+
+    def _own(self, name: str) -> str:
+        """The parameter that occurs in this quotient and in no other."""
+        others = {p for n, e in self.quotients.items() if n != name for p in symbols(e)}
+        own = [p for p in symbols(self.quotients[name]) if p not in others]
+        if not own:
+            shared = ", ".join(symbols(self.quotients[name]))
+            raise CalibrationError(
+                f"the recordings do not fix {shared}: what it acts on never changes by itself; "
+                "record motions under different loads, both ways and at different speeds"
+            )
+        return own[0]
 
     def solved(self, x: Array, covariance: Array) -> tuple[dict[str, float], Array]:
         """Parameters of a solution, and their covariance by the gradient there (k, k)."""
@@ -88,7 +126,7 @@ def regression(
         columns = [-sign * _column(slope, values, count) for slope in slopes]
         target = sign * _column(rest, values, count)
         own = {name: Variable(name) for name in unknown}
-        return Regression(np.stack(columns, axis=1), target, tuple(unknown), own)
+        return Regression(np.stack(columns, axis=1), target, tuple(unknown), own, own)
     return _of_quotients(expression, regressand, values, count)
 
 
@@ -98,14 +136,18 @@ def _of_quotients(
     """Each term over that of the regressand, its number with the column."""
     terms = dict(collect(expression, tuple(values)))
     own = terms.pop(Variable(regressand))
-    columns, quotients = [], {}
-    for number, (basis, coefficient) in enumerate(terms.items()):
+    columns: dict[Expression, Array] = {}
+    for basis, coefficient in terms.items():
         factor, monomial = _parted(-coefficient / own)
-        columns.append(factor * _column(basis, values, count))
-        quotients[f"x_{number}"] = monomial
-    target = _column(Variable(regressand), values, count)
+        columns[monomial] = columns.get(monomial, 0.0) + factor * _column(basis, values, count)
+    target = _column(Variable(regressand), values, count) - columns.pop(ONE, 0.0)
+    quotients = {f"x_{number}": monomial for number, monomial in enumerate(columns)}
     return Regression(
-        np.stack(columns, axis=1), target, tuple(quotients), in_base(quotients, "quotients")
+        np.stack(list(columns.values()), axis=1),
+        target,
+        tuple(quotients),
+        in_base(quotients, "quotients"),
+        quotients,
     )
 
 

@@ -8,6 +8,7 @@ import pytest
 from flea_diag.core.calibration.relation_fit import regression
 from flea_diag.core.residuals.relation_set import CompiledRelation
 from flea_diag.core.symbolic.expression import Expression, Variable, apply
+from flea_diag.errors import CalibrationError
 
 N = 400
 RANDOM = np.random.default_rng(4)
@@ -57,3 +58,34 @@ def test_covariances_follow_the_parameters() -> None:
     place = list(values).index("K")
     assert values["K"] == pytest.approx(50.0)
     assert covariance[place, place] ** 0.5 == pytest.approx(1e-6 / 0.02**2)
+
+
+def test_what_columns_do_not_fix_is_named() -> None:
+    """A load of constant size: friction that grows with it is friction."""
+    share = Variable("c")
+    dry = (DRY + share * apply("fabs", FORCE)) * SPEED
+    made = relation(K * (CURRENT - OFFSET) - FORCE - dry)
+    signals = {**SIGNALS, "force": np.where(SIGNALS["volt"] > 0.0, 40.0, -40.0)}
+    found = regression(made, {}, "current", signals, USE)
+    (loose,) = found.not_fixed()
+    assert loose in ("c", "fc")
+    again = regression(made, {loose: 0.0}, "current", signals, USE)
+    assert again.not_fixed() == ()
+    assert set(again.parameters) == {"K", "i0", "c", "fc"} - {loose}
+
+
+def test_a_known_share_of_the_load_stands_with_the_load() -> None:
+    share = Variable("c")
+    made = relation(K * (CURRENT - OFFSET) - FORCE - share * apply("fabs", FORCE) * SPEED)
+    pressed = SIGNALS["force"] + 0.2 * np.abs(SIGNALS["force"]) * SIGNALS["speed"]
+    signals = {**SIGNALS, "current": 0.1 + pressed / 170.0}
+    found = regression(made, {"c": 0.2}, "current", signals, USE)
+    values, _ = found.solved(solution(found.columns, found.target), np.eye(2))
+    assert values == pytest.approx({"K": 170.0, "i0": 0.1})
+
+
+def test_a_load_that_is_never_there_is_refused() -> None:
+    made = relation(K * (CURRENT - OFFSET) - FORCE - DRY * SPEED)
+    found = regression(made, {}, "current", {**SIGNALS, "force": np.zeros(N)}, USE)
+    with pytest.raises(CalibrationError, match=r"do not fix K: .* under different loads"):
+        found.not_fixed()
