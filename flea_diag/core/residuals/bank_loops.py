@@ -34,7 +34,7 @@ _OF_MOTOR, _OF_NUT = RESIDUAL_INDEX["motor_temperature"], RESIDUAL_INDEX["nut_te
 _OF_AMBIENT = RESIDUAL_INDEX["ambient_temperature"]
 
 
-class Layout(NamedTuple):
+class SignalLayout(NamedTuple):
     """Where the functions of a relation set find their signals, and where their values go.
 
     ``places``: order of derivative and channel of each signal, -1 for what is no channel;
@@ -50,13 +50,13 @@ class Layout(NamedTuple):
     spreads: Rows
 
 
-def layout(known: RelationSet) -> Layout:
+def layout(known: RelationSet) -> SignalLayout:
     """Of one set of relations."""
     orders = [channel_of(name) for name in known.signals]
     places = [(order, INDEX[name]) if name in INDEX else (-1, -1) for name, order in orders]
     winding = next(iter(known.predicted), "")
     differing = [row for row in PARITIES if row.differs]
-    return Layout(
+    return SignalLayout(
         tuple(places),
         known.signals.index(winding) if winding in known.signals else -1,
         known.signals.index(DIRECTION) if DIRECTION in known.signals else -1,
@@ -93,7 +93,7 @@ def _unbound(p: Any, x: Array) -> Any:
 
 
 relations = spreads = drag = _unbound
-LAYOUT = Layout((), -1, -1, (), ())
+LAYOUT = SignalLayout((), -1, -1, (), ())
 
 
 def parity_loops(p: Any, x: Array, direction: float, values: Array, spread: Array) -> None:
