@@ -330,6 +330,7 @@ class Component(Generic[P]):
         calibration = load_calibration(parameters.calibration)
         described = read_actuator(load_yaml(parameters.actuator), parameters.actuator)
         require_actuator(calibration, described.name, parameters.actuator)
+        relations(calibration, parameters.actuator)
         catalogue(load_yaml(parameters.faults), described, parameters.faults)
         load_features(parameters.features)
 
