@@ -16,6 +16,7 @@ from typing import Any
 
 from flea_diag import __version__
 from flea_diag.errors import FleaError, line_of
+from flea_diag.wire.bags.budget import begin_command
 
 MODULES = (
     "model.model",
@@ -80,6 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # BLAS threads only slow down matrices of this size; numpy reads the setting at its import.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     known = commands()
+    begin_command()
     parsed = parser_of(known).parse_args(arguments)
     try:
         status = int(known[parsed.command].run(parsed))

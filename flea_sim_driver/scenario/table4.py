@@ -8,7 +8,7 @@ is switched from the healthy unit to the faulty one.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -75,8 +75,8 @@ def table4(seed: int) -> tuple[Scenario, ...]:
 
 def draw(
     rows: Sequence[CampaignRow], seed: int, shared: Shared | None = None
-) -> tuple[tuple[CampaignRow, Scenario], ...]:
-    """Scenarios of any such table, each with its row.
+) -> Iterator[tuple[CampaignRow, Scenario]]:
+    """Scenarios of any such table, each with its row, one by one.
 
     Raises
     ------
@@ -84,12 +84,11 @@ def draw(
         The stand cannot run a row; the message gives name, value and limit.
     """
     common = shared or Shared()
-    names = [(row, number) for row in rows for number in range(row.scenarios)]
-    streams = np.random.SeedSequence(seed).spawn(len(names))
-    return tuple(
-        (row, _scenario(row, number, np.random.default_rng(stream), common))
-        for (row, number), stream in zip(names, streams, strict=True)
-    )
+    seeds = np.random.SeedSequence(seed)
+    for row in rows:
+        for number in range(row.scenarios):
+            (stream,) = seeds.spawn(1)
+            yield row, _scenario(row, number, np.random.default_rng(stream), common)
 
 
 def _scenario(row: CampaignRow, number: int, draw: np.random.Generator, shared: Shared) -> Scenario:

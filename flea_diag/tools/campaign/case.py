@@ -9,8 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -77,32 +76,63 @@ class Case:
         return self.id, self.configuration, self.fold
 
 
-def plan(campaign: Campaign, recordings: RecordingSet) -> tuple[Case, ...]:
-    """Every run of a campaign, configuration after configuration.
+@dataclass(frozen=True)
+class Plan:
+    """Every run of a campaign, configuration after configuration, made anew for whoever asks.
+
+    A run with its scenario takes 8 kB: as a list a million of them would fill 8 GB.
+    """
+
+    campaign: Campaign
+    recordings: RecordingSet
+    once: int
+    """Runs of one configuration."""
+
+    def __len__(self) -> int:
+        """Runs of all configurations."""
+        return self.once * len(self.campaign.configurations)
+
+    def __iter__(self) -> Iterator[Case]:
+        """The runs."""
+        classifier = _found(self.campaign, self.campaign.classifier)
+        nominal = _taught(self.campaign, self.recordings)
+        for name in self.campaign.configurations:
+            for case in _once(self.campaign, self.recordings):
+                yield replace(
+                    case,
+                    configuration=name,
+                    learned_from=case.learned_from or nominal,
+                    classifier=classifier if name == CLASSIFIER else "",
+                )
+
+
+def plan(campaign: Campaign, recordings: RecordingSet) -> Plan:
+    """Every run of a campaign, each looked at once.
 
     Raises
     ------
     ConfigurationError
         A row or scenario cannot be run, or a pattern matches no recording.
     """
-    once = [case for source in campaign.sources for case in _of(source, campaign, recordings)]
-    if not once:
+    seen: set[int] = set()
+    count = 0
+    for count, case in enumerate(_once(campaign, recordings), 1):
+        seen.add(_fingerprint(case))
+        if len(seen) < count:
+            raise ConfigurationError(f"{campaign.name}: several runs are named {shown(case.id)}")
+    if not count:
         raise ConfigurationError(f"{campaign.name}: the campaign has no run")
-    (name, _, _), count = Counter(case.key for case in once).most_common(1)[0]
-    if count > 1:
-        raise ConfigurationError(f"{campaign.name}: {count} runs are named {shown(name)}")
-    classifier = _found(campaign, campaign.classifier)
-    nominal = _taught(campaign, recordings)
-    return tuple(
-        replace(
-            case,
-            configuration=name,
-            learned_from=case.learned_from or nominal,
-            classifier=classifier if name == CLASSIFIER else "",
-        )
-        for name in campaign.configurations
-        for case in once
-    )
+    return Plan(campaign, recordings, count)
+
+
+def _once(campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:
+    return (case for source in campaign.sources for case in _of(source, campaign, recordings))
+
+
+def _fingerprint(case: Case) -> int:
+    """Eight bytes for a name: a million of them fit into memory, and none meets another."""
+    text = "\0".join(case.key)
+    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "big")
 
 
 def _taught(campaign: Campaign, recordings: RecordingSet) -> tuple[str, ...]:
@@ -113,7 +143,7 @@ def _taught(campaign: Campaign, recordings: RecordingSet) -> tuple[str, ...]:
     return tuple(str(run.bag) for run in runs)
 
 
-def plan_sha256(campaign: Campaign, cases: Sequence[Case]) -> str:
+def plan_sha256(campaign: Campaign, cases: Iterable[Case]) -> str:
     """Digest of the runs and of what is right: guards against mixing results of two plans.
 
     That of the JSON list of both, taken piece by piece: as one text it would fill the memory.

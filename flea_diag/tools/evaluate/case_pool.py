@@ -7,7 +7,7 @@ worker dies twice, the second time alone, is a failed line.
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
@@ -23,7 +23,7 @@ Work = Callable[[Case], RunResult]
 DIED = "the process died: killed, out of memory, or a crash in a library"
 
 
-def run_all(cases: Sequence[Case], work: Work, jobs: int) -> Iterator[RunResult]:
+def run_all(cases: Iterable[Case], work: Work, jobs: int) -> Iterator[RunResult]:
     """Results of all cases from ``jobs`` processes; ``work`` must be picklable."""
     rest = iter(cases)
     while True:
@@ -77,12 +77,14 @@ def failed(case: Case, reason: str) -> RunResult:
 
 # --- Dask ---------------------------------------------------------------------------------
 
+MOST_WAITING = 1000
+"""Runs that a cluster is given ahead."""
 TRIES = 3
 """Workers that may die during a run before the run itself is blamed."""
 
 
 def run_on_dask(
-    cases: Sequence[Case], work: Work, address: str, timeout_s: float = 10.0
+    cases: Iterable[Case], work: Work, address: str, timeout_s: float = 10.0
 ) -> Iterator[RunResult]:
     """Results of all cases from a cluster; its workers need the same files.
 
@@ -102,17 +104,22 @@ def run_on_dask(
             "`dask scheduler` and workers with `dask worker ADDRESS`"
         ) from error
     with client:
-        by_key = {f"flea-{number}-{case.id}": case for number, case in enumerate(cases)}
-        futures = [
-            client.submit(work, case, key=key, pure=False, retries=TRIES)
-            for key, case in by_key.items()
-        ]
-        yield from _as_they_come(distributed.as_completed(futures), by_key)
+        running: dict[str, Case] = {}
+        rest = enumerate(cases)
 
+        def submitted(most: int) -> list[Any]:
+            """The next runs, handed to the cluster."""
+            part = {f"flea-{number}-{case.id}": case for number, case in islice(rest, most)}
+            running.update(part)
+            return [
+                client.submit(work, case, key=key, pure=False, retries=TRIES)
+                for key, case in part.items()
+            ]
 
-def _as_they_come(futures: Iterable[Any], by_key: dict[str, Case]) -> Iterator[RunResult]:
-    for future in futures:
-        error = future.exception()
-        case = by_key[future.key]
-        yield future.result() if error is None else failed(case, f"{DIED} ({error!r:.200})")
-        future.release()
+        futures = distributed.as_completed(submitted(MOST_WAITING))
+        for future in futures:
+            error = future.exception()
+            case = running.pop(future.key)
+            yield future.result() if error is None else failed(case, f"{DIED} ({error!r:.200})")
+            future.release()
+            futures.update(submitted(1))

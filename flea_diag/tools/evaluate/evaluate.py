@@ -88,14 +88,14 @@ def run(arguments: argparse.Namespace) -> int:
             _begin_anew(folder)
         with ResultLog(folder, plan_sha256(campaign, cases)) as log:
             done = log.done.values()
-            left = [
-                case for case in cases if case.key not in log.done or log.done[case.key].failure
-            ]
+            finished = {key for key, result in log.done.items() if not result.failure}
+            left = len(cases) - len(finished)
             try:
                 if left:
                     recordings.prepare()
-                    results = _results(left, work, jobs, arguments.dask)
-                    _keep(results, log, _bar(len(cases), len(left), arguments.quiet))
+                    rest = (case for case in cases if case.key not in finished)
+                    results = _results(rest, work, jobs, arguments.dask)
+                    _keep(results, log, _bar(len(cases), left, arguments.quiet))
             except KeyboardInterrupt:
                 _score(campaign, done, folder, arguments.drawn, quiet=True)
                 warn(f"{len(done)} of {len(cases)} runs are done; the same command resumes")
@@ -124,7 +124,7 @@ def _begin_anew(folder: Path) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
-def _results(left: Sequence[Case], work: Work, jobs: int, dask: str | None) -> Iterator[RunResult]:
+def _results(left: Iterable[Case], work: Work, jobs: int, dask: str | None) -> Iterator[RunResult]:
     from flea_diag.tools.evaluate.case_pool import run_all, run_on_dask
 
     return run_on_dask(left, work, dask) if dask else run_all(left, work, jobs)

@@ -26,6 +26,7 @@ from flea_diag.wire.records import Record, Scan
 from flea_diag.wire.topics import TOPIC_OF, Topic
 
 BLOCK_SCANS = 1024
+BLOCK_BYTES = 16 << 20
 
 
 class BagReader:
@@ -108,7 +109,7 @@ class BagReader:
         """Records in log order as from ``records``, with consecutive scans as blocks."""
         for kind, run in groupby(self._messages(types, namespace), key=itemgetter(0)):
             messages = (message for _, message in run)
-            while part := list(islice(messages, BLOCK_SCANS if kind is Scan else 1)):
+            while part := _part(messages, BLOCK_SCANS if kind is Scan else 1):
                 block = _block(part) if kind is Scan else None
                 if block is not None:
                     yield block
@@ -169,6 +170,17 @@ class BagReader:
         self.losses += [
             f"{topic}: {count} unreadable messages" for topic, count in self._unreadable.items()
         ]
+
+
+def _part(messages: Iterator[McapMessage], most: int) -> list[McapMessage]:
+    """The next messages, up to a number and a size: few large ones fill the memory, too."""
+    part, size_bytes = [], 0
+    for message in islice(messages, most):
+        part.append(message)
+        size_bytes += len(message.data)
+        if size_bytes > BLOCK_BYTES:
+            break
+    return part
 
 
 def _block(messages: list[McapMessage]) -> ScanBlock | None:

@@ -1,12 +1,13 @@
 """Memory limits for reading one file: a few compressed bytes can unpack to any size.
 
 ``mcap_chunk`` bounds each chunk; this module bounds their sum, and the messages held back where
-chunks overlap in time.
+chunks overlap in time. All files that a command reads share what is granted beyond their sizes.
 """
 
 from __future__ import annotations
 
 import os
+from typing import NoReturn
 
 from flea_diag.errors import RecordingError
 
@@ -24,6 +25,20 @@ SMALL_BYTES = 64 << 20
 MEGABYTE = 1_000_000
 
 
+class _Command:
+    """Bytes that all files of a command were granted for their sizes, and have unpacked to."""
+
+    granted = unpacked = 0
+
+
+_COMMAND = _Command()
+
+
+def begin_command() -> None:
+    """Forget what was read before: a new command begins."""
+    _COMMAND.granted = _COMMAND.unpacked = 0
+
+
 class Budget:
     """Charged by the reader of one file before it unpacks, holds or keeps anything.
 
@@ -37,17 +52,26 @@ class Budget:
         self._name = name
         asked = os.environ.get(VARIABLE, "")
         least_mb = int(asked) if asked.isdigit() and len(asked) < 10 else UNPACKED_MB
-        self._limit = max(least_mb * MEGABYTE, ratio * size_bytes)
+        self._least = least_mb * MEGABYTE
+        self._limit = max(self._least, ratio * size_bytes)
+        _COMMAND.granted += ratio * size_bytes
         self._unpacked = self._held = self._small = 0
 
     def unpack(self, size_bytes: int) -> None:
         """Charge a chunk, message or part of a file before it is unpacked."""
         self._unpacked += size_bytes
+        _COMMAND.unpacked += size_bytes
         if self._unpacked > self._limit:
-            raise RecordingError(
-                f"{self._name}: it unpacks to more than {self._limit / MEGABYTE:.0f} MB; "
-                f"if it is sound, raise the limit: {VARIABLE}=10000"
-            )
+            self._refuse("it unpacks", self._limit)
+        together = max(self._least, _COMMAND.granted)
+        if _COMMAND.unpacked > together:
+            self._refuse("with the files read before it unpacks", together)
+
+    def _refuse(self, what: str, limit: int) -> NoReturn:
+        raise RecordingError(
+            f"{self._name}: {what} to more than {limit / MEGABYTE:.0f} MB; "
+            f"if it is sound, raise the limit: {VARIABLE}=10000"
+        )
 
     def hold(self, data_bytes: int) -> None:
         """Charge a message that is held back."""

@@ -208,8 +208,14 @@ class McapScan:
         Raises
         ------
         RecordingError
-            The file unpacks to, or holds at one time, more than its budget.
+            The file unpacks to, or holds at one time, more than its budget, or is gone.
         """
+        try:
+            yield from self._ordered()
+        except OSError as error:
+            raise RecordingError(f"cannot read {self.path}: {error.strerror or error}") from error
+
+    def _ordered(self) -> Iterator[McapMessage]:
         waiting: list[McapMessage] = []
         pieces = sorted(self._pieces, key=lambda piece: (piece.start_ns, piece.offset))
         with opened(self.path) as stream:

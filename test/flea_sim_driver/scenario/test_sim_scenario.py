@@ -267,7 +267,7 @@ def test_a_flight_that_turns_too_hard_is_refused_with_its_row(tmp_path: Path) ->
 
 def test_a_ladder_takes_each_size_with_every_motion() -> None:
     row = CampaignRow("Jam", "jam", 12, sizes=(0.1, 0.2, 0.4), switched=True)
-    made = draw((row,), 3, Shared(20.0, 9.0, 11.0, {"unit_spread": 0.5}))
+    made = tuple(draw((row,), 3, Shared(20.0, 9.0, 11.0, {"unit_spread": 0.5})))
     pairs = {(scenario.motion.kind, scenario.faults[0].size) for _, scenario in made}
     assert len(pairs) == 12
     assert all(9.0 <= scenario.switch.at_s <= 11.0 for _, scenario in made)

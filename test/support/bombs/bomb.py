@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import threading
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from random import Random
+from tempfile import mkdtemp
 
-from flea_diag.configuration import make_pipeline
 from flea_diag.tools.main import main
+from support.places import ROOT
 
 REFUSED = "refused"
 """Exit status 2 and one line on standard error."""
@@ -48,9 +52,12 @@ Make = Callable[[Path, Random], Input]
 """Makes an input in an empty folder, at random."""
 
 
+@cache
 def imported() -> None:
-    """What a command imports when it is called."""
-    make_pipeline(None)
+    """Import and compile what the commands use, so that no input pays for it."""
+    with redirect_stdout(io.StringIO()):
+        main(["replay", str(ROOT / "bags" / "winding_short")])
+        main(["simulate", "jam", "-o", f"{mkdtemp()}/bag", "--duration", "12", "--no-vibration"])
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def planned(given: Campaign, output: Path) -> tuple[Case, ...]:
-    return plan(given, RecordingSet(given, output))
+    return tuple(plan(given, RecordingSet(given, output)))
 
 
 def recorded(bags: Path, **changes: Any) -> Campaign:
@@ -64,6 +64,15 @@ def test_drawing_again_gives_the_same_runs(tmp_path: Path) -> None:
     assert plan_sha256(other, planned(other, tmp_path)) != plan_sha256(given, cases)
     strict = campaign(sources=[DRAWN], expect={"jam": []})
     assert plan_sha256(strict, cases) != plan_sha256(given, cases)
+
+
+def test_a_plan_is_made_anew_each_time_and_kept_nowhere(tmp_path: Path) -> None:
+    given = campaign(sources=[DRAWN], configurations=["hybrid", "structural"])
+    found = plan(given, RecordingSet(given, tmp_path))
+    first, again = list(found), list(found)
+    assert first == again
+    assert first[0] is not again[0]
+    assert len(found) == len(first) == 24
 
 
 def test_configurations_run_the_same_cases(tmp_path: Path) -> None:
