@@ -77,7 +77,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Plan:
+class CampaignPlan:
     """Every run of a campaign, configuration after configuration, made anew for whoever asks.
 
     A run with its scenario takes 8 kB: as a list a million of them would fill 8 GB.
@@ -106,7 +106,7 @@ class Plan:
                 )
 
 
-def plan(campaign: Campaign, recordings: RecordingSet) -> Plan:
+def plan(campaign: Campaign, recordings: RecordingSet) -> CampaignPlan:
     """Every run of a campaign, each looked at once.
 
     Raises
@@ -122,7 +122,7 @@ def plan(campaign: Campaign, recordings: RecordingSet) -> Plan:
             raise ConfigurationError(f"{campaign.name}: several runs are named {shown(case.id)}")
     if not count:
         raise ConfigurationError(f"{campaign.name}: the campaign has no run")
-    return Plan(campaign, recordings, count)
+    return CampaignPlan(campaign, recordings, count)
 
 
 def _once(campaign: Campaign, recordings: RecordingSet) -> Iterator[Case]:

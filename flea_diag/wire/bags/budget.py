@@ -73,18 +73,18 @@ class Budget:
             f"if it is sound, raise the limit: {VARIABLE}=10000"
         )
 
-    def hold(self, data_bytes: int) -> None:
-        """Charge a message that is held back."""
-        self._held += data_bytes + MESSAGE_BYTES
+    def hold(self, data_bytes: int, messages: int = 1) -> None:
+        """Charge messages that are held back."""
+        self._held += data_bytes + messages * MESSAGE_BYTES
         if self._held > HELD_BYTES:
             raise RecordingError(
                 f"{self._name}: messages of more than {HELD_BYTES / MEGABYTE:.0f} MB overlap in "
                 "time; rewrite the bag in smaller chunks, in order of log time"
             )
 
-    def release(self, data_bytes: int) -> None:
-        """Release a message that was held back."""
-        self._held -= data_bytes + MESSAGE_BYTES
+    def release(self, data_bytes: int, messages: int = 1) -> None:
+        """Release messages that were held back."""
+        self._held -= data_bytes + messages * MESSAGE_BYTES
 
     def keep(self, size_bytes: int) -> None:
         """Charge a schema, channel or attachment, which is kept while the file is open."""

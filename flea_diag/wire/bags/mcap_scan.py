@@ -13,6 +13,7 @@ import os
 import struct
 from bisect import bisect_left
 from collections.abc import Iterator
+from itertools import islice
 from operator import attrgetter
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -35,7 +36,9 @@ from flea_diag.wire.regular_file import opened
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 1, 2, 3, 4, 5, 6, 9
 _RECORD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
-_log_ns = attrgetter("log_ns")
+_log_ns, _data = attrgetter("log_ns"), attrgetter("data")
+AT_ONCE = 256
+"""Messages that are charged to the budget together; one by one is measurably slower."""
 _SMALL = (_SCHEMA, _CHANNEL, _ATTACHMENT)
 """Records that are kept as long as the file is open, also where they stand inside a chunk."""
 _SMALL_LIMIT_BYTES = 16 << 20
@@ -77,6 +80,11 @@ class _Piece(NamedTuple):
     size: int
     opcode: int
     whole: bool = True
+
+
+def _extent(messages: list[McapMessage]) -> tuple[int, int]:
+    """Bytes of data, and number."""
+    return sum(map(len, map(_data, messages))), len(messages)
 
 
 class McapScan:
@@ -222,13 +230,13 @@ class McapScan:
             for piece in pieces:
                 # Messages older than all later pieces are due; the others wait for those pieces.
                 due = bisect_left(waiting, piece.start_ns, key=_log_ns)
-                for message in waiting[:due]:
-                    self._budget.release(len(message.data))
-                    yield message
+                self._budget.release(*_extent(waiting[:due]))
+                yield from waiting[:due]
                 waiting = waiting[due:]
-                for message in self._unpacked(stream, piece):
-                    self._budget.hold(len(message.data))
-                    waiting.append(message)
+                unpacked = self._unpacked(stream, piece)
+                while part := list(islice(unpacked, AT_ONCE)):
+                    self._budget.hold(*_extent(part))
+                    waiting += part
                 waiting.sort(key=_log_ns)
         yield from waiting
 

@@ -20,9 +20,7 @@ def command() -> Iterator[None]:
 def test_many_files_share_what_each_could_unpack_to_alone() -> None:
     for number in range(4):
         Budget(f"bag_{number}", 1000).unpack(240 * MEGABYTE)
-    with pytest.raises(
-        RecordingError, match=r"bag_4: with the files read before .* FLEA_BAG"
-    ):
+    with pytest.raises(RecordingError, match=r"bag_4: with the files read before .* FLEA_BAG"):
         Budget("bag_4", 1000).unpack(240 * MEGABYTE)
 
 
