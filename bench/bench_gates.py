@@ -3,7 +3,7 @@
     scripts/bench gates --against FOLDER     a worktree of the state to compare with (2f1ec3b)
 
 Both trees are run in turn, in processes of their own with the same Python; the figure is the median
-over the pairs of the ratio of their CPU times, each the shortest of five.
+over the pairs of the ratio of their CPU times, each the shortest of four.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from pathlib import Path
 from summary import ROOT, Figure, bench_parser, write_summary
 
 PAIRS = 7
-BAG = ROOT / "bags" / "live_motor_current_bias"
+LIVE = ROOT / "bags" / "live_motor_current_bias"
+BAGS = sorted(file.parent for file in (ROOT / "bags").glob("*/metadata.yaml"))
 PROGRAM = """
 import contextlib, io, sys, time
 from flea_diag.configuration import make_pipeline
@@ -29,18 +30,18 @@ except ImportError:  # before the modules of wire were in packages
     from flea_diag.wire.bag_reader import BagReader
     from flea_diag.wire.codec import decode, encode
 
-bag = sys.argv[1]
+bag, *bags = sys.argv[1:]
 
 def replay():
     with contextlib.redirect_stdout(io.StringIO()):
-        assert main(["replay", bag]) == 0
+        assert main(["replay", *bags]) == 0
 
 def live():
     pipeline = make_pipeline(None)
     for kind, data in messages:
         pipeline.handle(decode(kind, data))
 
-def cpu_s(work, times=5):
+def cpu_s(work, times=4):
     # The shortest of several: others on the machine make it longer, nothing makes it shorter.
     work()  # compile and import
     taken = []
@@ -60,7 +61,7 @@ def measured(tree: Path) -> tuple[float, float]:
     """CPU time of a replay and of live scans with the sources of a tree, s."""
     environment = {**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(BAG)],
+        [sys.executable, "-c", PROGRAM, str(LIVE), *map(str, BAGS)],
         cwd=tree, env=environment, capture_output=True, text=True, check=True,
     )  # fmt: skip
     replay_s, live_s = done.stdout.split()
@@ -85,7 +86,7 @@ def main() -> int:
         load = os.getloadavg()[0]
         row = "replay {:.3f} x, live scans {:.3f} x".format(*ratios[-1])
         print(f"{row}, load {load:.1f}", flush=True)
-    names = ("replay of a bag, CPU time", "live scans, CPU time")
+    names = ("replay of six bags, CPU time", "live scans, CPU time")
     figures = [
         Figure(name, statistics.median(row), "x", len(row), min(row), max(row), against=other.name)
         for name, row in zip(names, zip(*ratios, strict=True), strict=True)

@@ -37,6 +37,9 @@ class _Extent(NamedTuple):
     depth: int
 
 
+_SCALAR = _Extent(1, 1)
+
+
 class _BoundedLoader(yaml.SafeLoader):  # type: ignore[misc,unused-ignore]
     """Composes no more than the limits of this module allow."""
 
@@ -47,24 +50,25 @@ class _BoundedLoader(yaml.SafeLoader):  # type: ignore[misc,unused-ignore]
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         """Node of the next event, within the limits."""
-        alias = self.check_event(yaml.AliasEvent)
-        mark = self.peek_event().start_mark
+        event = self.peek_event()
         self._composed += 1
         self._depth += 1
-        self._bound(_Extent(self._composed, self._depth), mark)
+        if self._composed > MOST_VALUES or self._depth > DEEPEST:
+            self._bound(_Extent(self._composed, self._depth), event.start_mark)
         node = super().compose_node(parent, index)
         self._depth -= 1
-        if alias and node not in self._extents:
-            raise _refusal("an alias that refers to what it stands in", mark)
-        if not alias:
+        if type(event) is yaml.AliasEvent and node not in self._extents:
+            raise _refusal("an alias that refers to what it stands in", event.start_mark)
+        if type(event) is yaml.ScalarEvent:
+            self._extents[node] = _SCALAR
+            _check_number(node)
+            return node
+        if type(event) is not yaml.AliasEvent:
             self._extents[node] = self._extent(node)
-        self._bound(self._extents[node], mark)
+        self._bound(self._extents[node], event.start_mark)
         return node
 
     def _extent(self, node: Any) -> _Extent:
-        if isinstance(node, yaml.ScalarNode):
-            _check_number(node)
-            return _Extent(1, 1)
         parts = node.value
         if isinstance(node, yaml.MappingNode):
             _check_keys([key for key, _ in node.value])
