@@ -52,8 +52,6 @@ class Consumers:
         self._settled_s: float | None = None
         self._ended_s: float | None = None
         self._verdict_is_last = False
-        if self._names and streams:
-            bus.subscribe(AmbiguityGroup, self._note)
 
     def ready(self) -> bool:
         """Whether all are active and connected; logs from time to time who is missing.
@@ -85,7 +83,9 @@ class Consumers:
         """After the last record: whether the verdict on it has come, or will not come any more."""
         now_s = time.monotonic()
         if self._ended_s is None:
-            self._ended_s, self._verdict_is_last = now_s, False
+            self._ended_s = now_s
+            if self._names:  # only now: a verdict is large, and this source keeps a pace
+                self._bus.subscribe(AmbiguityGroup, self._note)
         return not self._names or self._verdict_is_last or now_s - self._ended_s > LAST_VERDICT_S
 
     def _missing(self) -> dict[str, str]:

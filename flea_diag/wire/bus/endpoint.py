@@ -225,8 +225,12 @@ class Bus(NodeLog, Generic[P]):
         """Call at a fixed period of real time, also while simulated time is paused."""
 
         def due() -> None:
-            if self.working:
+            if not self.working:
+                return
+            try:
                 call()
+            except FleaError as error:
+                self.end(error)  # an executor would log it as fatal besides
 
         self.always(seconds, due)
 
@@ -273,8 +277,20 @@ class Bus(NodeLog, Generic[P]):
         return {str(info.node_name) for info in found if info.node_namespace == here}
 
     def connected(self, record_type: type) -> bool:
-        """Whether every subscription found in the graph is connected to this node's publisher."""
-        return self.matched(record_type) >= self.subscribers(record_type)
+        """Whether every subscription found in the graph is connected to this node's publisher.
+
+        Not counted are those that ask for more than is offered: they never will be.
+        """
+        from rclpy.qos import QoSCompatibility, qos_check_compatible
+
+        matched = self.matched(record_type)
+        offered = self._publishers[record_type].qos_profile
+        found = self._node.get_subscriptions_info_by_topic(self.full_name(record_type))
+        possible = sum(
+            qos_check_compatible(offered, info.qos_profile)[0] != QoSCompatibility.ERROR
+            for info in found
+        )
+        return bool(matched >= possible)
 
     def acknowledged(self, record_type: type) -> bool:
         """Whether every connected reader has what was published; each of them knows this writer.

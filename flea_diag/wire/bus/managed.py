@@ -98,11 +98,15 @@ class Managed:
         """Go on in the thread of the executor once everything is prepared."""
         if self.preparing:
             return
-        if self._raised is not None:
-            raise self._raised
         with unless_ended(self._node.context):
             self._node.destroy_timer(self._watch)
-            self._start()
+            try:
+                if self._raised is not None:
+                    raise self._raised
+                self._start()
+            except FleaError as error:
+                self._bus.end(error)
+                return
             self._begin_work()
 
     def _begin_work(self) -> None:

@@ -81,6 +81,7 @@ def test_each_state_is_latched_and_on_diagnostics_and_an_event(managed: Managed)
         TransitionEvent, "/toy/transition_event", lambda e: events.append(e.goal_state.label), 10
     )
     managed.peer.until(lambda: managed.peer.node.count_publishers("/toy/transition_event") > 0)
+    managed.peer.find(lambda r: isinstance(r, Health), LIMIT_S)  # connected: none will be missed
     configured(managed)
     assert managed.peer.change_state("toy", "activate")
     for state in ("unconfigured", "configuring", "inactive", "active"):
@@ -173,6 +174,42 @@ def test_a_configuration_that_fails_leaves_the_node_unconfigured(domain: int) ->
         process.wait_for("transition configure failed: none: no such configuration file", LIMIT_S)
         assert peer.state("observer") == "unconfigured"
         assert process.signal(signal.SIGINT) == 0
+
+
+def test_a_configuration_that_fails_ends_a_node_that_starts_itself_with_one_line(
+    domain: int,
+) -> None:
+    command = node("flea_diag.nodes.observer", "-p", "calibration:=none")
+    with Process(command, domain) as process:
+        assert process.end() == 2
+    assert process.output.startswith("flea_diag: none: no such configuration file")
+    assert len(process.output.splitlines()) == 1, process.output
+
+
+def test_parameters_are_checked_without_a_start(domain: int) -> None:
+    sound = [*toy()[:2], "--check"]
+    with Process([*sound, "--ros-args", "-p", "serial:=good"], domain) as process:
+        assert (process.end(), process.output) == (0, "")
+    for bad, words in (("serial:=bad", "cannot be built"), ("limit_a:=41.0", "above its limit")):
+        with Process([*sound, "--ros-args", "-p", bad], domain) as process:
+            assert process.end() == 2
+        assert words in process.output
+        assert len(process.output.splitlines()) == 1, process.output
+
+
+def test_a_listener_that_asks_for_more_than_is_offered_does_not_hold_up_a_source(
+    domain: int,
+) -> None:
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from sensor_msgs.msg import JointState
+
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    with Peer(domain, name="source") as source, Peer(domain, name="other") as other:
+        other.node.create_subscription(JointState, "sensors/slow", print, latched)
+        other.bus.subscribe(Scan, other.records.append)
+        source.until(lambda: source.bus.subscribers(Scan) == 2, LIMIT_S)
+        source.until(lambda: source.bus.connected(Scan), LIMIT_S)
+        assert source.bus.matched(Scan) == 1
 
 
 def test_the_services_answer_while_the_node_compiles(domain: int) -> None:
