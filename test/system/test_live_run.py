@@ -110,12 +110,24 @@ def give_up(falling: Children) -> None:
         falling.supervise((), lambda _: {})
 
 
-def test_a_node_that_cannot_start_ends_the_run(domain: int, tmp_path: Path) -> None:
-    with Process(command(tmp_path / "run", "--fault", "gremlin"), domain) as process:
-        assert process.child.wait(60.0) == 2
-        process.end()
-    assert "daq ended with status 2" in process.output
-    assert "gremlin" in (tmp_path / "run.log").read_text(encoding="utf-8")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--fault", "gremlin"], ("unknown fault 'gremlin'", "jam")),
+        (["--scenario", "nosuch"], ("scenario 'nosuch'", "nominal")),
+        (["--bag", "{here}"], ("{here}", "exists: name a new bag")),
+    ],
+)
+def test_what_a_node_refuses_ends_the_run_before_any_is_started(
+    domain: int, tmp_path: Path, arguments: list[str], words: tuple[str, ...]
+) -> None:
+    here = str(tmp_path)
+    given = [each.format(here=here) for each in arguments]
+    with Process(command(tmp_path / "run", *given), domain) as process:
+        assert process.end() == 2
+    last = process.output.splitlines()[-1]
+    assert all(word.format(here=here) in last for word in words), process.output
+    assert "starting" not in process.output
 
 
 @pytest.mark.parametrize(
