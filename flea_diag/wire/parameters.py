@@ -104,7 +104,7 @@ _NAME: dict[type, str] = {
 
 
 def _check_bounds(descriptor: Descriptor, value: Value, where: str) -> None:
-    unit = f" {descriptor.unit}" if descriptor.unit else ""
+    unit = f" {descriptor.unit}" if descriptor.unit not in ("", "1") else ""
     given = f"{where}: {descriptor.name} = {shown(value)}{unit}"
     if descriptor.kind is float and math.isnan(value):
         if math.isnan(descriptor.default):

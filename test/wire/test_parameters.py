@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import pytest
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.wire.parameters import build, parameter
+from flea_diag.nodes.executables import EXECUTABLES
+from flea_diag.wire.parameters import build, descriptors, parameter
 
 
 @dataclass(frozen=True)
@@ -56,3 +58,13 @@ def test_what_is_within_the_bounds_is_taken() -> None:
     assert (taken.free, taken.least, taken.most, taken.count) == (-1e300, 0.0, 40.0, -7)
     assert type(taken.least) is float
     assert math.isnan(build(Toy, {"size": math.nan}, "x.yaml").size)
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_no_number_of_any_node_may_be_infinite_or_unknown(name: str) -> None:
+    parameters = import_module(EXECUTABLES[name]).program().parameters
+    for entry in descriptors(parameters):
+        if entry.kind is float:
+            for value in (math.nan, math.inf, -math.inf):
+                with pytest.raises(ConfigurationError, match=f"node: {entry.name} = "):
+                    build(parameters, {entry.name: value}, "node")
