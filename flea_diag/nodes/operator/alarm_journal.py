@@ -185,10 +185,10 @@ class AlarmJournal:
             return
         row = (self._stand, *key, comment.stamp_ns, comment.author[:LONGEST_NAME], text)
         self._rows(
-            "INSERT INTO comment SELECT ?1, ?2, ?3, ?4, ?5, ?6 WHERE NOT EXISTS (SELECT 1 "
-            "FROM comment WHERE stand = ?1 AND source = ?2 AND detected_ns = ?3 "
-            "AND stamp_ns = ?4 AND author = ?5 AND text = ?6)",
-            row,
+            "INSERT INTO comment SELECT ?, ?, ?, ?, ?, ? WHERE NOT EXISTS (SELECT 1 "
+            "FROM comment WHERE stand = ? AND source = ? AND detected_ns = ? "
+            "AND stamp_ns = ? AND author = ? AND text = ?)",
+            (*row, *row),
         )
 
     def alarms(self, most: int = 100) -> tuple[Alarm, ...]:
