@@ -96,8 +96,8 @@ def test_plotjuggler_splitters_count_their_areas() -> None:
 
 
 NAMES = (
-    "daq", "observer", "isolator", "extractor", "diagnoser", "fault_reporter", "recorder", "stand_2/daq",
-    "isolator: verdict", "observer: channels", "stand_2/diagnoser: verdict",
+    "daq", "observer", "isolator", "extractor", "diagnoser", "fault_reporter", "recorder",
+    "stand_2/daq", "isolator: verdict", "observer: channels", "stand_2/diagnoser: verdict",
 )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 from flea_diag.stages.digest import DECISIONS, digest
+from flea_diag.tools.replay.recorded import completed
 from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
@@ -21,6 +22,7 @@ from flea_diag.wire.records import (
     DataQuality,
     FeatureRequest,
     FeatureValue,
+    Hypotheses,
     Record,
     Residual,
     Scan,
@@ -71,7 +73,7 @@ class Flight:
         self._flights = itertools.count(1)
         self._introduced = itertools.count(1)
         self._first_ns = self._last_ns = self._answered_ns = 0
-        peer.listen(DataQuality, *DECISIONS)
+        peer.listen(DataQuality, Hypotheses, *DECISIONS)
         # We hear what nodes tell each other, too: the other one is the node.
         wanted = {kind: 1 if kind in SOURCES else 2 for kind in hearing} | {
             Scan: hearing.count(Scan)
@@ -140,7 +142,8 @@ class Flight:
         self._peer.until(lambda: self._answered_ns >= scan.stamp_ns)
 
     def _said(self) -> list[Record]:
-        return [record for record in self._peer.records if self._is_of_it(record)]
+        """What was said of it, each verdict with its hypotheses."""
+        return completed(record for record in self._peer.records if self._is_of_it(record))
 
     def _is_over(self) -> bool:
         """The source is known to be silent, and the last verdict has been repeated since."""
@@ -150,6 +153,7 @@ class Flight:
         told = {(r.episode, r.step) for r in said if isinstance(r, FeatureValue)}
         return (
             asked == told
+            and not any(isinstance(r, AmbiguityGroup) and r.summary for r in said)
             and len(last) == 2
             and all(group.stale for group in last)
             and digest(last[:1]) == digest(last)

@@ -17,8 +17,9 @@ from support.decisions import BAGS, DECIDED, NAMES, decisions, expected
 from support.flight import SOURCES, Flight
 from support.live import Peer, Process, node
 
-from flea_diag.stages.digest import DECISIONS, digest
+from flea_diag.stages.digest import digest
 from flea_diag.tools.main import main
+from flea_diag.tools.replay.recorded import RECORDED, completed
 from flea_diag.tools.replay.summary import summarise
 from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.records import (
@@ -108,8 +109,8 @@ def test_two_replays_give_the_same_digest(replayed: Summaries, tmp_path: Path) -
 
 @pytest.mark.parametrize("name", LIVE)
 def test_a_replay_decides_what_was_published_live(name: str, replayed: Summaries) -> None:
-    kinds = (*SOURCES, DataQuality, *DECISIONS)
-    published = [record for _, record in BagReader(BAGS / name).records(kinds)]
+    kinds = (*SOURCES, DataQuality, *RECORDED)
+    published = completed(record for _, record in BagReader(BAGS / name).records(kinds))
     assert decisions(summarise(published)) == decisions(replayed[name])
 
 
