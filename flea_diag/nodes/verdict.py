@@ -18,8 +18,8 @@ class NumberedVerdict:
     def __init__(self) -> None:
         self._group: AmbiguityGroup | None = None
         self._seq = 0
-        self._published: Verdict | None = None
-        """Verdict of the latest hypotheses that went out."""
+        self._published: tuple[Verdict, str] | None = None
+        """Verdict and words of the latest hypotheses that went out."""
 
     def changed(self, group: AmbiguityGroup, silent: bool = False) -> AmbiguityGroup:
         """Number a new group; it is stale when its source has already stopped."""
@@ -44,9 +44,10 @@ class NumberedVerdict:
     def messages(self, group: AmbiguityGroup, stand: str) -> tuple[Record, ...]:
         """Records to publish for a group: its hypotheses if they are new, then its summary."""
         brief = summary(group, stand)
-        if group.verdict == self._published:
+        verdict = group.verdict, group.words
+        if verdict == self._published:
             return (brief,)
-        self._published = group.verdict
+        self._published = verdict
         return group.hypotheses(), brief
 
     def _numbered(self, group: AmbiguityGroup) -> AmbiguityGroup:

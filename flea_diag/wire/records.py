@@ -27,8 +27,8 @@ from flea_diag.wire.vocabulary import Outcome as Outcome
 from flea_diag.wire.vocabulary import Quality as Quality
 from flea_diag.wire.vocabulary import RemarkKind as RemarkKind
 
-Verdict = tuple[str, int, int, int, int]
-"""Which verdict: source, stamps of detection and latest evidence, episode, step."""
+Verdict = tuple[object, ...]
+"""Which verdict: source, stamps of detection and latest evidence, episode, step, outcome, names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,7 +282,7 @@ class Hypotheses:
     @property
     def verdict(self) -> Verdict:
         """The verdict that these hypotheses belong to."""
-        return self.source, self.detected_stamp_ns, self.stamp_ns, self.episode, self.step
+        return _verdict(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,7 +320,7 @@ class AmbiguityGroup:
     @property
     def verdict(self) -> Verdict:
         """Which verdict this is; repeated and stale ones are the same."""
-        return self.source, self.detected_stamp_ns, self.stamp_ns, self.episode, self.step
+        return _verdict(self)
 
     def hypotheses(self) -> Hypotheses:
         """What this verdict rests on, as a record of its own."""
@@ -334,13 +334,19 @@ class AmbiguityGroup:
             self,
             members=hypotheses.members,
             dropped=hypotheses.dropped,
-            words=hypotheses.words,
+            words=hypotheses.words if self.members else self.words,
             not_observable=hypotheses.not_observable,
             next_tests=hypotheses.next_tests,
             summary=False,
             dropped_count=0,
             not_observable_count=0,
         )
+
+
+def _verdict(said: Hypotheses | AmbiguityGroup) -> Verdict:
+    names = tuple(member.fault for member in said.members)
+    times = said.detected_stamp_ns, said.stamp_ns
+    return said.source, *times, said.episode, said.step, said.outcome, names
 
 
 @dataclass(frozen=True, slots=True)

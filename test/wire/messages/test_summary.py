@@ -105,6 +105,8 @@ def test_hypotheses_complete_their_verdict_and_no_other() -> None:
     assert brief.with_hypotheses(read) == whole
     assert brief.with_hypotheses(None) is brief
     assert brief.with_hypotheses(replace(read, step=35)) is brief
+    assert brief.with_hypotheses(replace(read, outcome=r.Outcome.ISOLATED)) is brief
+    assert brief.with_hypotheses(replace(read, members=read.members[:1])) is brief
     assert whole.with_hypotheses(replace(read, members=())) is whole
     repeated = replace(brief, seq=99, stale=True)
     assert repeated.with_hypotheses(read) == replace(whole, seq=99, stale=True)
