@@ -23,6 +23,7 @@ from flea_diag.web.panels import data_quality, dropped, episodes, streams
 from flea_diag.web.symbol_matrix import symbol_matrix
 from flea_diag.web.view import NO_EPISODE, PANELS, Tools, View
 from flea_diag.wire.bags.bag import read_bag
+from flea_diag.wire.messages.summary import summary
 from flea_diag.wire.records import (
     AmbiguityGroup,
     Candidate,
@@ -117,6 +118,24 @@ def test_a_stream_of_many_steps_is_joined_and_loses_no_member() -> None:
     assert len(rows) == MOST_STEPS
     assert sum(step.gone for step in rows) == 30
     assert rows[0].before == 33
+
+
+def test_a_page_without_hypotheses_names_the_faults_and_says_what_it_lacks(
+    groups: list[AmbiguityGroup], tools: Tools
+) -> None:
+    """The summary alone: no course of the episode is made up, and it appears once they arrive."""
+    first, last = groups[0], groups[-1]
+    view = View(tools)
+    state = shown(summary(first))
+    view.update(state, 0)
+    assert "No message on hypotheses yet" in words(view.drawn["group"])
+    assert "No message on hypotheses yet" in words(view.drawn["symbols"])
+    assert all(m.fault in words(view.drawn["answer"]) for m in first.members[:6])
+    view.update(shown(summary(last), last.hypotheses(), state=state), 0)
+    whole = View(tools)
+    whole.update(shown(last, state=state), 0)
+    assert view.drawn["group"] == whole.drawn["group"]
+    assert view.drawn["symbols"] == whole.drawn["symbols"]
 
 
 def test_what_goes_at_the_same_moment_goes_in_one_step() -> None:
