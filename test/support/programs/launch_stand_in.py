@@ -5,7 +5,8 @@ raises AttributeError for any other:
 
 - entities are visited in order; processes are started only after all have been visited;
 - an exception while entities are visited is one line and status 1, and what had been visited before
-  it is left running (launch waits only for what a visit that succeeded has returned);
+  it is started all the same (launch waits only for what a visit that succeeded has returned, and
+  would leave it running; here it ends with this process);
 - an exception in ``on_exit`` is one line and status 1, after all processes have ended;
 - shutdown sends SIGINT, after 5 s SIGTERM, after 5 s more SIGKILL; the statuses of the processes do
   not become that of launch.
@@ -28,6 +29,8 @@ from typing import Any
 
 import yaml
 from ament_index_python.packages import get_package_prefix
+
+from flea_diag.nodes.run.children import end_with_parent
 
 POLL_S = 0.02
 ESCALATION = ((5.0, signal.SIGTERM), (10.0, signal.SIGKILL))
@@ -74,7 +77,13 @@ class Node:
             path.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}), "utf-8")
             arguments += ["--params-file", str(path)]
         command = [str(place), "--ros-args", *arguments]
-        self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+        self.process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+            # Whoever kills a test leaves no node behind, in a domain that then looks free.
+            preexec_fn=end_with_parent,
+        )
         say("INFO", f"{self.executable}: process started with pid [{self.process.pid}]")
 
 
