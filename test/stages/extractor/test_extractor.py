@@ -275,7 +275,8 @@ def test_value_does_not_depend_on_how_the_stream_was_cut(
     start_s, end_s = first / RATE, (first + count) / RATE
     asked = [request("accelerometer_2_kurtosis", start_s, end_s)]
     whole = only(stage(), blocks(3.0), scans(3.0), asked)
-    assert only(stage(), blocks(3.0, length_s), scans(3.0), asked) == whole
+    # By repr: from Python 3.13 on a record with NaN does not equal its like.
+    assert repr(only(stage(), blocks(3.0, length_s), scans(3.0), asked)) == repr(whole)
 
 
 # --- the vibration monitor ------------------------------------------------------------------
