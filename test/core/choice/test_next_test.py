@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from support.fault_terms import BIAS, DRAG, LOAD, RESIDUALS, SIGMA, SPACING, TOLERANCE
+from support.models.fault_terms import BIAS, DRAG, LOAD, RESIDUALS, SIGMA, SPACING, TOLERANCE
 from support.places import ROOT
 
 from flea_diag.core.choice.feature_table import FaultFeatureTable

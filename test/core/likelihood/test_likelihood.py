@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy import optimize
-from support.fault_terms import BIAS, DRAG, LOAD, RESIDUALS, SIGMA, SPACING, TOLERANCE
+from support.models.fault_terms import BIAS, DRAG, LOAD, RESIDUALS, SIGMA, SPACING, TOLERANCE
 from support.models.hand_relations import slope_relations
 
 from flea_diag.core.likelihood.fault_models import (
