@@ -12,6 +12,7 @@ from support.live import ROOT, Peer, Process, environment, node, toy
 
 from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.wire.records import Health
+from flea_diag.wire.topics import TOPICS
 
 INT, TERM = signal.SIGINT, signal.SIGTERM
 
@@ -23,7 +24,7 @@ def test_signals_end_a_node_in_order(
 ) -> None:
     command = node("flea_diag.nodes.recording.recorder", "-p", f"executor:={executor}")
     with Process(command, domain, cwd=tmp_path) as process:
-        process.wait_for("recording 14 topics")
+        process.wait_for(f"recording {len(TOPICS)} topics")
         status = process.signal(*signals)
     assert status == 0
     assert "Traceback" not in process.output
