@@ -22,11 +22,11 @@ from support.places import CONFIG, ROOT
 from flea_diag.configuration import (
     CALIBRATION,
     load_calibration,
-    load_causal_map,
     load_features,
     load_yaml,
+    relations,
 )
-from flea_diag.core.bond_graph.actuator import actuator
+from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.choice.classifier import Perceptron
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.faults.fault import catalogue
@@ -127,7 +127,7 @@ def test_who_refuses_what() -> None:
 # --- files of each kind, by their readers -----------------------------------------------------
 
 
-def described(path: Path) -> object:
+def described(path: Path) -> Actuator:
     return actuator(load_yaml(path), str(path))
 
 
@@ -210,9 +210,23 @@ def test_attachments_of_an_old_bag_say_what_the_shipped_files_say(tmp_path: Path
     assert KEY not in load_yaml(tmp_path / "features.yaml")
     table = load_features(str(tmp_path / "features.yaml"))
     assert table == load_features("feature_table.yaml")
-    assert described(tmp_path / "actuator.yaml") == described(CONFIG / "actuator.yaml")
+    old, shipped = described(tmp_path / "actuator.yaml"), described(CONFIG / "actuator.yaml")
+    assert old.graph.bonds == shipped.graph.bonds
+    assert {s.channel: s.at for s in old.sensors.values()} == {
+        s.channel: s.at for s in shipped.sensors.values()
+    }
+    # Faults name parameters of the graph: more of them are drawn now, none has gone.
+    assert old.graph.values().items() <= shipped.graph.values().items()
     assert faults(tmp_path / "faults.yaml") == faults(CONFIG / "faults.yaml")
-    assert load_causal_map(str(tmp_path / "actuator.yaml")) == load_causal_map()
+
+
+def test_a_description_from_before_base_parameters_is_refused_with_a_calibration(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "actuator.yaml"
+    path.write_text(BagReader(BAG).attachments["actuator.yaml"], encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"no relation holds .* under base_parameters"):
+        relations(load_calibration(CALIBRATION), str(path))
 
 
 def test_an_old_evaluation_keeps_its_evidence(tmp_path: Path) -> None:
@@ -220,7 +234,7 @@ def test_an_old_evaluation_keeps_its_evidence(tmp_path: Path) -> None:
     assert decision.outcome == "ISOLATED"
     assert decision.group == ("jam",)
     (episode,) = decision.episodes
-    assert episode["detected_at_s"] == 8.31
+    assert episode.detected_at_s == 8.31
     place = tmp_path / "runs" / "hybrid" / "in.jam.json"
     place.parent.mkdir(parents=True)
     old = OLD / "evaluation_1"
