@@ -34,8 +34,9 @@ from flea_diag.nodes.run.domain import reserved_domain
 from flea_diag.nodes.run.run_summary import summarise
 from flea_diag.stages.digest import DECISIONS, digest
 from flea_diag.tools.main import main as flea
+from flea_diag.tools.replay.recorded import completed
 from flea_diag.wire.bags.bag import read_bag
-from flea_diag.wire.records import AmbiguityGroup, Detection, Record, Scan, Truth
+from flea_diag.wire.records import AmbiguityGroup, Detection, Hypotheses, Record, Scan, Truth
 
 FAULTS = ("jam", "motor_current_bias", "winding_short", "motor_temperature_bias", "nominal")
 ONSET_S, DURATION_S = 8.0, 30.0
@@ -90,7 +91,7 @@ def launch(kind: str, what: str, expected: str, folder: Path) -> FirstLaunch:
     began_s = time.monotonic()
     verdict_s = float("nan")
     with reserved_domain() as domain, Peer(domain) as peer:
-        for record_type in DECISIONS:
+        for record_type in (*DECISIONS, Hypotheses):
             peer.bus.subscribe(record_type, heard.append)
         with Process(launched(f"{kind}.launch.py", *arguments), domain, **more) as process:
             if peer.bus.wait_until(lambda: _ended(process) or _verdict(heard), LIMIT_S):
@@ -133,9 +134,8 @@ def _judged(bag: Path) -> list[str]:
 
 
 def _differs(heard: list[Record], expected: str) -> list[str]:
-    return (
-        [] if digest(heard) == expected else [f"digest {digest(heard)[:12]}, not {expected[:12]}"]
-    )
+    found = digest(completed(heard))
+    return [] if found == expected else [f"digest {found[:12]}, not {expected[:12]}"]
 
 
 def digests(folder: Path) -> dict[str, str]:
