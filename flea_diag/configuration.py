@@ -18,6 +18,7 @@ from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
 from flea_diag.core.backend import compiling
+from flea_diag.core.bond_graph.actuator import Actuator
 from flea_diag.core.bond_graph.actuator import actuator as read_actuator
 from flea_diag.core.calibration import calibration as calibrations
 from flea_diag.core.calibration.calibration import Calibration
@@ -206,6 +207,12 @@ def relations(calibration: Calibration, actuator: str = "actuator.yaml") -> Rela
 
 
 @lru_cache(maxsize=8)
+def described(actuator: str) -> Actuator:
+    """Actuator of a description; cached, for a start needs it several times."""
+    return read_actuator(load_yaml(actuator), actuator)
+
+
+@lru_cache(maxsize=8)
 def compiled_relations(
     actuator: str, channels: tuple[str, ...] | None = None, has_encoder: bool = True
 ) -> RelationSet:
@@ -213,11 +220,11 @@ def compiled_relations(
 
     The speed comes from the encoder, or without one whose lead is known from the position.
     """
-    described = read_actuator(load_yaml(actuator), actuator)
-    known = [name for name in described.sensors if channels is None or name in channels]
+    model = described(actuator)
+    known = [name for name in model.sensors if channels is None or name in channels]
     fitted = [name for name in known if has_encoder or name != "motor_speed"]
     held = [entry.name for entry in fields(ActuatorParameters)]
-    return relation_set(described.with_sensors(fitted), RELATIONS, held, UNIT_PARAMETERS)
+    return relation_set(model.with_sensors(fitted), RELATIONS, held, UNIT_PARAMETERS)
 
 
 @lru_cache(maxsize=8)
@@ -225,14 +232,14 @@ def _signatures(
     actuator: str, faults: str, channels: tuple[str, ...], period_s: float
 ) -> tuple[str, Mapping[str, Fault], Mapping[Quadrant, SignatureTable]]:
     """Name of the actuator, catalogue and signature tables; cached, takes about 1 s."""
-    described = read_actuator(load_yaml(actuator), actuator)
-    model = described.with_sensors([name for name in channels if name in described.sensors])
+    whole = described(actuator)
+    model = whole.with_sensors([name for name in channels if name in whole.sensors])
     rows = catalogue(load_yaml(faults), model, faults)
     names = tuple(name for name, spec in model.residuals.items() if spec.signs)
     tables = {
         quadrant: signature_table(model, rows, names, quadrant, period_s) for quadrant in QUADRANTS
     }
-    return described.name, MappingProxyType(rows), MappingProxyType(tables)
+    return whole.name, MappingProxyType(rows), MappingProxyType(tables)
 
 
 # --- stages -----------------------------------------------------------------------------
@@ -328,10 +335,10 @@ class Component(Generic[P]):
             Names the file or parameter, its value and the remedy.
         """
         calibration = load_calibration(parameters.calibration)
-        described = read_actuator(load_yaml(parameters.actuator), parameters.actuator)
-        require_actuator(calibration, described.name, parameters.actuator)
+        model = described(parameters.actuator)
+        require_actuator(calibration, model.name, parameters.actuator)
         relations(calibration, parameters.actuator)
-        catalogue(load_yaml(parameters.faults), described, parameters.faults)
+        catalogue(load_yaml(parameters.faults), model, parameters.faults)
         load_features(parameters.features)
 
     def warm_up(self, parameters: Any, begun: Callable[[str], None] = _unheard) -> None:
@@ -424,7 +431,7 @@ def make_pipeline(calibration: Path | None, source: str = "replay", **given: Any
 @lru_cache(maxsize=8)
 def load_causal_map(actuator: str = "actuator.yaml") -> CausalMap:
     """Causal graph of an actuator with its layout, for a screen."""
-    return causal_map(read_actuator(load_yaml(actuator), actuator))
+    return causal_map(described(actuator))
 
 
 def tree_planner(features: str = "feature_table.yaml", strategy: str = "optimal") -> Planner:

@@ -20,7 +20,7 @@ from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
 from flea_diag.core.bond_graph.base_parameters import in_base
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parity import parity_relation
-from flea_diag.core.symbolic.collect import collect, divided
+from flea_diag.core.symbolic.collect import divided
 from flea_diag.core.symbolic.expression import (
     ZERO,
     Constant,
@@ -49,11 +49,6 @@ class CompiledRelation:
     expression: Expression
     signals: tuple[str, ...]
     """Names that vary from scan to scan."""
-
-    @cached_property
-    def terms(self) -> Mapping[Expression, Expression]:
-        """Basis signal -> coefficient: what recordings can identify, one by one."""
-        return collect(self.expression, self.signals)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ raises AttributeError for any other:
 from __future__ import annotations
 
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -67,6 +68,8 @@ class Node:
     output: str
     on_exit: Callable[[Exited, Context], list[Any] | None]
     process: subprocess.Popen[bytes] | None = None
+    ended: int = -1
+    """Descriptor that becomes readable when the process ends."""
 
     def start(self, folder: Path) -> None:
         """Start the executable as ``ros2 run`` finds it, with its parameters in a file."""
@@ -84,6 +87,7 @@ class Node:
             # Whoever kills a test leaves no node behind, in a domain that then looks free.
             preexec_fn=end_with_parent,
         )
+        self.ended = os.pidfd_open(self.process.pid)
         say("INFO", f"{self.executable}: process started with pid [{self.process.pid}]")
 
 
@@ -126,7 +130,8 @@ class LaunchService:
             each.start(self._folder)
         self._running = list(self._nodes)
         while self._running:
-            time.sleep(POLL_S)
+            ended = [each.ended for each in self._running]
+            select.select(ended, [], [], POLL_S)  # or later, when it is time for a stronger signal
             for each in list(self._running):
                 self._look(each)
         return self._status
@@ -157,6 +162,7 @@ class LaunchService:
             self._escalate(node.process)
             return
         self._running.remove(node)
+        os.close(node.ended)
         say("INFO" if not status else "ERROR", f"{node.executable}: ended with code {status}")
         try:
             self._visit(node.on_exit(Exited(node.executable, status), self._context) or [])
