@@ -34,8 +34,6 @@ PHASE = 0.3
 GRACE_S = 0.3
 HEALTH_S = 1.0
 SUBSCRIBERS_S = 10.0
-ACKNOWLEDGED_S = 2.0
-"""Longest wait for readers to acknowledge the channel table; one of them may be dying."""
 LATE_S = 0.05
 JITTER_SCANS = 6000
 """Scans over which the jitter is reported: one minute in real time."""
@@ -136,7 +134,6 @@ class Daq:
         self._due: deque[Record] = deque()
         self._published: dict[type, int] = dict.fromkeys(PUBLISHES, 0)
         self._begin: float | None = None
-        self._opened_at = 0.0
         self._paused_at: float | None = None
         self._worst_late_s = 0.0
         self._left_s: deque[float] = deque(maxlen=JITTER_SCANS)
@@ -170,15 +167,13 @@ class Daq:
     def _begun(self, now: float) -> bool:
         """Whether the run has begun: with the first timer that finds everybody ready.
 
-        The channel table goes out first. Who has acknowledged it will get the first scan too, as
-        the writers of the streams were announced before.
+        The channel table goes out first, as the writers of the streams were announced before.
         """
         if not self._due:
             if not self._awaited():
                 return False
             self._open()
-            self._opened_at = now
-        if not self._bus.acknowledged(ChannelTable) and now < self._opened_at + ACKNOWLEDGED_S:
+        if not self._consumers.acknowledged(ChannelTable):
             return False
         self._begin = now - PHASE * self._tick_s
         self._inject(self._parameters)

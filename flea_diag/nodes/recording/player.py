@@ -27,8 +27,6 @@ from flea_diag.wire.records import (
 TICK_S = 0.01
 """Period of publishing; also that of /clock."""
 HEALTH_S = 1.0
-ACKNOWLEDGED_S = 2.0
-"""Longest wait for readers to acknowledge the channel table; one of them may be dying."""
 MOST_AT_ONCE_NS = 200_000_000
 """Span of the bag published at once, whatever the speed: more would overrun the queues."""
 STREAMS = (VibrationBlock, Scan, ChannelTable)
@@ -106,15 +104,9 @@ class Player:
             self._end()
 
     def _acknowledged(self) -> bool:
-        """Whether all readers have what precedes the first scan; until then time stands still.
-
-        A reader that has acknowledged the channel table will get the first scan too.
-        """
-        if self._greeted:
-            return True
-        waited_s = time.monotonic() - self._begin_s
-        self._greeted = self._bus.acknowledged(ChannelTable) or waited_s > ACKNOWLEDGED_S
-        self._begin_s = time.monotonic() if self._greeted else self._begin_s
+        """Whether all readers have what precedes the first scan; until then time stands still."""
+        if not self._greeted and self._consumers.acknowledged(ChannelTable):
+            self._greeted, self._begin_s = True, time.monotonic()
         return self._greeted
 
     def _begin(self) -> None:

@@ -18,6 +18,8 @@ TOLD_EVERY_S = 5.0
 SETTLE_S = 0.3
 """Time for which the connections must not change. A node that says that it is active has all of
 its subscriptions, but these may be discovered after the message that says so."""
+ACKNOWLEDGED_S = 2.0
+"""Longest wait for readers to acknowledge the first message; one of them may be dying."""
 LAST_VERDICT_S = 5.0
 """Longest wait for the verdict on the last record."""
 
@@ -50,6 +52,7 @@ class Consumers:
         self._states = bus.node_states(self._names)
         self._begin_s = self._told_s = time.monotonic()
         self._settled_s: float | None = None
+        self._told_first_s: float | None = None
         self._ended_s: float | None = None
         self._verdict_is_last = False
 
@@ -78,6 +81,16 @@ class Consumers:
             limit = f"{waited_s:.0f} s of at most {self._limit_s:.0f} s"
             self._bus.info(f"waiting for {who} to become active, {limit}")
         return False
+
+    def acknowledged(self, record_type: type) -> bool:
+        """After the first message: whether every reader has it, or is waited for no longer.
+
+        Who has acknowledged it will get what follows on the other topics, too.
+        """
+        now_s = time.monotonic()
+        self._told_first_s = self._told_first_s or now_s
+        waited_s = now_s - self._told_first_s
+        return self._bus.acknowledged(record_type) or waited_s > ACKNOWLEDGED_S
 
     def done(self) -> bool:
         """After the last record: whether the verdict on it has come, or will not come any more."""
