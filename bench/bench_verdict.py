@@ -28,7 +28,7 @@ from flea_diag.wire.messages.codec import encode
 from flea_diag.wire.messages.summary import summary
 from flea_diag.wire.records import AmbiguityGroup, Candidate, Scan
 from flea_sim_driver.scenario.library import find_scenario
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 SCENARIOS = sorted(path.stem for path in (ROOT / "config" / "scenarios").glob("*.yaml"))
 SYNTHETIC = 200
@@ -46,7 +46,7 @@ class Sizes(NamedTuple):
 
 def verdicts(name: str) -> tuple[list[AmbiguityGroup], int]:
     """Changes of the verdict of a scenario, and the stamp of its end."""
-    records = (r for r in Stand(find_scenario(name)) if isinstance(r, sources()))
+    records = (r for r in SimulatedStand(find_scenario(name)) if isinstance(r, sources()))
     groups, end_ns = [], 0
     for record in diagnosed(records, make_pipeline(None)):
         if isinstance(record, AmbiguityGroup):

@@ -125,11 +125,11 @@ class Daq:
     """
 
     def __init__(self, bus: Bus[DaqParameters], parameters: DaqParameters) -> None:
-        from flea_sim_driver.stand import Stand
+        from flea_sim_driver.stand import SimulatedStand
 
         self._bus, self._parameters = bus, parameters
         self._scenario = _scenario(parameters)
-        self._stand = Stand(self._scenario)
+        self._stand = SimulatedStand(self._scenario)
         self._tick_s = max(TICK_S / parameters.rate, 1e-3)
         self._due: deque[Record] = deque()
         self._published: dict[type, int] = dict.fromkeys(PUBLISHES, 0)
@@ -181,11 +181,11 @@ class Daq:
 
     def _open(self) -> None:
         """A stand that begins now; what precedes its first scan is published."""
-        from flea_sim_driver.stand import Stand
+        from flea_sim_driver.stand import SimulatedStand
 
         # The DAQ stamps by its own clock; a stand that is itself the clock keeps its epoch.
         start = None if self._parameters.publish_clock else time.time_ns()
-        self._stand = Stand(self._scenario, start)
+        self._stand = SimulatedStand(self._scenario, start)
         run = self._scenario.run
         self._bus.info(f"{run.name}: {run.duration_s:g} s, seed {run.seed}")
         self._due.extend(sorted(self._stand.advance(), key=self._offset_ns))
@@ -307,9 +307,9 @@ def _scenario(parameters: DaqParameters) -> Scenario:
 
 def check(parameters: DaqParameters) -> None:
     """Refuse a scenario or fault that the stand cannot run."""
-    from flea_sim_driver.stand import Stand
+    from flea_sim_driver.stand import SimulatedStand
 
-    stand = Stand(_scenario(parameters))
+    stand = SimulatedStand(_scenario(parameters))
     if parameters.inject:
         asked = parsed_injection(parameters.inject)
         stand.injection(asked.fault, asked.size, where=asked.where)
@@ -320,10 +320,10 @@ def program() -> Program:
 
     def prepare(bus: Bus[Any], parameters: Any) -> None:
         """Compile and load before the first deadline, on a stand that is not published."""
-        from flea_sim_driver.stand import Stand
+        from flea_sim_driver.stand import SimulatedStand
 
         bus.info("warming up; the first start after an installation compiles for some seconds")
-        Stand(_scenario(parameters)).advance()
+        SimulatedStand(_scenario(parameters)).advance()
 
     def start(bus: Bus[Any], parameters: Any) -> None:
         Daq(bus, parameters)

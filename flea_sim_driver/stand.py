@@ -1,7 +1,7 @@
 """The simulated stand: a scenario in, the records of its DAQ out, in stamp order.
 
-``for record in Stand(scenario): ...`` runs as fast as possible; the DAQ node paces the same blocks
-in real time. Equal scenario and start give equal bytes.
+``for record in SimulatedStand(scenario): ...`` runs as fast as possible; the DAQ node paces the
+same blocks in real time. Equal scenario and start give equal bytes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ LATEST_S = 4e-3
 NOMINAL = "nominal"
 
 
-class Stand:
+class SimulatedStand:
     """Test actuators X and Y, load actuator Z, sensors and DAQ of one run.
 
     Parameters

@@ -99,10 +99,10 @@ def compiled(newcomer: None) -> None:
     """
     from flea_diag.configuration import DIAGNOSER
     from flea_sim_driver.scenario.library import find_scenario
-    from flea_sim_driver.stand import Stand
+    from flea_sim_driver.stand import SimulatedStand
 
     DIAGNOSER.warm_up(DIAGNOSER.parameters())
-    next(record for record in Stand(find_scenario("nominal")) if isinstance(record, Scan))
+    next(record for record in SimulatedStand(find_scenario("nominal")) if isinstance(record, Scan))
 
 
 @pytest.fixture

@@ -37,7 +37,7 @@ from flea_diag.wire.records import (
     Scan,
 )
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 USUAL = float("nan")
 FAULTS = {
@@ -150,7 +150,7 @@ class Soak:
             "sensors": {"vibration": False},
         }  # fmt: skip
         self.found = Found()
-        self._stand = Stand(scenario_from_mapping(values, "soak"))
+        self._stand = SimulatedStand(scenario_from_mapping(values, "soak"))
         self._pipeline = make_pipeline(None)
         self._relay = Relay(np.random.default_rng(seed), self.found.injected)
         self._stopped = False

@@ -15,7 +15,7 @@ from flea_sim_driver.acquisition.sensors import COLUMN
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.scenario.settings import LOAD_LIMIT_N, NEWTON_PER_POUND
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 Array = npt.NDArray[np.float64]
 RATE_HZ = 100.0
@@ -144,7 +144,7 @@ def counterpart(real: RunSignals, seed: int, unit_spread: float = 1.0) -> Scenar
 
 def simulate(real: RunSignals, seed: int, unit_spread: float = 1.0) -> RunSignals:
     """The simulated counterpart of a run, with the signs of ``Scan``."""
-    records = Stand(counterpart(real, seed, unit_spread))
+    records = SimulatedStand(counterpart(real, seed, unit_spread))
     values = np.array([record.values for record in records if isinstance(record, Scan)])
 
     def column(channel: str) -> Array:

@@ -16,7 +16,7 @@ from flea_sim_driver.acquisition.recording import MOTIONS
 from flea_sim_driver.plant import plant
 from flea_sim_driver.plant.actuator import ActuatorPlant, coefficients
 from flea_sim_driver.plant.unit import Bench, SimulatedUnit
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 AT_25_DEGC = {"unit_spread": 0.0, "ambient_degc": 23.6, "warm_degc": 1.4}
 CURRENT_OFFSET_A, VOLTAGE_OFFSET_V = 0.32, -1.35
@@ -60,15 +60,16 @@ def test_equal_seeds_give_equal_bytes_and_others_differ() -> None:
 
 
 def test_another_seed_is_another_unit() -> None:
-    first, other = (Stand(scenario(seed=seed)).units["Y"] for seed in (1, 2))
+    first, other = (SimulatedStand(scenario(seed=seed)).units["Y"] for seed in (1, 2))
     assert first.winding_resistance_ohm != other.winding_resistance_ohm
     spread = [
-        Stand(scenario(seed=seed)).units["Y"].winding_resistance_ohm / 2.95 for seed in range(60)
+        SimulatedStand(scenario(seed=seed)).units["Y"].winding_resistance_ohm / 2.95
+        for seed in range(60)
     ]
     assert 0.03 < np.std(spread) < 0.07  # drawn with 5 %
     assert (
-        Stand(scenario(seed=2, unit_spread=0.0)).units["X"]
-        == Stand(scenario(seed=1, unit_spread=0.0)).units["X"]
+        SimulatedStand(scenario(seed=2, unit_spread=0.0)).units["X"]
+        == SimulatedStand(scenario(seed=1, unit_spread=0.0)).units["X"]
     )
 
 
@@ -205,7 +206,7 @@ def test_a_fault_of_the_other_unit_begins_with_the_switch() -> None:
 
 
 def test_faults_come_and_go_live_with_exact_truth() -> None:
-    stand = Stand(scenario())
+    stand = SimulatedStand(scenario())
     run: list[Record] = []
     for block in range(60):
         if block == 20:

@@ -9,7 +9,7 @@ from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 ONSET_S, CLEARED_S, DURATION_S = 15.0, 25.0, 70.0
 
@@ -23,7 +23,7 @@ def told(fault: str, seed: int) -> list[Detection | AmbiguityGroup]:
         "seed": seed,
         "sensors": {"vibration": False},
     }
-    stand = Stand(scenario_from_mapping(values, "passing"))
+    stand = SimulatedStand(scenario_from_mapping(values, "passing"))
     records = []
     while not stand.finished:
         if abs(stand.time_s - ONSET_S) < 0.05:

@@ -25,7 +25,7 @@ from flea_diag.wire.records import (
     VibrationBlock,
 )
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 S = 1_000_000_000
 HEALTHY = (Outcome.NOT_OBSERVABLE, Outcome.NOMINAL)
@@ -65,7 +65,7 @@ def _run(seed: int, vibration: bool = False, **more: Any) -> tuple[Record, ...]:
         "seed": seed,
         "sensors": {"vibration": vibration},
     }
-    return tuple(Stand(scenario_from_mapping(values, "nominal")))
+    return tuple(SimulatedStand(scenario_from_mapping(values, "nominal")))
 
 
 def scans(records: list[Record]) -> list[Scan]:

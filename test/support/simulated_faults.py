@@ -10,7 +10,7 @@ from typing import Any
 from flea_diag.configuration import load_yaml, make_pipeline
 from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 TABLE = Path(__file__).with_suffix(".yaml")
 
@@ -54,7 +54,7 @@ def judged(row: str, seed: int) -> Judged:
     """Diagnose one run without its truth, and hold the last verdict against the table."""
     pipeline, groups = make_pipeline(None), []
     first_ns = None
-    for record in Stand(scenario_from_mapping(scenario(row, seed), row)):
+    for record in SimulatedStand(scenario_from_mapping(scenario(row, seed), row)):
         if isinstance(record, Scan) and first_ns is None:
             first_ns = record.stamp_ns
         if isinstance(record, (ChannelTable, Scan)):

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from flea_diag.wire.records import Record, Scan, VibrationBlock
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 Array = npt.NDArray[np.float64]
 SINE = {"kind": "sine", "amplitude_m": 0.018, "frequency_hz": 0.5, "centre_m": 0.045}
@@ -26,7 +26,7 @@ def scenario(**values: Any) -> Scenario:
 
 def records(**values: Any) -> list[Record]:
     """Everything that a stand delivers."""
-    return list(Stand(scenario(**values)))
+    return list(SimulatedStand(scenario(**values)))
 
 
 def scans(run: list[Record]) -> dict[str, Array]:

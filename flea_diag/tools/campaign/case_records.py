@@ -37,9 +37,9 @@ def _simulated(recipe: Recipe) -> Iterator[Record]:
     """The simulated stand; each record is encoded and decoded as on the wire."""
     from flea_diag.wire.messages.codec import decode, encode
     from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-    from flea_sim_driver.stand import Stand
+    from flea_sim_driver.stand import SimulatedStand
 
-    for record in Stand(scenario_from_mapping(recipe.scenario, "scenario")):
+    for record in SimulatedStand(scenario_from_mapping(recipe.scenario, "scenario")):
         sent: Record = decode(type(record), encode(record, "stand"))
         yield sent
 

@@ -18,7 +18,7 @@ from flea_diag.tools.features.samples import FeatureRun, Grid, run_of
 from flea_diag.tools.workers import worker_pool
 from flea_diag.wire.records import Truth
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 SEVERITIES: dict[str, tuple[float, float]] = {
     "jam": (0.4, 2.5),
@@ -101,7 +101,7 @@ def stand_run(
     seed, fault, duration_s = job
     mapping = drawn_scenario(seed, fault, duration_s, loads_n=loads_n)
     scenario = scenario_from_mapping(mapping, f"seed {seed}")
-    records = list(Stand(scenario))
+    records = list(SimulatedStand(scenario))
     truths = [record for record in records if isinstance(record, Truth)]
     return run_of(f"{fault} {seed}", records, truths, grid)
 

@@ -39,7 +39,7 @@ from flea_diag.wire.records import (
     VibrationBlock,
 )
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 ONSET_S = 8.0
 DURATION_S = 22.0
@@ -107,7 +107,7 @@ class Study:
 def study_run(fault: str, seed: int, plan: Plan) -> Study:
     """Simulate and diagnose one run."""
     mapping = drawn_scenario(seed, fault, DURATION_S, ONSET_S)
-    stand = Stand(scenario_from_mapping(mapping, f"seed {seed}"))
+    stand = SimulatedStand(scenario_from_mapping(mapping, f"seed {seed}"))
     records = [r for r in stand if isinstance(r, ChannelTable | Scan | VibrationBlock | Truth)]
     pipeline = make_pipeline(None)
     said = [caused for record in records for caused in pipeline.handle(record)]

@@ -130,11 +130,11 @@ def _is_free(directory: Path) -> bool:
 def _written(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
     from flea_diag.wire.bags.bag import BagWriter
     from flea_diag.wire.records import Truth
-    from flea_sim_driver.stand import Stand
+    from flea_sim_driver.stand import SimulatedStand
 
     truths = []
     with BagWriter(directory, whole_every_s=None) as bag:
-        for record in Stand(scenario):
+        for record in SimulatedStand(scenario):
             bag.write(record)
             if isinstance(record, Truth):
                 truths.append(record)

@@ -91,9 +91,9 @@ def _diagnosis() -> None:
 
 def _stand() -> None:
     from flea_sim_driver.scenario.library import find_scenario
-    from flea_sim_driver.stand import Stand
+    from flea_sim_driver.stand import SimulatedStand
 
-    Stand(find_scenario("nominal")).advance()
+    SimulatedStand(find_scenario("nominal")).advance()
 
 
 def _replay() -> None:
@@ -104,9 +104,9 @@ def _replay() -> None:
     from flea_diag.wire.blocks import ScanBlock
     from flea_diag.wire.records import Scan
     from flea_sim_driver.scenario.library import find_scenario
-    from flea_sim_driver.stand import Stand
+    from flea_sim_driver.stand import SimulatedStand
 
-    stand = Stand(find_scenario("nominal"))
+    stand = SimulatedStand(find_scenario("nominal"))
     scans: list[Scan] = []
     while len(scans) < BLOCK_SCANS:
         scans += [record for record in stand.advance() if isinstance(record, Scan)]

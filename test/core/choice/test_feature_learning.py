@@ -31,7 +31,7 @@ from flea_diag.tools.features.stand import drawn_scenario, stand_run
 from flea_diag.wire.bags.bag import BagWriter
 from flea_diag.wire.records import NEVER_NS, Scan, Truth, VibrationBlock
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 POINT = VibrationOperatingPoint(80.0, 50.0)
 STD, PEAK, CREST, TWIN = (
@@ -189,7 +189,7 @@ def test_bag_gives_the_samples_that_the_stand_gives(tmp_path: Path) -> None:
     grid = Grid(0.5, 0.5, {"nut": 8.556})
     scenario = scenario_from_mapping(drawn_scenario(3, "jam", 1.6), "test")
     with BagWriter(tmp_path / "bag", whole_every_s=None) as bag:
-        for record in Stand(scenario):
+        for record in SimulatedStand(scenario):
             bag.write(record, record.stamp_ns)
     direct, read = stand_run((3, "jam", 1.6), grid), run_of_bag(tmp_path / "bag", grid)
     assert len(direct.samples) == 2

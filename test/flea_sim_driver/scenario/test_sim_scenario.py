@@ -25,7 +25,7 @@ from flea_sim_driver.scenario.scenario_file import (
 )
 from flea_sim_driver.scenario.settings import LOAD_LIMIT_N
 from flea_sim_driver.scenario.table4 import CampaignRow, Shared, draw, table4
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 REFUSED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "jerk": (
@@ -276,7 +276,9 @@ def test_a_ladder_takes_each_size_with_every_motion() -> None:
 
 def test_the_spread_between_units_can_be_stated() -> None:
     wide = scenario_from_mapping({"spread": {"viscous_friction_n_s_m": 0.6}}, "test")
-    stands = [Stand(replace(wide, run=replace(wide.run, seed=seed))) for seed in range(200)]
+    stands = [
+        SimulatedStand(replace(wide, run=replace(wide.run, seed=seed))) for seed in range(200)
+    ]
     shares = np.array([s.units["Y"].viscous_friction_n_s_m for s in stands]) / 412.0
     # Normal, cut at two standard deviations and at a fifth from below: 0.6 becomes some 0.5.
     assert 0.40 < shares.std() < 0.60

@@ -26,7 +26,7 @@ from flea_diag.wire.records import (
     VibrationBlock,
 )
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.stand import Stand as SimulatedStand
+from flea_sim_driver.stand import SimulatedStand
 
 S = 1_000_000_000
 AWAY = 150

@@ -17,7 +17,7 @@ from flea_diag.wire.records import ChannelTable, Scan, Truth, VibrationBlock
 from flea_sim_driver.scenario.library import find_scenario
 from flea_sim_driver.scenario.profile import commanded
 from flea_sim_driver.scenario.scenario_file import overridden, scenario_from_mapping
-from flea_sim_driver.stand import Stand
+from flea_sim_driver.stand import SimulatedStand
 
 SCANS = [
     "\t".join(
@@ -41,7 +41,7 @@ def test_a_simulated_bag_holds_what_the_stand_delivers(tmp_path: Path) -> None:
     stored = [record for _, record in read_bag(bag)]
     scenario = overridden(find_scenario("jam"), "test", {"seed": 5})
     start = stored[0].stamp_ns
-    made = [r for r in Stand(scenario) if r.stamp_ns < start + 12 * 10**9]
+    made = [r for r in SimulatedStand(scenario) if r.stamp_ns < start + 12 * 10**9]
     for kind in (ChannelTable, Truth, Scan, VibrationBlock):
         assert [r for r in stored if type(r) is kind] == [r for r in made if type(r) is kind]
 
