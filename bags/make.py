@@ -27,7 +27,8 @@ sys.path[:0] = [str(HERE.parent), str(HERE.parent / "test")]
 
 from support.decisions import expected, write_expected
 
-from flea_diag.configuration import make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.main import main as flea
 from flea_diag.tools.replay.replay import replay
 from flea_diag.wire.bags.bag import BagReader, BagWriter
@@ -113,7 +114,7 @@ def cut(whole: Path, made: Path) -> None:
 
 def asked_for(records: list[Any]) -> Iterator[tuple[int, int]]:
     """Windows of the features that a diagnosis of these records asks for."""
-    pipeline = make_pipeline(None)
+    pipeline = make_pipeline(load_stand())
     for record in records:
         if isinstance(record, (ChannelTable, VibrationBlock, Scan)):
             for caused in pipeline.handle(record):
@@ -125,7 +126,7 @@ def still_holds(name: str) -> bool:
     """Whether a replay gives the decisions that were published when the bag was recorded."""
     if not (HERE / name).exists():
         return False
-    summary = replay(HERE / name, make_pipeline(None))
+    summary = replay(HERE / name, make_pipeline(load_stand()))
     return bool(summary["decision_digest"] == summary["recorded_decision_digest"])
 
 
@@ -141,7 +142,7 @@ def fly(name: str, made: Path) -> None:
 def renew(name: str) -> None:
     """Expect what a replay says now, and say what that is."""
     path = HERE / name
-    summary = replay(path, make_pipeline(None))
+    summary = replay(path, make_pipeline(load_stand()))
     try:
         before = expected(name)
     except FileNotFoundError:

@@ -21,7 +21,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 from summary import Figure, bench_parser, share, write_summary
 from support.live import Peer, Process, node
 
-from flea_diag.configuration import load_features
+from flea_diag.configuration.knowledge import load_features
 from flea_diag.tools.interval import wilson
 from flea_diag.wire.records import FeatureRequest, FeatureValue, Scan, VibrationLevel
 

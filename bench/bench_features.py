@@ -18,7 +18,8 @@ import numpy as np
 from scipy import signal, stats
 from summary import Figure, bench_parser, write_summary
 
-from flea_diag.configuration import load_features
+from flea_diag.configuration.knowledge import load_features
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.choice.feature_choice import FeatureChooser
 from flea_diag.core.vibration.features import compute_all
 from flea_diag.core.vibration.window import Window
@@ -111,7 +112,7 @@ def lazy() -> list[Figure]:
         return choice
 
     FeatureChooser.next = timed  # type: ignore[method-assign]
-    runs = list(study(Plan(FAULTS), SEEDS))
+    runs = list(study(Plan(FAULTS, load_stand(), load_stand().features), SEEDS))
     FeatureChooser.next = choose  # type: ignore[method-assign]
     lazy_s, eager_s = fmean(r.lazy_s for r in runs), fmean(r.eager_s for r in runs)
     print(f"{len(runs)} runs of 22 s, {fmean(len(r.features) for r in runs):.1f} features each")

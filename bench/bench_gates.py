@@ -21,7 +21,8 @@ LIVE = ROOT / "bags" / "live_motor_current_bias"
 BAGS = sorted(file.parent for file in (ROOT / "bags").glob("*/metadata.yaml"))
 PROGRAM = """
 import contextlib, io, sys, time
-from flea_diag.configuration import make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.main import main
 try:
     from flea_diag.wire.bags.bag_reader import BagReader
@@ -37,7 +38,7 @@ def replay():
         assert main(["replay", *bags]) == 0
 
 def live():
-    pipeline = make_pipeline(None)
+    pipeline = make_pipeline(load_stand())
     for kind, data in messages:
         pipeline.handle(decode(kind, data))
 
@@ -51,7 +52,7 @@ def cpu_s(work, times=4):
         taken.append(time.process_time() - begin)
     return min(taken)
 
-records = [record for _, record in BagReader(bag).records(make_pipeline(None).consumes)]
+records = [record for _, record in BagReader(bag).records(make_pipeline(load_stand()).consumes)]
 messages = [(type(record), encode(record)) for record in records]
 print(cpu_s(replay), cpu_s(live))
 """

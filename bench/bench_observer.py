@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from summary import Figure, bench_parser, write_summary
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.observers.kalman import KalmanFilter
 from flea_diag.core.observers.observer_model import LinearModel, NoiseLevels, linear_model

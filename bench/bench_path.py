@@ -27,7 +27,7 @@ sys.path[:0] = [str(ROOT)]
 from summary import Figure, bench_parser, write_summary
 
 import flea_diag
-from flea_diag.configuration import DIAGNOSER
+from flea_diag.configuration.component import DIAGNOSER
 from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.records import AmbiguityGroup, Record, Scan
 

@@ -51,7 +51,7 @@ def recording(folder: Path, seconds: int = SECONDS, *more: str) -> Path:
 
 def pipeline(kind: str, backend: str):
     """The three stages, with this state observer."""
-    from flea_diag.configuration import DIAGNOSER
+    from flea_diag.configuration.component import DIAGNOSER
 
     parameters = DIAGNOSER.parameters(
         state_observer=kind, observer_backend=backend, source="replay"

@@ -22,7 +22,10 @@ sys.path[:0] = [str(ROOT)]
 
 from summary import Figure, bench_parser, write_summary
 
-from flea_diag.configuration import knowledge, load_calibration, make_pipeline
+from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.knowledge import knowledge
+from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.replay.replay import diagnosed, sources
 from flea_diag.wire.messages.codec import encode
 from flea_diag.wire.messages.summary import summary
@@ -48,7 +51,7 @@ def verdicts(name: str) -> tuple[list[AmbiguityGroup], int]:
     """Changes of the verdict of a scenario, and the stamp of its end."""
     records = (r for r in SimulatedStand(find_scenario(name)) if isinstance(r, sources()))
     groups, end_ns = [], 0
-    for record in diagnosed(records, make_pipeline(None)):
+    for record in diagnosed(records, make_pipeline(load_stand())):
         if isinstance(record, AmbiguityGroup):
             groups.append(record)
         elif isinstance(record, Scan):
@@ -100,7 +103,7 @@ def figures() -> Iterator[Figure]:
             flush=True,
         )
     assert like is not None
-    faults = list(knowledge(load_calibration("calibration_simulated_stand.yaml")).faults)
+    faults = list(knowledge(load_stand(), learned(load_stand())).faults)
     many = [f"actuator_position_fault_{number:03}" for number in range(SYNTHETIC)]
     for names in (faults, many):
         size = len(encode(summary(crowded(names, like))))

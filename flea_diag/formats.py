@@ -99,8 +99,9 @@ _EVALUATE = "evaluate again"
 
 FORMATS: Mapping[str, Format] = {
     # What the diagnosis rests on.
-    "actuator description": Format(1, "write it anew after config/actuator.yaml"),
-    "fault catalogue": Format(1, "write it anew after config/faults.yaml"),
+    "stand": Format(1, "write it anew after config/stands/flea/stand.yaml"),
+    "actuator description": Format(1, "write it anew after config/stands/flea/actuator.yaml"),
+    "fault catalogue": Format(1, "write it anew after config/stands/flea/faults.yaml"),
     "feature table": Format(
         1, "learn it again with flea features learn", steps={0: _upper_part}, unversioned=0
     ),

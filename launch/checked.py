@@ -53,6 +53,19 @@ def _value(name, kind, text):
     return text
 
 
+def stand(given):
+    """Parameters by which a node is told its stand.
+
+    `stand` once said whether the simulated stand is started: that is refused with its new name.
+    """
+    if given["stand"].lower() in TRUTHS:
+        raise RuntimeError(
+            f"stand:={given['stand']} is no stand; to start the simulated one or not, give "
+            f"simulated:={given['stand']}"
+        )
+    return {name: given[name] for name in ("stand", "calibration")}
+
+
 class Nodes:
     """The nodes of one launch, checked together and started together.
 

@@ -18,7 +18,8 @@ BESIDE = runpy.run_path(os.path.join(os.path.dirname(os.path.realpath(__file__))
 ARGUMENTS = (
     ("bag", None, str, "bag to replay"),
     ("namespace", "", str, "namespace of the topics in the bag"),
-    ("calibration", "", str, "calibration file; empty: that of the simulated stand"),
+    ("stand", "flea", str, "name of a shipped stand, or the folder of one as a path (./mine)"),
+    ("calibration", "", str, "calibration file; empty: that of the stand"),
     ("rate", "1.0", float, "playback rate; 1: as recorded"),
     ("loop", "false", bool, "loop the bag; the diagnosis restarts with each pass"),
     ("composed", "true", bool, "diagnosis in one process; false: one process per stage"),
@@ -34,12 +35,12 @@ MEMORY = {"memory": "none"}
 
 def nodes(context):
     given = BESIDE["values"](context, ARGUMENTS)
-    calibration = {"calibration": given["calibration"], **TIME}
+    stand = {**BESIDE["stand"](given), **TIME}
     stages = {"observer": {}, "isolator": REPLAY, "extractor": {}}
     diagnosis = {"diagnoser": {**REPLAY, **MEMORY}} if given["composed"] else stages
     started = BESIDE["Nodes"](given["namespace"])
     for stage, more in diagnosis.items():
-        started.add(stage, {**calibration, **more})
+        started.add(stage, {**stand, **more})
     if given["console"]:
         started.add("console", TIME, needed=False)
     play = {name: given[name] for name in ("bag", "rate", "loop")}

@@ -1,10 +1,11 @@
 """The simulated stand and its diagnosis; `ros2 launch flea_diag stand.launch.py -s` lists all.
 
     ros2 launch flea_diag stand.launch.py fault:=winding_short fault_onset_s:=5.0
-    ros2 launch flea_diag stand.launch.py namespace:=stand_2 stand:=false record:=false
+    ros2 launch flea_diag stand.launch.py namespace:=stand_2 simulated:=false record:=false
+    ros2 launch flea_diag stand.launch.py stand:=./mine simulated:=false
 
-Ends when the scenario is over and the last verdict has been said. With stand:=false the nodes wait
-for the DAQ of a real stand.
+Ends when the scenario is over and the last verdict has been said. With simulated:=false the nodes
+wait for the DAQ of a real stand.
 """
 
 import os
@@ -17,12 +18,13 @@ BESIDE = runpy.run_path(os.path.join(os.path.dirname(os.path.realpath(__file__))
 
 ARGUMENTS = (
     ("namespace", "", str, "namespace of the stand, for example of a second stand"),
-    ("stand", "true", bool, "start the simulated stand"),
+    ("stand", "flea", str, "name of a shipped stand, or the folder of one as a path (./mine)"),
+    ("simulated", "true", bool, "start the simulated stand"),
     ("scenario", "nominal", str, "scenario of the simulated stand: name or YAML file"),
     ("fault", "", str, "fault to inject in addition to those of the scenario"),
     ("fault_onset_s", "8.0", float, "onset of that fault [s]"),
     ("duration_s", "0.0", float, "duration of the run; 0: that of the scenario [s]"),
-    ("calibration", "", str, "calibration file; empty: that of the simulated stand"),
+    ("calibration", "", str, "calibration file; empty: that of the stand"),
     ("composed", "true", bool, "diagnosis in one process; false: one process per stage"),
     ("record", "true", bool, "record a bag"),
     ("bag", "", str, "bag to write; empty: bags/runs/<UTC time>"),
@@ -35,16 +37,16 @@ DAQ = ("scenario", "fault", "fault_onset_s", "duration_s")
 
 def nodes(context):
     given = BESIDE["values"](context, ARGUMENTS)
-    calibration = {"calibration": given["calibration"]}
+    stand = BESIDE["stand"](given)
     diagnosis = ("diagnoser",) if given["composed"] else ("observer", "isolator", "extractor")
     started = BESIDE["Nodes"](given["namespace"])
     for stage in diagnosis:
-        started.add(stage, calibration)
+        started.add(stage, stand)
     if given["record"]:
-        started.add("recorder", {"directory": given["bag"], **calibration}, needed=False)
+        started.add("recorder", {"directory": given["bag"], **stand}, needed=False)
     if given["console"]:
         started.add("console", {}, needed=False)
-    if given["stand"]:
+    if given["simulated"]:
         waits = (*diagnosis, "recorder") if given["record"] else diagnosis
         daq = {name: given[name] for name in DAQ}
         started.add("daq", {**daq, "wait_for": ",".join(waits)})

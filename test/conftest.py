@@ -97,7 +97,7 @@ def compiled(newcomer: None) -> None:
     It takes half a minute of a processor where there is nothing yet, and with other processes
     beside it longer than any test waits.
     """
-    from flea_diag.configuration import DIAGNOSER
+    from flea_diag.configuration.component import DIAGNOSER
     from flea_sim_driver.scenario.library import find_scenario
     from flea_sim_driver.stand import SimulatedStand
 

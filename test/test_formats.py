@@ -17,15 +17,12 @@ from typing import Any
 
 import pytest
 import yaml
-from support.places import CONFIG, ROOT
+from support.places import CONFIG, FLEA_STAND, ROOT
 
-from flea_diag.configuration import (
-    CALIBRATION,
-    load_calibration,
-    load_features,
-    load_yaml,
-    relations,
-)
+from flea_diag.configuration.calibrations import learned, load_calibration
+from flea_diag.configuration.files import load_yaml
+from flea_diag.configuration.knowledge import load_features, relations
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.choice.classifier import Perceptron
 from flea_diag.core.choice.feature_table import FaultFeatureTable
@@ -136,8 +133,9 @@ def faults(path: Path) -> object:
 
 
 READERS: dict[str, tuple[Callable[[Path], object], Path]] = {
-    "actuator description": (described, CONFIG / "actuator.yaml"),
-    "fault catalogue": (faults, CONFIG / "faults.yaml"),
+    "stand": (lambda path: load_stand(path.parent), FLEA_STAND / "stand.yaml"),
+    "actuator description": (described, FLEA_STAND / "actuator.yaml"),
+    "fault catalogue": (faults, FLEA_STAND / "faults.yaml"),
     "feature table": (lambda path: load_features(str(path)), OLD / "feature_table_0.yaml"),
     "calibration": (load_calibration, OLD / "calibration_1.yaml"),
     "classifier": (read_classifier, OLD / "classifier_1.json"),
@@ -206,18 +204,19 @@ def test_a_step_leaves_alone_what_it_does_not_know(content: dict[str, Any]) -> N
 def test_attachments_of_an_old_bag_say_what_the_shipped_files_say(tmp_path: Path) -> None:
     for name, text in BagReader(BAG).attachments.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
-    assert load_calibration(tmp_path / "calibration.yaml") == load_calibration(CALIBRATION)
+    shipped = replace(learned(load_stand()), actuator_sha256="")  # not known at that time
+    assert load_calibration(tmp_path / "calibration.yaml") == shipped
     assert KEY not in load_yaml(tmp_path / "features.yaml")
     table = load_features(str(tmp_path / "features.yaml"))
     assert table == load_features("feature_table.yaml")
-    old, shipped = described(tmp_path / "actuator.yaml"), described(CONFIG / "actuator.yaml")
+    old, shipped = described(tmp_path / "actuator.yaml"), described(FLEA_STAND / "actuator.yaml")
     assert old.graph.bonds == shipped.graph.bonds
     assert {s.channel: s.at for s in old.sensors.values()} == {
         s.channel: s.at for s in shipped.sensors.values()
     }
     # Faults name parameters of the graph: more of them are drawn now, none has gone.
     assert old.graph.values().items() <= shipped.graph.values().items()
-    assert faults(tmp_path / "faults.yaml") == faults(CONFIG / "faults.yaml")
+    assert faults(tmp_path / "faults.yaml") == faults(FLEA_STAND / "faults.yaml")
 
 
 def test_a_description_from_before_base_parameters_is_refused_with_a_calibration(
@@ -226,7 +225,7 @@ def test_a_description_from_before_base_parameters_is_refused_with_a_calibration
     path = tmp_path / "actuator.yaml"
     path.write_text(BagReader(BAG).attachments["actuator.yaml"], encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"no relation holds .* under base_parameters"):
-        relations(load_calibration(CALIBRATION), str(path))
+        relations(load_stand(actuator=path), learned(load_stand()))
 
 
 def test_an_old_evaluation_keeps_its_evidence(tmp_path: Path) -> None:

@@ -23,7 +23,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flea_diag.configuration import make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.wire.bags.scan_columns import scan_block
 from flea_diag.wire.blocks import Block
 from flea_diag.wire.messages.codec import decode, encode
@@ -151,7 +152,7 @@ class Soak:
         }  # fmt: skip
         self.found = Found()
         self._stand = SimulatedStand(scenario_from_mapping(values, "soak"))
-        self._pipeline = make_pipeline(None)
+        self._pipeline = make_pipeline(load_stand())
         self._relay = Relay(np.random.default_rng(seed), self.found.injected)
         self._stopped = False
         self._most = 1 if singly else BLOCK_SCANS

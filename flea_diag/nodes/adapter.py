@@ -70,7 +70,7 @@ WATCH_S = 0.1
 
 
 class StageFactory(Protocol):
-    """Builds a stage from its parameters; ``flea_diag.configuration`` has one for each node."""
+    """Builds a stage from its parameters; ``configuration.component`` has one for each node."""
 
     parameters: type
 

@@ -10,7 +10,7 @@ from flea_diag.wire.bus import Program, run
 
 def program() -> Program:
     """Description of this node; its slow imports come after the signal handlers are installed."""
-    from flea_diag.configuration import OBSERVER
+    from flea_diag.configuration.component import OBSERVER
     from flea_diag.nodes.adapter import StagePorts, stage_program
     from flea_diag.wire import records as r
 

@@ -42,12 +42,14 @@ def find_scenario(name_or_path: str) -> Scenario:
         No such file or name, or its content is refused.
     """
     path = Path(name_or_path)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
+    if path.suffix in (".yaml", ".yml"):
         return load_scenario(path)
     for folder in _folders():
         candidate = folder / f"{name_or_path}.yaml"
         if candidate.is_file() and candidate.parent == folder:
             return load_scenario(candidate)
+    if path.is_file():
+        return load_scenario(path)
     raise ConfigurationError(
         f"scenario {shown(name_or_path)} is neither a YAML file nor one of "
         f"{', '.join(scenario_names()) or 'the installed ones (none found)'}"

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flea_diag.configuration import load_causal_map
+from flea_diag.configuration.screens import load_causal_map
 from flea_diag.core.choice.diagnosis_tree import Node
 from flea_diag.operator.alarm_view import detail
 from flea_diag.operator.state import OPEN, OperatorState, aged, fold

@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 from support.places import ROOT
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_diag.tools.main import commands
 from flea_diag.wire.records import Outcome
 from flea_diag.wire.topics import TOPICS, Topic

@@ -139,7 +139,7 @@ def test_every_equation_is_mathml(site: Path) -> None:
 
 @needs_extra
 def test_the_reference_has_every_parameter_and_command(site: Path) -> None:
-    from flea_diag.configuration import ISOLATOR
+    from flea_diag.configuration.component import ISOLATOR
     from flea_diag.tools.main import commands
     from flea_diag.wire.parameters import descriptors
 

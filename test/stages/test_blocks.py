@@ -15,7 +15,8 @@ from support import stands
 from support.decisions import BAGS
 from support.models import linear_ema as ema
 
-from flea_diag import configuration
+from flea_diag.configuration.knowledge import relations
+from flea_diag.configuration.stand import load_stand
 from flea_diag.stages.digest import digest
 from flea_diag.stages.extractor.extractor import ExtractorStage
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
@@ -61,7 +62,7 @@ def pipeline(kind: str = "none") -> Pipeline:
     known = stands.knowledge()
     return Pipeline(
         (
-            ObserverStage(calibration, configuration.relations(calibration), parameters),
+            ObserverStage(calibration, relations(load_stand(), calibration), parameters),
             IsolatorStage(known, IsolatorParameters()),
             ExtractorStage(known.features),
         )
@@ -177,8 +178,8 @@ def test_vibration_between_the_scans_changes_nothing():
     bag = BagReader(BAGS / "jam")
     source = [record for _, record in bag.records((ChannelTable, VibrationBlock, Scan))]
     hybrid = baseline("hybrid").make
-    one = stands.feed(hybrid(Setting()), source)
-    stage, many = hybrid(Setting()), []
+    one = stands.feed(hybrid(Setting(load_stand())), source)
+    stage, many = hybrid(Setting(load_stand())), []
     for is_scan, part in groupby(source, key=lambda record: isinstance(record, Scan)):
         if is_scan:
             many += flat(stage.handle_block(block_of(list(part))))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from flea_diag.configuration import make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome
@@ -31,7 +32,7 @@ def told(fault: str, seed: int) -> list[Detection | AmbiguityGroup]:
         elif abs(stand.time_s - CLEARED_S) < 0.05:
             stand.clear()
         records += stand.advance()
-    pipeline, said = make_pipeline(None, rearm_after_s=8.0), []
+    pipeline, said = make_pipeline(load_stand(), rearm_after_s=8.0), []
     for record in in_blocks(records):
         by_block = isinstance(record, ScanBlock)
         said += pipeline.handle_block(record) if by_block else pipeline.handle(record)

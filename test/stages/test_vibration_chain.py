@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from support.stand_runs import fault, records
 
-from flea_diag.configuration import EXTRACTOR, ISOLATOR, OBSERVER, make_pipeline
+from flea_diag.configuration.component import EXTRACTOR, ISOLATOR, OBSERVER, make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.vibration.features_envelope import named_line
 from flea_diag.stages.extractor.windows import Windows
 from flea_diag.stages.pipeline import Pipeline
@@ -113,7 +114,7 @@ def test_a_pit_of_half_a_millimetre_is_heard_by_its_kurtosis_and_told_from_the_r
         sensors={},
         **fault("spall", 4.0, size=0.5),
     )
-    pipeline = make_pipeline(None)
+    pipeline = make_pipeline(load_stand())
     groups = [
         said
         for record in made
@@ -138,7 +139,7 @@ def test_a_screw_that_shows_no_drag_is_not_jammed() -> None:
         sensors={},
         **fault("spall", 8.0, size=1.2),
     )
-    pipeline = make_pipeline(None)
+    pipeline = make_pipeline(load_stand())
     kept = [r for r in made if isinstance(r, ChannelTable | Scan | VibrationBlock)]
     found = last([said for record in kept for said in pipeline.handle(record)])
     assert [member.fault for member in found.members] == ["spall"]
@@ -186,7 +187,7 @@ def test_the_level_that_opens_an_episode_is_an_answer_already() -> None:
         sensors={},
         faults=[{"fault": "accelerometer_2_fault", "onset_s": 8.0, "size": 0.0}],
     )
-    chain = make_pipeline(None)
+    chain = make_pipeline(load_stand())
     kept = [r for r in made if isinstance(r, ChannelTable | Scan | VibrationBlock)]
     group = last([caused for record in kept for caused in chain.handle(record)])
     assert re.match("accelerometer_2_[xyz]: level", group.opened_by)
@@ -272,7 +273,7 @@ def test_what_another_unit_differs_by_hides_no_pit_that_came_with_it(
     scenario: dict[str, Any], relation: str, first: bool
 ) -> None:
     """Whether the shift or the vibration is detected first."""
-    pipeline = make_pipeline(None)
+    pipeline = make_pipeline(load_stand())
     made = [r for r in records(**scenario, sensors={}) if not isinstance(r, Truth)]
     out = [said for record in made for said in pipeline.handle(record)]
     said = [r for r in out if isinstance(r, Detection | AmbiguityGroup)]
@@ -295,7 +296,7 @@ def jammed(size: float) -> tuple[Record, ...]:
 
 
 def verdict_without(kinds: tuple[type, ...], made: tuple[Record, ...]) -> AmbiguityGroup:
-    pipeline = make_pipeline(None)
+    pipeline = make_pipeline(load_stand())
     out = [caused for r in made if not isinstance(r, kinds) for caused in pipeline.handle(r)]
     return last([*out, *pipeline.finish()])
 

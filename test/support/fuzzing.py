@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from flea_diag import configuration
+from flea_diag.configuration import component, files
+from flea_diag.configuration.stand import load_stand, stand_from_mapping
 from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.calibration import calibration
 from flea_diag.core.choice.feature_table import FaultFeatureTable
@@ -134,6 +135,7 @@ def as_text(target: Target) -> Target:
     return Target(target.name, read, tuple(yaml.safe_dump(s).encode() for s in target.seeds))
 
 
+CALIBRATION = "calibration_simulated_stand.yaml"
 SCENARIO = "scenarios/winding_short.yaml"
 
 # --- the readers ------------------------------------------------------------------------
@@ -162,7 +164,7 @@ def _read_bag(content: bytes) -> object:
 
 
 def _read_yaml(content: bytes) -> object:
-    return configuration.load_yaml(_file("damaged.yaml", content))
+    return files.load_yaml(_file("damaged.yaml", content))
 
 
 def _read_scenario(content: bytes) -> object:
@@ -170,13 +172,13 @@ def _read_scenario(content: bytes) -> object:
 
 
 def _read_catalogue(content: Any) -> object:
-    return catalogue(content, actuator(configuration.load_yaml("actuator.yaml")))
+    return catalogue(content, actuator(files.load_yaml("actuator.yaml")))
 
 
 def _read_parameters(content: Any) -> object:
     if not isinstance(content, dict):
         return None
-    return parameters.build(configuration.DIAGNOSER.parameters, content, "parameters")
+    return parameters.build(component.DIAGNOSER.parameters, content, "parameters")
 
 
 def _data_text() -> bytes:
@@ -214,22 +216,25 @@ def targets() -> tuple[Target, ...]:
     short = [r for rows in samples.values() for r in rows[:4]]
     found.append(Target("bag", _read_bag, (_bag_bytes(short),)))
     found.append(Target("importer", _read_data, (_data_text(),)))
-    texts = {name: configuration.config_path(name) for name in (
-        "actuator.yaml", "faults.yaml", "feature_table.yaml", configuration.CALIBRATION,
-        SCENARIO, "campaigns/small.yaml",
+    texts = {name: files.config_path(name) for name in (
+        "actuator.yaml", "faults.yaml", "feature_table.yaml", CALIBRATION,
+        SCENARIO, "campaigns/small.yaml", "stands/flea/stand.yaml",
     )}  # fmt: skip
     found.append(Target("yaml text", _read_yaml, tuple(p.read_bytes() for p in texts.values())))
     found.append(Target("scenario text", _read_scenario, (texts[SCENARIO].read_bytes(),)))
     trees = {name: yaml.safe_load(path.read_bytes()) for name, path in texts.items()}
-    values = {d.name: d.default for d in parameters.descriptors(configuration.DIAGNOSER.parameters)}
+    values = {d.name: d.default for d in parameters.descriptors(component.DIAGNOSER.parameters)}
     readers: dict[str, tuple[Callable[[Any], object], Any]] = {
+        "stand": (
+            lambda tree: stand_from_mapping(tree, folder()), trees["stands/flea/stand.yaml"],
+        ),
         "actuator": (actuator, trees["actuator.yaml"]),
         "faults": (_read_catalogue, trees["faults.yaml"]),
         "feature table": (
             lambda tree: FaultFeatureTable.from_mapping(tree, "x"), trees["feature_table.yaml"],
         ),
         "calibration": (
-            lambda tree: calibration.from_mapping(tree, "x"), trees[configuration.CALIBRATION],
+            lambda tree: calibration.from_mapping(tree, "x"), trees[CALIBRATION],
         ),
         "scenario": (
             lambda tree: scenario_from_mapping(tree, "x"), trees[SCENARIO],
@@ -247,7 +252,9 @@ def targets() -> tuple[Target, ...]:
 def _said() -> list[Record]:
     """What the diagnoser itself says to the bag's records."""
     # Plain numpy: under Atheris numba would have to compile what is traced.
-    pipeline = configuration.make_pipeline(None, state_observer="none", observer_backend="numpy")
+    pipeline = component.make_pipeline(
+        load_stand(), state_observer="none", observer_backend="numpy"
+    )
     return [
         said
         for _, record in BagReader(BAG).records(pipeline.consumes)

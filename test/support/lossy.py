@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flea_diag.configuration import make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.tools.replay import replay
 from flea_diag.wire.blocks import Block
@@ -241,7 +242,7 @@ class Passed:
 
 def diagnosed(records: Iterable[Record]) -> list[Record | Block]:
     """These records, with all that the diagnoser says to them."""
-    return list(replay.diagnosed(in_blocks(records), make_pipeline(None)))
+    return list(replay.diagnosed(in_blocks(records), make_pipeline(load_stand())))
 
 
 def passed(name: str, seed: int) -> Passed:

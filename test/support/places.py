@@ -7,6 +7,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "config"
+FLEA_STAND = CONFIG / "stands" / "flea"
 DATA = Path(os.environ.get("FLEA_DATA_DIR") or ROOT.parent / "shared" / "data")
 """Real recordings, which are not part of the project: tests on them are skipped without."""
 FLEA = DATA / "flea"

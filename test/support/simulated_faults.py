@@ -7,7 +7,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from flea_diag.configuration import load_yaml, make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.files import load_yaml
+from flea_diag.configuration.stand import load_stand
 from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
 from flea_sim_driver.stand import SimulatedStand
@@ -52,7 +54,7 @@ def scenario(row: str, seed: int) -> dict[str, Any]:
 
 def judged(row: str, seed: int) -> Judged:
     """Diagnose one run without its truth, and hold the last verdict against the table."""
-    pipeline, groups = make_pipeline(None), []
+    pipeline, groups = make_pipeline(load_stand()), []
     first_ns = None
     for record in SimulatedStand(scenario_from_mapping(scenario(row, seed), row)):
         if isinstance(record, Scan) and first_ns is None:

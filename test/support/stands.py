@@ -7,7 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from flea_diag import configuration
+from flea_diag.configuration import knowledge as of_stand
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import Calibration, NominalRun
 from flea_diag.core.residuals.residual_rows import UNITS
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
@@ -21,7 +22,7 @@ from support.models import linear_ema as ema
 
 PERIOD_NS = 10_000_000
 START_NS = 1_000_000_000_000
-FEATURES = "feature_table_paper.yaml"
+STAND = load_stand(features="feature_table_paper.yaml")
 
 
 @lru_cache(maxsize=2)
@@ -39,13 +40,13 @@ def calibration(channels: tuple[str, ...] = ema.STAND) -> Calibration:
 @lru_cache(maxsize=2)
 def knowledge(channels: tuple[str, ...] = ema.STAND) -> Knowledge:
     """What the isolator knows of that stand."""
-    return configuration.knowledge(calibration(channels), features=FEATURES)
+    return of_stand.knowledge(STAND, calibration(channels))
 
 
 def observer(channels: tuple[str, ...] = ema.STAND, **parameters: float) -> ObserverStage:
     """A fresh observer."""
     known = calibration(channels)
-    return ObserverStage(known, configuration.relations(known), ObserverParameters(**parameters))
+    return ObserverStage(known, of_stand.relations(STAND, known), ObserverParameters(**parameters))
 
 
 def isolator(channels: tuple[str, ...] = ema.STAND, **parameters: float) -> IsolatorStage:

@@ -31,6 +31,7 @@ NAMES = (
     "importer",
     "yaml text",
     "scenario text",
+    "stand",
     "actuator",
     "faults",
     "feature table",

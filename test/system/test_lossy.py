@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from support import lossy, relay
 
-from flea_diag.configuration import make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.wire.records import DataQuality, Detection
 
 
@@ -25,7 +26,7 @@ def test_a_relay_node_between_stand_and_diagnoser(domain: int) -> None:
 def test_losses_are_said_while_they_happen() -> None:
     records = list(lossy.nominal(7))
     run = lossy.dropped(records, np.random.default_rng(1)).records
-    pipeline = make_pipeline(None)
+    pipeline = make_pipeline(load_stand())
     said = [r for record in run for r in pipeline.handle(record) if isinstance(r, DataQuality)]
     assert len(said) >= lossy.DURATION_S - 2
     rows = [lossy.stream([record]) for record in said]

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from support.places import FLEA
 
-from flea_diag import configuration
+from flea_diag.configuration import calibrations
+from flea_diag.configuration import knowledge as of_stand
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
 from flea_diag.stages.observer.observer import ObserverStage
@@ -53,15 +55,18 @@ def motion(file: Path) -> str:
     return file.name.split("_")[1]
 
 
+STAND = load_stand(features="feature_table_paper.yaml")
+
+
 @cache
 def knowledge(calibration: Path) -> Knowledge:
-    learned = configuration.load_calibration(calibration)
-    return configuration.knowledge(learned, features="feature_table_paper.yaml")
+    learned = calibrations.load_calibration(calibration)
+    return of_stand.knowledge(STAND, learned)
 
 
 def replay(calibration: Path, file: Path) -> Diagnosis:
     known = knowledge(calibration)
-    relations = configuration.relations(known.calibration)
+    relations = of_stand.relations(STAND, known.calibration)
     observer = ObserverStage(known.calibration, relations, ObserverParameters())
     stages = Pipeline((observer, IsolatorStage(known, IsolatorParameters())))
     recording = FleaRun.of(read_flea_data(file))
@@ -108,7 +113,7 @@ def of_kind(found: dict[Path, Diagnosis], kind: str, count: int) -> list[tuple[s
 
 
 def test_the_parameters_are_those_of_the_nominal_unit(calibrated: Path) -> None:
-    p = configuration.load_calibration(calibrated).parameters
+    p = calibrations.load_calibration(calibrated).parameters
     # Regressions over the whole set of runs, made by other means.
     assert p.winding_resistance_ohm == pytest.approx(2.95, abs=0.25)
     assert p.back_emf_v_s_per_m == pytest.approx(176.6, rel=0.04)
@@ -120,7 +125,7 @@ def test_the_parameters_are_those_of_the_nominal_unit(calibrated: Path) -> None:
 
 
 def test_calibration_finds_the_bad_voltage_by_itself(calibrated: Path) -> None:
-    calibration: Calibration = configuration.load_calibration(calibrated)
+    calibration: Calibration = calibrations.load_calibration(calibrated)
     assert {stretch.channel for stretch in calibration.bad_stretches} == {"motor_voltage"}
     found = {stretch.run.split("_")[1] for stretch in calibration.bad_stretches}
     assert found == {motion(file) for file in LEARNED} & DEFECTIVE

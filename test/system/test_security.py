@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from support.live import ROOT, Process, node
 
-from flea_diag.configuration import config_path
+from flea_diag.configuration.files import config_path
 from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.nodes.run.live_run import discovery
 from flea_diag.wire.topics import TOPICS

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 from support.simulated_faults import judged, table
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_sim_driver.faults import fault_named
 
 LEFT_TO_THE_BENCH = frozenset(("load_force_noise",))

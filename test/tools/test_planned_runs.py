@@ -83,9 +83,9 @@ def test_an_enormous_campaign_is_refused_before_it_is_listed(name: str, tmp_path
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("study", "--stand", "0:999999999"), "features study: 3 999 999 996 runs"),
-        (("learn", "--stand", "0:999999999", "-o", "t.yaml"), "features: 11 999 999 988 runs"),
-        (("train", "--stand", "5:99999999999", "-o", "c.json"), "features: 1 199 999 999 928 runs"),
+        (("study", "--seeds", "0:999999999"), "features study: 3 999 999 996 runs"),
+        (("learn", "--seeds", "0:999999999", "-o", "t.yaml"), "features: 11 999 999 988 runs"),
+        (("train", "--seeds", "5:99999999999", "-o", "c.json"), "features: 1 199 999 999 928 runs"),
     ],
 )
 def test_an_enormous_range_of_seeds_is_refused(arguments: tuple[str, ...], words: str) -> None:

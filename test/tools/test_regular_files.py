@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 
-from flea_diag.configuration import load_calibration, load_yaml
+from flea_diag.configuration.calibrations import load_calibration
+from flea_diag.configuration.files import load_yaml
 from flea_diag.errors import ConfigurationError, FleaError, InputError, RecordingError
 from flea_diag.tools.campaign.campaign import load_campaign
 from flea_diag.tools.campaign.result_log import PLAN, RESULTS, ResultLog, read_results

@@ -11,7 +11,9 @@ import pytest
 from support.places import ROOT
 from support.verdicts import FIRST, FLAG, LAST, NOMINAL, START, group, shown
 
-from flea_diag.configuration import load_causal_map, make_pipeline, tree_planner
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.screens import load_causal_map, tree_planner
+from flea_diag.configuration.stand import load_stand
 from flea_diag.operator.advice_view import advice_text
 from flea_diag.operator.state import SHOWN, OperatorState, fold
 from flea_diag.stages.pipeline import Pipeline
@@ -49,7 +51,7 @@ HOSTILE = "<img src=x onerror=alert(1)>\"'&"
 @pytest.fixture(scope="module")
 def told() -> list[Record]:
     """All that the diagnosis of the recorded jam says, with the scans."""
-    pipeline = make_pipeline(None)
+    pipeline = make_pipeline(load_stand())
     assert isinstance(pipeline, Pipeline)
     out: list[Record] = []
     for _, record in read_bag(BAG, (ChannelTable, Scan, VibrationBlock)):

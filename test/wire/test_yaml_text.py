@@ -15,8 +15,8 @@ import yaml
 from support.bombs.parsed import refusal
 from support.places import ROOT
 
-from flea_diag import configuration
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration import calibrations, knowledge, screens
+from flea_diag.configuration.files import load_yaml
 from flea_diag.errors import ConfigurationError, RecordingError
 from flea_diag.tools.campaign.campaign import load_campaign
 from flea_diag.wire.bags.bag_description import BagDescription, described, description
@@ -266,9 +266,9 @@ def test_sound_metadata_is_read() -> None:
 # --- the commands -------------------------------------------------------------------------------
 
 READERS: dict[str, Callable[[Path], object]] = {
-    "calibration": configuration.load_calibration,
-    "actuator": lambda path: configuration.load_causal_map(str(path)),
-    "feature table": lambda path: configuration.load_features(str(path)),
+    "calibration": calibrations.load_calibration,
+    "actuator": lambda path: screens.load_causal_map(str(path)),
+    "feature table": lambda path: knowledge.load_features(str(path)),
     "scenario": load_scenario,
     "campaign": load_campaign,
 }

@@ -1,4 +1,4 @@
-"""An actuator from its description, the mapping of ``config/actuator.yaml``.
+"""An actuator from its description, the mapping of ``config/stands/flea/actuator.yaml``.
 
 The FLEA's graph (Narasimhan et al. 2010, Figure 5, with screw, load cell and thermal nodes)
 is data. Any other actuator needs a description of its own and no code.

@@ -8,6 +8,7 @@ contains the mapping form; it names the recordings used.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
@@ -85,6 +86,8 @@ class Calibration(Frozen):
     sensors: tuple[SensorLimit, ...] = ()
     covariance: tuple[CovarianceBlock, ...] = ()
     shifts: tuple[MeanShiftLimit, ...] = ()
+    actuator_sha256: str = ""
+    """Digest of the description that it was made with; empty in an older file."""
 
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
@@ -183,6 +186,12 @@ def _text(value: Any) -> str:
     if not isinstance(value, str) or len(value) > 10_000:
         raise ValueError(f"{shown(value)} is not a text")
     return value
+
+
+def _sha256(value: Any) -> str:
+    if _text(value) and not re.fullmatch("[0-9a-f]{64}", value):
+        raise ValueError(f"{shown(value)} is no SHA-256 of 64 hexadecimal digits")
+    return str(value)
 
 
 def _list(value: Any) -> list[Any]:
@@ -330,6 +339,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "covariance": _covariance,
     "shifts": lambda value: tuple(MeanShiftLimit.from_mapping(entry) for entry in _list(value)),
     "observer_noise": _numbers_of(ObserverNoise, {f.name: LIKELY for f in fields(ObserverNoise)}),
+    "actuator_sha256": _sha256,
 }
-LATER = ("observer_noise", "sensors", "covariance", "shifts")
+LATER = ("observer_noise", "sensors", "covariance", "shifts", "actuator_sha256")
 """Optional entries of this schema."""

@@ -46,11 +46,10 @@ class WebParameters:
     author: str = parameter(
         "", "name stored with acknowledgements and comments; empty: login name", read_only=True
     )
-    actuator: str = parameter(
-        "actuator.yaml", "actuator description for the causal graph", read_only=True
-    )
-    features: str = parameter(
-        "feature_table.yaml", "fault-feature table for the diagnosis tree", read_only=True
+    stand: str = parameter(
+        "flea",
+        "stand whose causal graph and diagnosis tree are drawn: name of a shipped one, or a path",
+        read_only=True,
     )
 
 
@@ -58,7 +57,8 @@ def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
     """Serve the page; return the function that ends it."""
     if find_spec("nicegui") is None:
         raise ConfigurationError(NO_NICEGUI)
-    from flea_diag.configuration import load_causal_map, tree_planner
+    from flea_diag.configuration.screens import load_causal_map, tree_planner
+    from flea_diag.configuration.stand import load_stand
     from flea_diag.web.guard import token_of
     from flea_diag.web.server import Server
     from flea_diag.web.site import Site
@@ -66,7 +66,8 @@ def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
     from flea_diag.web.view import Tools, View
 
     token = token_of(parameters.address, parameters.token_file)
-    tools = Tools(load_causal_map(parameters.actuator), tree_planner(parameters.features))
+    stand = load_stand(parameters.stand)
+    tools = Tools(load_causal_map(stand.actuator), tree_planner(stand.features))
     author = parameters.author or getpass.getuser()
     desk = Desk(open_journal(parameters.journal, bus), author)
     strips = StripCharts()

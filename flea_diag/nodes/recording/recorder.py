@@ -13,7 +13,7 @@ from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
-from flea_diag.configuration import Files, file_texts
+from flea_diag.configuration.stand_parameters import StandParameters, stand_of
 from flea_diag.errors import ConfigurationError, RecordingError, line_of
 from flea_diag.nodes.health import HealthReport
 from flea_diag.nodes.recording.clips import Clips
@@ -35,8 +35,8 @@ PACKAGES = ("flea-diag", "numpy", "scipy", "numba", "mcap", "rosbags", "ros-rclp
 
 
 @dataclass(frozen=True)
-class RecorderParameters(Files):
-    """Parameters of the recorder; the configuration files named here are stored in the bag."""
+class RecorderParameters(StandParameters):
+    """Parameters of the recorder; the files of the stand are stored in the bag."""
 
     directory: str = parameter(
         "",
@@ -90,7 +90,7 @@ class Recorder:
         free_mb = self._free_mb()
         if free_mb < parameters.stop_free_mb:
             raise ConfigurationError(self._full(free_mb))
-        kept = {**file_texts(parameters), "versions.txt": versions()}
+        kept = {**stand_of(parameters).texts(), "versions.txt": versions()}
         split = BagSplit(parameters.split_mb * MEGABYTE, parameters.split_s)
         self._writer = BagWriter(self._directory, whole_every_s=None, split=split)
         for name, text in kept.items():
@@ -232,7 +232,7 @@ def check(parameters: RecorderParameters) -> None:
     """Refuse parameters and files with which nothing could be recorded."""
     checked_directory(parameters.directory)
     chosen_topics(parameters.topics)
-    file_texts(parameters)
+    stand_of(parameters).texts()
 
 
 def _existing(path: Path) -> Path:

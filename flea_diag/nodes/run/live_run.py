@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from flea_diag.configuration import config_path
+from flea_diag.configuration.files import config_path
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError, line_of, visible
 from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.nodes.operator.web import PORT

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +15,11 @@ from flea_diag.tools.calibrate import plots as calibration_plots
 from flea_diag.tools.calibrate import report as calibration_report
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording, check_alike, read_nominal
 from flea_diag.tools.extra import require
+from flea_diag.tools.stand_option import add_stand, chosen_stand
 from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_text
 
 if TYPE_CHECKING:
+    from flea_diag.core.bond_graph.actuator_model import Actuator
     from flea_diag.core.calibration.calibration import Calibration, NominalRun
     from flea_diag.core.calibration.identification import Identified
     from flea_diag.core.calibration.innovation_learning import ObserverStatistics
@@ -29,6 +31,7 @@ EXAMPLES = """\
 examples:
   flea calibrate bags/*Nominal* -o calibration.yaml
   flea calibrate bags/nominal_* -o calibration.yaml --false-alarms 0.01
+  flea calibrate bags/nominal_* --stand ./mine -o mine/calibration.yaml
   flea calibrate bags/nominal_* -o calibration.yaml --plots pictures/
 """
 
@@ -63,8 +66,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--plot-format", choices=("png", "svg"), default="png", help="format of the plots"
     )
+    add_stand(parser)
     parser.add_argument(
-        "--actuator", default="actuator.yaml", help="actuator description (default %(default)s)"
+        "--actuator", metavar="FILE", help="actuator description (default: that of the stand)"
     )
     parser.add_argument("--force", action="store_true", help="overwrite an existing file")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
@@ -80,8 +84,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(f"{arguments.output} exists: use --force to overwrite it")
     if arguments.plots is not None:
         require("plot", "--plots")
+    stand = chosen_stand(arguments, "actuator")
     recordings, refused = read_nominal(arguments.bags)
-    found = learn(recordings, arguments.actuator, arguments.false_alarms)
+    found = learn(recordings, stand.actuator, arguments.false_alarms)
     calibration = found.calibration
     write_calibration(arguments.output, calibration)
     if arguments.plots is not None:
@@ -102,14 +107,14 @@ class CalibrationResult:
 
 
 def calibrate(
-    recordings: list[NominalRecording], actuator: str, false_alarms_per_hour: float
+    recordings: list[NominalRecording], actuator: str | Path, false_alarms_per_hour: float
 ) -> Calibration:
     """Calibration from recordings of one stand, see ``learn``."""
     return learn(recordings, actuator, false_alarms_per_hour).calibration
 
 
 def learn(
-    recordings: list[NominalRecording], actuator: str, false_alarms_per_hour: float
+    recordings: list[NominalRecording], actuator: str | Path, false_alarms_per_hour: float
 ) -> CalibrationResult:
     """Calibration from recordings of one stand, with the residuals behind its limits.
 
@@ -119,12 +124,16 @@ def learn(
         Fewer than two recordings, recordings of different stands or of another actuator than
         described, or no motion.
     """
-    from flea_diag.configuration import compiled_relations, load_yaml
+    from flea_diag.configuration.description import (
+        compiled_relations,
+        described,
+        description_sha256,
+    )
     from flea_diag.core.calibration import identification, thresholds
     from flea_diag.core.smoothing import KERNEL_LENGTH
 
-    described = load_yaml(actuator)
-    _check_recordings(recordings, described, actuator)
+    model = described(actuator)
+    _check_recordings(recordings, model, actuator)
     runs = [recording.run for recording in recordings]
     period_s = recordings[0].period_s
     relations_of = partial(compiled_relations, actuator, recordings[0].channels)
@@ -133,14 +142,15 @@ def learn(
     traces = [thresholds.trace(run, found, relations, KERNEL_LENGTH, period_s) for run in runs]
     innovations = _innovations(recordings, traces, found)
     traces = list(map(thresholds.with_innovations, traces, innovations.residuals))
-    calibration = _calibration(
-        str(described["name"]), recordings, found, traces, innovations, false_alarms_per_hour
+    calibration = replace(
+        _calibration(model.name, recordings, found, traces, innovations, false_alarms_per_hour),
+        actuator_sha256=description_sha256(actuator),
     )
     return CalibrationResult(calibration, tuple(traces))
 
 
 def _check_recordings(
-    recordings: Sequence[NominalRecording], described: Any, actuator: str
+    recordings: Sequence[NominalRecording], model: Actuator, actuator: str | Path
 ) -> None:
     """Two recordings or more, all of one stand, and of the described actuator."""
     if len(recordings) < 2:
@@ -148,7 +158,7 @@ def _check_recordings(
             f"{len(recordings)} usable recordings, at least 2 are needed to estimate the scatter"
         )
     first = recordings[0]
-    _check_described(first, described, actuator)
+    _check_described(first, model, actuator)
     for other in recordings[1:]:
         check_alike(first, other)
 
@@ -225,17 +235,15 @@ def _without_bad_voltage(run: NominalRun, trace: Trace) -> Any:
     return rows
 
 
-def _check_described(first: NominalRecording, described: Any, actuator: str) -> None:
+def _check_described(first: NominalRecording, model: Actuator, actuator: str | Path) -> None:
     """Check that all channels are sensors or inputs of the described actuator."""
-    if not isinstance(described, dict) or "name" not in described:
-        raise ConfigurationError(f"{actuator}: not an actuator description: 'name' is missing")
-    known = {*described.get("sensors", ()), *described.get("inputs", ())}
+    known = {*model.sensors, *model.inputs}
     strange = [channel for channel in first.channels if channel not in known]
     if strange:
         raise CalibrationError(
             f"{first.run.name}: channel {strange[0]} is not a sensor of actuator "
-            f"{shown(described['name'])} ({actuator}): choose the matching description with "
-            "--actuator"
+            f"{shown(model.name)} ({actuator}): choose the matching stand "
+            "with --stand, or its description with --actuator"
         )
 
 

@@ -120,9 +120,8 @@ class Campaign:
     """All of a campaign file."""
 
     name: str = parameter("campaign", "for people")
-    calibration: str = parameter(
-        "", "a file; empty: the simulated stand's; halves: cross-calibration"
-    )
+    stand: str = parameter("flea", "name of a shipped stand, or the folder of one as a path")
+    calibration: str = parameter("", "a file; empty: the stand's; halves: cross-calibration")
     classifier: str = parameter(
         "", "network that `flea features train` made, for the configuration feature_classifier"
     )
@@ -136,6 +135,28 @@ class Campaign:
     """Truth -> faults that a right group may hold, if not the truth alone."""
     sources: tuple[Source, ...] = ()
     folder: Path = Path()
+
+    def stand_path(self) -> str:
+        """The stand as ``load_stand`` takes it: a path is one from the campaign's folder."""
+        from flea_diag.configuration.files import is_bare
+
+        return self.stand if is_bare(self.stand) else str((self.folder / self.stand).resolve())
+
+    def calibration_path(self) -> str:
+        """The calibration file: in the campaign's folder, else shipped; empty: the stand's.
+
+        Raises
+        ------
+        ConfigurationError
+            A bare name is neither.
+        """
+        from flea_diag.configuration.files import config_path, is_bare
+
+        if self.calibration in ("", HALVES):
+            return ""
+        path = self.folder / self.calibration
+        bare = is_bare(self.calibration) and not path.is_file()
+        return str(config_path(self.calibration) if bare else path)
 
     def expected(self, truth: str) -> tuple[str, ...]:
         """Faults that a right final group may hold; empty: no alarm is expected."""
@@ -158,14 +179,14 @@ def load_campaign(path: Path) -> Campaign:
     if path.is_dir():
         source = Recordings(name=path.resolve().name, files=(str(path.resolve()),))
         return Campaign(name=path.resolve().name, sources=(source,))
-    from flea_diag.configuration import load_yaml
+    from flea_diag.configuration.files import load_yaml
 
-    found = path if path.is_file() or path.parent != Path() else _shipped(path)
+    found = path.absolute() if path.exists() or path.parent != Path() else _shipped(path)
     return campaign_from_mapping(load_yaml(found), str(path), found.resolve().parent)
 
 
 def _shipped(name: Path) -> Path:
-    from flea_diag.configuration import config_path
+    from flea_diag.configuration.files import config_path
 
     return config_path(f"campaigns/{name.name}")
 

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
+from flea_diag.configuration.files import DEFAULT_STAND
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.tools.campaign.campaign import (
     CLASSIFIER,
@@ -66,6 +67,7 @@ class Case:
     recipe: Recipe
     configuration: str = HYBRID
     fold: str = ""
+    stand: str = ""
     calibration: str = ""
     learned_from: tuple[str, ...] = ()
     classifier: str = ""
@@ -94,13 +96,16 @@ class CampaignPlan:
 
     def __iter__(self) -> Iterator[Case]:
         """The runs."""
-        classifier = _found(self.campaign, self.campaign.classifier)
+        named = self.campaign.classifier
+        classifier = str(self.campaign.folder / named) if named else ""
+        stand = self.campaign.stand_path()
         nominal = _taught(self.campaign, self.recordings)
         for name in self.campaign.configurations:
             for case in _once(self.campaign, self.recordings):
                 yield replace(
                     case,
                     configuration=name,
+                    stand=stand,
                     learned_from=case.learned_from or nominal,
                     classifier=classifier if name == CLASSIFIER else "",
                 )
@@ -152,6 +157,8 @@ def plan_sha256(campaign: Campaign, cases: Iterable[Case]) -> str:
     for number, case in enumerate(cases):
         content = {**asdict(case), "calibration": ""}
         del content["classifier"]  # a path, like the calibration: not part of the plan
+        if case.stand == DEFAULT_STAND:
+            del content["stand"]  # plans from before there were others say the same
         text = json.dumps(content, sort_keys=True)
         digest.update((f", {text}" if number else text).encode())
     expected = json.dumps({k: list(v) for k, v in campaign.expect.items()}, sort_keys=True)
@@ -174,17 +181,6 @@ def _of(source: Any, campaign: Campaign, recordings: RecordingSet) -> Iterator[C
 # --- simulated ----------------------------------------------------------------------------
 
 
-def _calibration(campaign: Campaign) -> str:
-    """Calibration for simulated runs: the stand's own unless the campaign names a file."""
-    return "" if campaign.calibration == HALVES else _found(campaign, campaign.calibration)
-
-
-def _found(campaign: Campaign, name: str) -> str:
-    """A file in the campaign's folder if it exists, else the name as it is."""
-    path = campaign.folder / name
-    return str(path) if path.is_file() else name
-
-
 def _drawn(source: Drawn, campaign: Campaign) -> Iterator[Case]:
     from flea_sim_driver.scenario import table4
     from flea_sim_driver.scenario.scenario_file import scenario_to_mapping
@@ -203,7 +199,7 @@ def _drawn(source: Drawn, campaign: Campaign) -> Iterator[Case]:
     for row, scenario in table4.draw(rows, source.seed, shared):
         name = f"{source.name}/{_slug(row.title)}/{scenario.run.name}"
         recipe = Recipe(scenario=scenario_to_mapping(scenario))
-        yield Case(name, "simulated", row.title, recipe, calibration=_calibration(campaign))
+        yield Case(name, "simulated", row.title, recipe, calibration=campaign.calibration_path())
 
 
 def _table_row(row: FaultCases, times: int) -> Any:
@@ -240,7 +236,7 @@ def _scenarios(source: Scenarios, campaign: Campaign) -> Iterator[Case]:
                 "simulated",
                 found.run.name,
                 Recipe(scenario=scenario_to_mapping(scenario)),
-                calibration=_calibration(campaign),
+                calibration=campaign.calibration_path(),
             )
 
 

@@ -100,8 +100,7 @@ class RecordingSet:
     def calibrations(self, run: RecordedRun) -> Iterator[tuple[str, str]]:
         """Folds that may score a run, each with its calibration file."""
         if self._campaign.calibration != HALVES:
-            path = self._campaign.folder / self._campaign.calibration
-            yield "", str(path) if path.is_file() else self._campaign.calibration
+            yield "", self._campaign.calibration_path()
             return
         for fold, half in zip(FOLDS, self.halves, strict=True):
             if run not in half:
@@ -142,6 +141,7 @@ class RecordingSet:
             warn(f"{error}; runs that need this recording will fail")
 
     def _calibrate(self, fold: str, half: Sequence[RecordedRun]) -> None:
+        from flea_diag.configuration.stand import load_stand
         from flea_diag.tools.calibrate import calibrate as tool
         from flea_diag.tools.calibrate.nominal_recording import read_nominal
 
@@ -153,7 +153,8 @@ class RecordingSet:
                 "needs at least 2: name more, or give a calibration file"
             )
         recordings, _ = read_nominal([run.bag for run in half])
-        made = tool.calibrate(recordings, "actuator.yaml", tool.FALSE_ALARMS_PER_HOUR)
+        described = load_stand(self._campaign.stand_path()).actuator
+        made = tool.calibrate(recordings, described, tool.FALSE_ALARMS_PER_HOUR)
         tool.write_calibration(self._file_of(fold), made)
 
 

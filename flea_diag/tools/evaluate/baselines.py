@@ -11,6 +11,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from flea_diag.configuration.files import config_path
+from flea_diag.configuration.stand import Stand
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.stages import Stage
 from flea_diag.tools.campaign.campaign import CLASSIFIER
@@ -23,9 +25,9 @@ ACCELEROMETER = "accelerometer"
 
 @dataclass(frozen=True)
 class Setting:
-    """What a diagnoser learned from: a calibration, its nominal bags, a network."""
+    """What a diagnoser rests on: a stand, the nominal bags of its calibration, a network."""
 
-    calibration: Path | None = None
+    stand: Stand
     nominal: tuple[Path, ...] = ()
     classifier: Path | None = None
 
@@ -69,11 +71,16 @@ class WithoutVibration:
 
 def _hybrid(**given: Any) -> Callable[[Setting], Stage]:
     def make(setting: Setting) -> Stage:
-        from flea_diag.configuration import make_pipeline
+        from flea_diag.configuration.component import make_pipeline
 
-        return make_pipeline(setting.calibration, **given)
+        return make_pipeline(setting.stand, **given)
 
     return make
+
+
+def _paper(setting: Setting) -> Stage:
+    stand = replace(setting.stand, features=config_path(PAPER_TABLE))
+    return _hybrid(likelihood=False, strategy="paper")(replace(setting, stand=stand))
 
 
 def _without_vibration(setting: Setting) -> Stage:
@@ -81,26 +88,30 @@ def _without_vibration(setting: Setting) -> Stage:
 
 
 def _structural(setting: Setting) -> Stage:
-    from flea_diag.configuration import knowledge, load_calibration, relations
+    from flea_diag.configuration.calibrations import learned
+    from flea_diag.configuration.knowledge import knowledge, relations
     from flea_diag.core.signatures.structural import without_signs
     from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
     from flea_diag.stages.observer.observer import ObserverStage
     from flea_diag.stages.observer.observer_parameters import ObserverParameters
     from flea_diag.stages.pipeline import Pipeline
 
-    calibration = load_calibration(setting.calibration or "")
-    known = knowledge(calibration)
+    calibration = learned(setting.stand)
+    known = knowledge(setting.stand, calibration)
     signatures = {quadrant: without_signs(table) for quadrant, table in known.signatures.items()}
     isolator = IsolatorStage(
         replace(known, signatures=signatures),
         IsolatorParameters(likelihood=False, gating=False, source="replay"),
     )
-    observer = ObserverStage(calibration, relations(calibration), ObserverParameters())
+    observer = ObserverStage(
+        calibration, relations(setting.stand, calibration), ObserverParameters()
+    )
     return WithoutVibration(Pipeline((observer, isolator)))
 
 
 def _limits(setting: Setting) -> Stage:
-    from flea_diag.configuration import knowledge, load_calibration
+    from flea_diag.configuration.calibrations import learned
+    from flea_diag.configuration.knowledge import knowledge
     from flea_diag.stages.baselines.limit_check import LimitCheckStage
 
     if not setting.nominal:
@@ -108,7 +119,7 @@ def _limits(setting: Setting) -> Stage:
             "limit checks need nominal bags to learn from: name some under `learn_from` "
             "in the campaign"
         )
-    known = knowledge(load_calibration(setting.calibration or ""))
+    known = knowledge(setting.stand, learned(setting.stand))
     return LimitCheckStage(_channel_limits(setting.nominal), known.faults)
 
 
@@ -153,7 +164,7 @@ BASELINES: dict[str, Baseline] = {
         Baseline(
             "paper",
             "the paper's isolation: signs, then its literal tree over its Table 3",
-            _hybrid(likelihood=False, strategy="paper", features=PAPER_TABLE),
+            _paper,
         ),
         Baseline("structural", "residuals that react, without signs or features", _structural),
         Baseline("limit_checks", "each channel against its nominal extremes", _limits),

@@ -96,11 +96,12 @@ def _records(case: Case) -> Iterable[Record]:
 
 
 def _stage(case: Case) -> Stage:
+    from flea_diag.configuration.stand import load_stand
     from flea_diag.tools.evaluate.baselines import Setting, baseline
 
-    calibration = Path(case.calibration) if case.calibration else None
+    stand = load_stand(case.stand, calibration=case.calibration)
     bags = tuple(Path(bag) for bag in case.learned_from)
-    setting = Setting(calibration, bags, Path(case.classifier) if case.classifier else None)
+    setting = Setting(stand, bags, Path(case.classifier) if case.classifier else None)
     return baseline(case.configuration).make(setting)
 
 

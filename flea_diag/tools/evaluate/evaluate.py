@@ -7,6 +7,7 @@ import os
 import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.extra import require
 from flea_diag.tools.planned_runs import add_option, check_planned
+from flea_diag.tools.stand_option import add_stand
 from flea_diag.tools.terminal import IN_PART, say, warn, write_json, write_text
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ examples:
   flea evaluate small.yaml -o results/small          a campaign that is installed with flea
   flea evaluate table4.yaml -o results/table4 -j 4   four processes; Ctrl-C stops, it can resume
   flea evaluate bags/ -o results/bags                every bag of a folder
+  flea evaluate bags/ --stand ./mine                 bags of a stand of your own
   flea evaluate real.yaml -o results/real --dask tcp://10.0.0.5:8786
 
 The same command resumes a campaign that was interrupted, and repeats runs that failed.
@@ -59,6 +62,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="runs to draw, wrong ones first (default: 400, about 70 kB each)",
     )
+    add_stand(parser)
+    parser.add_argument(
+        "--calibration", metavar="FILE", help="calibration instead of the campaign's own"
+    )
     add_option(parser)
     parser.add_argument("--force", action="store_true", help="delete earlier results, start again")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no tables")
@@ -76,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     # Checked now, not when the report is written after hours.
     require("evaluate", "evaluate")
     jobs = _jobs(arguments.jobs)
-    campaign = load_campaign(arguments.campaign)
+    campaign = _on_stand(load_campaign(arguments.campaign), arguments)
     folder: Path = (arguments.output or Path("evaluations") / campaign.name).resolve()
     recordings = RecordingSet(campaign, folder)
     planned = run_count(campaign, recordings)
@@ -101,6 +108,26 @@ def run(arguments: argparse.Namespace) -> int:
                 warn(f"{len(done)} of {len(cases)} runs are done; the same command resumes")
                 raise
             return _score(campaign, done, folder, arguments.drawn, quiet=arguments.quiet)
+
+
+def _on_stand(campaign: Campaign, arguments: argparse.Namespace) -> Campaign:
+    """The campaign with the stand and the calibration that the arguments name."""
+    from flea_diag.configuration.calibrations import learned
+    from flea_diag.configuration.files import given_file, is_bare
+    from flea_diag.configuration.stand import load_stand
+    from flea_diag.tools.campaign.campaign import HALVES
+
+    if arguments.stand:
+        bare = is_bare(arguments.stand)
+        stand = arguments.stand if bare else str(Path(arguments.stand).absolute())
+        campaign = replace(campaign, stand=stand)
+    if arguments.calibration:
+        found = given_file(arguments.calibration).absolute()
+        campaign = replace(campaign, calibration=str(found))
+    stand = load_stand(campaign.stand_path(), calibration=campaign.calibration_path())
+    if campaign.calibration != HALVES:
+        learned(stand)  # refused now, not in every run
+    return campaign
 
 
 def _jobs(given: int | None) -> int:

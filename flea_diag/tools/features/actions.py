@@ -8,8 +8,10 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from flea_diag.configuration import load_features, load_yaml
-from flea_diag.core.bond_graph.actuator import actuator
+from flea_diag.configuration.description import faults_of
+from flea_diag.configuration.files import given_file
+from flea_diag.configuration.knowledge import load_features
+from flea_diag.configuration.stand import Stand
 from flea_diag.core.choice.diagnosis_tree import build, render
 from flea_diag.core.choice.feature_choice import FeatureChooser
 from flea_diag.core.choice.feature_learning import (
@@ -23,7 +25,6 @@ from flea_diag.core.choice.feature_learning import (
     rank,
     select,
 )
-from flea_diag.core.faults.fault import catalogue
 from flea_diag.core.vibration.features import FEATURES, FeatureId
 from flea_diag.core.vibration.level_learning import LEAST_RUNS, learn_levels
 from flea_diag.core.vibration.nominal_range import NominalRange
@@ -38,6 +39,7 @@ from flea_diag.tools.features.stand import SEVERITIES
 from flea_diag.tools.features.table_file import Making, table_mapping, write_table
 from flea_diag.tools.features.tree_picture import draw_tree
 from flea_diag.tools.planned_runs import check_planned
+from flea_diag.tools.stand_option import chosen_stand
 from flea_diag.tools.terminal import progress, say
 
 KEPT = (
@@ -87,7 +89,7 @@ def _bench(_: argparse.Namespace) -> int:
 
 
 def _tree(arguments: argparse.Namespace) -> int:
-    table = load_features(str(arguments.table))
+    table = load_features(given_file(arguments.table))
     faults = arguments.faults or table.faults
     _known(faults, table.faults, str(arguments.table))
     if not 0.0 <= arguments.rarest < 1.0:
@@ -104,6 +106,7 @@ def _tree(arguments: argparse.Namespace) -> int:
 
 
 def _learn(arguments: argparse.Namespace) -> int:
+    stand = _stand(arguments)
     runs, source, failed = labelled_runs(arguments)
     samples = [sample for run in runs for sample in run.samples]
     ids = _candidates(samples)
@@ -125,7 +128,9 @@ def _learn(arguments: argparse.Namespace) -> int:
         bench.FLEA_SCREW.orders(),
     )
     levels = _levels(runs, arguments.hop)
-    mapping = table_mapping(learned, chosen, answers, costs, levels, _unaffected(learned), making)
+    mapping = table_mapping(
+        learned, chosen, answers, costs, levels, _unaffected(learned, stand), making
+    )
     write_table(arguments.output, mapping, _header(arguments, making, learned))
     _print_ranking(ranking, chosen, learned)
     say(f"{arguments.output}: {len(chosen)} features, {len(learned.faults)} faults learned")
@@ -144,7 +149,7 @@ def _train(arguments: argparse.Namespace) -> int:
 
 
 def _judge(arguments: argparse.Namespace) -> int:
-    table = load_features(str(arguments.table))
+    table = load_features(given_file(arguments.table))
     group = [name for name in arguments.group.split(",") if name] or list(table.faults)
     _known(group, table.faults, str(arguments.table))
     runs, source, failed = labelled_runs(
@@ -180,8 +185,10 @@ def _study(arguments: argparse.Namespace) -> int:
     _known(faults, SEVERITIES, "study")
     if arguments.draw:
         require("plot", "--draw")
-    plan = study.Plan(faults, arguments.table, arguments.classifier)
-    seeds = seeds_of(arguments.stand)
+    stand = _stand(arguments)
+    table = given_file(arguments.table) if arguments.table else stand.features
+    plan = study.Plan(faults, stand, table, arguments.classifier)
+    seeds = seeds_of(arguments.seeds)
     count = len(seeds) * len(faults)
     check_planned(count, "features study", allow_large=arguments.allow_large)
     runs: list[study.Study] = []
@@ -213,6 +220,16 @@ def _bearing(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _stand(arguments: argparse.Namespace) -> Stand:
+    """The stand of the arguments; a range of seeds is refused with the option that takes it."""
+    if ":" in arguments.stand:
+        raise ConfigurationError(
+            f"features: --stand = {shown(arguments.stand)} is no stand; seeds of simulated runs "
+            "are given by --seeds FIRST:LAST"
+        )
+    return chosen_stand(arguments)
+
+
 def _known(faults: Iterable[str], known: Iterable[str], what: str) -> None:
     unknown = sorted(set(faults) - set(known))
     if unknown:
@@ -239,10 +256,9 @@ def _candidates(samples: Sequence[Sample]) -> list[str]:
     return [feature for feature in ids if FeatureId.parse(feature).feature.name not in LEFT_OUT]
 
 
-def _unaffected(learned: FeatureStatistics) -> list[str]:
+def _unaffected(learned: FeatureStatistics, stand: Stand) -> list[str]:
     """Faults of the catalogue that affect neither an accelerometer nor the operating point."""
-    described = actuator(load_yaml("actuator.yaml"), "actuator.yaml")
-    rows = catalogue(load_yaml("faults.yaml"), described)
+    rows = faults_of(stand.actuator, stand.faults)
     return [
         name
         for name, row in rows.items()
@@ -286,8 +302,8 @@ def _levels(runs: Sequence[FeatureRun], hop_s: float) -> dict[str, dict[str, Nom
 
 def _header(arguments: argparse.Namespace, making: Making, learned: FeatureStatistics) -> list[str]:
     command = f"flea features learn <{len(arguments.bags)} bags>"
-    if arguments.stand:
-        command = f"flea features learn --stand {arguments.stand} --loads {arguments.loads}"
+    if arguments.seeds:
+        command = f"flea features learn --seeds {arguments.seeds} --loads {arguments.loads}"
     counts = ", ".join(f"{fault} {count}" for fault, count in learned.counts.items())
     return [
         f"{making.title}. Made by",

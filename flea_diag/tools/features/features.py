@@ -7,6 +7,7 @@ from pathlib import Path
 
 from flea_diag.tools.argument import count, positive, share
 from flea_diag.tools.planned_runs import add_option
+from flea_diag.tools.stand_option import add_stand
 
 NAME = "features"
 SUMMARY = "list and measure vibration features; learn, score and show fault feature tables"
@@ -14,10 +15,10 @@ EXAMPLES = """\
 examples:
   flea features list                                    list ids, units, costs and meanings
   flea features learn bags/* -o feature_table.yaml      learn a table from labelled bags
-  flea features judge feature_table.yaml --stand 0:20   score a table on simulated runs
+  flea features judge feature_table.yaml --seeds 0:20   score a table on simulated runs
   flea features tree feature_table.yaml jam spall       show the diagnosis tree of a group
   flea features train bags/* -o classifier.json         train the feature-only classifier
-  flea features study --stand 0:20 --draw sizes.svg     accuracy of the diagnosis by fault size
+  flea features study --seeds 0:20 --draw sizes.svg     accuracy of the diagnosis by fault size
 """
 
 STRATEGIES = "paper, balanced, information or optimal"
@@ -31,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _learn_arguments(commands.add_parser("learn", help="learn a table from labelled bags"))
     _judge_arguments(commands.add_parser("judge", help="score a table on runs not learned from"))
     tree = commands.add_parser("tree", help="print the diagnosis tree of a table")
-    tree.add_argument("table", type=Path, help="fault feature table, YAML")
+    tree.add_argument("table", help="fault feature table, YAML")
     tree.add_argument("faults", nargs="*", help="initial group (default: all faults of the table)")
     tree.add_argument(
         "--strategy", default="optimal", help=f"choice of features: {STRATEGIES} (%(default)s)"
@@ -66,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _learn_arguments(parser: argparse.ArgumentParser) -> None:
     _run_arguments(parser)
+    add_stand(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, help="table to write")
     parser.add_argument(
         "--false-alarm-rate",
@@ -80,15 +82,14 @@ def _learn_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _study_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--stand", metavar="FIRST:LAST", required=True, help="seeds of the runs")
+    add_stand(parser)
+    parser.add_argument("--seeds", metavar="FIRST:LAST", required=True, help="seeds of the runs")
     parser.add_argument(
         "--faults",
         default="spall,jam,ball_nut_friction,accelerometer_2_fault",
         help="faults to simulate, comma-separated (%(default)s)",
     )
-    parser.add_argument(
-        "--table", default="feature_table.yaml", help="fault feature table (%(default)s)"
-    )
+    parser.add_argument("--table", help="fault feature table (default: that of the stand)")
     parser.add_argument("--jobs", type=count, default=1, help="parallel processes (%(default)s)")
     parser.add_argument(
         "--classifier", type=Path, metavar="FILE", help="compare with this classifier"
@@ -101,7 +102,7 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _judge_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("table", type=Path, help="fault feature table, YAML")
+    parser.add_argument("table", help="fault feature table, YAML")
     _run_arguments(parser)
     parser.add_argument(
         "--windows", type=count, default=1, help="windows available per run (%(default)s)"
@@ -121,7 +122,7 @@ def _judge_arguments(parser: argparse.ArgumentParser) -> None:
 def _run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bags", nargs="*", type=Path, help="bags with truth")
     parser.add_argument(
-        "--stand",
+        "--seeds",
         metavar="FIRST:LAST",
         help="simulate runs with these seeds (LAST excluded) instead",
     )

@@ -25,8 +25,8 @@ def labelled_runs(
         Neither bags nor seeds are given, or loads or seeds are invalid.
     """
     grid = Grid(arguments.window, arguments.hop, bench.FLEA_SCREW.orders())
-    if arguments.stand:
-        seeds, loads = seeds_of(arguments.stand), _loads(arguments.loads)
+    if arguments.seeds:
+        seeds, loads = seeds_of(arguments.seeds), _loads(arguments.loads)
         planned = len(seeds) * (len(faults) + 4 * nominal)
         check_planned(planned, "features", allow_large=arguments.allow_large)
         # Four times as many nominal runs as runs of a fault: ranges need more windows than entries.
@@ -34,9 +34,9 @@ def labelled_runs(
         if nominal:
             more = range(seeds.start * 10, seeds.start * 10 + 4 * len(seeds))
             runs += stand_runs(more, ["nominal"], arguments.duration, grid, arguments.jobs, loads)
-        return runs, f"simulated stand, seeds {arguments.stand}, loads {arguments.loads} N", 0
+        return runs, f"simulated stand, seeds {arguments.seeds}, loads {arguments.loads} N", 0
     if not arguments.bags:
-        raise ConfigurationError("features: give bags, or --stand FIRST:LAST")
+        raise ConfigurationError("features: give bags, or --seeds FIRST:LAST")
     runs, failed = [], 0
     for directory in arguments.bags:
         try:
@@ -61,7 +61,7 @@ def seeds_of(text: str) -> range:
     first, _, last = text.partition(":")
     if not (first.isdecimal() and last.isdecimal() and int(first) < int(last)):
         raise ConfigurationError(
-            f"features: --stand = {shown(text)} must be FIRST:LAST, such as 0:20"
+            f"features: --seeds = {shown(text)} must be FIRST:LAST, such as 0:20"
         )
     return range(int(first), int(last))
 

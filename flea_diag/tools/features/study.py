@@ -13,7 +13,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from flea_diag.configuration import load_features, make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.knowledge import load_features
+from flea_diag.configuration.stand import Stand
 from flea_diag.core.choice.classifier import Classifier
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.vibration.features import compute_all
@@ -52,10 +54,14 @@ EVERY_S = 1.0
 
 @dataclass(frozen=True)
 class Plan:
-    """Settings common to all runs of a study: faults, feature table, classifier."""
+    """Settings common to all runs of a study: faults, stand, feature table, classifier.
+
+    The whole diagnosis is that of the stand; ``table`` is what features alone are judged by.
+    """
 
     faults: tuple[str, ...]
-    table: str = "feature_table.yaml"
+    stand: Stand
+    table: Path
     classifier: Path | None = None
 
 
@@ -107,9 +113,9 @@ class Study:
 def study_run(fault: str, seed: int, plan: Plan) -> Study:
     """Simulate and diagnose one run."""
     mapping = drawn_scenario(seed, fault, DURATION_S, ONSET_S)
-    stand = SimulatedStand(scenario_from_mapping(mapping, f"seed {seed}"))
-    records = [r for r in stand if isinstance(r, ChannelTable | Scan | VibrationBlock | Truth)]
-    pipeline = make_pipeline(None)
+    simulated = SimulatedStand(scenario_from_mapping(mapping, f"seed {seed}"))
+    records = [r for r in simulated if isinstance(r, ChannelTable | Scan | VibrationBlock | Truth)]
+    pipeline = make_pipeline(plan.stand)
     said = [caused for record in records for caused in pipeline.handle(record)]
     said += pipeline.finish()
     groups = [record for record in said if isinstance(record, AmbiguityGroup)]

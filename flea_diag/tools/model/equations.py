@@ -5,7 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from flea_diag.tools.stand_option import chosen_stand
+
 if TYPE_CHECKING:
+    from flea_diag.configuration.stand import Stand
     from flea_diag.core.bond_graph.actuator_model import Actuator
     from flea_diag.core.calibration.calibration import Calibration
     from flea_diag.core.residuals.relation_set import RelationSet
@@ -15,7 +18,7 @@ def equations(model: Actuator, arguments: argparse.Namespace) -> tuple[dict[str,
     """State equations of each model, relations as drawn, and relations as they run."""
     states, lines = _state_equations(model, arguments)
     drawn = _drawn(model)
-    calibration = _calibration(model, arguments)
+    calibration = _calibration(arguments)
     known = _compiled(model, arguments, calibration)
     run = {row.name: str(row.expression) for row in known.relations}
     numbers = _numbers(model, known, calibration)
@@ -65,24 +68,24 @@ def _drawn(model: Actuator) -> dict[str, str]:
     return found
 
 
-def _calibration(model: Actuator, arguments: argparse.Namespace) -> Calibration | None:
-    from flea_diag.configuration import load_calibration, require_actuator
+def _calibration(arguments: argparse.Namespace) -> Calibration | None:
+    from flea_diag.configuration.calibrations import learned
 
-    if not arguments.calibration:
-        return None
-    calibration = load_calibration(arguments.calibration)
-    require_actuator(calibration, model.name, arguments.actuator)
-    return calibration
+    return learned(_stand(arguments)) if arguments.calibration else None
+
+
+def _stand(arguments: argparse.Namespace) -> Stand:
+    return chosen_stand(arguments, "actuator", "calibration")
 
 
 def _compiled(
     model: Actuator, arguments: argparse.Namespace, calibration: Calibration | None
 ) -> RelationSet:
-    from flea_diag.configuration import relations
+    from flea_diag.configuration.knowledge import relations
     from flea_diag.core.residuals.relation_set import relation_set
 
     if calibration is not None:
-        return relations(calibration, arguments.actuator)
+        return relations(_stand(arguments), calibration)
     names = [name for name, spec in model.residuals.items() if spec.kind != "measurement"]
     # Without a calibration nothing is a number yet: every parameter keeps its name.
     held = {*model.base_parameters, *model.graph.parameters} - set(model.predicted)

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
-from flea_diag.configuration import load_features
+from flea_diag.configuration.files import config_path
+from flea_diag.configuration.knowledge import load_features
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 
-TABLES = ("feature_table.yaml", "feature_table_paper.yaml")
-"""The learned table, and the table of the founding paper."""
+PAPER_TABLE = "feature_table_paper.yaml"
+"""Table of the founding paper."""
 
 
-def never_split(faults: Iterable[str]) -> dict[str, list[list[str]]]:
-    """Groups of faults with equal symbols in every feature, by title of the table."""
+def never_split(features: Path, faults: Iterable[str]) -> dict[str, list[list[str]]]:
+    """Groups of faults with equal symbols in every feature, by title of the table.
+
+    The tables are that of the stand and that of the founding paper.
+    """
     faults = list(faults)
-    tables = [load_features(name) for name in TABLES]
+    tables = [load_features(path) for path in (features, config_path(PAPER_TABLE))]
     return {table.title: _groups(table, faults) for table in tables}
 
 

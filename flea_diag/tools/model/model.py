@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.model import views as model_views
+from flea_diag.tools.stand_option import add_stand
 from flea_diag.tools.terminal import say
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ examples:
   flea model show --svg graph.svg                     causality assignment, and a drawing
   flea model equations --model driven                 equations integrated by the observer
   flea model equations --calibration mine.yaml        relations that run, with calibrated numbers
+  flea model signatures --stand ./mine                of a stand of your own
   flea model tcg --from motor_speed-                  faults that explain a low speed
   flea model signatures --rate 100                    signatures as sampled at 100 Hz
   flea model signatures --quadrant i-,w+ --json       initial signatures while braking
@@ -32,18 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add = parser.add_argument
     add("view", choices=model_views.VIEWS, help="view to show")
-    add(
-        "--actuator",
-        default="actuator.yaml",
-        metavar="FILE",
-        help="actuator description (default %(default)s)",
-    )
-    add(
-        "--faults",
-        default="faults.yaml",
-        metavar="FILE",
-        help="fault catalogue (default %(default)s)",
-    )
+    add_stand(parser)
+    add("--actuator", metavar="FILE", help="actuator description (default: that of the stand)")
+    add("--faults", metavar="FILE", help="fault catalogue (default: that of the stand)")
     add(
         "--model",
         default=None,

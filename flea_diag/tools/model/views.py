@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import itertools
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.model.equations import equations
+from flea_diag.tools.stand_option import chosen_stand
 
 if TYPE_CHECKING:
+    from flea_diag.configuration.stand import Stand
     from flea_diag.core.bond_graph.actuator_model import Actuator
     from flea_diag.core.causal_graph.operating_point import Quadrant
     from flea_diag.core.faults.fault import Fault
@@ -121,7 +122,7 @@ def _diagnosability(model: Actuator, arguments: argparse.Namespace) -> View:
             "Additional sensors that would separate faults other than sensor faults:",
             *(f"  {words}" for words in helpful),
         ]
-    by_features = never_split(faults)
+    by_features = never_split(_stand(arguments).features, faults)
     lines += in_words(by_features)
     content = {
         "sensors": list(model.sensors),
@@ -171,11 +172,15 @@ def model_of(arguments: argparse.Namespace) -> Actuator:
 
 
 def _whole(arguments: argparse.Namespace) -> Actuator:
-    from flea_diag.configuration import load_yaml
+    from flea_diag.configuration.files import load_yaml
     from flea_diag.core.bond_graph.actuator import actuator
 
-    content, name = load_yaml(arguments.actuator), Path(arguments.actuator).name
-    return actuator(content, name, sound=arguments.view != "show")
+    path = _stand(arguments).actuator
+    return actuator(load_yaml(path), path.name, sound=arguments.view != "show")
+
+
+def _stand(arguments: argparse.Namespace) -> Stand:
+    return chosen_stand(arguments, "actuator", "faults")
 
 
 def _fitted(arguments: argparse.Namespace, whole: Actuator) -> list[str]:
@@ -183,10 +188,11 @@ def _fitted(arguments: argparse.Namespace, whole: Actuator) -> list[str]:
 
 
 def _faults(model: Actuator, arguments: argparse.Namespace) -> dict[str, Fault]:
-    from flea_diag.configuration import load_yaml
+    from flea_diag.configuration.files import load_yaml
     from flea_diag.core.faults.fault import catalogue
 
-    known = catalogue(load_yaml(arguments.faults), model, Path(arguments.faults).name)
+    path = _stand(arguments).faults
+    known = catalogue(load_yaml(path), model, path.name)
     for name in arguments.fault or ():
         if name not in known:
             raise ConfigurationError(f"--fault {name} is unknown: choose of {', '.join(known)}")

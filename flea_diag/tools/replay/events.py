@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from flea_diag.errors import RecordingError
+from flea_diag.tools.stand_option import add_calibration, add_stand, given_stand
 from flea_diag.tools.terminal import say
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ The events are a bag of their own, of rcl_interfaces/Log on /episodes: open it t
 recording. Foxglove lists them in its Log panel, whose scroll bar marks warnings and errors.
 """
 TOPIC = "episodes"
+ANEW = "calibration; with it, or with --stand, the bag is diagnosed again"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,12 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="BAGDIR", help="new bag (default: BAGDIR_events)"
     )
-    parser.add_argument(
-        "--calibration",
-        type=Path,
-        metavar="FILE",
-        help="diagnose the bag again with this calibration, ignoring the recorded diagnosis",
-    )
+    add_stand(parser)
+    add_calibration(parser, ANEW)
 
 
 class Event(NamedTuple):
@@ -59,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     source: Path = arguments.bag
     target = arguments.output or source.with_name(f"{source.name}_events")
     kinds = Detection, AmbiguityGroup, Remark
-    found = list(events(diagnosis(source, arguments.calibration, kinds)))
+    found = list(events(diagnosis(source, given_stand(arguments), kinds)))
     write(target, found)
     say(f"{target}: {len(found)} events")
     return 0

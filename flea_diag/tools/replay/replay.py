@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError, shown
 from flea_diag.tools.numeric_backend import numeric_backend
+from flea_diag.tools.stand_option import add_calibration, add_stand, chosen_stand
 from flea_diag.tools.terminal import IN_PART, make_folder, progress, say, warn, write_json
 
 if TYPE_CHECKING:
+    from flea_diag.configuration.stand import Stand
     from flea_diag.stages.pipeline import Pipeline
     from flea_diag.wire.blocks import Block, ScanBlock
     from flea_diag.wire.records import Record
@@ -25,6 +27,7 @@ EXAMPLES = """\
 examples:
   flea replay bags/run                              print the verdict
   flea replay bags/run --calibration cal.yaml --json -
+  flea replay bags/run --stand ./mine               on a stand of your own
   flea replay bags/* --json results/ -q             write one JSON file per bag
 """
 
@@ -32,12 +35,8 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("bags", nargs="+", type=Path, metavar="BAGDIR", help="bags to diagnose")
-    parser.add_argument(
-        "--calibration",
-        type=Path,
-        metavar="FILE",
-        help="calibration (default: that of the simulated stand)",
-    )
+    add_stand(parser)
+    add_calibration(parser)
     parser.add_argument(
         "--json",
         metavar="OUT",
@@ -50,11 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Replay all bags; a refused bag does not stop the others."""
-    from flea_diag.configuration import make_pipeline
+    from flea_diag.configuration.component import make_pipeline
 
     _check_names(arguments.json, arguments.bags)
+    stand = chosen_stand(arguments, "calibration")
     # The first pipeline is built before any bag is read: a wrong calibration is refused at once.
-    fresh = chain((make_pipeline(arguments.calibration),), _pipelines(arguments.calibration))
+    fresh = chain((make_pipeline(stand),), _pipelines(stand))
     summaries: list[dict[str, Any]] = []
     refused = 0
     for number, (bag, pipeline) in enumerate(zip(arguments.bags, fresh, strict=False), 1):
@@ -72,11 +72,11 @@ def run(arguments: argparse.Namespace) -> int:
     return _status(summaries, refused, len(arguments.bags))
 
 
-def _pipelines(calibration: Path | None) -> Iterator[Pipeline]:
-    from flea_diag.configuration import make_pipeline
+def _pipelines(stand: Stand) -> Iterator[Pipeline]:
+    from flea_diag.configuration.component import make_pipeline
 
     while True:
-        yield make_pipeline(calibration)
+        yield make_pipeline(stand)
 
 
 def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[str, Any]:
@@ -136,10 +136,8 @@ def diagnosed(
     yield from pipeline.finish()
 
 
-def diagnosis(
-    bag: Path, calibration: Path | None, kinds: tuple[type, ...]
-) -> Iterable[Record | Block]:
-    """The diagnosis recorded in a bag; a new one where it holds none, or with a calibration.
+def diagnosis(bag: Path, stand: Stand | None, kinds: tuple[type, ...]) -> Iterable[Record | Block]:
+    """The diagnosis recorded in a bag; a new one where it holds none, or on a given stand.
 
     ``kinds`` are the types of record that are wanted, the verdict among them.
 
@@ -148,19 +146,20 @@ def diagnosis(
     RecordingError
         There is no flea_diag bag.
     """
-    from flea_diag.configuration import make_pipeline
+    from flea_diag.configuration.component import make_pipeline
+    from flea_diag.configuration.stand import load_stand
     from flea_diag.stages.digest import DECISIONS
     from flea_diag.tools.replay.recorded import completed
     from flea_diag.wire.bags.bag import BagReader
     from flea_diag.wire.records import AmbiguityGroup, Hypotheses
 
     reader = BagReader(bag)
-    if calibration is None:
+    if stand is None:
         recorded = [record for _, record in reader.records((*kinds, Hypotheses))]
         if any(isinstance(record, AmbiguityGroup) for record in recorded):
             return completed(recorded)
     given = (*sources(), *(kind for kind in kinds if kind not in (*sources(), *DECISIONS)))
-    return diagnosed(reader.blocks(given), make_pipeline(calibration))
+    return diagnosed(reader.blocks(given), make_pipeline(stand or load_stand()))
 
 
 def _say(summary: dict[str, Any], arguments: argparse.Namespace) -> None:

@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import FleaError
 from flea_diag.formats import stamped
+from flea_diag.tools.stand_option import add_calibration, add_stand, given_stand
 from flea_diag.tools.terminal import IN_PART, progress, say, warn, write_json, write_text
 
 if TYPE_CHECKING:
+    from flea_diag.configuration.stand import Stand
     from flea_diag.wire.records import AmbiguityGroup, ChannelTable
 
 NAME = "trend"
@@ -36,18 +38,15 @@ OF_ACTUATOR = ("motor_current", "motor_voltage", "motor_speed", "actuator_positi
 """Channels with the serial number of the test actuator; the first one given counts."""
 UNKNOWN = "unknown"
 DAY_S = 86400.0
+ANEW = "calibration; with it, or with --stand, bags are diagnosed again, ignoring recorded verdicts"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="bags of any actuators")
     parser.add_argument("--serial", help="use only the actuator with this serial number")
-    parser.add_argument(
-        "--calibration",
-        type=Path,
-        metavar="FILE",
-        help="diagnose the bags again with this calibration, ignoring recorded verdicts",
-    )
+    add_stand(parser)
+    add_calibration(parser, ANEW)
     parser.add_argument("--csv", type=Path, metavar="OUT", help="write one line per estimate")
     parser.add_argument(
         "--json", metavar="OUT", help="write estimates and trends as JSON; - for standard output"
@@ -75,12 +74,13 @@ class Estimate:
 
 def run(arguments: argparse.Namespace) -> int:
     """Collect the estimates of all bags, print and write their trends."""
+    stand = given_stand(arguments)
     found: list[Estimate] = []
     refused = 0
     for number, bag in enumerate(arguments.bags, 1):
         progress(number, len(arguments.bags), bag.name)
         try:
-            found += estimates(bag, arguments.calibration)
+            found += estimates(bag, stand)
         except FleaError as error:
             refused += 1
             warn(str(error))
@@ -99,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
     return IN_PART if refused else 0
 
 
-def estimates(bag: Path, calibration: Path | None = None) -> list[Estimate]:
+def estimates(bag: Path, stand: Stand | None = None) -> list[Estimate]:
     """Sizes at the end of the episodes of a bag.
 
     Raises
@@ -113,7 +113,7 @@ def estimates(bag: Path, calibration: Path | None = None) -> list[Estimate]:
     mounted = owner = ""
     last: dict[int, tuple[AmbiguityGroup, str]] = {}
     # The truth is read for the serial number only: no stage consumes it.
-    for record in diagnosis(bag, calibration, (ChannelTable, Truth, AmbiguityGroup)):
+    for record in diagnosis(bag, stand, (ChannelTable, Truth, AmbiguityGroup)):
         if isinstance(record, ChannelTable):
             mounted = serial_of(record)
         elif isinstance(record, Truth):

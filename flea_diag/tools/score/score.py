@@ -62,9 +62,12 @@ def _utility(said: frozenset[str], truth: frozenset[str], f: int) -> float:
 @cache
 def components() -> Mapping[str, str]:
     """Component of every fault of the catalogue."""
-    from flea_diag.configuration import knowledge, load_calibration
+    from flea_diag.configuration.calibrations import learned
+    from flea_diag.configuration.knowledge import knowledge
+    from flea_diag.configuration.stand import load_stand
 
-    rows = knowledge(load_calibration("")).faults
+    stand = load_stand()
+    rows = knowledge(stand, learned(stand)).faults
     return {name: f"{row.component} {row.channel}".strip() for name, row in rows.items()}
 
 

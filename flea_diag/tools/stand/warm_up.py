@@ -10,15 +10,22 @@ import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
+from flea_diag.tools.stand_option import add_calibration, add_stand, chosen_stand
 from flea_diag.tools.terminal import IN_PART, say, warn, write_json
+
+if TYPE_CHECKING:
+    from flea_diag.configuration.stand import Stand
 
 NAME = "warm-up"
 SUMMARY = "compile ahead what nodes and replays need: the first start is then as quick as any other"
 EXAMPLES = """\
 examples:
   flea warm-up                 as the last step of an installation, or of an image
+  flea warm-up --stand ./mine  for a stand of your own, whose relations are its own code
   flea warm-up --check         status 1 if anything still had to be compiled
   flea warm-up --json -        what was compiled, and how long it took
 """
@@ -43,6 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--check", action="store_true", help="end with status 1 if anything had to be compiled"
     )
     parser.add_argument("--json", metavar="FILE", help="write the result as JSON; - for stdout")
+    add_stand(parser)
+    add_calibration(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -50,7 +59,8 @@ def run(arguments: argparse.Namespace) -> int:
     if find_spec("numba") is None:
         warn("numba is not installed: there is nothing to compile")
     quiet = arguments.json == "-"
-    steps = [_done(part, work, quiet) for part, work in PARTS.items()]
+    stand = chosen_stand(arguments, "calibration")
+    steps = [_done(part, partial(work, stand), quiet) for part, work in PARTS.items()]
     names = [name for step in steps for name in step.compiled]
     if arguments.json:
         rows = [{"part": s.part, "compiled": list(s.compiled), "seconds": s.seconds} for s in steps]
@@ -83,24 +93,25 @@ def _done(part: str, work: Callable[[], None], quiet: bool) -> WarmUpPart:
     return step
 
 
-def _diagnosis() -> None:
-    from flea_diag.configuration import DIAGNOSER
+def _diagnosis(stand: Stand) -> None:
+    from flea_diag.configuration.component import DIAGNOSER
 
-    DIAGNOSER.warm_up(DIAGNOSER.parameters())
+    calibration = str(stand.calibration)
+    DIAGNOSER.warm_up(DIAGNOSER.parameters(stand=str(stand.folder), calibration=calibration))
 
 
-def _stand() -> None:
+def _simulated(_: Stand) -> None:
     from flea_sim_driver.scenario.library import find_scenario
     from flea_sim_driver.stand import SimulatedStand
 
     SimulatedStand(find_scenario("nominal")).advance()
 
 
-def _replay() -> None:
+def _replay(diagnosed: Stand) -> None:
     """Scans of the simulated stand in a block, as a replay reads them from a bag."""
     import numpy as np
 
-    from flea_diag.configuration import make_pipeline
+    from flea_diag.configuration.component import make_pipeline
     from flea_diag.wire.blocks import ScanBlock
     from flea_diag.wire.records import Scan
     from flea_sim_driver.scenario.library import find_scenario
@@ -112,12 +123,12 @@ def _replay() -> None:
         scans += [record for record in stand.advance() if isinstance(record, Scan)]
     stamps_ns = np.array([scan.stamp_ns for scan in scans])
     values = np.array([scan.values for scan in scans])
-    make_pipeline(None).handle_block(ScanBlock(stamps_ns, scans[0].channels, values))
+    make_pipeline(diagnosed).handle_block(ScanBlock(stamps_ns, scans[0].channels, values))
 
 
-PARTS: dict[str, Callable[[], None]] = {
+PARTS: dict[str, Callable[[Stand], None]] = {
     "diagnosis": _diagnosis,
-    "simulated stand": _stand,
+    "simulated stand": _simulated,
     "replay": _replay,
 }
 """Part -> what makes numba compile all of its functions."""

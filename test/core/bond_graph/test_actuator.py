@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, operating_values
 from flea_diag.core.faults.fault import catalogue

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.models import ema_oracle as oracle
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.bond_graph.discretisation import hold, phi_functions, process_noise, scan_step
 from flea_diag.core.bond_graph.state_space import Linear, StateSpace

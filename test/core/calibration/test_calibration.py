@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import stands
 
-from flea_diag import configuration
+from flea_diag.configuration import calibrations, files, knowledge
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import LATER, BadStretch, from_mapping
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.errors import CalibrationError, ConfigurationError, InputError
@@ -24,9 +25,9 @@ def mapping() -> dict:
 def test_a_file_gives_back_what_was_written(tmp_path):
     path = tmp_path / "new" / "calibration.yaml"
     tool.write_calibration(path, stands.calibration())
-    found = configuration.load_calibration(path)
+    found = calibrations.load_calibration(path)
     assert found == stands.calibration()
-    assert configuration.calibration_sha256(found) == configuration.calibration_sha256(
+    assert calibrations.calibration_sha256(found) == calibrations.calibration_sha256(
         stands.calibration()
     )
     assert not list(path.parent.glob("*.part"))
@@ -202,25 +203,25 @@ def test_hostile_yaml_ends_in_one_line(kind, tmp_path):
     path = tmp_path / "c.yaml"
     path.write_text(HOSTILE[kind])
     with pytest.raises(InputError) as refusal:
-        configuration.load_calibration(path)
+        calibrations.load_calibration(path)
     assert str(path) in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path):
     large, foreign = tmp_path / "large.yaml", tmp_path / "foreign.yaml"
-    large.write_bytes(b"#" * (configuration.LARGEST_YAML_BYTES + 1))
+    large.write_bytes(b"#" * (files.LARGEST_YAML_BYTES + 1))
     foreign.write_bytes(b"a: \xff\xfe")
     for path, words in (
-        (large, f"{configuration.LARGEST_YAML_BYTES + 1} bytes, above the limit"),
+        (large, f"{files.LARGEST_YAML_BYTES + 1} bytes, above the limit"),
         (foreign, "not a text file"),
         (tmp_path / "none.yaml", "no such file"),
         (tmp_path, "no such"),
     ):
         with pytest.raises(ConfigurationError, match=words):
-            configuration.load_yaml(path)
+            files.load_yaml(path)
     with pytest.raises(ConfigurationError, match=r"nowhere\.yaml: no such configuration file"):
-        configuration.load_yaml("nowhere.yaml")
+        files.load_yaml("nowhere.yaml")
 
 
 def test_aliases_are_not_multiplied_out(tmp_path):
@@ -228,24 +229,26 @@ def test_aliases_are_not_multiplied_out(tmp_path):
     lines = ["a0: &a0 [x, x]"] + [f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]" for n in range(1, 60)]
     path.write_text("\n".join([*lines, "schema_version: *a59"]))
     with pytest.raises(ConfigurationError, match="more than 100000 values, with its aliases"):
-        configuration.load_calibration(path)
+        calibrations.load_calibration(path)
 
 
 def test_the_digest_is_of_the_content_and_not_of_the_layout(tmp_path):
     one, two = tmp_path / "1.yaml", tmp_path / "2.yaml"
     one.write_text(yaml.safe_dump(mapping(), sort_keys=True))
     two.write_text(yaml.safe_dump(mapping(), default_flow_style=True, sort_keys=False))
-    assert len({configuration.calibration_sha256(configuration.load_calibration(p))
+    assert len({calibrations.calibration_sha256(calibrations.load_calibration(p))
                 for p in (one, two)}) == 1  # fmt: skip
     changed = mapping()
     changed["parameters"]["coulomb_friction_n"] = float(
         np.nextafter(changed["parameters"]["coulomb_friction_n"], 1e9)
     )
-    assert configuration.calibration_sha256(
+    assert calibrations.calibration_sha256(
         from_mapping(changed, "")
-    ) != configuration.calibration_sha256(stands.calibration())
+    ) != calibrations.calibration_sha256(stands.calibration())
 
 
 def test_a_calibration_of_another_actuator_is_refused_by_both_names():
-    with pytest.raises(CalibrationError, match=r"for actuator 'flea', actuator_wing\.yaml .*wing"):
-        configuration.knowledge(stands.calibration(), actuator="actuator_wing.yaml")
+    with pytest.raises(
+        CalibrationError, match=r"for actuator 'flea' .*actuator_wing\.yaml describes 'wing'"
+    ):
+        knowledge.knowledge(load_stand(actuator="actuator_wing.yaml"), stands.calibration())

@@ -8,7 +8,7 @@ from scipy import optimize
 from support import stands
 from support.models import linear_ema as ema
 
-from flea_diag.configuration import compiled_relations
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.identification import identify, robust_fit
 from flea_diag.errors import CalibrationError

@@ -106,7 +106,7 @@ def test_a_stand_gets_limits_for_what_it_can_form_and_for_nothing_else():
 def test_bad_stretches_are_found_left_out_and_named():
     from functools import partial
 
-    from flea_diag.configuration import compiled_relations
+    from flea_diag.configuration.description import compiled_relations
     from flea_diag.core.calibration.calibration import NominalRun
     from flea_diag.core.calibration.identification import identify
     from flea_diag.core.calibration.thresholds import stretches, trace

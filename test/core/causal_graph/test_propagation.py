@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, operating_values
 from flea_diag.core.causal_graph.propagation import (

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from flea_diag.configuration import load_features
+from flea_diag.configuration.knowledge import load_features
 from flea_diag.core.choice.diagnosis_tree import Node, asked_tree, build, follow, leaves, render
 from flea_diag.core.choice.fault_group import entropy, normalised, outcomes, refine, refine_side
 from flea_diag.core.choice.feature_choice import STRATEGIES, FeatureChooser, Rules, next_feature

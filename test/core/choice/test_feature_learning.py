@@ -231,7 +231,7 @@ def test_learn_judge_and_tree_on_a_small_draw(
 ) -> None:
     path = tmp_path / "table.yaml"
     draw = ["--duration", "3.4", "--window", "0.5", "--hop", "0.5"]
-    assert command("learn", "--stand", "0:4", *draw, "--most", "8", "-o", str(path)) == 0
+    assert command("learn", "--seeds", "0:4", *draw, "--most", "8", "-o", str(path)) == 0
     text = path.read_text()
     assert text.startswith("# learned fault feature table. Made by")
     table = FaultFeatureTable.from_mapping(yaml.safe_load(text), "table")
@@ -241,7 +241,7 @@ def test_learn_judge_and_tree_on_a_small_draw(
     assert table.nominal.rate_hz == 20_000.0
     capsys.readouterr()
     group = "spall,accelerometer_2_fault,accelerometer_1_fault"
-    assert command("judge", str(path), "--stand", "50:53", *draw, "--group", group) == 0
+    assert command("judge", str(path), "--seeds", "50:53", *draw, "--group", group) == 0
     row = capsys.readouterr().out.splitlines()[-1].split()
     assert (row[0], row[1]) == ("all", "9")
     assert float(row[2]) >= 7 / 9 - 1e-3
@@ -252,8 +252,8 @@ def test_learn_judge_and_tree_on_a_small_draw(
     assert "{accelerometer_1_fault}" in said
     for word in ("accelerometer_1_fault", said.split("?")[0]):
         assert word in picture.read_text()
-    assert command("train", "--stand", "0:2", *draw, "-o", str(classifier)) == 0
-    judged = ["--stand", "50:51", *draw, "--group", ",".join(pair), "--pairs"]
+    assert command("train", "--seeds", "0:2", *draw, "-o", str(classifier)) == 0
+    judged = ["--seeds", "50:51", *draw, "--group", ",".join(pair), "--pairs"]
     assert command("judge", str(path), *judged, "--classifier", str(classifier)) == 0
     said = capsys.readouterr().out
     assert "jam | accelerometer_1_fault" in said
@@ -268,22 +268,22 @@ def test_lists_and_measures_every_feature(capsys: pytest.CaptureFixture[str]) ->
 def test_bad_arguments_are_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="give bags"):
         command("learn", "-o", str(tmp_path / "t.yaml"))
-    with pytest.raises(ConfigurationError, match="--stand = '3'"):
-        command("learn", "--stand", "3", "-o", str(tmp_path / "t.yaml"))
+    with pytest.raises(ConfigurationError, match="--seeds = '3'"):
+        command("learn", "--seeds", "3", "-o", str(tmp_path / "t.yaml"))
     for loads in ("3", "200:100", "0:400", "a:b", "nan:nan"):
         with pytest.raises(ConfigurationError, match="--loads"):
-            command("judge", "feature_table.yaml", "--stand", "0:1", "--loads", loads)
+            command("judge", "feature_table.yaml", "--seeds", "0:1", "--loads", loads)
     with pytest.raises(ConfigurationError, match="must end in one of"):
         command("tree", "feature_table_paper.yaml", "--draw", str(tmp_path / "tree.doc"))
     with pytest.raises(ConfigurationError, match="--rarest"):
         command("tree", "feature_table_paper.yaml", "--rarest", "1")
     with pytest.raises(ConfigurationError, match=r"paper\.yaml: fault 'rust' is unknown"):
-        command("judge", "feature_table_paper.yaml", "--stand", "0:1", "--group", "jam,rust")
+        command("judge", "feature_table_paper.yaml", "--seeds", "0:1", "--group", "jam,rust")
     for option, value in (("--hop", "0"), ("--window", "-1"), ("--jobs", "0"), ("--most", "x")):
         with pytest.raises(SystemExit):  # of argparse: the same as for a number that is none
-            command("learn", "-o", str(tmp_path / "t.yaml"), "--stand", "0:1", option, value)
+            command("learn", "-o", str(tmp_path / "t.yaml"), "--seeds", "0:1", option, value)
     with pytest.raises(ConfigurationError, match="study: fault 'rust' is unknown"):
-        command("study", "--stand", "0:1", "--faults", "rust")
+        command("study", "--seeds", "0:1", "--faults", "rust")
     with pytest.raises(ConfigurationError, match="no such"):
         command("tree", str(tmp_path / "absent.yaml"))
 

@@ -10,8 +10,8 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from support.places import CONFIG
 
+from flea_diag.configuration.files import config_path
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.vibration.features import FeatureId
 from flea_diag.core.vibration.nominal_range import (
@@ -21,7 +21,7 @@ from flea_diag.core.vibration.nominal_range import (
 )
 from flea_diag.errors import CalibrationError, ConfigurationError
 
-TABLES = {name: yaml.safe_load((CONFIG / name).read_text()) for name in
+TABLES = {name: yaml.safe_load(config_path(name).read_text()) for name in
           ("feature_table_paper.yaml", "feature_table.yaml")}  # fmt: skip
 
 

@@ -180,12 +180,13 @@ def test_the_most_gained_for_each_second_comes_first_and_sensors_last() -> None:
 
 def test_an_unsplit_group_of_a_recorded_bag_gets_advice() -> None:
     """Without accelerometers a jam and a dry nut are alike in every signal, by design."""
-    from flea_diag.configuration import make_pipeline
+    from flea_diag.configuration.component import make_pipeline
+    from flea_diag.configuration.stand import load_stand
     from flea_diag.wire.bags.bag import BagReader
     from flea_diag.wire.blocks import ScanBlock
     from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Outcome, Scan
 
-    pipeline, groups = make_pipeline(None), []
+    pipeline, groups = make_pipeline(load_stand()), []
     folder = ROOT / "bags" / "unit_switch_jam"
     for part in BagReader(folder).blocks((ChannelTable, Scan)):
         many = isinstance(part, ScanBlock)

@@ -6,7 +6,8 @@ import itertools
 
 import pytest
 
-from flea_diag.configuration import load_causal_map, load_yaml
+from flea_diag.configuration.files import load_yaml
+from flea_diag.configuration.screens import load_causal_map
 from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, operating_values
 from flea_diag.core.causal_graph.propagation import propagate_backward

@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from flea_diag import configuration
+from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.knowledge import knowledge
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
@@ -19,7 +21,7 @@ LARGEST_M_S = 0.005
 
 
 def whole() -> Calibration:
-    return configuration.load_calibration("")
+    return learned(load_stand())
 
 
 def single(electrical_v: float) -> Calibration:
@@ -42,7 +44,7 @@ def single(electrical_v: float) -> Calibration:
 
 
 def silent(stand: Calibration) -> tuple[str, ...]:
-    known = configuration.knowledge(stand)
+    known = knowledge(load_stand(), stand)
     return undetectable(known.faults, QuantitativeIsolation(stand, known.relations).models, stand)
 
 

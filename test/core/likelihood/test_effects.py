@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from support.models.hand_relations import slope_relations
 
-from flea_diag import configuration
+from flea_diag.configuration import description
 from flea_diag.core.likelihood.effects import Effects
 from flea_diag.core.likelihood.fault_models import (
     DRIVE,
@@ -31,7 +31,7 @@ P = ActuatorParameters(
     current_offset_a=0.3,
     encoder_m_per_rad=LEAD,
 )
-ENCODER = Effects(configuration.compiled_relations("actuator.yaml"), P)
+ENCODER = Effects(description.compiled_relations("actuator.yaml"), P)
 SLOPE = Effects(slope_relations(), P)
 
 
@@ -99,7 +99,7 @@ def test_a_motor_without_torque_has_no_back_emf_either():
     """An open one leaves the driving voltage undropped instead."""
     (torqueless,) = [
         m.terms
-        for m in plant_models(P, configuration.compiled_relations("actuator.yaml"))
+        for m in plant_models(P, description.compiled_relations("actuator.yaml"))
         if m.fault == "motor_failure" and any(t.residual == MECHANICAL for t in m.terms)
     ]
     assert summed(torqueless) == pytest.approx(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.models.hand_relations import BY_HAND, slope_relations
 
-from flea_diag.configuration import compiled_relations
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
 from flea_diag.core.likelihood.regressors import regressors
 from flea_diag.core.likelihood.sensor_models import sensor_models

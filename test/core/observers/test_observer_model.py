@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.models.linear_actuator import PERIOD
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.bond_graph.state_space import StateSpace
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, operating_values

@@ -13,7 +13,7 @@ import pytest
 from support.observed import BACKENDS, HAVE_NUMBA, NOISE, P, recording
 from support.places import FLEA
 
-from flea_diag.configuration import compiled_relations
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.identification import identify
 from flea_diag.core.calibration.noise_identification import fitted

@@ -9,7 +9,8 @@ import pytest
 from support import stands
 from support.decisions import BAGS, NAMES
 
-from flea_diag.configuration import make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.residuals.residual_rows import CHANNELS, UNITS, unit_refusal
 from flea_diag.tools.bags.check import check
 from flea_diag.wire.bags.bag import BagWriter, read_bag
@@ -80,7 +81,7 @@ def test_the_verdict_is_a_mismatch_that_names_it() -> None:
         else record
         for record in records
     ]
-    said = stands.verdict(stands.feed(make_pipeline(None), wrong))
+    said = stands.verdict(stands.feed(make_pipeline(load_stand()), wrong))
     assert said.outcome is Outcome.MODEL_MISMATCH
     assert said.words == f"motor_current is in 'mA', must be in 'A': {NEEDED}"
 

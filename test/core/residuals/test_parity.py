@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.models import ema_oracle as oracle
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, ResidualSpec, actuator
 from flea_diag.core.faults.fault import FaultHypothesis, hypothesis
 from flea_diag.core.residuals.parity import ParityRelation, channel_of, parity_relation

@@ -12,7 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.models.hand_relations import BY_HAND, channels_of
 
-from flea_diag import configuration
+from flea_diag.configuration import description, files
+from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.knowledge import relations
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.parity import parity_relation
@@ -47,8 +50,8 @@ P = ActuatorParameters(
     encoder_m_per_rad=5e-4,
 )
 ZERO = dict.fromkeys(Signals._fields, 0.0)
-ENCODER = configuration.compiled_relations("actuator.yaml", CHANNELS, True)
-SLOPE = configuration.compiled_relations("actuator.yaml", CHANNELS, False)
+ENCODER = description.compiled_relations("actuator.yaml", CHANNELS, True)
+SLOPE = description.compiled_relations("actuator.yaml", CHANNELS, False)
 VARIANTS = {"encoder": ENCODER, "slope of the position": SLOPE}
 
 
@@ -225,7 +228,7 @@ def test_columns_and_single_scans_give_the_same_bits():
 def test_any_description_compiles(wing):
     """In its own parameters where it names no base parameters, with a shape for every width."""
     described = "actuator_wing.yaml" if wing else "actuator.yaml"
-    model = actuator(configuration.load_yaml(described))
+    model = actuator(files.load_yaml(described))
     rows = [row for row in model.residuals.values() if row.kind != "measurement"]
     names = [row.name for row in rows if not row.normalised]
     held = (set(model.base_parameters) | set(model.graph.parameters)) - set(model.predicted)
@@ -250,7 +253,7 @@ def test_any_description_compiles(wing):
 
 def test_a_parameter_that_no_calibration_holds_keeps_the_description_s_value():
     held = [entry.name for entry in fields(ActuatorParameters)]
-    model = actuator(configuration.load_yaml("actuator.yaml"))
+    model = actuator(files.load_yaml("actuator.yaml"))
     known = relation_set(model, RELATIONS, held, UNIT_PARAMETERS)
     (electrical,) = [row for row in known.relations if row.name == "parity_electrical"]
     assert "copper_per_kelvin" not in symbols(electrical.expression)
@@ -260,11 +263,11 @@ def test_a_parameter_that_no_calibration_holds_keeps_the_description_s_value():
 
 
 def test_a_description_that_lacks_an_identified_parameter_is_refused(tmp_path):
-    described = configuration.load_yaml("actuator.yaml")
+    described = files.load_yaml("actuator.yaml")
     described["sensors"]["motor_current"].pop("offset")
     described["base_parameters"].pop("current_offset_a")
     path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump(described))
-    calibration = configuration.load_calibration("")
+    calibration = learned(load_stand())
     with pytest.raises(ConfigurationError, match=r"mine\.yaml: no relation holds current_offset_a"):
-        configuration.relations(calibration, str(path))
+        relations(load_stand(actuator=path), calibration)

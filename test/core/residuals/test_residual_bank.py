@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.models import linear_ema as ema
 
-from flea_diag import configuration
+from flea_diag.configuration import description
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX, RESIDUAL_INDEX, RESIDUALS
@@ -26,7 +26,7 @@ TRUE = ActuatorParameters(
 )
 SENSORS = tuple(name for name in CHANNELS if name != "commanded_voltage")
 KNOWN, ALONE = (
-    configuration.compiled_relations("actuator.yaml", SENSORS, encoder) for encoder in (True, False)
+    description.compiled_relations("actuator.yaml", SENSORS, encoder) for encoder in (True, False)
 )
 DELAY = 15
 WHOLE = ema.run()

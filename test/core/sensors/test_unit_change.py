@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.stand_runs import records
 
-from flea_diag.configuration import make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.sensors.unit_change import AFTER, BEFORE, PERIOD, UnitChange
 from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Record, Scan, Truth
 
@@ -85,7 +86,7 @@ def quiet() -> tuple[Record, ...]:
 
 def diagnosed(**steps_k: float) -> list[Record]:
     """What is said of a healthy run whose temperatures step after 14 s."""
-    pipeline = make_pipeline(None)
+    pipeline = make_pipeline(load_stand())
     first = next(record.stamp_ns for record in quiet() if isinstance(record, Scan))
     said: list[Record] = []
     for record in quiet():

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS
 from flea_diag.core.faults.fault import Fault, catalogue, hypothesis

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from support.models import ema_oracle as oracle
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant, operating_values
 from flea_diag.core.faults.fault import Fault, hypothesis

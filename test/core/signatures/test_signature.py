@@ -8,7 +8,7 @@ from fractions import Fraction
 import pytest
 from support.models import ema_oracle as oracle
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.faults.fault import Fault, catalogue, hypothesis

@@ -142,7 +142,7 @@ def test_an_existing_directory_is_refused(tmp_path: Path) -> None:
 
 
 def test_what_the_diagnosis_rests_on_is_kept_in_every_file(domain: int, tmp_path: Path) -> None:
-    from flea_diag.configuration import config_path
+    from flea_diag.configuration.files import config_path
     from flea_diag.wire.bags.bag import BagReader
 
     bag = tmp_path / "run"
@@ -157,6 +157,8 @@ def test_what_the_diagnosis_rests_on_is_kept_in_every_file(domain: int, tmp_path
     assert len(files) > 2
     for file in files:
         kept = BagReader(file).attachments
+        assert kept["stand.yaml"] == config_path("stands/flea/stand.yaml").read_text()
+        assert kept["features.yaml"] == config_path("feature_table.yaml").read_text()
         assert kept["faults.yaml"] == config_path("faults.yaml").read_text()
         assert kept["actuator.yaml"] == config_path("actuator.yaml").read_text()
         assert kept["calibration.yaml"] == (

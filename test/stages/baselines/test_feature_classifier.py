@@ -11,6 +11,7 @@ import pytest
 from support.decisions import BAGS
 from support.stand_runs import fault, records
 
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.choice.classifier import Perceptron
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages.baselines.feature_classifier import IN_A_ROW, FeatureClassifierStage
@@ -90,7 +91,7 @@ def test_a_campaign_hands_its_network_to_that_baseline_alone(tmp_path: Path) -> 
     campaign = campaign_from_mapping({**CAMPAIGN, "classifier": "network.json"}, "test", tmp_path)
     hybrid, ours = plan(campaign, RecordingSet(campaign, tmp_path))
     assert (hybrid.classifier, ours.classifier) == ("", str(tmp_path / "network.json"))
-    stage = baseline(CLASSIFIER).make(Setting(classifier=Path(ours.classifier)))
+    stage = baseline(CLASSIFIER).make(Setting(load_stand(), classifier=Path(ours.classifier)))
     assert isinstance(stage, FeatureClassifierStage)
     elsewhere = campaign_from_mapping({**CAMPAIGN, "classifier": "/else/n.json"}, "test", tmp_path)
     moved = plan(elsewhere, RecordingSet(elsewhere, tmp_path))
@@ -110,4 +111,4 @@ def test_limit_checks_learn_from_the_bags_that_a_campaign_names(tmp_path: Path) 
 
 def test_without_a_network_it_says_how_to_make_one() -> None:
     with pytest.raises(ConfigurationError, match="flea features train"):
-        baseline(CLASSIFIER).make(Setting())
+        baseline(CLASSIFIER).make(Setting(load_stand()))

@@ -7,7 +7,9 @@ from functools import cache
 
 import pytest
 
-from flea_diag.configuration import knowledge, load_calibration
+from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.knowledge import knowledge
+from flea_diag.configuration.stand import load_stand
 from flea_diag.stages.baselines.limit_check import LimitCheckStage, learned_limits
 from flea_diag.wire.records import AmbiguityGroup, Detection, Outcome, Record, Scan
 
@@ -16,7 +18,7 @@ LIMITS = {"motor_current": (-2.0, 4.0), "motor_temperature": (10.0, 60.0)}
 
 @cache
 def faults() -> tuple[str, ...]:
-    return knowledge(load_calibration("")).faults
+    return knowledge(load_stand(), learned(load_stand())).faults
 
 
 def scan(k: int, current: float, temperature: float = 20.0) -> Scan:

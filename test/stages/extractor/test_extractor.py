@@ -323,7 +323,7 @@ def test_the_first_answer_of_a_node_does_not_wait_for_imports() -> None:
     """What a feature stands on is loaded before the node listens."""
     code = (
         "import sys\n"
-        "from flea_diag.configuration import EXTRACTOR\n"
+        "from flea_diag.configuration.component import EXTRACTOR\n"
         "assert 'scipy.fft' not in sys.modules\n"
         "EXTRACTOR.warm_up(EXTRACTOR.parameters())\n"
         "assert 'scipy.fft' in sys.modules\n"

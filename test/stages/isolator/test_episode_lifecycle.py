@@ -6,7 +6,9 @@ from functools import lru_cache
 
 import pytest
 
-from flea_diag import configuration
+from flea_diag.configuration import knowledge as of_stand
+from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.vibration.vibration_monitor import VibrationAlarm
 from flea_diag.stages.isolator.episode_lifecycle import Change, EpisodeLifecycle
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
@@ -22,7 +24,7 @@ ALARM = VibrationAlarm("accelerometer_2_x", "kurtosis", "+", "accelerometer_2_x:
 @lru_cache(maxsize=1)
 def knowledge() -> Knowledge:
     """Of the simulated stand."""
-    return configuration.knowledge(configuration.load_calibration(""))
+    return of_stand.knowledge(load_stand(), learned(load_stand()))
 
 
 def lifecycle() -> EpisodeLifecycle:

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from support.decisions import BAGS
 
-from flea_diag.configuration import make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.stages.observer.lost_scans import parabola
 from flea_diag.tools.replay.summary import summarise
 from flea_diag.wire.bags.bag import BagReader
@@ -34,7 +35,7 @@ def records(bag: str) -> tuple[Record, ...]:
 
 def diagnosed(bag: str, lost: Callable[[int], bool]) -> dict[str, Any]:
     """Summary of a bag of which the scans for which ``lost`` holds never came."""
-    pipeline, kept, number = make_pipeline(None), [], 0
+    pipeline, kept, number = make_pipeline(load_stand()), [], 0
     for record in records(bag):
         if isinstance(record, Scan):
             number += 1
@@ -80,7 +81,7 @@ def test_a_starved_stream_is_said_and_no_fault() -> None:
     """Three of four scans are lost for some seconds: nobody can tell, and then one can again."""
     draw = some(5, 0.75)
     run = [record for record in records("nominal") if not isinstance(record, Scan)]
-    pipeline, said = make_pipeline(None), []
+    pipeline, said = make_pipeline(load_stand()), []
     scans = [record for record in records("nominal") if isinstance(record, Scan)]
     kept = [scan for k, scan in enumerate(scans) if not (800 <= k < 1400 and draw(k))]
     for record in (*run, *kept):

@@ -11,7 +11,7 @@ import pytest
 from support import stands
 from support.models import linear_ema as ema
 
-from flea_diag.configuration import DIAGNOSER, EXTRACTOR, ISOLATOR, OBSERVER
+from flea_diag.configuration.component import DIAGNOSER, EXTRACTOR, ISOLATOR, OBSERVER
 from flea_diag.stages.isolator.isolator import IsolatorStage
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.records import (

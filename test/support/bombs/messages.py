@@ -200,7 +200,7 @@ def a_hidden_argument(folder: Path, chance: Random) -> Input:
     arguments = chance.choice((
         ("simulate", _hidden(chance)), ("diff", _hidden(chance), _hidden(chance)),
         ("replay", BAG, "--namespace", _hidden(chance)), ("replay", folder / _hidden(chance)),
-        ("features", "study", "--stand", _hidden(chance)),
+        ("features", "study", "--seeds", _hidden(chance)),
     ))  # fmt: skip
     return Input(flea(*arguments), TOLD)
 

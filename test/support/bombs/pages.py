@@ -23,7 +23,7 @@ Talk = Callable[[int], object]
 @cache
 def tools() -> Any:
     """What every view needs of the stand."""
-    from flea_diag.configuration import load_causal_map, tree_planner
+    from flea_diag.configuration.screens import load_causal_map, tree_planner
     from flea_diag.web.view import Tools
 
     return Tools(load_causal_map("actuator.yaml"), tree_planner("feature_table.yaml"))

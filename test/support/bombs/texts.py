@@ -24,10 +24,16 @@ BASES: dict[str, tuple[str, Callable[[Path], tuple[object, ...]]]] = {
         "campaigns/small.yaml", lambda path: ("evaluate", path, "-o", path.parent / "out", "-q"),
     ),
     "c.yaml": (
-        "calibration_simulated_stand.yaml", lambda path: ("replay", BAG, "--calibration", path),
+        "stands/flea/calibration_simulated_stand.yaml",
+        lambda path: ("replay", BAG, "--calibration", path),
     ),
-    "t.yaml": ("feature_table.yaml", lambda path: ("features", "tree", path)),
-    "a.yaml": ("actuator.yaml", lambda path: ("model", "signatures", "--actuator", path)),
+    "t.yaml": ("stands/flea/feature_table.yaml", lambda path: ("features", "tree", path)),
+    "a.yaml": (
+        "stands/flea/actuator.yaml", lambda path: ("model", "signatures", "--actuator", path),
+    ),
+    "stand.yaml": (
+        "stands/flea/stand.yaml", lambda path: ("model", "signatures", "--stand", path.parent),
+    ),
 }  # fmt: skip
 
 

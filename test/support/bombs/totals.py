@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from support.bombs.bomb import REFUSED, TOLD, Input, flea, rows, several
-from support.places import ROOT
+from support.places import FLEA_STAND, ROOT
 
 NOMINAL = str(ROOT / "bags" / "nominal")
 PLANNED = ("runs are planned", "at most", "its limit", "from 1 to", "must", "outside")
@@ -73,9 +73,9 @@ def counts_beyond_any(folder: Path, chance: Random) -> Input:
 def seeds_without_end(folder: Path, chance: Random) -> Input:
     last = several(1_000_001, 10**18, chance)
     commands = (
-        ("features", "study", "--stand", f"0:{last}"),
-        ("features", "learn", "--stand", f"0:{last}", "-o", folder / "t.yaml"),
-        ("features", "train", "--stand", f"0:{last}", "-o", folder / "c.json"),
+        ("features", "study", "--seeds", f"0:{last}"),
+        ("features", "learn", "--seeds", f"0:{last}", "-o", folder / "t.yaml"),
+        ("features", "train", "--seeds", f"0:{last}", "-o", folder / "c.json"),
     )
     return Input(flea(*chance.choice(commands)), REFUSED, PLANNED)
 
@@ -97,7 +97,7 @@ def a_rate_beyond_any(folder: Path, chance: Random) -> Input:
 def windows_without_end(folder: Path, chance: Random) -> Input:
     odd = chance.choice((10**9, 10**30, 0, -1, "x"))
     option = chance.choice(("--windows", "--jobs"))
-    table = ROOT / "config" / "feature_table.yaml"
+    table = FLEA_STAND / "feature_table.yaml"
     return Input(flea("features", "judge", table, NOMINAL, option, odd), TOLD)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from flea_diag.configuration import compiled_relations
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual import Signals

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flea_diag.configuration import load_yaml
+from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.observers.observer_model import LinearModel, NoiseLevels, linear_model
 

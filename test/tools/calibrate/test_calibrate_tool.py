@@ -12,7 +12,7 @@ import pytest
 from support import stands
 from support.models import linear_ema as ema
 
-from flea_diag.configuration import load_calibration
+from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.core.calibration.thresholds import Trace
 from flea_diag.core.residuals.residual_rows import CHANNELS, RESIDUAL_INDEX, RESIDUALS, UNITS
 from flea_diag.tools import extra

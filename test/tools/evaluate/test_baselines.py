@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 from support.decisions import BAGS
 
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.faults.fault_signature import FaultSignature
 from flea_diag.core.signatures.structural import _any_sign
 from flea_diag.errors import ConfigurationError
@@ -15,7 +15,7 @@ from flea_diag.tools.campaign.campaign import CLASSIFIER
 from flea_diag.tools.evaluate.baselines import BASELINES, Setting, baseline
 from flea_diag.tools.replay.replay import replay
 
-SETTING = Setting(None, (BAGS / "nominal",))
+SETTING = Setting(load_stand(), (BAGS / "nominal",))
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_a_table_without_signs_keeps_what_is_connected(cell: FaultSignature, sym
 
 def test_limit_checks_without_nominal_bags_are_refused() -> None:
     with pytest.raises(ConfigurationError, match="need nominal bags to learn from"):
-        baseline("limit_checks").make(Setting(Path("")))
+        baseline("limit_checks").make(Setting(load_stand()))
 
 
 def test_a_name_that_is_not_in_the_table_is_refused_with_those_that_are() -> None:

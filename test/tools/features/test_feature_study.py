@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.choice.classifier import Perceptron
 from flea_diag.tools.features.classifier import write_classifier
 from flea_diag.tools.features.study import Plan, Study, study
@@ -28,7 +29,7 @@ def test_a_dead_accelerometer_is_found_live_at_a_fraction_of_the_cost(tmp_path: 
     """
     network = tmp_path / "network.json"
     write_classifier(network, DEAD_OR_NOT)
-    plan = Plan(("accelerometer_2_fault", "spall"), classifier=network)
+    plan = Plan(("accelerometer_2_fault", "spall"), load_stand(), load_stand().features, network)
     (run,) = study(plan, [SEED_OF_DEAD], ["accelerometer_2_fault"])
     assert run.size == 0.0
     assert run.resolved

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 import yaml
 
-from flea_diag.configuration import load_calibration, load_yaml
+from flea_diag.configuration.calibrations import load_calibration
+from flea_diag.configuration.files import load_yaml
 from flea_diag.tools.main import main
 from flea_diag.tools.model import views as tool
 
@@ -86,7 +87,9 @@ def test_relations_without_a_calibration_have_the_description_s_numbers(
 def test_a_calibration_of_another_actuator_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     calibration = ("--calibration", "calibration_simulated_stand.yaml")
     said = refused(capsys, "equations", "--actuator", "actuator_wing.yaml", *calibration)
-    assert "is for actuator 'flea', actuator_wing.yaml describes 'wing'" in said
+    assert "made for actuator 'flea' (sha256 " in said
+    assert "actuator_wing.yaml describes 'wing' (sha256 " in said
+    assert ": give stand flea, or calibrate again with flea calibrate --actuator " in said
 
 
 def test_signatures_at_a_rate_and_in_a_quadrant(capsys: pytest.CaptureFixture[str]) -> None:

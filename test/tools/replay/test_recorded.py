@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from support.live import ROOT
 
-from flea_diag.configuration import make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.stages.digest import DECISIONS
 from flea_diag.tools.replay.replay import diagnosed, replay, sources
 from flea_diag.tools.replay.trend import estimates
@@ -23,7 +24,7 @@ JAM = ROOT / "bags" / "jam"
 @pytest.fixture(scope="module")
 def decisions() -> list[Record]:
     """What a diagnosis of the jam decides."""
-    said = diagnosed(BagReader(JAM).blocks(sources()), make_pipeline(None))
+    said = diagnosed(BagReader(JAM).blocks(sources()), make_pipeline(load_stand()))
     return [record for record in said if isinstance(record, DECISIONS)]
 
 
@@ -48,15 +49,15 @@ def test_the_recorded_digest_is_that_of_the_whole_verdicts(
     decisions: list[Record], tmp_path: Path
 ) -> None:
     bag = recorded(tmp_path / "bag", decisions, (*DECISIONS, Hypotheses))
-    expected = replay(JAM, make_pipeline(None))
-    found = replay(bag, make_pipeline(None))
+    expected = replay(JAM, make_pipeline(load_stand()))
+    found = replay(bag, make_pipeline(load_stand()))
     assert found["recorded_digest"] == expected["digest"]
     assert found["recorded_decision_digest"] == expected["decision_digest"]
 
 
 def test_summaries_alone_give_no_digest(decisions: list[Record], tmp_path: Path) -> None:
     bag = recorded(tmp_path / "bag", decisions, DECISIONS)
-    found = replay(bag, make_pipeline(None))
+    found = replay(bag, make_pipeline(load_stand()))
     assert (found["recorded_digest"], found["recorded_decision_digest"]) == (None, None)
 
 

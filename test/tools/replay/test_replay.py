@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from support.decisions import BAGS
 
-from flea_diag.configuration import config_path
+from flea_diag.configuration.files import config_path
 from flea_diag.errors import ConfigurationError, RecordingError
 from flea_diag.stages.digest import decision_digest, digest
 from flea_diag.stages.pipeline import Pipeline

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 from support.decisions import BAGS
 
-from flea_diag.configuration import make_pipeline
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.campaign.result_log import RESULTS
 from flea_diag.tools.campaign.run_result import RunResult
 from flea_diag.tools.main import main
@@ -19,7 +20,7 @@ from flea_diag.tools.replay.replay import replay
 
 @pytest.fixture(scope="module")
 def replayed() -> dict[str, Any]:
-    return replay(BAGS / "winding_short", make_pipeline(None))
+    return replay(BAGS / "winding_short", make_pipeline(load_stand()))
 
 
 def written(folder: Path, name: str, content: Any) -> str:

@@ -10,7 +10,10 @@ from typing import Any
 import pytest
 from support.live import ROOT
 
-from flea_diag.configuration import knowledge, load_calibration, make_pipeline
+from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.knowledge import knowledge
+from flea_diag.configuration.stand import load_stand
 from flea_diag.errors import WireError
 from flea_diag.tools.replay.replay import diagnosed, sources
 from flea_diag.wire import records as r
@@ -53,7 +56,7 @@ def group(*names: str) -> r.AmbiguityGroup:
 
 def catalogue() -> tuple[str, ...]:
     """Every fault of the shipped catalogue, on a stand with all channels."""
-    return tuple(knowledge(load_calibration("calibration_simulated_stand.yaml")).faults)
+    return tuple(knowledge(load_stand(), learned(load_stand())).faults)
 
 
 def synthetic(count: int) -> tuple[str, ...]:
@@ -144,7 +147,7 @@ def test_a_fault_whose_name_would_split_the_list_is_refused() -> None:
 
 @pytest.mark.parametrize("bag", BAGS, ids=lambda bag: bag.name)
 def test_each_verdict_of_the_bags_is_small(bag: Path) -> None:
-    said = diagnosed(BagReader(bag).blocks(sources()), make_pipeline(None))
+    said = diagnosed(BagReader(bag).blocks(sources()), make_pipeline(load_stand()))
     groups = [record for record in said if isinstance(record, r.AmbiguityGroup)]
     assert groups
     for whole in groups:

@@ -1,0 +1,94 @@
+"""Calibrations: read, told apart, and refused with another description than their own."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import lru_cache
+from pathlib import Path
+
+from flea_diag.configuration.description import described, description_sha256
+from flea_diag.configuration.files import found_file, parsed, text_of
+from flea_diag.configuration.stand import Stand, load_stand, shipped_stands
+from flea_diag.core.calibration import calibration as calibrations
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.errors import CalibrationError, ConfigurationError, shown
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """Calibration from a file, whatever actuator it is for."""
+    return _calibration(str(path), text_of(found_file(path)))
+
+
+@lru_cache(maxsize=8)
+def _calibration(name: str, text: str) -> Calibration:
+    """Parsed calibration, cached since parsing takes longer than diagnosing minutes of data."""
+    return calibrations.from_mapping(parsed(text, Path(name)), name)
+
+
+def calibration_sha256(calibration: Calibration) -> str:
+    """Digest of what was learned, independent of the layout of its file.
+
+    The digest of the description is not part of it: a file from before it was written says the
+    same.
+    """
+    content = calibration.to_mapping()
+    del content["actuator_sha256"]
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def learned(stand: Stand) -> Calibration:
+    """Calibration of a stand.
+
+    Raises
+    ------
+    CalibrationError
+        It is refused, or was made with another description than the stand's.
+    ConfigurationError
+        It cannot be read, or the description is refused.
+    """
+    if not stand.calibration.exists():
+        raise ConfigurationError(
+            f"{stand.calibration}: no such calibration: make it with "
+            f"flea calibrate BAGS --stand {stand.folder} -o {stand.calibration}"
+        )
+    calibration = load_calibration(stand.calibration)
+    require_description(calibration, stand)
+    return calibration
+
+
+def require_description(calibration: Calibration, stand: Stand) -> None:
+    """Refuse a calibration that was made with another description than the stand's.
+
+    One from before the digest was written is known by the name of its actuator alone.
+
+    Raises
+    ------
+    CalibrationError
+        Names both, and the shipped stand that it is for.
+    """
+    name, digest = described(stand.actuator).name, description_sha256(stand.actuator)
+    known = calibration.actuator_sha256
+    if name == calibration.actuator and known in ("", digest):
+        return
+    said = f" (sha256 {known[:12]})" if known else ""
+    own = stand.folder in stand.actuator.parents
+    option = f"--stand {stand.folder}" if own else f"--actuator {stand.actuator}"
+    raise CalibrationError(
+        f"{stand.calibration}: made for actuator {shown(calibration.actuator)}{said}, "
+        f"{stand.actuator} describes {shown(name)} (sha256 {digest[:12]}): "
+        f"{_fitting(calibration)}calibrate again with flea calibrate {option}"
+    )
+
+
+def _fitting(calibration: Calibration) -> str:
+    """The shipped stand that a calibration is for, as a remedy; empty where there is none."""
+    for name in shipped_stands():
+        path = load_stand(name).actuator
+        same = description_sha256(path) == calibration.actuator_sha256
+        if same or (
+            not calibration.actuator_sha256 and described(path).name == calibration.actuator
+        ):
+            return f"give stand {name}, or "
+    return ""

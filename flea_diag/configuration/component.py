@@ -1,0 +1,180 @@
+"""Stages built from parameters: a component for each node, and the pipeline of a replay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields, make_dataclass
+from typing import Any, Generic, TypeVar
+
+from flea_diag.configuration.calibrations import calibration_sha256, learned
+from flea_diag.configuration.description import faults_of
+from flea_diag.configuration.knowledge import knowledge, load_features, relations
+from flea_diag.configuration.stand import Stand
+from flea_diag.configuration.stand_parameters import StandParameters, stand_of
+from flea_diag.core.backend import compiling
+from flea_diag.core.vibration.features import try_out
+from flea_diag.stages import Stage
+from flea_diag.stages.extractor.extractor import ExtractorParameters, ExtractorStage
+from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
+from flea_diag.stages.observer.observer import ObserverStage
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
+from flea_diag.stages.pipeline import Pipeline
+from flea_diag.wire.parameters import parameter
+from flea_diag.wire.records import Scan, VibrationBlock
+
+WARM_UP_SCANS = 60
+"""Number of scans of the warm-up, more than the delay of the smoothing."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """State file from which a restarted one-process diagnosis resumes."""
+
+    memory: str = parameter(
+        "",
+        "file that stores the verdict for a restart during a run; empty: one per domain and node "
+        "below the user's state folder; none: no file",
+        read_only=True,
+    )
+
+
+P = TypeVar("P")
+
+
+def _joined(name: str, *parts: type) -> type:
+    """One parameter class with the fields of several."""
+    entries = [(entry.name, entry.type, entry) for part in parts for entry in fields(part)]
+    return make_dataclass(name, [(n, t, _copied(e)) for n, t, e in entries], frozen=True)
+
+
+def _copied(entry: Any) -> Any:
+    return parameter(entry.default, **entry.metadata)
+
+
+def _part(kind: type[P], values: Any) -> P:
+    names = {entry.name for entry in fields(kind)}  # type: ignore[arg-type]
+    given: Mapping[str, Any] = {k: v for k, v in asdict(values).items() if k in names}
+    return kind(**given)
+
+
+def _unheard(_name: str) -> None:
+    """Nobody asked for the progress."""
+
+
+@dataclass(frozen=True)
+class Component(Generic[P]):
+    """Builds a stage from one frozen parameter object."""
+
+    parameters: type
+    make: Callable[[Stand, Any], Stage]
+
+    def build(self, parameters: Any) -> Stage:
+        """Fresh stage with these parameters."""
+        return self.make(stand_of(parameters), parameters)
+
+    def described(self, parameters: Any) -> str:
+        """Which files, by name and content, a stage of these parameters rests on."""
+        stand = stand_of(parameters)
+        calibration = learned(stand)
+        return (
+            f"stand {stand.name} ({stand.folder}), calibration {stand.calibration} of actuator "
+            f"{calibration.actuator} (sha256 {calibration_sha256(calibration)[:12]})"
+        )
+
+    def check(self, parameters: Any) -> None:
+        """Refuse files from which no stage can be built; quick, for it builds none.
+
+        Raises
+        ------
+        FleaError
+            Names the file or parameter, its value and the remedy.
+        """
+        stand = stand_of(parameters)
+        relations(stand, learned(stand))
+        faults_of(stand.actuator, stand.faults)
+        load_features(stand.features)
+
+    def warm_up(self, parameters: Any, begun: Callable[[str], None] = _unheard) -> None:
+        """Run scans and features through a throw-away stage, to compile and load its code.
+
+        ``begun`` is called with the name of each function whose compilation begins.
+
+        Otherwise the first scan is delayed by this, by up to a minute if nothing is compiled yet,
+        later scans are lost, and the first answer to a feature request is late.
+        """
+        with compiling(begun):
+            self._warmed(parameters)
+
+    def _warmed(self, parameters: Any) -> None:
+        stand = stand_of(parameters)
+        stage = self.make(stand, parameters)
+        if Scan not in stage.consumes:
+            return
+        if VibrationBlock in stage.consumes:
+            table = load_features(stand.features)
+            try_out(table.features, table.nominal.rate_hz)
+        calibration = learned(stand)
+        channels, period_ns = calibration.channels, round(calibration.period_s * 1e9)
+        for number in range(WARM_UP_SCANS):
+            values = tuple(1e-3 * number * column for column in range(1, len(channels) + 1))
+            stage.handle(Scan((1 + number) * period_ns, channels, values))
+
+
+def _observer(stand: Stand, values: Any) -> ObserverStage:
+    calibration = learned(stand)
+    known = relations(stand, calibration)
+    return ObserverStage(calibration, known, _part(ObserverParameters, values))
+
+
+def _isolator(stand: Stand, values: Any) -> IsolatorStage:
+    return IsolatorStage(knowledge(stand, learned(stand)), _part(IsolatorParameters, values))
+
+
+def _extractor(stand: Stand, values: Any) -> ExtractorStage:
+    import time
+
+    return ExtractorStage(
+        load_features(stand.features), _part(ExtractorParameters, values), time.perf_counter_ns
+    )
+
+
+def _diagnoser(stand: Stand, values: Any) -> Pipeline:
+    return Pipeline((_observer(stand, values), _isolator(stand, values), _extractor(stand, values)))
+
+
+OBSERVER: Component[Any] = Component(
+    _joined("Observer", StandParameters, ObserverParameters), _observer
+)
+ISOLATOR: Component[Any] = Component(
+    _joined("Isolator", StandParameters, IsolatorParameters), _isolator
+)
+EXTRACTOR: Component[Any] = Component(
+    _joined("Extractor", StandParameters, ExtractorParameters), _extractor
+)
+DIAGNOSER: Component[Any] = Component(
+    _joined(
+        "Diagnoser",
+        StandParameters,
+        Memory,
+        ObserverParameters,
+        IsolatorParameters,
+        *(
+            make_dataclass(
+                "_Extractor",
+                [
+                    (e.name, e.type, _copied(e))
+                    for e in fields(ExtractorParameters)
+                    if e.name not in {f.name for f in fields(IsolatorParameters)}
+                ],
+                frozen=True,
+            ),
+        ),
+    ),
+    _diagnoser,
+)
+
+
+def make_pipeline(stand: Stand, source: str = "replay", **given: Any) -> Pipeline:
+    """The three stages as a pipeline, for a replay without ROS; ``given`` are their parameters."""
+    values = DIAGNOSER.parameters(source=source, **given)
+    return _diagnoser(stand, values)

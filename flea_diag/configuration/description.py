@@ -1,0 +1,104 @@
+"""The description of an actuator, and what is derived from it: relations and signatures."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import lru_cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+from flea_diag.configuration.files import found_file, load_yaml, parsed, text_of
+from flea_diag.core.bond_graph.actuator import Actuator
+from flea_diag.core.bond_graph.actuator import actuator as read_actuator
+from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
+from flea_diag.core.faults.fault import Fault, catalogue
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.relation_set import RelationSet, relation_set
+from flea_diag.core.residuals.residual import RELATIONS, UNIT_PARAMETERS
+from flea_diag.core.signatures.signature import SignatureTable, signature_table
+from flea_diag.formats import migrated
+
+
+def described(actuator: str | Path) -> Actuator:
+    """Actuator of a description; cached, for a start needs it several times."""
+    return _described(*_read(actuator))
+
+
+def description_sha256(actuator: str | Path) -> str:
+    """Digest of the content of a description, independent of layout and comments."""
+    return _sha256(*_read(actuator))
+
+
+def compiled_relations(
+    actuator: str | Path, channels: tuple[str, ...] | None = None, has_encoder: bool = True
+) -> RelationSet:
+    """Relations of the description that these channels close, of all its sensors by default.
+
+    The speed comes from the encoder, or without one whose lead is known from the position.
+    """
+    return _compiled(*_read(actuator), channels, has_encoder)
+
+
+def faults_of(actuator: str | Path, faults: str | Path) -> Mapping[str, Fault]:
+    """Fault catalogue for all sensors of a description."""
+    return catalogue(load_yaml(faults), described(actuator), str(faults))
+
+
+def signatures(
+    actuator: str | Path, faults: str | Path, channels: tuple[str, ...], period_s: float
+) -> tuple[Mapping[str, Fault], Mapping[Quadrant, SignatureTable]]:
+    """Catalogue and signature tables for these channels; cached, takes about 1 s."""
+    return _signatures(_read(actuator), _read(faults), channels, period_s)
+
+
+class _Text(NamedTuple):
+    """Text of a file: what is made of it is kept until the text is another."""
+
+    path: Path
+    text: str
+
+
+def _read(name_or_path: str | Path) -> _Text:
+    path = found_file(name_or_path)
+    return _Text(path, text_of(path))
+
+
+@lru_cache(maxsize=8)
+def _described(path: Path, text: str) -> Actuator:
+    return read_actuator(parsed(text, path), str(path))
+
+
+@lru_cache(maxsize=8)
+def _sha256(path: Path, text: str) -> str:
+    content = migrated("actuator description", parsed(text, path), str(path))
+    line = json.dumps(content, sort_keys=True, separators=(",", ":"), default=str)
+    return hashlib.sha256(line.encode()).hexdigest()
+
+
+@lru_cache(maxsize=8)
+def _compiled(
+    path: Path, text: str, channels: tuple[str, ...] | None, has_encoder: bool
+) -> RelationSet:
+    model = _described(path, text)
+    known = [name for name in model.sensors if channels is None or name in channels]
+    fitted = [name for name in known if has_encoder or name != "motor_speed"]
+    held = [entry.name for entry in fields(ActuatorParameters)]
+    return relation_set(model.with_sensors(fitted), RELATIONS, held, UNIT_PARAMETERS)
+
+
+@lru_cache(maxsize=8)
+def _signatures(
+    actuator: _Text, faults: _Text, channels: tuple[str, ...], period_s: float
+) -> tuple[Mapping[str, Fault], Mapping[Quadrant, SignatureTable]]:
+    whole = _described(*actuator)
+    model = whole.with_sensors([name for name in channels if name in whole.sensors])
+    rows = catalogue(parsed(faults.text, faults.path), model, str(faults.path))
+    names = tuple(name for name, spec in model.residuals.items() if spec.signs)
+    tables = {
+        quadrant: signature_table(model, rows, names, quadrant, period_s) for quadrant in QUADRANTS
+    }
+    return MappingProxyType(rows), MappingProxyType(tables)

@@ -1,0 +1,60 @@
+"""What a stage knows of a stand: relations, faults, signatures, features."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+from flea_diag.configuration.calibrations import calibration_sha256, require_description
+from flea_diag.configuration.description import compiled_relations, signatures
+from flea_diag.configuration.files import load_yaml
+from flea_diag.configuration.stand import Stand
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.choice.feature_table import FaultFeatureTable
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.thermal import OF_THERMAL_NODES
+from flea_diag.errors import ConfigurationError
+from flea_diag.stages.isolator.isolator import Knowledge
+
+
+@cache
+def load_features(name_or_path: str | Path) -> FaultFeatureTable:
+    """Fault feature table from a file."""
+    return FaultFeatureTable.from_mapping(load_yaml(name_or_path), str(name_or_path))
+
+
+def knowledge(stand: Stand, calibration: Calibration) -> Knowledge:
+    """Knowledge of the isolator: fault catalogue and signatures for the sensors of this stand.
+
+    Raises
+    ------
+    CalibrationError
+        The calibration was made with another description than the stand's.
+    """
+    require_description(calibration, stand)
+    rows, tables = signatures(
+        stand.actuator, stand.faults, calibration.channels, calibration.period_s
+    )
+    table = load_features(stand.features).of_vibration()
+    known = relations(stand, calibration)
+    return Knowledge(calibration, calibration_sha256(calibration), known, rows, tables, table)
+
+
+def relations(stand: Stand, calibration: Calibration) -> RelationSet:
+    """The relations that run, for the sensors and parameters of a calibration.
+
+    Raises
+    ------
+    ConfigurationError
+        The calibration has identified a parameter that no relation of this description holds.
+    """
+    has_encoder = calibration.parameters.encoder_m_per_rad != 0.0
+    drawn = compiled_relations(stand.actuator).parameters
+    for name in calibration.sigmas:
+        if name not in drawn and name not in OF_THERMAL_NODES:
+            raise ConfigurationError(
+                f"{stand.actuator}: no relation holds {name}, which the calibration has "
+                "identified; draw it and name it under base_parameters, as "
+                "config/stands/flea/actuator.yaml does"
+            )
+    return compiled_relations(stand.actuator, calibration.channels, has_encoder)

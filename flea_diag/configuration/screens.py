@@ -1,0 +1,27 @@
+"""What screens draw of a stand: its causal graph, and the diagnosis tree of a group."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from flea_diag.configuration.description import described
+from flea_diag.configuration.knowledge import load_features
+from flea_diag.core.choice.diagnosis_tree import Node, asked_tree
+from flea_diag.core.choice.feature_choice import FeatureChooser
+from flea_diag.core.drawing.causal_map import CausalMap, causal_map
+
+Planner = Callable[..., Node]
+"""``asked_tree`` with a bound chooser: (group, asked, rarest) -> Node."""
+
+
+def load_causal_map(actuator: str | Path) -> CausalMap:
+    """Causal graph of an actuator with its layout, for a screen."""
+    return causal_map(described(actuator))
+
+
+def tree_planner(features: str | Path, strategy: str = "optimal") -> Planner:
+    """Function that plans the diagnosis tree of a group, given the features requested so far."""
+    chooser = FeatureChooser(load_features(features).of_vibration(), strategy)
+    return partial(asked_tree, chooser=chooser)

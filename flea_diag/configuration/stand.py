@@ -1,0 +1,152 @@
+"""A stand: the folder whose ``stand.yaml`` names all that a diagnosis rests on."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from flea_diag.configuration.files import (
+    DEFAULT_STAND,
+    STANDS,
+    config_folders,
+    found_file,
+    given_file,
+    is_bare,
+    load_yaml,
+    text_of,
+)
+from flea_diag.core.schema import REQUIRED, Keys, read
+from flea_diag.errors import ConfigurationError, shown
+from flea_diag.formats import migrated
+
+STAND_FILE = "stand.yaml"
+FILES = ("actuator", "faults", "calibration", "features")
+"""Keys of ``stand.yaml`` that name files: description, fault catalogue, calibration, and fault
+feature table."""
+KEYS: Keys = {"name": (str, REQUIRED), **dict.fromkeys(FILES, (str, REQUIRED))}
+
+
+@dataclass(frozen=True)
+class Stand:
+    """A stand and its files, which need not exist before they are read.
+
+    Parameters
+    ----------
+    name
+        For people and logs.
+    folder
+        Where its ``stand.yaml`` is, as an absolute path.
+    actuator
+        Description of the actuator as a bond graph.
+    faults
+        Fault catalogue.
+    calibration
+        Parameters, noise and limits from nominal recordings.
+    features
+        Fault feature table.
+    """
+
+    name: str
+    folder: Path
+    actuator: Path
+    faults: Path
+    calibration: Path
+    features: Path
+
+    def texts(self) -> dict[str, str]:
+        """Name of each file -> its text, to be stored in a recording.
+
+        Raises
+        ------
+        ConfigurationError
+            A file does not exist, cannot be read or is too large.
+        """
+        paths = {STAND_FILE: self.folder / STAND_FILE}
+        paths |= {f"{key}.yaml": getattr(self, key) for key in FILES}
+        return {name: text_of(found_file(path)) for name, path in paths.items()}
+
+
+def load_stand(name_or_folder: str | Path = "", **given: str | Path | None) -> Stand:
+    """A stand by the name of a shipped one or by its folder; empty: the shipped FLEA.
+
+    Parameters
+    ----------
+    name_or_folder
+        A bare name is that of a shipped stand, a folder has a separator (``./mine``).
+    **given
+        Files that replace those of the stand, by their keys; empty or None: the stand's own.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such stand, or its ``stand.yaml`` is refused.
+    """
+    folder = _folder(str(name_or_folder) or DEFAULT_STAND)
+    own = stand_from_mapping(load_yaml(folder / STAND_FILE), folder)
+    paths: dict[str, Any] = {key: given_file(file) for key, file in given.items() if file}
+    return replace(own, **paths)
+
+
+def stand_from_mapping(content: object, folder: Path) -> Stand:
+    """Stand from the content of the ``stand.yaml`` in a folder; see ``load_stand``."""
+    where = str(folder / STAND_FILE)
+    values = read(migrated("stand", content, where), where, KEYS)
+    if not values["name"].strip() or not values["name"].isprintable():
+        raise ConfigurationError(f"{where}: name = {shown(values['name'])} is no name; give one")
+    files = {key: folder / _inside(values[key], f"{where}: {key}") for key in FILES}
+    return Stand(values["name"], folder, **files)
+
+
+def shipped_stands() -> dict[str, Path]:
+    """Name of each shipped stand -> its folder."""
+    found: dict[str, Path] = {}
+    for folder in config_folders():
+        for path in sorted(folder.glob(f"{STANDS}/*/{STAND_FILE}")):
+            found.setdefault(path.parent.name, path.parent)
+    return found
+
+
+def _folder(text: str) -> Path:
+    """Folder of a stand given by name or path."""
+    if is_bare(text):
+        return _shipped(text)
+    folder = Path(text).absolute()
+    said = f"stand {text!r}"
+    if folder.is_file():
+        raise ConfigurationError(f"{said} is a file, a stand is a folder: name that")
+    if not folder.is_dir():
+        raise ConfigurationError(f"{said}: no such folder")
+    if not (folder / STAND_FILE).exists():
+        raise ConfigurationError(
+            f"{said} has no {STAND_FILE}: write one after "
+            f"config/{STANDS}/{DEFAULT_STAND}/{STAND_FILE}"
+        )
+    return folder
+
+
+def _shipped(name: str) -> Path:
+    known = shipped_stands()
+    if name not in known:
+        here = "the folder here is" if Path(name).is_dir() else "a folder of your own is"
+        raise ConfigurationError(
+            f"stand {shown(name)} is not shipped, known are {', '.join(known) or 'none'}; "
+            f"{here} ./{shown(name)[1:-1]}"
+        )
+    return known[name]
+
+
+def _inside(name: str, where: str) -> str:
+    """Name of a file inside the folder of its stand.
+
+    A link is its owner's own: an installation with links has nothing else.
+    """
+    parts = PurePosixPath(name).parts
+    if not parts or not name.isprintable():
+        raise ConfigurationError(f"{where} = {shown(name)} is no name of a file; give one")
+    if name.startswith(os.sep) or os.pardir in parts:
+        raise ConfigurationError(
+            f"{where} = {shown(name)} must lie inside the folder of the stand; copy the file there"
+        )
+    return name

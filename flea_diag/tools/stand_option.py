@@ -1,0 +1,53 @@
+"""The options by which a command is told its stand: ``--stand`` and ``--calibration``."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flea_diag.configuration.stand import Stand
+
+
+def add_stand(parser: argparse.ArgumentParser) -> None:
+    """Declare ``--stand``."""
+    parser.add_argument(
+        "--stand",
+        default="",
+        metavar="DIR",
+        help="folder of the stand as a path (./mine), or name of a shipped one (default: flea)",
+    )
+
+
+def add_calibration(parser: argparse.ArgumentParser, words: str = "calibration") -> None:
+    """Declare ``--calibration``, which replaces the stand's own."""
+    parser.add_argument(
+        "--calibration", default="", metavar="FILE", help=f"{words} (default: that of the stand)"
+    )
+
+
+def chosen_stand(arguments: argparse.Namespace, *replaced: str) -> Stand:
+    """The stand that the arguments name.
+
+    Parameters
+    ----------
+    arguments
+        Of a command with ``--stand``.
+    *replaced
+        Its options that replace a file of the stand, by the keys of ``stand.yaml``.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such stand or file.
+    """
+    from flea_diag.configuration.stand import load_stand
+
+    return load_stand(arguments.stand, **{key: getattr(arguments, key) for key in replaced})
+
+
+def given_stand(arguments: argparse.Namespace) -> Stand | None:
+    """The stand, if the user has named one or a calibration."""
+    if arguments.stand or arguments.calibration:
+        return chosen_stand(arguments, "calibration")
+    return None
