@@ -131,6 +131,25 @@ def test_an_executable_runs_and_stops(prefix: Path, domain: int, tmp_path: Path)
     assert status == 0
 
 
+def test_an_executable_finds_the_stand_that_is_installed_with_it(
+    prefix: Path, tmp_path: Path
+) -> None:
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    more = {"PYTHONPATH": "", "AMENT_PREFIX_PATH": str(prefix), "PATH": path}
+    diagnoser = ros2_pkg_executables(str(prefix), "flea_diag")["diagnoser"]
+    folder = prefix / "share" / "flea_diag" / "config" / "stands" / "flea"
+    for stand, status in (("flea", 0), (str(folder), 0), ("none", 2)):
+        done = subprocess.run(
+            [str(diagnoser), "--check", "--ros-args", "-p", f"stand:={stand}"],
+            cwd=tmp_path,
+            env=environment(0, **more),
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == status, done.stderr
+    assert "stand 'none' is not shipped, known are flea" in done.stderr
+
+
 def test_what_ros_tools_look_for_is_there(prefix: Path) -> None:
     share = prefix / "share" / "flea_diag"
     assert (share / "package.xml").is_file()

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import time
 from pathlib import Path
 
 import pytest
 from support.live import Peer, Process
+from support.places import FLEA_STAND
 from support.recordings import opened, publish, recorder, scan, until_written
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.recording.recorder import checked_directory, chosen_topics
+from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.records import Health, Scan, Truth
 from flea_diag.wire.topics import TOPICS
 
@@ -143,7 +146,6 @@ def test_an_existing_directory_is_refused(tmp_path: Path) -> None:
 
 def test_what_the_diagnosis_rests_on_is_kept_in_every_file(domain: int, tmp_path: Path) -> None:
     from flea_diag.configuration.files import config_path
-    from flea_diag.wire.bags.bag import BagReader
 
     bag = tmp_path / "run"
     command = recorder(bag, "-p", "split_s:=0.000001")
@@ -165,6 +167,25 @@ def test_what_the_diagnosis_rests_on_is_kept_in_every_file(domain: int, tmp_path
             config_path("calibration_simulated_stand.yaml").read_text()
         )
         assert "numpy 2" in kept["versions.txt"] or "numpy 1" in kept["versions.txt"]
+
+
+def test_the_stand_that_is_kept_is_the_one_that_was_given(domain: int, tmp_path: Path) -> None:
+    mine, bag = tmp_path / "mine", tmp_path / "run"
+    shutil.copytree(FLEA_STAND, mine)
+    text = (mine / "stand.yaml").read_text(encoding="utf-8").replace("name: flea", "name: mine")
+    (mine / "stand.yaml").write_text(text, encoding="utf-8")
+    other = tmp_path / "other.yaml"
+    other.write_text("schema_version: 1\n", encoding="utf-8")
+    command = recorder(bag, "-p", "stand:=./mine", "-p", "calibration:=other.yaml")
+    with Process(command, domain, cwd=tmp_path) as process, Peer(domain) as peer:
+        peer.listen(Health)
+        publish(peer, 3)
+        until_written(peer, 4)
+        assert process.signal(signal.SIGINT) == 0
+    kept = BagReader(next(bag.glob("*.mcap"))).attachments
+    assert kept["stand.yaml"] == text
+    assert kept["calibration.yaml"] == "schema_version: 1\n"
+    assert kept["actuator.yaml"] == (mine / "actuator.yaml").read_text(encoding="utf-8")
 
 
 def test_a_configuration_that_is_not_there_stops_the_start(domain: int, tmp_path: Path) -> None:

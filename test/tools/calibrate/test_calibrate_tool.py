@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from support import stands
 from support.models import linear_ema as ema
+from support.places import FLEA_STAND
 
 from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.core.calibration.thresholds import Trace
@@ -212,6 +216,32 @@ def test_bags_of_another_actuator_than_described_are_refused(bags, tmp_path, cap
     assert "is not a sensor of actuator" in told
     assert "--actuator" in told
     assert not target.exists()
+
+
+def test_a_calibration_says_which_description_it_was_made_with(made):
+    content = yaml.safe_load((FLEA_STAND / "actuator.yaml").read_text(encoding="utf-8"))
+    del content["schema_version"]
+    line = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    assert load_calibration(made).actuator_sha256 == hashlib.sha256(line.encode()).hexdigest()
+
+
+def test_a_stand_of_your_own_is_calibrated_into_its_folder(bags, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(FLEA_STAND, tmp_path / "mine")
+    described = tmp_path / "mine" / "actuator.yaml"
+    text = described.read_text(encoding="utf-8")
+    described.write_text(text.replace("description: DC motor", "description: my motor"))
+    target = "mine/calibration_simulated_stand.yaml"
+    given = [*map(str, bags[:2]), "--stand", "./mine", "-o", target, "--force"]
+    equations = ["model", "equations", "--stand", "./mine", "--calibration", target]
+    assert main(equations) == 2
+    assert main(["calibrate", *given]) == 0
+    assert main(equations) == 0
+    capsys.readouterr()
+    assert main(["model", "equations", "--calibration", target]) == 2
+    said = capsys.readouterr().err
+    assert f"flea: {target}: made for actuator 'flea' (sha256 " in said
+    assert said.endswith(f": calibrate again with flea calibrate --stand {FLEA_STAND}\n")
 
 
 def test_a_bag_counts_once_however_often_it_is_given(bags, tmp_path, capsys):
