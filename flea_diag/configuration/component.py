@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass, fields, make_dataclass
 from typing import Any, Generic, TypeVar
 
 from flea_diag.configuration.calibrations import calibration_sha256, learned
-from flea_diag.configuration.description import faults_of
-from flea_diag.configuration.knowledge import knowledge, load_features, relations
+from flea_diag.configuration.knowledge import effects, knowledge, load_features
 from flea_diag.configuration.stand import Stand
 from flea_diag.configuration.stand_parameters import StandParameters, stand_of
 from flea_diag.core.backend import compiling
@@ -90,8 +89,7 @@ class Component(Generic[P]):
             Names the file or parameter, its value and the remedy.
         """
         stand = stand_of(parameters)
-        relations(stand, learned(stand))
-        faults_of(stand.actuator, stand.faults)
+        effects(stand, learned(stand))
         load_features(stand.features)
 
     def warm_up(self, parameters: Any, begun: Callable[[str], None] = _unheard) -> None:
@@ -122,7 +120,7 @@ class Component(Generic[P]):
 
 def _observer(stand: Stand, values: Any) -> ObserverStage:
     calibration = learned(stand)
-    known = relations(stand, calibration)
+    known = effects(stand, calibration)
     return ObserverStage(calibration, known, _part(ObserverParameters, values))
 
 

@@ -16,6 +16,7 @@ from flea_diag.core.bond_graph.actuator import Actuator
 from flea_diag.core.bond_graph.actuator import actuator as read_actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.faults.fault import Fault, catalogue
+from flea_diag.core.likelihood.effect_set import EffectSet, effect_set
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet, relation_set
 from flea_diag.core.residuals.residual import RELATIONS, UNIT_PARAMETERS
@@ -46,6 +47,13 @@ def compiled_relations(
 def faults_of(actuator: str | Path, faults: str | Path) -> Mapping[str, Fault]:
     """Fault catalogue for all sensors of a description."""
     return catalogue(load_yaml(faults), described(actuator), str(faults))
+
+
+def effects_of(
+    actuator: str | Path, faults: str | Path, known: RelationSet, channels: tuple[str, ...]
+) -> EffectSet:
+    """Effects of the catalogue on these relations, for a stand with these channels."""
+    return _effects(_read(actuator), _read(faults), known, channels)
 
 
 def signatures(
@@ -91,14 +99,29 @@ def _compiled(
 
 
 @lru_cache(maxsize=8)
+def _catalogue(actuator: _Text, faults: _Text, channels: tuple[str, ...]) -> Mapping[str, Fault]:
+    """Catalogue without the faults of sensors that a stand does not have."""
+    rows = catalogue(parsed(faults.text, faults.path), _described(*actuator), str(faults.path))
+    known = {n: row for n, row in rows.items() if not row.channel or row.channel in channels}
+    return MappingProxyType(known)
+
+
+@lru_cache(maxsize=8)
+def _effects(
+    actuator: _Text, faults: _Text, known: RelationSet, channels: tuple[str, ...]
+) -> EffectSet:
+    return effect_set(known, _catalogue(actuator, faults, channels).values())
+
+
+@lru_cache(maxsize=8)
 def _signatures(
     actuator: _Text, faults: _Text, channels: tuple[str, ...], period_s: float
 ) -> tuple[Mapping[str, Fault], Mapping[Quadrant, SignatureTable]]:
     whole = _described(*actuator)
     model = whole.with_sensors([name for name in channels if name in whole.sensors])
-    rows = catalogue(parsed(faults.text, faults.path), model, str(faults.path))
+    rows = _catalogue(actuator, faults, channels)
     names = tuple(name for name, spec in model.residuals.items() if spec.signs)
     tables = {
         quadrant: signature_table(model, rows, names, quadrant, period_s) for quadrant in QUADRANTS
     }
-    return MappingProxyType(rows), MappingProxyType(tables)
+    return rows, MappingProxyType(tables)

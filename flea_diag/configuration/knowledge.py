@@ -6,11 +6,12 @@ from functools import cache
 from pathlib import Path
 
 from flea_diag.configuration.calibrations import calibration_sha256, require_description
-from flea_diag.configuration.description import compiled_relations, signatures
+from flea_diag.configuration.description import compiled_relations, effects_of, signatures
 from flea_diag.configuration.files import load_yaml
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.choice.feature_table import FaultFeatureTable
+from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.thermal import OF_THERMAL_NODES
 from flea_diag.errors import ConfigurationError
@@ -36,8 +37,14 @@ def knowledge(stand: Stand, calibration: Calibration) -> Knowledge:
         stand.actuator, stand.faults, calibration.channels, calibration.period_s
     )
     table = load_features(stand.features).of_vibration()
-    known = relations(stand, calibration)
+    known = effects(stand, calibration)
     return Knowledge(calibration, calibration_sha256(calibration), known, rows, tables, table)
+
+
+def effects(stand: Stand, calibration: Calibration) -> EffectSet:
+    """Effects of the catalogue on the relations that run, for the sensors of a calibration."""
+    known = relations(stand, calibration)
+    return effects_of(stand.actuator, stand.faults, known, calibration.channels)
 
 
 def relations(stand: Stand, calibration: Calibration) -> RelationSet:

@@ -119,8 +119,8 @@ class Residual:
     """Residuals of one scan: r in its unit, z = r over its nominal sigma, and limits of |z|.
 
     NaN where a residual cannot be formed (bad channel) or is gated (no excitation).
-    ``regressors`` are the model signals for the quantitative isolation (speed_m_s,
-    acceleration_m_s2, ...), by name. With a state observer, ``estimated`` names the channels that
+    ``regressors`` are the basis signals for the quantitative isolation (motor_current,
+    direction, ...), by name. With a state observer, ``estimated`` names the channels that
     it predicts, ``estimates`` are the predictions from earlier scans and ``estimate_sigmas`` the
     standard deviations of a reading about them; ``health`` is the effective sample size (inf
     without particles), the normalised innovation squared per channel (expected value 1), and 1.0

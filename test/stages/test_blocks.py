@@ -15,7 +15,7 @@ from support import stands
 from support.decisions import BAGS
 from support.models import linear_ema as ema
 
-from flea_diag.configuration.knowledge import relations
+from flea_diag.configuration.knowledge import effects
 from flea_diag.configuration.stand import load_stand
 from flea_diag.stages.digest import digest
 from flea_diag.stages.extractor.extractor import ExtractorStage
@@ -62,7 +62,7 @@ def pipeline(kind: str = "none") -> Pipeline:
     known = stands.knowledge()
     return Pipeline(
         (
-            ObserverStage(calibration, relations(load_stand(), calibration), parameters),
+            ObserverStage(calibration, effects(load_stand(), calibration), parameters),
             IsolatorStage(known, IsolatorParameters()),
             ExtractorStage(known.features),
         )

@@ -46,7 +46,7 @@ def knowledge(channels: tuple[str, ...] = ema.STAND) -> Knowledge:
 def observer(channels: tuple[str, ...] = ema.STAND, **parameters: float) -> ObserverStage:
     """A fresh observer."""
     known = calibration(channels)
-    return ObserverStage(known, of_stand.relations(STAND, known), ObserverParameters(**parameters))
+    return ObserverStage(known, of_stand.effects(STAND, known), ObserverParameters(**parameters))
 
 
 def isolator(channels: tuple[str, ...] = ema.STAND, **parameters: float) -> IsolatorStage:

@@ -66,8 +66,8 @@ def knowledge(calibration: Path) -> Knowledge:
 
 def replay(calibration: Path, file: Path) -> Diagnosis:
     known = knowledge(calibration)
-    relations = of_stand.relations(STAND, known.calibration)
-    observer = ObserverStage(known.calibration, relations, ObserverParameters())
+    effects = of_stand.effects(STAND, known.calibration)
+    observer = ObserverStage(known.calibration, effects, ObserverParameters())
     stages = Pipeline((observer, IsolatorStage(known, IsolatorParameters())))
     recording = FleaRun.of(read_flea_data(file))
     out = list(stages.handle(recording.channel_table()))

@@ -74,7 +74,7 @@ def trace(
     return Trace(
         run.name,
         values,
-        np.abs(residuals.signals.speed_m_s),
+        np.abs(residuals.speed_m_s),
         residuals.moving,
         good,
     )

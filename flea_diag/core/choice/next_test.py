@@ -16,50 +16,25 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.choice.fault_group import normalised, outcomes
 from flea_diag.core.choice.feature_table import FaultFeatureTable
-from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
+from flea_diag.core.choice.planned_motion import MOTIONS, PlannedMotion, planned
+from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.likelihood import Fit, NormalEquations
-from flea_diag.core.likelihood.regressors import regressors
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.residual import Signals, direction, friction_n
-from flea_diag.core.residuals.residual_rows import TEMPERATURES
 from flea_diag.core.vibration.features import FeatureId
 
 Array = npt.NDArray[np.float64]
 
-SCAN_S = 0.01
 FEATURE_S = 1.0
 """Stand time of one feature: a window of vibration in motion."""
 WORTH_SIZE = 0.05
 """Least expected reduction of the group size; a test with less does not split."""
-
-
-@dataclass(frozen=True)
-class PlannedMotion:
-    """A reciprocating motion, sinusoidal in position, under a constant load."""
-
-    name: str
-    peak_m_s: float
-    period_s: float
-    load_n: float
-    seconds: float
-
-
-MOTIONS = (
-    PlannedMotion("slow reciprocating, no load", 0.010, 8.0, 0.0, 8.0),
-    PlannedMotion("fast reciprocating, no load", 0.040, 4.0, 0.0, 8.0),
-    PlannedMotion("slow reciprocating, load 200 N", 0.010, 8.0, 200.0, 8.0),
-    PlannedMotion("slow reciprocating, load -200 N", 0.010, 8.0, -200.0, 8.0),
-    PlannedMotion("fast reciprocating, load 200 N", 0.040, 4.0, 200.0, 8.0),
-    PlannedMotion("fast reciprocating, load -200 N", 0.040, 4.0, -200.0, 8.0),
-)
-"""Within stroke, speed and load of the FLEA (0.1 m, 0.08 m/s, 311 N)."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +128,7 @@ def motion_tests(
     suspects: Sequence[Suspect],
     evidence: NormalEquations,
     test: LikelihoodTest,
+    effects: EffectSet,
     parameters: ActuatorParameters,
     elapsed_s: float = 0.0,
     motions: Sequence[PlannedMotion] = MOTIONS,
@@ -163,7 +139,7 @@ def motion_tests(
     """
     found = []
     for motion in motions:
-        phi = planned(parameters, motion, elapsed_s)
+        phi = planned(effects, parameters, motion, elapsed_s)
         dropped = {
             s.fault: _dropped(s, suspects, evidence, phi, test)
             for s in suspects
@@ -210,56 +186,3 @@ def _dropped(
         best[fit.fault] = max(fit.log_likelihood, best.get(fit.fault, -math.inf))
     leader = max(best.values())
     return tuple(f for f, nats in best.items() if leader - nats > test.drop_nats)
-
-
-def planned(p: ActuatorParameters, motion: PlannedMotion, elapsed_s: float = 0.0) -> Array:
-    """Regressors of each scan of a motion by the calibrated model, shape (scans, regressors).
-
-    To first order: currents are those of the healthy actuator. ``elapsed_s`` is the age of the
-    fault at the start of the motion.
-    """
-    phi = _planned(p, motion).copy()
-    phi[:, REGRESSORS.index("elapsed_s")] += elapsed_s
-    return phi
-
-
-@lru_cache(maxsize=64)
-def _planned(p: ActuatorParameters, motion: PlannedMotion) -> Array:
-    times = np.arange(0.0, motion.seconds, SCAN_S)
-    phi = np.array([regressors(p, _signals(p, motion, t), EXPECTED) for t in times])
-    phi[:, REGRESSORS.index("elapsed_s")] = times
-    return phi
-
-
-EXPECTED = dict.fromkeys(TEMPERATURES, 25.0)
-
-
-def _signals(p: ActuatorParameters, motion: PlannedMotion, time_s: float) -> Signals:
-    omega = 2.0 * math.pi / motion.period_s
-    speed = motion.peak_m_s * math.cos(omega * time_s)
-    acceleration = -motion.peak_m_s * omega * math.sin(omega * time_s)
-    position = 0.05 + motion.peak_m_s / omega * math.sin(omega * time_s)
-    bare = Signals(
-        current_a=0.0,
-        voltage_v=0.0,
-        commanded_voltage_v=0.0,
-        speed_m_s=speed,
-        acceleration_m_s2=acceleration,
-        load_n=motion.load_n,
-        position_m=position,
-        load_position_m=position,
-        encoder_speed_rad_s=speed / p.encoder_m_per_rad if p.encoder_m_per_rad else math.nan,
-        position_rate_m_s=speed,
-        motor_temperature_degc=25.0,
-        nut_temperature_degc=25.0,
-        direction=direction(p, speed),
-    )
-    force = motion.load_n + friction_n(p, bare) + p.reflected_mass_kg * acceleration
-    current = force / p.force_constant_n_per_a
-    voltage = p.voltage_offset_v + p.winding_resistance_ohm * current + p.back_emf_v_s_per_m * speed
-    return _driven(bare, p.current_offset_a + current, voltage, p)
-
-
-def _driven(bare: Signals, current_a: float, voltage_v: float, p: ActuatorParameters) -> Signals:
-    commanded = (voltage_v - p.drive_offset_v) / p.drive_gain if p.drive_gain else math.nan
-    return bare._replace(current_a=current_a, voltage_v=voltage_v, commanded_voltage_v=commanded)

@@ -92,8 +92,7 @@ class Detector:
     def step(self, rows: ResidualRows) -> TestResults:
         """Results after each of these rows."""
         results = TestResults.untested(len(rows))
-        speeds = np.empty(len(rows))
-        speeds[:] = rows.signals.speed_m_s
+        speeds = np.ascontiguousarray(rows.speed_m_s)
         for group in self._groups:
             group.step(rows, speeds, results.table)
         return results

@@ -11,6 +11,7 @@ from typing import Any
 
 from flea_diag.core import schema
 from flea_diag.core.bond_graph.actuator_model import Actuator
+from flea_diag.core.faults.effect_row import UNBOUNDED, EffectRow, ErrorRow, effect_rows, error_rows
 from flea_diag.core.schema import REQUIRED
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.formats import migrated
@@ -58,7 +59,8 @@ class Fault:
     """One row of the catalogue.
 
     ``alternatives`` is empty for a fault that shows only in vibration. ``size`` is the reference
-    size of the fault, a relative change of its parameters.
+    size of the fault, a relative change of its parameters. ``effects`` say how large it may be, and
+    what that does to the parameters; ``errors`` the same of a fault of a sensor.
     """
 
     name: str
@@ -71,6 +73,8 @@ class Fault:
     excitation: str
     channel: str = ""
     mode: str = ""
+    effects: tuple[EffectRow, ...] = ()
+    errors: ErrorRow = UNBOUNDED
 
     @property
     def incipient(self) -> bool:
@@ -93,6 +97,7 @@ _FAULT: schema.Keys = {
     "size": (float, 0.2),
     "vibration": (bool, False),
     "excitation": (str, ""),
+    "effects": (list, []),
 }
 _MODE: schema.Keys = {
     "approach": (str, REQUIRED),
@@ -102,6 +107,7 @@ _MODE: schema.Keys = {
 _TOP: schema.Keys = {
     "faults": (dict, REQUIRED),
     "sensor_modes": (dict, {}),
+    "sensor_errors": (dict, {}),
 }
 
 
@@ -119,12 +125,12 @@ def catalogue(content: Any, actuator: Actuator, where: str = "faults.yaml") -> d
         for name, row in schema.rows(top["faults"], f"{where}: faults").items()
     }
     modes = schema.rows(top["sensor_modes"], f"{where}: sensor_modes")
+    errors = error_rows(top["sensor_errors"], actuator, f"{where}: sensor_errors")
     for channel in actuator.sensors:
         for mode, row in modes.items():
             name = f"{channel}_{mode}"
-            found[name] = _sensor_fault(
-                name, channel, mode, row, f"{where}: sensor mode {shown(mode)}"
-            )
+            made = _sensor_fault(name, channel, mode, row, f"{where}: sensor mode {shown(mode)}")
+            found[name] = replace(made, errors=errors.get(channel, UNBOUNDED))
     return found
 
 
@@ -144,7 +150,8 @@ def _fault(name: str, row: Any, actuator: Actuator, where: str) -> Fault:
                 f"{where}: {each} is no parameter or input of {actuator.name},"
                 f" known are {', '.join(sorted(known))}"
             )
-    return Fault(name, alternatives=alternatives, **values)
+    effects = effect_rows(values.pop("effects"), actuator, where)
+    return Fault(name, alternatives=alternatives, effects=effects, **values)
 
 
 def _sensor_fault(name: str, channel: str, mode: str, row: Any, where: str) -> Fault:

@@ -1,116 +1,199 @@
-"""Effect of a fault on the relations: derivatives of what runs, in numbers of one calibration.
+"""Effects of faults on the relations that run, by differentiation.
 
-An error e of a reading y enters a relation as ``dr/dy * e``, and through the rate of the reading
-as ``dr/dy' * de/dt``; a change of a parameter enters as ``dr/dtheta`` times the change, against
-its own term. Slow states are held at the description's value: they change an effect by percents.
+An error e of a reading y enters a relation as ``dr/dy * e``, and through the rate of the reading as
+``dr/dy' * de/dt``. A change of a parameter enters as ``-dr/dtheta`` times the change: the relation
+is formed with the healthy value, and what the parameter has gained is left of its own term.
+A reading that is dead lacks its true value; where another relation gives that value, it is
+eliminated by it (one relation for all, so that a single truth is missing everywhere).
+
+Every effect is a sum of gains, which hold parameters, times basis signals, which hold corrected
+readings (a reading less its offset), rates and shapes. Slow states are held at the description's
+value: they change an effect by percents.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
-from flea_diag.core.likelihood.fault_models import Term
-from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.parity import rate_symbol
-from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.symbolic.collect import collect
+from flea_diag.core.residuals.parity import channel_of, rate_symbol
+from flea_diag.core.residuals.relation_set import CompiledRelation, RelationSet
+from flea_diag.core.symbolic.collect import collect, exponents
 from flea_diag.core.symbolic.expression import (
     ONE,
+    ZERO,
     Constant,
     Expression,
+    Function,
+    Variable,
     derivative,
-    evaluate,
     substitute,
+    symbols,
     total,
 )
-from flea_diag.errors import ModelError
-
-Gains = tuple[tuple[str, float], ...]
-"""Residual and gain."""
-
-REGRESSOR_OF = {
-    "1": "one",
-    "direction": "direction",
-    "motor_current": "motor_current_a",
-    "load_force": "load_n",
-    "fabs(load_force)*direction": "load_and_direction_n",
-    "motor_voltage": "motor_voltage_v",
-    "commanded_voltage": "commanded_voltage_v",
-    "motor_speed": "speed_m_s",
-    "actuator_position": "position_m",
-    "d_actuator_position": "position_rate_m_s",
-    "load_position": "load_position_m",
-}
-"""Basis signal of the relations -> regressor of the fault models."""
 
 
-class Effects:
-    """Effects in one set of relations with the parameters of one calibration."""
+@dataclass(frozen=True, slots=True)
+class FaultEffect:
+    """``size[index] * gain * basis`` in one residual."""
 
-    def __init__(self, relations: RelationSet, parameters: ActuatorParameters) -> None:
-        slow = {name: Constant(value) for name, value in relations.reference.items()}
-        self._rows = {
-            row.name: (substitute(row.expression, slow), row.signals) for row in relations.relations
+    residual: str
+    basis: Expression
+    gain: Expression
+    index: int = 0
+
+
+Effects = tuple[FaultEffect, ...]
+Gains = tuple[tuple[str, Expression], ...]
+"""Residual and gain of a constant."""
+
+
+class EffectRules:
+    """Effects in one set of relations, in its base parameters.
+
+    Attributes
+    ----------
+    shapes
+        Name -> function, of those that the relations do not hold: a shape of a signal that another
+        relation gives.
+    """
+
+    def __init__(self, relations: RelationSet) -> None:
+        self._set = relations
+        self._slow = {name: Constant(value) for name, value in relations.reference.items()}
+        self._true = {
+            channel: Variable(channel) + offset for channel, offset in relations.offsets.items()
         }
-        self._values = asdict(parameters)
-        self._regressors = dict(REGRESSOR_OF)
-        self._scale: dict[str, float] = {}
-        if "motor_speed" in relations.signals:
-            # The speed counts in m/s at the nut.
-            self._scale["motor_speed"] = 1.0 / parameters.encoder_m_per_rad
-        else:
-            self._regressors["d_actuator_position"] = "speed_m_s"
+        self.shapes: dict[str, Function] = {}
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the relations."""
-        return tuple(self._rows)
-
-    def gains(self, channel: str, unit: float = 1.0) -> Gains:
+    def gains(self, channel: str) -> Gains:
         """By how much a constant error of a reading moves each relation that reads it.
 
-        ``unit`` is the size of the error that counts as one. What varies with motion in it, such
-        as the share of the friction that grows with the load, is left out.
+        What varies with motion in it, such as the share of the friction that grows with the load,
+        is left out.
         """
-        return self._constant(channel, unit)
+        return self._constant(channel)
 
-    def rates(self, channel: str, unit: float = 1.0) -> Gains:
+    def rates(self, channel: str) -> Gains:
         """The same of an error that grows by one a second, through the rate of the reading."""
-        return self._constant(rate_symbol(channel), unit)
+        return self._constant(rate_symbol(channel))
 
-    def _constant(self, symbol: str, unit: float) -> Gains:
+    def _constant(self, symbol: str) -> Gains:
         found = []
-        for name, (expression, signals) in self._rows.items():
-            parts = collect(derivative(expression, symbol), signals)
-            gain = unit * float(evaluate(parts.get(ONE, Constant(0.0)), self._values))
-            if gain:
-                found.append((name, gain))
+        for row in self._set.relations:
+            parts = self._collected(row, derivative(row.expression, symbol))
+            if ONE in parts:
+                found.append((row.name, parts[ONE]))
         return tuple(found)
 
-    def lost(self, amounts: Mapping[str, float], index: int = 0) -> tuple[Term, ...]:
-        """Terms of parameters that are smaller by these amounts for each unit of the fault's size.
+    def moved(self, amounts: Mapping[str, Expression], index: int = 0) -> Effects:
+        """Of base parameters that are larger by these amounts for each unit of the size."""
+        return tuple(
+            effect
+            for row in self._set.relations
+            for effect in self._effects(row, _moved(row.expression, amounts), index)
+        )
 
-        What the parameter lacks is left of its own term in the relation.
+    def scaled(self, shares: Mapping[str, float], index: int = 0) -> Effects:
+        """Of physical parameters that are larger by these shares of themselves."""
+        amounts: dict[str, Expression] = {}
+        for name, definition in self._set.base.items():
+            powers = exponents(definition)
+            share = sum(powers.get(physical, 0) * s for physical, s in shares.items())
+            if share:
+                amounts[name] = Constant(share) * Variable(name)
+        return self.moved(amounts, index)
+
+    def opened(self, physical: Iterable[str], index: int = 0) -> Effects:
+        """Of elements that nothing flows through: relations without what they took."""
+        base = self._set.base
+        gone = {
+            name: ZERO
+            for opened in physical
+            for name, definition in base.items()
+            if exponents(definition).get(opened, 0) > 0
+        }
+        return tuple(
+            effect
+            for row in self._set.relations
+            if set(gone) & set(symbols(row.expression))
+            for effect in self._effects(row, substitute(row.expression, gone), index)
+        )
+
+    def added(self, residual: str, drag: Expression, index: int = 0) -> Effects:
+        """Of a drag that is no change of a parameter, in corrected readings; none without it."""
+        row = self._set.named.get(residual)
+        if row is None:
+            return ()
+        parts = collect(drag, self._signals)
+        return tuple(FaultEffect(residual, basis, gain, index) for basis, gain in parts.items())
+
+    def lost(self, channel: str, index: int = 0) -> Effects:
+        """Of the true value that is missing where this channel reads zero.
+
+        A difference lacks its second reading. A balance lacks what the difference with another
+        reading says the value is, and without one all that its other terms say. Balances that read
+        the rate alone are left out: nothing else tells that rate.
         """
-        found: list[Term] = []
-        for name, (expression, signals) in self._rows.items():
-            effect = total(
-                Constant(amount) * derivative(expression, parameter)
-                for parameter, amount in amounts.items()
-            )
-            found += self._terms(name, effect, signals, index)
+        found: list[FaultEffect] = []
+        for row in self._set.relations:
+            read = [s for s in row.signals if channel_of(s)[0] == channel]
+            if row.kind == "difference" and read:
+                found += self._effects(row, self._without(row.expression, read), index)
+            elif channel in read:
+                bare = self._without(row.expression, [channel])
+                truth = self._truth(channel)
+                lacking = bare if truth is None else bare - self._given(row, channel, truth)
+                found += self._effects(row, lacking, index)
         return tuple(found)
 
-    def _terms(
-        self, residual: str, effect: Expression, signals: tuple[str, ...], index: int
-    ) -> list[Term]:
-        found = []
-        for basis, coefficient in collect(effect, signals).items():
-            signal = str(basis)
-            if signal not in self._regressors:
-                raise ModelError(f"{residual}: no regressor follows {signal}; add it")
-            gain = float(evaluate(coefficient, self._values)) * self._scale.get(signal, 1.0)
-            if gain:
-                found.append(Term(residual, self._regressors[signal], gain, index))
-        return found
+    def _truth(self, channel: str) -> Expression | None:
+        """What another reading says that this one should be; None if none does."""
+        for row in self._set.relations:
+            if row.kind == "difference" and channel in row.signals:
+                share = derivative(row.expression, channel)
+                rest = substitute(row.expression, {channel: ZERO})
+                if not set(symbols(share)) & set(self._set.signals):
+                    return -1 * rest / share
+        return None
+
+    def _without(self, expression: Expression, read: Iterable[str]) -> Expression:
+        """The expression where these signals read their zero."""
+        gone: dict[str, Expression] = {s: self._set.offsets.get(s, ZERO) for s in read}
+        for name, shape in self._set.shapes.items():
+            if set(gone) & set(symbols(shape)):
+                gone[name] = ZERO
+        return substitute(expression, gone)
+
+    def _given(self, row: CompiledRelation, channel: str, truth: Expression) -> Expression:
+        """The relation with a channel eliminated by what another reading says of it."""
+        given: dict[str, Expression] = {channel: truth}
+        for name, shape in self._set.shapes.items():
+            if channel in symbols(shape):
+                made = substitute(shape, given)
+                assert isinstance(made, Function)
+                told = "_".join(s for s in symbols(made) if s in self._set.signals)
+                self.shapes[f"{name}_by_{told}"] = made
+                given[name] = Variable(f"{name}_by_{told}")
+        return substitute(row.expression, given)
+
+    @property
+    def _signals(self) -> tuple[str, ...]:
+        return (*self._set.signals, *self.shapes)
+
+    def _collected(
+        self, row: CompiledRelation, expression: Expression
+    ) -> Mapping[Expression, Expression]:
+        corrected = substitute(substitute(expression, self._slow), self._true)
+        return {b: g for b, g in collect(corrected, self._signals).items() if g != ZERO}
+
+    def _effects(
+        self, row: CompiledRelation, expression: Expression, index: int
+    ) -> tuple[FaultEffect, ...]:
+        parts = self._collected(row, expression)
+        return tuple(FaultEffect(row.name, basis, gain, index) for basis, gain in parts.items())
+
+
+def _moved(expression: Expression, amounts: Mapping[str, Expression]) -> Expression:
+    """What is left of a relation whose parameters have grown by these amounts."""
+    return total(-1 * amount * derivative(expression, name) for name, amount in amounts.items())

@@ -1,7 +1,7 @@
-"""Quantitative effect of each fault on the parity relations: one row of terms per fault.
+"""Quantitative effect of each fault on the relations: one row of terms per fault.
 
-A term says: in this residual the fault adds ``size[k] * gain * regressor``. Terms follow from the
-relations by differentiation (``effects``). For the FLEA (primes are true values, unprimed ones
+A term says: in this residual the fault adds ``size[k] * gain * basis signal``. Terms follow from
+the relations by differentiation (``effects``). For the FLEA (primes are true values, unprimed ones
 measured):
 
 drag dfc, dB        mechanical  r = + dfc s(v) + dB v
@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """``size[index] * gain * regressor`` in one residual."""
+    """``size[index] * gain * regressor`` in one residual; the regressor is a name of the basis."""
 
     residual: str
     regressor: str
@@ -52,39 +52,3 @@ class FaultModel:
     sizes: tuple[Size, ...]
     terms: tuple[Term, ...]
     roughness: float = 0.0
-
-
-REGRESSORS = (
-    "one",
-    "elapsed_s",
-    "direction",
-    "speed_m_s",
-    "current_a",
-    "motor_current_a",
-    "load_n",
-    "load_and_direction_n",
-    "force_and_direction_n",
-    "motor_force_n",
-    "resisting_force_n",
-    "rate_force_n",
-    "motor_voltage_v",
-    "emf_and_drop_v",
-    "driving_voltage_v",
-    "commanded_voltage_v",
-    "motor_temperature_degc",
-    "nut_temperature_degc",
-    "ambient_temperature_degc",
-    "position_m",
-    "load_position_m",
-    "encoder_m_s",
-    "position_rate_m_s",
-    "rate_direction",
-)
-"""Signals that fault models are made of. ``current_a`` is i - i0 and ``motor_current_a`` the
-reading i itself, which is what a scale factor acts on. ``motor_force_n`` is K (i - i0),
-``resisting_force_n`` is load, friction and inertia, ``rate_force_n`` is B v + M a,
-``emf_and_drop_v`` is R (i - i0) + Ke v and ``driving_voltage_v`` is V - V0 - Ke v, what is left
-to drive a current."""
-
-MECHANICAL, ELECTRICAL, DRIVE = "parity_mechanical", "parity_electrical", "parity_drive"
-KINEMATIC, SPEED = "parity_kinematic", "parity_speed"

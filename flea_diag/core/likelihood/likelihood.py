@@ -25,14 +25,14 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
-from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES, UNIT_TERMS, Unit
+from flea_diag.core.likelihood.basis import Basis
+from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES, Unit
 
 Array = npt.NDArray[np.float64]
 
 FOLD = 50
 """Samples that are summed at once: always the same ones, so that sums have the same last bits."""
-COLUMN = {name: index for index, name in enumerate(REGRESSORS)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +46,14 @@ class Fit:
 
 
 class NormalEquations:
-    """Normal equations of every residual over an episode, constant memory."""
+    """Normal equations of every residual over an episode, in the signals of ``basis``.
 
-    def __init__(self, residuals: Sequence[str]) -> None:
-        self.residuals = tuple(residuals)
-        count, width = len(self.residuals), len(REGRESSORS)
+    Constant memory.
+    """
+
+    def __init__(self, residuals: Sequence[str], basis: Basis) -> None:
+        self.residuals, self.basis = tuple(residuals), basis
+        count, width = len(self.residuals), len(basis.names)
         self._gram = np.zeros((count, width, width))
         self._cross = np.zeros((count, width))
         self._square = np.zeros(count)
@@ -60,7 +63,7 @@ class NormalEquations:
         self._waiting = 0
 
     def add(self, values: Array, regressors: Array) -> None:
-        """N samples: residuals, shape (n, residuals), NaN = none, and ``REGRESSORS``."""
+        """N samples: residuals, shape (n, residuals), NaN = none, and basis signals."""
         for start in range(0, len(values), FOLD):
             part = slice(start, start + FOLD)
             self._wait(values[part], regressors[part])
@@ -107,12 +110,12 @@ class NormalEquations:
         without a sample so far have none then either.
         """
         self._fold()
-        sum_of = NormalEquations(self.residuals)
+        sum_of = NormalEquations(self.residuals, self.basis)
         known = np.nan_to_num(phi)
         gram = known.T @ known
         for index, name in enumerate(self.residuals):
             here = float(self.samples[index] > 0)
-            effect = _effect(model, name, sizes)
+            effect = _effect(model, name, sizes, self.basis)
             sum_of._gram[index] = self._gram[index] + here * gram
             sum_of._cross[index] = self._cross[index] + here * (gram @ effect)
             sum_of._square[index] = self._square[index] + here * float(effect @ gram @ effect)
@@ -186,7 +189,7 @@ class NormalEquations:
         """
         rough, loss = weight.copy(), 0.0
         for index, name in enumerate(self.residuals):
-            effect = _effect(model, name, sizes)
+            effect = _effect(model, name, sizes, self.basis)
             if self.samples[index] and effect.any():
                 square = float(effect @ self._gram[index] @ effect) / self.samples[index]
                 # weight = 1 / (c sigma^2): growth is 1 + roughness^2 square / sigma^2.
@@ -208,7 +211,9 @@ class NormalEquations:
     def _misfits(self, model: FaultModel, weight: Array, unit: Unit) -> Array:
         """Misfit of each residual at the joint optimum, weighted."""
         A, b, _ = self._normal(model, len(model.sizes), weight, unit)
-        effect = _designs(model, self.residuals, len(model.sizes)) @ _bounded(model, A, b)
+        effect = _designs(model, self.residuals, len(model.sizes), self.basis) @ _bounded(
+            model, A, b
+        )
         quadratic = (effect * np.matmul(self._gram, effect[:, :, None])[:, :, 0]).sum(axis=1)
         crossed = (effect * self._cross).sum(axis=1)
         return np.asarray((self._square - 2.0 * crossed + quadratic) * weight)
@@ -220,7 +225,7 @@ class NormalEquations:
         weight: Array,
         unit: Unit,
     ) -> tuple[Array, Array, float]:
-        design = _designs(model, self.residuals, count)
+        design = _designs(model, self.residuals, count, self.basis)
         weighed = design.transpose(0, 2, 1) * weight[:, None, None]
         A = np.matmul(weighed, np.matmul(self._gram, design)).sum(axis=0)
         b = np.matmul(weighed, self._cross[:, :, None])[:, :, 0].sum(axis=0)
@@ -229,30 +234,33 @@ class NormalEquations:
         return A, b, float(weight @ self._square)
 
 
-def _effect(model: FaultModel, residual: str, sizes: Sequence[float]) -> Array:
-    """What a fault of these sizes adds to one residual, as a factor on each regressor."""
-    effect = np.zeros(len(REGRESSORS))
+def _effect(model: FaultModel, residual: str, sizes: Sequence[float], basis: Basis) -> Array:
+    """What a fault of these sizes adds to one residual, as a factor on each basis signal."""
+    effect = np.zeros(len(basis.names))
     for term in model.terms:
         if term.residual == residual:
-            effect[COLUMN[term.regressor]] += term.gain * sizes[term.index]
+            effect[basis.column[term.regressor]] += term.gain * sizes[term.index]
     return effect
 
 
 @lru_cache(maxsize=1024)
-def _designs(model: FaultModel | None, residuals: tuple[str, ...], count: int) -> Array:
-    """Designs of all residuals, shape (residuals, regressors, parameters); not to be changed."""
-    return np.stack([_design(model, name, count) for name in residuals])
+def _designs(
+    model: FaultModel | None, residuals: tuple[str, ...], count: int, basis: Basis
+) -> Array:
+    """Designs of all residuals, shape (residuals, signals, parameters); not to be changed."""
+    return np.stack([_design(model, name, count, basis) for name in residuals])
 
 
-def _design(model: FaultModel | None, residual: str, count: int) -> Array:
-    """How sizes and unit parameters enter one residual, shape (regressors, parameters)."""
-    design = np.zeros((len(REGRESSORS), count + len(UNIT_DIFFERENCES)))
+def _design(model: FaultModel | None, residual: str, count: int, basis: Basis) -> Array:
+    """How sizes and unit parameters enter one residual, shape (signals, parameters)."""
+    design = np.zeros((len(basis.names), count + len(UNIT_DIFFERENCES)))
     for term in () if model is None else model.terms:
         if term.residual == residual:
-            design[COLUMN[term.regressor], term.index] += term.gain
-    for name, parameter, regressor, gain in UNIT_TERMS:
-        if name == residual:
-            design[COLUMN[regressor], count + UNIT_DIFFERENCES.index(parameter)] += gain
+            design[basis.column[term.regressor], term.index] += term.gain
+    for own in basis.unit_terms:
+        if own.residual == residual:
+            place = count + UNIT_DIFFERENCES.index(own.difference)
+            design[basis.column[own.regressor], place] += own.gain
     return design
 
 

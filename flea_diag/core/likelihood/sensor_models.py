@@ -1,7 +1,6 @@
-"""Effect of a sensor fault on the parity relations: one row per channel, one rule per mode.
+"""Models of sensor faults: one rule per mode, the same for every channel.
 
-An error e of a reading enters a relation as ``gain * e``, or through its rate as
-``gain * de/dt``. The modes differ only in what e is (y' is the true signal):
+The modes differ only in what the error e of the reading y is (y' is the true signal):
 
 bias e = b    drift e = d t    scaling e = (1 - 1/g) y    dead e = c - y'
 
@@ -10,204 +9,159 @@ bias e = b    drift e = d t    scaling e = (1 - 1/g) y    dead e = c - y'
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from flea_diag.core.likelihood.effects import Effects
-from flea_diag.core.likelihood.fault_models import (
-    DRIVE,
-    ELECTRICAL,
-    KINEMATIC,
-    MECHANICAL,
-    SPEED,
-    FaultModel,
-    Size,
-    Term,
-)
-from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.faults.fault import Fault
+from flea_diag.core.likelihood.effects import EffectRules, Effects, FaultEffect, Gains
+from flea_diag.core.likelihood.symbolic_model import SymbolicModel, SymbolicSize
+from flea_diag.core.residuals.parity import rate_symbol
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual_rows import TEMPERATURES
 from flea_diag.core.residuals.thermal import CORRECTION_S
+from flea_diag.core.symbolic.expression import ONE, ZERO, Constant, Expression, Variable
 
-# Scaling y = g y' with g in [0.6, 1.6]: the share of the reading that is wrong, or of the truth.
-SHARES_OF_READING = (1.0 - 1.0 / 0.6, 1.0 - 1.0 / 1.6)
-SHARES_OF_TRUTH = (0.6 - 1.0, 1.6 - 1.0)
+Signal = tuple[tuple[Expression, Expression], ...]
+"""A sum of basis signals, each with its factor."""
 
-DRIFT_AGES_S = (0.3, 1.0, 2.0, 4.0, 8.0, 15.0)
-"""Ages that a drift may have when it is detected."""
+ELAPSED = Variable("elapsed_s")
+"""Time since the detection, s."""
+CONSTANT, GROWING = ((ONE, ONE),), ((ELAPSED, ONE),)
 
 
-@dataclass(frozen=True, slots=True)
-class SensorErrorModel:
-    """One sensor: effect of its error on the residuals, and the largest errors of its faults.
+def expected(temperature: str) -> Variable:
+    """What a temperature should read by its prediction, degC."""
+    return Variable(f"{temperature}_degc")
 
-    ``gains`` and ``rates``: (residual, gain) of the error and of its rate. ``reading`` and
-    ``reading_rate``: regressors of its own signal, of which a scaling adds one of ``shares``.
-    ``truth``: (residual, regressor, gain), the term missing from each relation if the signal is
-    dead.
+
+@dataclass(frozen=True)
+class ReadingError:
+    """How an error of one reading enters the residuals.
+
+    ``gains`` and ``rates``: of the error and of its rate. ``lost``: the truth that is missing where
+    the reading is dead. ``shares``: what a scaling adds of ``reading``, its least and largest.
     """
 
-    channel: str
+    fault: Fault
     unit: str
-    largest_bias: float
-    largest_drift: float
-    reading: str
-    gains: tuple[tuple[str, float], ...]
-    truth: tuple[tuple[str, str, float], ...] = ()
-    rates: tuple[tuple[str, float], ...] = ()
-    reading_rate: str = ""
-    shares: tuple[float, float] = SHARES_OF_READING
+    gains: Gains
+    rates: Gains
+    lost: Effects
+    reading: Signal
+    reading_rate: Signal
+    shares: tuple[float, float]
 
+    def level(self, signal: Signal, index: int = 0) -> Effects:
+        """The error is a constant, or follows a signal."""
+        return _times(self.gains, signal, index)
 
-@dataclass(frozen=True, slots=True)
-class RelationSensor:
-    """A sensor beside its place in the graph: fields as of ``SensorErrorModel``."""
-
-    channel: str
-    unit: str
-    largest_bias: float
-    largest_drift: float
-    reading: str
-    truth: tuple[tuple[str, str, float], ...]
-    reading_rate: str = ""
-
-
-def error_models(
-    p: ActuatorParameters, relations: RelationSet, commanded: bool = True
-) -> tuple[SensorErrorModel, ...]:
-    """Every sensor that enters a parity relation, for one calibrated actuator.
-
-    A dead voltage loses the same true voltage in both of its relations: the ``commanded`` one,
-    where known. With a separate estimate in each relation it would also explain a motor that
-    draws no current at full voltage.
-    """
-    effects = Effects(relations, p)
-    return (*(_of_relations(row, effects, p) for row in _sensors(p, commanded)), *_temperatures(p))
-
-
-def _of_relations(row: RelationSensor, effects: Effects, p: ActuatorParameters) -> SensorErrorModel:
-    """A sensor whose errors enter the relations as these say; an encoder's count at the nut."""
-    unit = 1.0 / p.encoder_m_per_rad if row.channel == "motor_speed" else 1.0
-    return SensorErrorModel(
-        row.channel,
-        row.unit,
-        row.largest_bias,
-        row.largest_drift,
-        row.reading,
-        effects.gains(row.channel, unit),
-        tuple(term for term in row.truth if term[0] in effects.names),
-        # The rate of a speed acts through the inertia, by less than the noise: no regressor.
-        effects.rates(row.channel, unit) if row.reading_rate else (),
-        row.reading_rate,
-    )
-
-
-def _sensors(p: ActuatorParameters, commanded: bool) -> tuple[RelationSensor, ...]:
-    """Sensors in the relations, and what tells the truth where one of them is dead."""
-    applied = "commanded_voltage_v" if commanded else "emf_and_drop_v"
-    lost_current = (
-        (MECHANICAL, "resisting_force_n", -1.0),
-        (ELECTRICAL, "driving_voltage_v", 1.0),
-    )
-    lost_load = ((MECHANICAL, "motor_force_n", 1.0),)
-    lost_voltage = ((ELECTRICAL, applied, -1.0), (DRIVE, applied, -1.0))
-    lost_position = ((KINEMATIC, "load_position_m", -1.0), (SPEED, "encoder_m_s", 1.0))
-    lost_load_position = ((KINEMATIC, "position_m", 1.0),)
-    lost_speed = (
-        (SPEED, "position_rate_m_s", -1.0),
-        (ELECTRICAL, "position_rate_m_s", p.back_emf_v_s_per_m),
-        (MECHANICAL, "position_rate_m_s", p.viscous_friction_n_s_per_m),
-        (MECHANICAL, "rate_direction", p.coulomb_friction_n),
-    )
-    encoder = RelationSensor("motor_speed", "m/s", 0.1, 0.05, "encoder_m_s", lost_speed)
-    # Without an encoder the speed is the slope of the position, and takes over its error.
-    drift_m_s = 0.01 if p.encoder_m_per_rad else 0.005
-    return (
-        RelationSensor("motor_current", "A", 3.0, 0.5, "motor_current_a", lost_current),
-        RelationSensor("load_force", "N", 600.0, 100.0, "load_n", lost_load),
-        RelationSensor("motor_voltage", "V", 24.0, 3.0, "motor_voltage_v", lost_voltage),
-        *((encoder,) if p.encoder_m_per_rad else ()),
-        RelationSensor(
-            "actuator_position",
-            "m",
-            0.1,
-            drift_m_s,
-            "position_m",
-            lost_position,
-            "position_rate_m_s",
-        ),
-        RelationSensor("load_position", "m", 0.1, 0.01, "load_position_m", lost_load_position),
-    )
-
-
-def _temperatures(p: ActuatorParameters) -> tuple[SensorErrorModel, ...]:
-    # An error of the air moves the models of motor and nut by CORRECTION_S over their cooling time.
-    air = (
-        ("ambient_temperature", 1.0),
-        ("motor_temperature", -CORRECTION_S / p.motor_cooling_s),
-        ("nut_temperature", -CORRECTION_S / p.nut_cooling_s),
-    )
-    own = {
-        "motor_temperature": (("motor_temperature", 1.0),),
-        "nut_temperature": (("nut_temperature", 1.0),),
-        "ambient_temperature": air,
-    }
-    return tuple(
-        SensorErrorModel(name, "K", 60.0, 2.0, f"{name}_degc", gains, shares=SHARES_OF_TRUTH)
-        for name, gains in own.items()
-    )
+    def rate(self, signal: Signal) -> Effects:
+        """The same of the rate of the error."""
+        return _times(self.rates, signal)
 
 
 def sensor_models(
-    p: ActuatorParameters, relations: RelationSet, commanded: bool = True
-) -> tuple[FaultModel, ...]:
-    """Bias, scaling, drift and dead of every sensor; a drift has one model for each age."""
-    return tuple(
-        model
-        for row in error_models(p, relations, commanded)
-        for model in (_bias(row), _scaling(row), *_drifts(row), _dead(row))
+    fault: Fault, rules: EffectRules, relations: RelationSet
+) -> Iterable[SymbolicModel]:
+    """Models of one sensor fault.
+
+    None for a channel that no relation may read (an encoder of unknown lead), and for modes that
+    the tests of single sensors judge.
+    """
+    rule = _MODES.get(fault.mode)
+    known = fault.channel in (*TEMPERATURES, *relations.units_of)
+    return () if rule is None or not known else rule(_error(fault, rules, relations))
+
+
+def _error(fault: Fault, rules: EffectRules, relations: RelationSet) -> ReadingError:
+    channel, low, high = fault.channel, *fault.errors.factors
+    if channel in TEMPERATURES:
+        reading: Signal = ((expected(channel), ONE),)
+        shares = low - 1.0, high - 1.0
+        return ReadingError(fault, "K", _of_temperature(channel), (), (), reading, (), shares)
+    reading = ((Variable(channel), ONE), (ONE, relations.offsets.get(channel, ZERO)))
+    # The rate of a speed acts through the inertia, by less than the noise: no effect.
+    rates = rules.rates(channel) if channel in relations.displacements else ()
+    return ReadingError(
+        fault,
+        relations.units_of[channel],
+        rules.gains(channel),
+        rates,
+        rules.lost(channel),
+        reading,
+        ((Variable(rate_symbol(channel)), ONE),),
+        (1.0 - 1.0 / low, 1.0 - 1.0 / high),
     )
 
 
-def _level(row: SensorErrorModel, regressor: str, index: int = 0) -> tuple[Term, ...]:
-    return tuple(Term(residual, regressor, gain, index) for residual, gain in row.gains)
+def _of_temperature(channel: str) -> Gains:
+    """Its own residual; an error of the air moves the nodes by the correction over the cooling."""
+    if channel != "ambient_temperature":
+        return ((channel, ONE),)
+    cooled = [(name, f"{name.split('_')[0]}_cooling_s") for name in TEMPERATURES if name != channel]
+    lag = Constant(-CORRECTION_S)
+    return ((channel, ONE), *((name, lag / Variable(cooling)) for name, cooling in cooled))
 
 
-def _rate(row: SensorErrorModel, regressor: str) -> tuple[Term, ...]:
-    return tuple(Term(residual, regressor, gain) for residual, gain in row.rates)
+def _times(gains: Gains, signal: Signal, index: int = 0) -> Effects:
+    """Each gain times each part of the signal."""
+    return tuple(
+        FaultEffect(residual, basis, gain * factor, index)
+        for residual, gain in gains
+        for basis, factor in signal
+        if factor != ZERO
+    )
 
 
-def _bias(row: SensorErrorModel) -> FaultModel:
-    size = Size("bias", row.unit, -row.largest_bias, row.largest_bias)
-    return FaultModel(f"{row.channel}_bias", (size,), _level(row, "one"))
+def _bias(error: ReadingError) -> tuple[SymbolicModel, ...]:
+    return (_one(error, _size("bias", error), error.level(CONSTANT)),)
 
 
-def _scaling(row: SensorErrorModel) -> FaultModel:
-    size = Size("scaling share", "1", *row.shares)
-    terms = _level(row, row.reading) + _rate(row, row.reading_rate)
-    return FaultModel(f"{row.channel}_scaling", (size,), terms)
+def _scaling(error: ReadingError) -> tuple[SymbolicModel, ...]:
+    low, high = error.shares
+    size = SymbolicSize("scaling share", "1", low, high, low)
+    return (_one(error, size, error.level(error.reading) + error.rate(error.reading_rate)),)
 
 
-def _drifts(row: SensorErrorModel) -> tuple[FaultModel, ...]:
+def _drift(error: ReadingError) -> tuple[SymbolicModel, ...]:
     """One model per age: the offset at detection is the rate times the age.
 
     With a free offset beside the rate, every bias would fit as a drift that has just stopped.
     """
-    rate = Size("drift", f"{row.unit}/s", -row.largest_drift, row.largest_drift)
-    fault = f"{row.channel}_drift"
+    largest = error.fault.errors.drift
+    size = SymbolicSize("drift", f"{error.unit}/s", -largest, largest, -largest)
+    grown, rate = error.level(GROWING), error.rate(CONSTANT)
     return tuple(
-        FaultModel(fault, (rate,), _level(row, "elapsed_s") + _aged(row, age_s) + _rate(row, "one"))
-        for age_s in DRIFT_AGES_S
+        _one(error, size, grown + _aged(error, age_s) + rate) for age_s in error.fault.errors.ages_s
     )
 
 
-def _aged(row: SensorErrorModel, age_s: float) -> tuple[Term, ...]:
-    return tuple(Term(residual, "one", gain * age_s) for residual, gain in row.gains)
+def _aged(error: ReadingError, age_s: float) -> Effects:
+    return tuple(FaultEffect(name, ONE, gain * age_s) for name, gain in error.gains)
 
 
-def _dead(row: SensorErrorModel) -> FaultModel:
-    level = Size("level", row.unit, -row.largest_bias, row.largest_bias)
-    if not row.truth:
+def _dead(error: ReadingError) -> tuple[SymbolicModel, ...]:
+    level = _size("level", error)
+    if not error.lost:
         # No other signal gives the true value: a constant, like a bias.
-        return FaultModel(f"{row.channel}_dead", (level,), _level(row, "one"))
-    lost = Size("lost share", "1", 0.9, 1.1)
-    gone = tuple(Term(residual, source, gain) for residual, source, gain in row.truth)
-    return FaultModel(f"{row.channel}_dead", (lost, level), gone + _level(row, "one", 1))
+        return (_one(error, level, error.level(CONSTANT)),)
+    low, high = error.fault.errors.lost
+    sizes = (SymbolicSize("lost share", "1", low, high, low), level)
+    return (SymbolicModel(error.fault.name, sizes, error.lost + error.level(CONSTANT, 1)),)
+
+
+def _size(name: str, error: ReadingError) -> SymbolicSize:
+    largest = error.fault.errors.bias
+    return SymbolicSize(name, error.unit, -largest, largest, -largest)
+
+
+def _one(error: ReadingError, size: SymbolicSize, effects: Effects) -> SymbolicModel:
+    return SymbolicModel(error.fault.name, (size,), effects)
+
+
+_MODES: dict[str, Callable[[ReadingError], Iterable[SymbolicModel]]] = {
+    "bias": _bias,
+    "scaling": _scaling,
+    "drift": _drift,
+    "dead": _dead,
+}

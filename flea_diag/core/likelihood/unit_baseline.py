@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.likelihood import NormalEquations
 
 Array = npt.NDArray[np.float64]
@@ -32,11 +33,11 @@ MEMORY = 60.0
 class UnitBaseline:
     """Running evidence of the residuals ``residuals``, constant memory."""
 
-    def __init__(self, residuals: Sequence[str]) -> None:
-        self._residuals = tuple(residuals)
+    def __init__(self, residuals: Sequence[str], basis: Basis) -> None:
+        self._residuals, self._basis = tuple(residuals), basis
         self._recent: deque[NormalEquations] = deque()
         self._scans = 0
-        self._known = NormalEquations(residuals)
+        self._known = NormalEquations(residuals, basis)
         self._pieces = 0
 
     @property
@@ -76,7 +77,7 @@ class UnitBaseline:
         self._recent[-1].add(values, regressors)
 
     def _next_piece(self) -> None:
-        self._recent.append(NormalEquations(self._residuals))
+        self._recent.append(NormalEquations(self._residuals, self._basis))
         if len(self._recent) > LEFT_OUT + 1:
             self._known.fade(np.exp(-1.0 / MEMORY))
             self._known.take(self._recent.popleft(), EVERY)

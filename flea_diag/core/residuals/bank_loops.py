@@ -16,7 +16,7 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.residuals.parity import channel_of
 from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
-from flea_diag.core.residuals.residual import PARITIES, STALL, Parity, Signals
+from flea_diag.core.residuals.residual import PARITIES, STALL, Parity
 from flea_diag.core.residuals.residual_rows import INDEX, RESIDUAL_INDEX
 from flea_diag.core.residuals.thermal import ESTIMATE, advance
 
@@ -24,10 +24,8 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Rows = tuple[tuple[int, int, int], ...]
 
-_CURRENT, _VOLTAGE = INDEX["motor_current"], INDEX["motor_voltage"]
-_COMMAND, _ENCODER = INDEX["commanded_voltage"], INDEX["motor_speed"]
-_POSITION, _LOAD_POSITION = INDEX["actuator_position"], INDEX["load_position"]
-_LOAD = INDEX["load_force"]
+_CURRENT, _ENCODER = INDEX["motor_current"], INDEX["motor_speed"]
+_POSITION = INDEX["actuator_position"]
 _MOTOR, _NUT = INDEX["motor_temperature"], INDEX["nut_temperature"]
 _AMBIENT = INDEX["ambient_temperature"]
 _OF_MOTOR, _OF_NUT = RESIDUAL_INDEX["motor_temperature"], RESIDUAL_INDEX["nut_temperature"]
@@ -130,33 +128,31 @@ def heat_loops(
 def bank_loops(
     rows: Array, smooth: Array, ways: Array, shapes: Array, parameters: npt.NDArray[np.void],
     nodes: tuple[Array, Array, Array], limits: tuple[float, int, float], still: int, frozen: bool,
-    told: tuple[Array, Array, Array, Flags],
+    told: tuple[Array, Array, Array, Array, Flags],
 ) -> int:  # fmt: skip
     """Scan after scan; returns for how many scans it has stood still.
 
     ``ways`` are the smooth signs of the speed, ``shapes``, shape (shapes, n), the values of all,
     ``limits`` the speed above which it moves, scans of a standstill, and the period. ``told`` is to
-    be filled: values, spread, signals, moving.
+    be filled: values, spread, signals, speed and direction, moving.
     """
     p = parameters[0]
     moving_m_s, rest, dt_s = limits
-    values, spread, table, moving = told
+    values, spread, signals, motion, moving = told
     places = LAYOUT.places
     measured = len(places) - len(shapes)
     x = np.empty(len(places))
     for i in range(len(rows)):
-        value, first, second = smooth[i, 0], smooth[i, 1], smooth[i, 2]
+        value, first = smooth[i, 0], smooth[i, 1]
         for k in range(measured):
             order, channel = places[k]
             if order >= 0:
                 x[k] = smooth[i, order, channel]
         for k in range(len(shapes)):
             x[measured + k] = shapes[k, i]
-        speed, acceleration, rate = first[_POSITION], second[_POSITION], first[_POSITION]
+        speed, rate = first[_POSITION], first[_POSITION]
         if p.encoder_m_per_rad != 0.0:
             speed = value[_ENCODER] * p.encoder_m_per_rad
-            acceleration = first[_ENCODER] * p.encoder_m_per_rad
-        current, load = value[_CURRENT], value[_LOAD]
         moves = abs(speed) > moving_m_s or abs(rate) > moving_m_s
         still = still + 1 if not moves and abs(speed) <= moving_m_s else 0
         push, dry = drag(p, x)
@@ -165,25 +161,10 @@ def bank_loops(
         way = math.copysign(1.0, push) if stalled else ways[i]
         if LAYOUT.direction >= 0:
             x[LAYOUT.direction] = way
-        degc = heat_loops(p, nodes, rows[i], current, speed, dt_s, frozen, values[i])
+        degc = heat_loops(p, nodes, rows[i], value[_CURRENT], speed, dt_s, frozen, values[i])
         if LAYOUT.winding >= 0:
             x[LAYOUT.winding] = degc
-        s = Signals(
-            current,
-            value[_VOLTAGE],
-            value[_COMMAND],
-            speed,
-            acceleration,
-            load,
-            value[_POSITION],
-            value[_LOAD_POSITION],
-            value[_ENCODER],
-            rate,
-            value[_MOTOR],
-            value[_NUT],
-            way,
-        )
-        for k in range(len(s)):
-            table[i, k] = s[k]
+        motion[i, 0], motion[i, 1] = speed, way
+        signals[i] = x
         parity_loops(p, x, way, values[i], spread[i])
     return still

@@ -49,6 +49,8 @@ class CompiledRelation:
     expression: Expression
     signals: tuple[str, ...]
     """Names that vary from scan to scan."""
+    kind: str = "junction"
+    """As in the description: ``junction`` is a balance, ``difference`` two readings of one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,14 @@ class RelationSet(Frozen):
         Base parameters in which healthy units differ.
     push
         What friction has to withstand: the relation that has a direction, without its friction.
+    base
+        Base parameter -> product of physical parameters.
+    offsets
+        Channel -> what its reading exceeds the truth by, in base parameters.
+    displacements
+        Channels that read the integral of a flow.
+    units_of
+        Channel -> its unit.
     """
 
     relations: tuple[CompiledRelation, ...]
@@ -80,6 +90,10 @@ class RelationSet(Frozen):
     units: tuple[str, ...]
     push: Expression = ZERO
     reference: Mapping[str, float] = field(default_factory=dict)
+    base: Mapping[str, Expression] = field(default_factory=dict)
+    offsets: Mapping[str, Expression] = field(default_factory=dict)
+    displacements: tuple[str, ...] = ()
+    units_of: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -160,7 +174,7 @@ def relation_set(
         shaped = rewritten(formed, lambda node: _shape(node, shapes))
         varying |= set(shapes.values())
         read = tuple(symbol for symbol in symbols(shaped) if symbol in varying)
-        rows.append(CompiledRelation(name, spec.unit, shaped, read))
+        rows.append(CompiledRelation(name, spec.unit, shaped, read, spec.kind))
         if DIRECTION in read and push == ZERO:
             bare = parity_relation(actuator, _without_friction(actuator, spec))
             push = divided(substitute(bare.expression, base))
@@ -176,6 +190,10 @@ def relation_set(
         tuple(units),
         push,
         {name: actuator.graph.parameters[name].value for name in actuator.predicted},
+        dict(actuator.base_parameters),
+        {s.channel: base[s.offset] for s in actuator.sensors.values() if s.offset},
+        tuple(s.channel for s in actuator.sensors.values() if s.integrates),
+        actuator.units,
     )
 
 

@@ -12,7 +12,7 @@ what it lacks is a drag.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,28 +23,6 @@ Value = Any
 
 COPPER_PER_K = 0.00393
 """Temperature coefficient of resistance of copper near 20 degC."""
-
-
-class Signals(NamedTuple):
-    """Smoothed signals, SI; NaN where a channel is absent or bad.
-
-    Numbers at one instant, or arrays of one shape (n,) over so many scans. ``direction`` is the
-    smooth sign of the speed, or of the push where the actuator is stalled.
-    """
-
-    current_a: Value
-    voltage_v: Value
-    commanded_voltage_v: Value
-    speed_m_s: Value
-    acceleration_m_s2: Value
-    load_n: Value
-    position_m: Value
-    load_position_m: Value
-    encoder_speed_rad_s: Value
-    position_rate_m_s: Value
-    motor_temperature_degc: Value
-    nut_temperature_degc: Value
-    direction: Value
 
 
 def direction(parameters: ActuatorParameters, speed_m_s: Value) -> Value:
@@ -59,22 +37,6 @@ STALL = 3.0
 """No healthy screw withstands a push of so many times its dry friction for long. At rest nominal
 recordings of the FLEA show 2.6 times for half a second, and 3.5 times for a few scans, which the
 means over windows bear."""
-
-
-def dry_friction_n(p: ActuatorParameters, load_n: Value) -> Value:
-    """Size of the nominal friction at the nut that does not grow with the speed."""
-    return p.coulomb_friction_n + p.load_friction_ratio * abs(load_n)
-
-
-def friction_n(p: ActuatorParameters, s: Signals) -> Value:
-    """Nominal friction force at the nut."""
-    dry = dry_friction_n(p, s.load_n)
-    return dry * s.direction + p.viscous_friction_n_s_per_m * s.speed_m_s
-
-
-def motor_force_n(p: ActuatorParameters, current_a: Value) -> Value:
-    """Force of the motor at the nut, by the reading of its current."""
-    return p.force_constant_n_per_a * (current_a - p.current_offset_a)
 
 
 @dataclass(frozen=True, slots=True)

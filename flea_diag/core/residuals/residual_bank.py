@@ -8,6 +8,7 @@ bits.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,6 @@ from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual import (
     STALL,
     UNIT_PARAMETERS,
-    Signals,
     Value,
     direction,
 )
@@ -88,15 +88,15 @@ class ResidualBank:
         spread = np.zeros((len(rows), len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
         if self._compiled:
             return self._follow(rows, smooth, frozen, values, spread)
-        signals, x, moving = self._signals(rows, smooth, frozen, values)
-        self._parities(signals.direction, x, values, spread)
-        return ResidualRows(values, spread, signals, moving)
+        x, motion, moving = self._signals(rows, smooth, frozen, values)
+        self._parities(motion[1], x, values, spread)
+        return ResidualRows(values, spread, _table(x, len(rows)), _table(motion, len(rows)), moving)
 
     def _follow(
         self, rows: Array, smooth: Array, frozen: bool, values: Array, spread: Array
     ) -> ResidualRows:
         """``_signals`` and ``_parities`` in one compiled loop."""
-        table = np.empty((len(rows), len(Signals._fields)))
+        signals, motion = np.empty((len(rows), len(self._places))), np.empty((len(rows), 2))
         moving = np.empty(len(rows), dtype=bool)
         x = [smooth[:, order, k] if order >= 0 else 0.0 for order, k in self._inside]
         shapes = np.array(self._shapes(x)).reshape(len(self._relations.shapes), len(rows))
@@ -110,10 +110,9 @@ class ResidualBank:
             (self._moving_m_s, self._kernel_length, self._period_s),
             self._still,
             frozen,
-            (values, spread, table, moving),
+            (values, spread, signals, motion, moving),
         )
-        columns = table[0].tolist() if len(table) == 1 else np.ascontiguousarray(table.T)
-        return ResidualRows(values, spread, Signals(*columns), moving)
+        return ResidualRows(values, spread, signals, motion, moving)
 
     def _directions(self, smooth: Array, shapes: Array) -> Array:
         """Smooth sign of the speed: a shape where a relation holds it."""
@@ -148,42 +147,26 @@ class ResidualBank:
 
     def _signals(
         self, rows: Array, smooth: Array, frozen: bool, values: Array
-    ) -> tuple[Signals, list[Value], Flags]:
-        """Smoothed signals, those of the relations, and whether it moves or is stalled.
+    ) -> tuple[list[Value], tuple[Value, Value], Flags]:
+        """Signals of the relations, speed and direction, and whether it moves or is stalled.
 
         Fills in the thermal residuals, whose estimates are among the signals.
         """
-        columns = value, first, second = _columns(smooth)
+        columns = value, first, _ = _columns(smooth)
         x = self._measured(columns)
         x[len(x) - len(self._relations.shapes) :] = self._shapes(x)
         position, encoder = INDEX["actuator_position"], INDEX["motor_speed"]
         # The encoder where there is one: then a position fault does not touch the speed.
         lead = self._p.encoder_m_per_rad
         speed = value[encoder] * lead if self.has_encoder else first[position]
-        acceleration = first[encoder] * lead if self.has_encoder else second[position]
-        current, load = value[INDEX["motor_current"]], value[INDEX["load_force"]]
+        current = value[INDEX["motor_current"]]
         way, moving = self._way(len(rows), x, (speed, first[position]))
         warm = self._thermal(rows, current, speed, frozen, values)
         if self._layout.direction >= 0:
             x[self._layout.direction] = way
         if self._layout.winding >= 0:
             x[self._layout.winding] = warm
-        signals = Signals(
-            current_a=current,
-            voltage_v=value[INDEX["motor_voltage"]],
-            commanded_voltage_v=value[INDEX["commanded_voltage"]],
-            speed_m_s=speed,
-            acceleration_m_s2=acceleration,
-            load_n=load,
-            position_m=value[position],
-            load_position_m=value[INDEX["load_position"]],
-            encoder_speed_rad_s=value[encoder],
-            position_rate_m_s=first[position],
-            motor_temperature_degc=value[INDEX["motor_temperature"]],
-            nut_temperature_degc=value[INDEX["nut_temperature"]],
-            direction=way,
-        )
-        return signals, x, moving
+        return x, (speed, way), moving
 
     def _way(
         self, count: int, x: list[Value], speeds_m_s: tuple[Value, Value]
@@ -245,3 +228,11 @@ def _columns(smooth: Array) -> Any:
     if len(smooth) == 1:
         return smooth[0].tolist()
     return np.ascontiguousarray(smooth.transpose(1, 2, 0))
+
+
+def _table(columns: Sequence[Value], count: int) -> Array:
+    """Numbers or columns side by side, shape (n, columns)."""
+    table = np.empty((count, len(columns)))
+    for number, column in enumerate(columns):
+        table[:, number] = column
+    return table

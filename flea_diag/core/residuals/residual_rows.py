@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.residual import PARITIES, SPEED, Parity, Signals
+from flea_diag.core.residuals.residual import PARITIES, SPEED, Parity
 from flea_diag.core.sensors.sensor_tests import NAMES as SENSOR_TESTS
 from flea_diag.core.sensors.sensor_tests import channel_of
 from flea_diag.errors import shown
@@ -139,18 +139,27 @@ class ResidualRows:
 
     Not frozen: cross-checks of channels drop unusable values.
 
-    ``values`` has shape (n, residuals), order of ``RESIDUALS``, ``moving`` (n,), and
-    ``spread`` (n, ``SPREAD_ROWS``, unit parameters): d r / d theta of healthy units.
-    ``moving`` includes a standstill under a force that moves any healthy unit.
+    ``values`` has shape (n, residuals), order of ``RESIDUALS``, and ``spread`` (n, ``SPREAD_ROWS``,
+    unit parameters): d r / d theta of healthy units. ``signals``, shape (n, signals), are those of
+    the relations, in their order, smoothed, NaN where a channel is absent or bad. ``motion``, shape
+    (n, 2), is the speed at the nut, m/s, and the smooth sign of the motion, or of the push where
+    the actuator is stalled. ``moving``, (n,), includes a standstill under a force that moves any
+    healthy unit.
     """
 
     values: Array
     spread: Array
-    signals: Signals
+    signals: Array
+    motion: Array
     moving: Flags
 
     def __len__(self) -> int:
         return len(self.values)
+
+    @property
+    def speed_m_s(self) -> Array:
+        """Speed at the nut, shape (n,)."""
+        return self.motion[:, 0]
 
     def leave_out(self, scans: Flags, columns: list[int]) -> None:
         """Drop these residuals in these scans."""

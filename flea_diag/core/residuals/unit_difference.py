@@ -1,4 +1,4 @@
-"""What healthy units of one design differ by, and how it enters the relations beside a fault."""
+"""What healthy units of one design differ by; the relations say how it enters (``effect_set``)."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ import numpy.typing as npt
 
 from flea_diag.core.residuals.residual import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import TEMPERATURES
-from flea_diag.core.residuals.thermal import CORRECTION_S
 
 Array = npt.NDArray[np.float64]
 
-UNIT_DIFFERENCES = (*UNIT_PARAMETERS, *(f"{name}_rate_k_per_s" for name in TEMPERATURES))
-"""What healthy units differ by: their parameters, and by how much faster each part of them heats
-up than a model of one node says. What has been hot for hours heats unlike what was cold."""
-# How such a difference enters, beside the fault: (residual, difference, regressor, gain).
-UNIT_TERMS: tuple[tuple[str, str, str, float], ...] = (
-    ("parity_mechanical", "coulomb_friction_n", "direction", -1.0),
-    ("parity_mechanical", "viscous_friction_n_s_per_m", "speed_m_s", -1.0),
-    ("parity_electrical", "winding_resistance_ohm", "current_a", -1.0),
-    ("parity_electrical", "back_emf_v_s_per_m", "speed_m_s", -1.0),
-    ("parity_electrical", "voltage_offset_v", "one", -1.0),
-    # The estimate that is frozen at the detection has lagged behind by its time of correction.
-    *(
-        (name, f"{name}_rate_k_per_s", regressor, gain)
-        for name in TEMPERATURES
-        for regressor, gain in (("one", CORRECTION_S), ("elapsed_s", 1.0))
-    ),
+WEIGHED_PARAMETERS = (
+    "coulomb_friction_n",
+    "viscous_friction_n_s_per_m",
+    "winding_resistance_ohm",
+    "back_emf_v_s_per_m",
+    "voltage_offset_v",
 )
+"""Of these parameters those that a likelihood allows for. Not the inertia, which acts by less than
+the noise, and not the zero of the current, which is learned at the start."""
+
+
+def heating_rate(temperature: str) -> str:
+    """By how much faster a part heats up than a model of one node says: hot for hours, or cold."""
+    return f"{temperature}_rate_k_per_s"
+
+
+UNIT_DIFFERENCES = (*UNIT_PARAMETERS, *map(heating_rate, TEMPERATURES))
+"""What healthy units differ by: their parameters, and how they heat up."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,7 @@ from flea_diag.errors import ConfigurationError, shown
 MOST_TERMS = 10_000
 """A relation with more monomials is a mistake in the description, and would fill the memory."""
 
-_FACTOR = re.compile(r"([*/]?)([A-Za-z_]\w*)(?:\^(\d))?")
+_FACTOR = re.compile(r"([*/]?)(fabs\()?([A-Za-z_]\w*)(?(2)\))(?:\^(\d))?")
 
 
 def expand(expression: Expression) -> Expression:
@@ -121,7 +121,7 @@ def collect(expression: Expression, signals: Collection[str]) -> Mapping[Express
 def monomial(text: str) -> Expression:
     """Expression of a product such as ``screw_viscous_friction/screw_ratio^2``.
 
-    Each ``/`` divides by one factor.
+    Each ``/`` divides by one factor; a factor may be ``fabs(name)``.
 
     Raises
     ------
@@ -136,8 +136,9 @@ def monomial(text: str) -> Expression:
             raise ConfigurationError(
                 f"{shown(text)} is not a product of parameters; write it as a*b/c^2"
             )
-        exponent = int(token[3] or 1) * (-1 if token[1] == "/" else 1)
-        found = found * power(Variable(token[2]), exponent)
+        exponent = int(token[4] or 1) * (-1 if token[1] == "/" else 1)
+        factor: Expression = Variable(token[3])
+        found = found * power(apply("fabs", factor) if token[2] else factor, exponent)
         place = token.end()
     return found
 

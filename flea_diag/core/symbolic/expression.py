@@ -200,23 +200,30 @@ def symbols(expression: Expression) -> tuple[str, ...]:
 
 def rewritten(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
     """The expression with ``change`` applied to every node, leaves first, back in normal form."""
-    made = expression
-    if isinstance(expression, Sum):
-        made = total(rewritten(term, change) for term in expression.terms)
-    elif isinstance(expression, Product):
-        made = product(rewritten(factor, change) for factor in expression.factors)
-    elif isinstance(expression, Power):
-        made = power(rewritten(expression.base, change), expression.exponent)
-    elif isinstance(expression, Function):
-        made = apply(expression.name, rewritten(expression.argument, change))
-    return change(made)
+    return change(_rebuilt(expression, lambda child: rewritten(child, change)))
 
 
 def substitute(expression: Expression, values: Mapping[str, Expression]) -> Expression:
-    """The expression with symbols replaced at once, back in normal form."""
-    return rewritten(
-        expression, lambda node: values.get(node.name, node) if isinstance(node, Variable) else node
-    )
+    """The expression with symbols replaced at once, back in normal form.
+
+    What takes the place of a symbol is not replaced again, where it cancels to that symbol either.
+    """
+    if isinstance(expression, Variable):
+        return values.get(expression.name, expression)
+    return _rebuilt(expression, lambda child: substitute(child, values))
+
+
+def _rebuilt(expression: Expression, made: Callable[[Expression], Expression]) -> Expression:
+    """The expression of other children."""
+    if isinstance(expression, Sum):
+        return total(map(made, expression.terms))
+    if isinstance(expression, Product):
+        return product(map(made, expression.factors))
+    if isinstance(expression, Power):
+        return power(made(expression.base), expression.exponent)
+    if isinstance(expression, Function):
+        return apply(expression.name, made(expression.argument))
+    return expression
 
 
 @lru_cache(maxsize=16384)

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from flea_diag.core.choice.next_test import (
-    MOTIONS,
     LikelihoodTest,
     StandTest,
     Suspect,
     feature_tests,
     motion_tests,
     next_tests,
-    planned,
 )
+from flea_diag.core.choice.planned_motion import MOTIONS, planned
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
@@ -43,7 +42,7 @@ class Advice:
             parameters.drop_nats,
         )
         for motion in MOTIONS:  # cached now, so that no verdict waits for it
-            planned(knowledge.calibration.parameters, motion)
+            planned(knowledge.effects, knowledge.calibration.parameters, motion)
 
     def tests(
         self, stamp_ns: int, episode: FaultEpisode, axes: Collection[str]
@@ -59,6 +58,7 @@ class Advice:
                 suspects,
                 episode.evidence.equations,
                 self._test,
+                self._k.effects,
                 self._k.calibration.parameters,
                 (stamp_ns - episode.shared.detected_ns) / 1e9,
             )

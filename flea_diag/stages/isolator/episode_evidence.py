@@ -7,16 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.likelihood.fault_models import REGRESSORS
+from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.likelihood import NormalEquations
+from flea_diag.core.residuals.relation_set import DIRECTION
 from flea_diag.wire.blocks import ResidualBlock
 
 Array = npt.NDArray[np.float64]
 
-ELAPSED, DIRECTION = REGRESSORS.index("elapsed_s"), REGRESSORS.index("direction")
-MOTION_CHANNELS = ("actuator_position", "motor_speed")
-MOTION = [REGRESSORS.index(name) for name in ("position_rate_m_s", "encoder_m_s")]
-"""Channels of motion, and the speeds derived from them."""
+MOTION_CHANNELS = {"actuator_position": "d_actuator_position", "motor_speed": "motor_speed"}
+"""Channels of motion, and the signals that are their speeds."""
 MOTION_ONLY = ("parity_mechanical",)
 MOVING_M_S = 0.010
 MOVED_SAMPLES = 50
@@ -31,10 +30,20 @@ class EpisodeEvidence:
     residuals : those that quantitative isolation uses
     detected_ns : stamp of the detection
     onset_ns : time after it in which scans are left out (smoothing transient)
+    encoder_m_per_rad : travel of the nut by the angle that the encoder reads
     """
 
-    def __init__(self, residuals: Sequence[str], detected_ns: int, onset_ns: int) -> None:
-        self.equations = NormalEquations(residuals)
+    def __init__(
+        self,
+        residuals: Sequence[str],
+        basis: Basis,
+        detected_ns: int,
+        onset_ns: int,
+        encoder_m_per_rad: float,
+    ) -> None:
+        self.equations = NormalEquations(residuals, basis)
+        self._basis = basis
+        self._per_unit = np.array([1.0, encoder_m_per_rad])
         self.scans = self.moving = 0
         self._detected_ns, self._onset_ns = detected_ns, onset_ns
         self._out = self._back = 0
@@ -52,10 +61,13 @@ class EpisodeEvidence:
                 values[:, column] = block.values[late, block.names.index(name)]
                 if name in MOTION_ONLY:
                     values[~moving, column] = np.nan
-        regressors = block.regressors[late, : len(REGRESSORS)]
-        regressors[:, ELAPSED] = (block.stamps_ns[late] - self._detected_ns) / 1e9
+        places = self._basis.column
+        regressors = block.regressors[late, : len(places)]
+        regressors[:, places["elapsed_s"]] = (block.stamps_ns[late] - self._detected_ns) / 1e9
         self.equations.add(values, regressors)
-        self._count(moving, regressors[:, MOTION], regressors[np.isfinite(values[:, 0]), DIRECTION])
+        speeds = regressors[:, [places[name] for name in MOTION_CHANNELS.values()]] * self._per_unit
+        directions = regressors[np.isfinite(values[:, 0]), places[DIRECTION]]
+        self._count(moving, speeds, directions)
 
     def _count(self, moving: npt.NDArray[np.bool_], speeds: Array, directions: Array) -> None:
         """Count scans in motion, in each direction, and by each channel of motion."""

@@ -133,7 +133,13 @@ class EpisodeLifecycle:
         self.current = FaultEpisode(
             shared,
             Isolation(self._k.faults, self._k.signatures),
-            EpisodeEvidence(self._quantitative.names, shared.detected_ns, self._onset_ns),
+            EpisodeEvidence(
+                self._quantitative.names,
+                self._quantitative.basis,
+                shared.detected_ns,
+                self._onset_ns,
+                self._k.calibration.parameters.encoder_m_per_rad,
+            ),
             FeatureQuery(shared.detected_ns, self._window_ns, self._windows),
         )
         return self.current

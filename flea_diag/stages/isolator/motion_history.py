@@ -7,13 +7,13 @@ from collections import deque
 from collections.abc import Sequence
 
 from flea_diag.core.causal_graph.operating_point import Quadrant
-from flea_diag.core.likelihood.fault_models import REGRESSORS
+from flea_diag.core.residuals.relation_set import DIRECTION
 from flea_diag.core.vibration.vibration_monitor import SCANS, VibrationMonitor
 from flea_diag.stages.isolator.motion_window import MotionWindow
 from flea_diag.wire.blocks import ResidualBlock
 
-CURRENT, SPEED = REGRESSORS.index("current_a"), REGRESSORS.index("speed_m_s")
-LOAD, DIRECTION = REGRESSORS.index("load_n"), REGRESSORS.index("direction")
+SPEED, MOVING = -2, -1
+"""Columns of the regressors, from the last."""
 VISITED_SCANS = 400
 """Scans in motion over which visited quadrants are kept."""
 IDLE_A = 0.1
@@ -28,9 +28,18 @@ class MotionHistory:
     encoder_m_per_rad : travel of the nut, 0 where no speed of the shaft is known
     window_ns : length of ``window``
     monitor : receives speed and load of each scan
+    basis : names of the first regressors
     """
 
-    def __init__(self, encoder_m_per_rad: float, window_ns: int, monitor: VibrationMonitor) -> None:
+    def __init__(
+        self,
+        encoder_m_per_rad: float,
+        window_ns: int,
+        monitor: VibrationMonitor,
+        basis: Sequence[str],
+    ) -> None:
+        self._load = basis.index("load_force")
+        self._current, self._direction = basis.index("motor_current"), basis.index(DIRECTION)
         self._lead = encoder_m_per_rad
         self._monitor = monitor
         self._visited: deque[tuple[float, float]] = deque(maxlen=VISITED_SCANS)
@@ -38,21 +47,23 @@ class MotionHistory:
 
     def step(self, stamp_ns: int, regressors: Sequence[float], moving: bool) -> None:
         """Take one scan."""
-        screw_rad_s, load_n = self._screw_rad_s(regressors[SPEED]), regressors[LOAD]
+        screw_rad_s, load_n = self._screw_rad_s(regressors[SPEED]), regressors[self._load]
         self.window.add(stamp_ns, screw_rad_s, load_n)
         self._monitor.motion(screw_rad_s, load_n)
         if moving:
-            self._visited.append((regressors[CURRENT], regressors[DIRECTION]))
+            self._visited.append((regressors[self._current], regressors[self._direction]))
 
     def follow(self, block: ResidualBlock) -> None:
         """Take many scans, of which only the last are kept."""
-        moving = block.regressors[:, -1] > 0.5
-        visited = block.regressors[moving][-VISITED_SCANS:, [CURRENT, DIRECTION]].tolist()
+        moving = block.regressors[:, MOVING] > 0.5
+        visited = block.regressors[moving][
+            -VISITED_SCANS:, [self._current, self._direction]
+        ].tolist()
         self._visited.extend((current, direction) for current, direction in visited)
         recent = int((block.stamps_ns > block.stamps_ns[-1] - self.window.history_ns).sum())
         last = block.part(slice(-max(recent, SCANS), None))
         speeds = [self._screw_rad_s(speed) for speed in last.regressors[:, SPEED].tolist()]
-        loads_n = last.regressors[:, LOAD].tolist()
+        loads_n = last.regressors[:, self._load].tolist()
         self.window.extend(zip(last.stamps_ns.tolist(), speeds, loads_n, strict=True))
         for screw_rad_s, load_n in zip(speeds[-SCANS:], loads_n[-SCANS:], strict=True):
             self._monitor.motion(screw_rad_s, load_n)

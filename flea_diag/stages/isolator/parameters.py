@@ -9,7 +9,7 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.faults.fault import Fault
-from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.signatures.signature import SignatureTable
 from flea_diag.wire.parameters import parameter
 
@@ -100,7 +100,7 @@ class Knowledge:
 
     calibration: Calibration
     calibration_sha256: str
-    relations: RelationSet
+    effects: EffectSet
     faults: Mapping[str, Fault]
     signatures: Mapping[Quadrant, SignatureTable]
     features: FaultFeatureTable

@@ -8,16 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.likelihood.fault_models import (
-    DRIVE,
-    REGRESSORS,
-    FaultModel,
-)
+from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.likelihood import Fit
-from flea_diag.core.likelihood.plant_models import drag_models, plant_models
-from flea_diag.core.likelihood.sensor_models import sensor_models
 from flea_diag.core.likelihood.unit_baseline import UnitBaseline
-from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.stages.isolator.episode_evidence import MOTION_ONLY
 from flea_diag.stages.isolator.fault_episode import FaultEpisode, relation
 from flea_diag.wire.blocks import ResidualBlock, block_of
@@ -28,7 +22,7 @@ Array = npt.NDArray[np.float64]
 QUANTIFIED = (
     "parity_mechanical",
     "parity_electrical",
-    DRIVE,
+    "parity_drive",
     "parity_kinematic",
     "parity_speed",
     "motor_temperature",
@@ -50,22 +44,23 @@ class QuantitativeIsolation:
     ----------
     names
         Residuals of this stand that the models explain.
+    basis
+        Signals that the models are made of.
     models
         Models of the faults that move one of them; other faults have no likelihood here.
     """
 
-    def __init__(self, calibration: Calibration, relations: RelationSet) -> None:
+    def __init__(self, calibration: Calibration, effects: EffectSet) -> None:
         limits, fitted = calibration.limits, calibration.parameters
         self._tolerances = calibration.differences()
         self._sigma = {limit.name: limit.sigma[0] for limit in limits}
         self._own_sigma = self._sigma | _own_sigma(calibration)
         self._correlation = {limit.name: limit.correlation_samples for limit in limits}
         self.names = tuple(name for name in QUANTIFIED if name in self._sigma)
-        self.models = self._of_stand(
-            plant_models(fitted, relations) + sensor_models(fitted, relations, DRIVE in self.names)
-        )
-        self._dragging = self._of_stand(drag_models(fitted, relations, dragging=True))
-        self._baseline = UnitBaseline(self.names)
+        self.basis = effects.basis_of(fitted)
+        self.models = self._of_stand(effects.bound(fitted))
+        self._of_vibration = self._of_stand(effects.bound(fitted, is_vibration_only=True))
+        self._baseline = UnitBaseline(self.names, self.basis)
         self._waiting: list[Residual] = []
 
     def _of_stand(self, models: tuple[FaultModel, ...]) -> tuple[FaultModel, ...]:
@@ -80,7 +75,7 @@ class QuantitativeIsolation:
     def forget(self) -> None:
         """The unit was exchanged: the baseline of the previous one does not apply."""
         self._waiting.clear()
-        self._baseline = UnitBaseline(self.names)
+        self._baseline = UnitBaseline(self.names, self.basis)
 
     def learn_scan(self, record: Residual) -> None:
         """``learn`` for one scan; kept scans are buffered until their piece is over."""
@@ -111,7 +106,7 @@ class QuantitativeIsolation:
                 values[:, column] = block.values[:, block.names.index(name)]
                 if name in MOTION_ONLY:
                     values[resting, column] = np.nan
-        return values, block.regressors[:, : len(REGRESSORS)]
+        return values, block.regressors[:, : len(self.basis.names)]
 
     def fits(self, episode: FaultEpisode) -> tuple[Fit, ...]:
         """Fits of the remaining faults to the evidence of an episode; none without evidence.
@@ -121,7 +116,7 @@ class QuantitativeIsolation:
         """
         alive = set(episode.names())
         vibration_only, shared = episode.is_vibration_only, episode.shared
-        known = self._dragging if vibration_only else self.models
+        known = self._of_vibration if vibration_only else self.models
         models = [model for model in known if model.fault in alive]
         if not (models and (episode.symbols or vibration_only) and episode.evidence.scans):
             return ()

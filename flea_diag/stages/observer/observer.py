@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.stages.observer.block_replay import BlockReplay
 from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
@@ -38,11 +38,11 @@ class ObserverStage:
     takes_blocks = True
 
     def __init__(
-        self, calibration: Calibration, relations: RelationSet, parameters: ObserverParameters
+        self, calibration: Calibration, effects: EffectSet, parameters: ObserverParameters
     ) -> None:
-        self._chain = ObserverChain(calibration, relations, parameters)
+        self._chain = ObserverChain(calibration, effects, parameters)
         self._replay = BlockReplay()
-        self._records = ResidualRecords(calibration)
+        self._records = ResidualRecords(calibration, self._chain.stream.regressor_names)
         self._table: ChannelTable | None = None
         self._verdict: AmbiguityGroup | None = None
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.residual_rows import INDEX, TEMPERATURES
 from flea_diag.core.sensors.unit_change import UnitChange
 from flea_diag.stages.observer.channels import ChannelReadings, Channels
@@ -29,10 +29,10 @@ class ObserverChain:
     """All state of the observer that a scan changes; a deep copy of it is a checkpoint."""
 
     def __init__(
-        self, calibration: Calibration, relations: RelationSet, parameters: ObserverParameters
+        self, calibration: Calibration, effects: EffectSet, parameters: ObserverParameters
     ) -> None:
         self._calibration = calibration
-        self._relations = relations
+        self._effects = effects
         self._parameters = parameters
         self.order = StreamOrder(round(calibration.period_s * 1e9), parameters.gap_scans)
         self.episode = DetectionEpisode(parameters.rearm_after_s)
@@ -46,7 +46,7 @@ class ObserverChain:
         self.channels = Channels(c.channels, distrust, p.observer_backend)
         estimate = StateEstimate(c, p.state_observer, p.observer_seed, p.observer_backend)
         self.stream = ResidualStream(
-            c, self._relations, estimate, p.warm_up_s, stamp_ns, p.observer_backend
+            c, self._effects, estimate, p.warm_up_s, stamp_ns, p.observer_backend
         )
         if table is not None:
             self.take_ranges(table)

@@ -6,7 +6,6 @@ import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.residual_rows import RESIDUALS, ResidualRow
-from flea_diag.stages.observer.regressor_table import REGRESSOR_NAMES
 from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 
@@ -14,10 +13,11 @@ from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 class ResidualRecords:
     """Makes the records of one stand."""
 
-    def __init__(self, calibration: Calibration) -> None:
+    def __init__(self, calibration: Calibration, regressor_names: tuple[str, ...]) -> None:
         self._columns = np.array(
             [j for j, row in enumerate(RESIDUALS) if _is_tested(row, calibration)]
         )
+        self._regressor_names = regressor_names
         self._names = tuple(RESIDUALS[j].name for j in self._columns)
 
     def block(self, scans: ScanBlock, output: StreamOutput) -> ResidualBlock:
@@ -29,7 +29,7 @@ class ResidualRecords:
             output.residuals.values.take(self._columns, axis=1),
             results.z.take(self._columns, axis=1),
             results.k.take(self._columns, axis=1),
-            REGRESSOR_NAMES,
+            self._regressor_names,
             output.regressors,
             *output.estimate,
         )

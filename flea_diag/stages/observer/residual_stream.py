@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.detection import TestResults
+from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.observers.observer_block import PREDICTED
-from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import CHANNELS, SENSOR_COLUMNS, ResidualRows
 from flea_diag.core.smoothing import KERNEL_LENGTH
@@ -31,6 +31,8 @@ from flea_diag.wire.records import ChannelTable, UnitOffset
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
+COMMAND = "commanded_voltage"
+"""Corroborates the measured voltage, where the stand has it."""
 _IS_PREDICTED = np.array([name in PREDICTED for name in CHANNELS])
 
 
@@ -51,13 +53,13 @@ class ResidualStream:
     def __init__(
         self,
         calibration: Calibration,
-        relations: RelationSet,
+        effects: EffectSet,
         estimate: StateEstimate,
         warm_up_s: float,
         start_ns: int,
         backend: str,
     ) -> None:
-        c = calibration
+        c, relations = calibration, effects.relations
         self._p = c.parameters
         self._bank = ResidualBank(
             c.parameters,
@@ -66,13 +68,14 @@ class ResidualStream:
             kernel_length=KERNEL_LENGTH,
             backend=backend,
         )
+        self._command = relations.signals.index(COMMAND) if COMMAND in relations.signals else None
         self._sensors = SensorValidation(c, backend)
         self._voltage = VoltageTrust(c.voltage_limit_v)
         self._estimate = estimate
         self._speed = SpeedTrust(self._bank.has_encoder)
         self._lost = LostScans()
         self._warm_up: WarmUp | None = WarmUp(c, warm_up_s, start_ns)
-        self._regressors = RegressorTable(c.parameters)
+        self._regressors = RegressorTable(effects, c.parameters)
         self._tests = ResidualTests(c, estimate.runs, backend)
         self.offsets: tuple[UnitOffset, ...] = ()
         """Learned offsets of this unit; empty until the warm-up is over."""
@@ -107,6 +110,11 @@ class ResidualStream:
         if within:
             self._warm_up = None
             self._tests.disable_thermal()
+
+    @property
+    def regressor_names(self) -> tuple[str, ...]:
+        """Names of the columns of ``StreamOutput.regressors``."""
+        return self._regressors.names
 
     @property
     def stuck(self) -> Mapping[str, int]:
@@ -147,8 +155,9 @@ class ResidualStream:
     ) -> StreamOutput:
         residuals = self._bank.step(rows, frozen)
         residuals.values[:, SENSOR_COLUMNS] = sensors
-        alone = np.empty(len(rows), dtype=bool)
-        alone[:] = np.isnan(residuals.signals.commanded_voltage_v)
+        alone = np.ones(len(rows), dtype=bool)
+        if self._command is not None:
+            alone = np.isnan(residuals.signals[:, self._command])
         voltage = self._voltage.judge(residuals, alone)
         if voltage.lost_at == 0:
             self._tests.forget(VOLTAGE_COLUMNS)

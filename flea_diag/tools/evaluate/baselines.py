@@ -89,7 +89,7 @@ def _without_vibration(setting: Setting) -> Stage:
 
 def _structural(setting: Setting) -> Stage:
     from flea_diag.configuration.calibrations import learned
-    from flea_diag.configuration.knowledge import knowledge, relations
+    from flea_diag.configuration.knowledge import effects, knowledge
     from flea_diag.core.signatures.structural import without_signs
     from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
     from flea_diag.stages.observer.observer import ObserverStage
@@ -103,9 +103,7 @@ def _structural(setting: Setting) -> Stage:
         replace(known, signatures=signatures),
         IsolatorParameters(likelihood=False, gating=False, source="replay"),
     )
-    observer = ObserverStage(
-        calibration, relations(setting.stand, calibration), ObserverParameters()
-    )
+    observer = ObserverStage(calibration, effects(setting.stand, calibration), ObserverParameters())
     return WithoutVibration(Pipeline((observer, isolator)))
 
 

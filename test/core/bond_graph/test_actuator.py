@@ -225,6 +225,9 @@ def test_half_arrow_of_a_passive_element_must_point_to_it(description: dict[str,
         actuator(description)
 
 
+SIZE = {"name": "drag", "unit": "N", "moves": {"coulomb_friction_n": 1}}
+
+
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
@@ -234,6 +237,28 @@ def test_half_arrow_of_a_passive_element_must_point_to_it(description: dict[str,
         (bad("faults.jam.size", -1.0), "'jam'.*size"),
         (bad("faults.jam.severity", 3), "'jam'.*unknown key 'severity'"),
         (bad("sensor_modes.stuck", {"approach": "physics", "onset": "abrupt"}), "'stuck'"),
+        (bad("sensor_errors.motor_torque", {"bias": 1.0}), "sensor_errors: 'motor_torque' is no"),
+        (bad("faults.spall.effects", [{"sizes": []}]), "'spall': effect 1: sizes is empty"),
+        (
+            bad("faults.spall.effects", [{"sizes": [{"name": "drag", "unit": "N"}]}]),
+            "'drag' moves nothing; give moves, scales, opens or adds",
+        ),
+        (
+            bad("faults.spall.effects", [{"sizes": [{**SIZE, "moves": {"screw_drag": 1}}]}]),
+            "moves: 'screw_drag' is no base parameter of the description, known are force",
+        ),
+        (
+            bad("faults.spall.effects", [{"sizes": [{**SIZE, "opens": ["the winding"]}]}]),
+            "opens: 'the winding' is no parameter of the description",
+        ),
+        (
+            bad("faults.spall.effects", [{"sizes": [{**SIZE, "adds": {"parity_x": "direction"}}]}]),
+            "adds: 'parity_x' is no residual of the description",
+        ),
+        (
+            bad("faults.spall.effects", [{"sizes": [{**SIZE, "low": 3.0, "high": 2.0}]}]),
+            "low = 3.0 must be at most high = 2.0",
+        ),
     ],
 )
 def test_a_wrong_fault_is_refused_by_name(flea: Actuator, edit: Any, message: str) -> None:

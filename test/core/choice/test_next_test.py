@@ -3,25 +3,36 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.models.fault_terms import BIAS, DRAG, LOAD, RESIDUALS, SIGMA, SPACING, TOLERANCE
+from support.models.fault_terms import (
+    BASIS,
+    BIAS,
+    DRAG,
+    EFFECTS,
+    LOAD,
+    RESIDUALS,
+    SIGMA,
+    SPACING,
+    TOLERANCE,
+)
+from support.models.hand_relations import catalogue_effects
 from support.places import ROOT
 
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.choice.next_test import (
-    MOTIONS,
     LikelihoodTest,
-    PlannedMotion,
     StandTest,
     Suspect,
     feature_tests,
     motion_tests,
     next_tests,
-    planned,
 )
-from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
+from flea_diag.core.choice.planned_motion import MOTIONS, PlannedMotion, planned
+from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.residuals.parameters import ActuatorParameters
 
@@ -35,8 +46,8 @@ TEST = LikelihoodTest(MODELS, SIGMA, SPACING, TOLERANCE, DROP_NATS)
 
 def window(model: FaultModel, phi: np.ndarray, random: np.random.Generator) -> NormalEquations:
     """Noisy residuals of a fault over a window; as coloured as the likelihood takes it."""
-    at = {name: place for place, name in enumerate(REGRESSORS)}
-    evidence = NormalEquations(RESIDUALS)
+    at = {name: place for place, name in enumerate(BASIS.names)}
+    evidence = NormalEquations(RESIDUALS, BASIS)
     rows = {}
     for name in RESIDUALS:
         effect = sum(
@@ -64,13 +75,13 @@ def suspects(evidence: NormalEquations, *models: FaultModel) -> list[Suspect]:
 def test_the_expected_size_is_what_trials_of_the_test_give() -> None:
     """Drag against a load bias, after motion one way only; then the planned motion, 60 times."""
     random = np.random.default_rng(5)
-    one_way = planned(P, PlannedMotion("out", 0.03, 4.0, 100.0, 0.6))
+    one_way = planned(EFFECTS, P, PlannedMotion("out", 0.03, 4.0, 100.0, 0.6))
     before = window(DRAG, one_way, random)
     group = suspects(before, DRAG, LOAD)
-    (foreseen,) = motion_tests(group, before, TEST, P, motions=(SHORT,))
+    (foreseen,) = motion_tests(group, before, TEST, EFFECTS, P, motions=(SHORT,))
     left = []
     for _ in range(60):
-        after = window(DRAG, np.vstack([one_way, planned(P, SHORT)]), random)
+        after = window(DRAG, np.vstack([one_way, planned(EFFECTS, P, SHORT)]), random)
         fits = after.fit((DRAG, LOAD), SIGMA, SPACING, TOLERANCE)
         best = max(fit.log_likelihood for fit in fits)
         left.append(sum(best - fit.log_likelihood <= DROP_NATS for fit in fits))
@@ -81,25 +92,25 @@ def test_the_expected_size_is_what_trials_of_the_test_give() -> None:
 
 def test_faults_of_one_and_the_same_model_are_split_by_no_motion() -> None:
     twin = FaultModel("twin", DRAG.sizes, DRAG.terms)
-    evidence = window(DRAG, planned(P, SHORT), np.random.default_rng(1))
+    evidence = window(DRAG, planned(EFFECTS, P, SHORT), np.random.default_rng(1))
     fit, same = evidence.fit((DRAG, twin), SIGMA, SPACING, TOLERANCE)
     group = [Suspect("drag", 0.5, fit), Suspect("twin", 0.5, same)]
     test = LikelihoodTest((DRAG, twin), SIGMA, SPACING, TOLERANCE, DROP_NATS)
-    assert motion_tests(group, evidence, test, P) == ()
+    assert motion_tests(group, evidence, test, EFFECTS, P) == ()
 
 
 def test_a_fault_without_a_model_is_neither_dropped_nor_predicted() -> None:
-    evidence = window(DRAG, planned(P, SHORT), np.random.default_rng(1))
+    evidence = window(DRAG, planned(EFFECTS, P, SHORT), np.random.default_rng(1))
     (fit,) = evidence.fit((DRAG,), SIGMA, SPACING, TOLERANCE)
     group = [Suspect("drag", 0.5, fit), Suspect("spall", 0.5)]
-    assert motion_tests(group, evidence, TEST, P) == ()
+    assert motion_tests(group, evidence, TEST, EFFECTS, P) == ()
 
 
 def test_foreseen_evidence_is_that_of_the_samples_without_noise() -> None:
-    phi = planned(P, SHORT)
-    evidence = window(BIAS, planned(P, MOTIONS[0]), np.random.default_rng(2))
+    phi = planned(EFFECTS, P, SHORT)
+    evidence = window(BIAS, planned(EFFECTS, P, MOTIONS[0]), np.random.default_rng(2))
     foreseen = evidence.foreseen(phi, BIAS, (0.3,))
-    at = {name: place for place, name in enumerate(REGRESSORS)}
+    at = {name: place for place, name in enumerate(BASIS.names)}
     for row in phi:
         values = [
             sum(0.3 * t.gain * row[at[t.regressor]] for t in BIAS.terms if t.residual == name)
@@ -111,13 +122,24 @@ def test_foreseen_evidence_is_that_of_the_samples_without_noise() -> None:
         assert one.log_likelihood == pytest.approx(two.log_likelihood, rel=1e-6)
 
 
-def test_planned_signals_obey_newton_and_kirchhoff() -> None:
-    phi = dict(zip(REGRESSORS, planned(P, SHORT).T, strict=True))
-    force = phi["motor_force_n"] - phi["resisting_force_n"]
-    assert np.abs(force).max() < 1e-6
-    drop = phi["motor_voltage_v"] - P.voltage_offset_v - phi["emf_and_drop_v"]
-    assert np.abs(drop).max() < 1e-9
-    assert phi["speed_m_s"].max() == pytest.approx(0.03)
+@pytest.mark.parametrize("lead", [0.0, 5e-4])
+def test_planned_signals_obey_newton_and_kirchhoff(lead: float) -> None:
+    """A unit with offsets: basis signals are true values, the zero of the channels taken off."""
+    p = replace(P, encoder_m_per_rad=lead, current_offset_a=0.3, voltage_offset_v=1.5)
+    effects = catalogue_effects(compiled_relations("actuator.yaml", has_encoder=bool(lead)))
+    phi = dict(zip(effects.names, planned(effects, p, SHORT).T, strict=True))
+    per_m_s = 1.0 / lead if lead else 1.0
+    speed = phi["motor_speed" if lead else "d_actuator_position"] / per_m_s
+    acceleration = phi["d_motor_speed" if lead else "d_d_actuator_position"] / per_m_s
+    force = p.force_constant_n_per_a * phi["motor_current"] - phi["load_force"]
+    drag = p.coulomb_friction_n * phi["direction"] + p.viscous_friction_n_s_per_m * speed
+    assert np.abs(force - drag - p.reflected_mass_kg * acceleration).max() < 1e-6
+    drop = p.winding_resistance_ohm * phi["motor_current"] + p.back_emf_v_s_per_m * speed
+    assert np.abs(phi["motor_voltage"] - drop).max() < 1e-9
+    assert np.abs(phi["commanded_voltage"] - phi["motor_voltage"] - 1.5).max() < 1e-9
+    assert speed.max() == pytest.approx(0.03)
+    assert np.gradient(speed, 0.01) == pytest.approx(acceleration, abs=1e-3)
+    assert phi["load_position"] == pytest.approx(phi["actuator_position"])
 
 
 TABLE = FaultFeatureTable.from_mapping(

@@ -9,7 +9,7 @@ from scipy import stats
 
 from flea_diag.core.detection.detection import Detector, TestResults
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
-from flea_diag.core.residuals.residual import UNIT_PARAMETERS, Signals
+from flea_diag.core.residuals.residual import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import (
     RESIDUAL_INDEX,
     RESIDUALS,
@@ -23,9 +23,10 @@ MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
 THERMAL = RESIDUAL_INDEX["motor_temperature"]
 
 
-def signals(speed: float) -> Signals:
-    values = dict.fromkeys(Signals._fields, 0.0)
-    return Signals(**{**values, "speed_m_s": speed})
+def motion(speed: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """No signals of relations; speed and direction of each scan."""
+    speeds = np.atleast_1d(speed)
+    return np.zeros((len(speeds), 0)), np.column_stack((speeds, np.sign(speeds)))
 
 
 def sample(values: dict[str, float], speed: float = 0.03, spread=None) -> ResidualRows:
@@ -35,7 +36,7 @@ def sample(values: dict[str, float], speed: float = 0.03, spread=None) -> Residu
     spreads = np.zeros((1, len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
     if spread is not None:
         spreads[:, SPREAD_ROWS.index(MECHANICAL)] = spread
-    return ResidualRows(row[None], spreads, signals(speed), np.array([abs(speed) > 0.01]))
+    return ResidualRows(row[None], spreads, *motion(speed), np.array([abs(speed) > 0.01]))
 
 
 def limit(name: str, windows: dict[int, float], k: float = 3.0, centre=(0.0, 0.0, 0.0)):
@@ -159,7 +160,7 @@ def test_compiled_loops_give_the_bits_of_numpy_whatever_blocks_come():
         for length in lengths:
             part = slice(start, start + length)
             moving = np.abs(speed[part]) > 0.01
-            rows = ResidualRows(values[part], spread[part], signals(speed[part]), moving)
+            rows = ResidualRows(values[part], spread[part], *motion(speed[part]), moving)
             found.append(test.step(rows).table)
             start += length
             if start == 1000:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -33,8 +32,8 @@ def rows(volts: np.ndarray, spread: np.ndarray | None = None) -> ResidualRows:
     table = np.zeros((len(volts), len(SPREAD_ROWS), UNITS))
     if spread is not None:
         table[:, PLACE] = spread
-    signals = SimpleNamespace()
-    return ResidualRows(values, table, signals, np.zeros(len(volts), dtype=bool))
+    nothing = np.zeros((len(volts), 2))
+    return ResidualRows(values, table, nothing, nothing, np.zeros(len(volts), dtype=bool))
 
 
 def step(
@@ -141,7 +140,8 @@ def test_compiled_gives_the_bits_of_numpy(block):
     made = ResidualRows(
         draw.standard_normal((6000, len(RESIDUALS))),
         draw.standard_normal((6000, len(SPREAD_ROWS), UNITS)),
-        SimpleNamespace(),
+        np.zeros((6000, 2)),
+        np.zeros((6000, 2)),
         draw.random(6000) > 0.2,
     )
     made.values[[40, 41, 2500], ELECTRICAL] = np.nan
@@ -152,7 +152,8 @@ def test_compiled_gives_the_bits_of_numpy(block):
     counted = False
     for start in range(0, 6000, block):
         part = slice(start, start + block)
-        piece = ResidualRows(made.values[part], made.spread[part], made.signals, made.moving[part])
+        parts = (made.values, made.spread, made.signals, made.motion, made.moving)
+        piece = ResidualRows(*(column[part] for column in parts))
         results = [detection.TestResults.untested(len(piece)) for _ in tests]
         for test, result in zip(tests, results, strict=True):
             if start >= 4000 > start - block:

@@ -45,7 +45,7 @@ def single(electrical_v: float) -> Calibration:
 
 def silent(stand: Calibration) -> tuple[str, ...]:
     known = knowledge(load_stand(), stand)
-    return undetectable(known.faults, QuantitativeIsolation(stand, known.relations).models, stand)
+    return undetectable(known.faults, QuantitativeIsolation(stand, known.effects).models, stand)
 
 
 def test_with_an_encoder_and_a_second_position_nothing_of_a_sensor_stays_undetectable():

@@ -2,41 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import asdict
+
 import pytest
-from support.models.hand_relations import slope_relations
+from support.models.fault_terms import DRIVE, EFFECTS, ELECTRICAL, MECHANICAL, RATE
+from support.models.hand_relations import catalogue_effects, slope_relations
 
 from flea_diag.configuration import description
-from flea_diag.core.likelihood.effects import Effects
-from flea_diag.core.likelihood.fault_models import (
-    DRIVE,
-    ELECTRICAL,
-    KINEMATIC,
-    MECHANICAL,
-    SPEED,
-    Term,
-)
-from flea_diag.core.likelihood.plant_models import plant_models
+from flea_diag.core.likelihood.effects import EffectRules, FaultEffect, Gains
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.unit_difference import UNIT_TERMS
-from flea_diag.errors import ModelError
+from flea_diag.core.symbolic.expression import evaluate
 
-K, R, KE, B, LEAD = 170.0, 3.0, 165.0, 400.0, 5e-4
+KINEMATIC, SPEED = "parity_kinematic", "parity_speed"
+K, R, KE, B, FC, LEAD = 170.0, 3.0, 165.0, 400.0, 45.0, 5e-4
 P = ActuatorParameters(
     force_constant_n_per_a=K,
     winding_resistance_ohm=R,
     back_emf_v_s_per_m=KE,
     viscous_friction_n_s_per_m=B,
-    coulomb_friction_n=45.0,
+    coulomb_friction_n=FC,
     load_friction_ratio=0.05,
+    reflected_mass_kg=130.0,
     current_offset_a=0.3,
+    voltage_offset_v=1.2,
+    drive_gain=0.9,
+    drive_offset_v=0.2,
     encoder_m_per_rad=LEAD,
 )
-ENCODER = Effects(description.compiled_relations("actuator.yaml"), P)
-SLOPE = Effects(slope_relations(), P)
+WHOLE = description.compiled_relations("actuator.yaml")
+ENCODER, SLOPE = EffectRules(WHOLE), EffectRules(slope_relations())
+
+
+def numbers(gains: Gains) -> dict[str, float]:
+    return {name: evaluate(gain, asdict(P)) for name, gain in gains}
 
 
 @pytest.mark.parametrize(
-    ("effects", "channel", "gains", "rates"),
+    ("rules", "channel", "gains", "rates"),
     [
         (SLOPE, "motor_current", {MECHANICAL: K, ELECTRICAL: -R}, {}),
         (SLOPE, "load_force", {MECHANICAL: -1.0}, {}),
@@ -44,45 +47,95 @@ SLOPE = Effects(slope_relations(), P)
         (SLOPE, "actuator_position", {KINEMATIC: 1.0}, {MECHANICAL: -B, ELECTRICAL: -KE}),
         (ENCODER, "actuator_position", {KINEMATIC: 1.0}, {SPEED: -1.0}),
         (ENCODER, "load_position", {KINEMATIC: -1.0}, {}),
+        (
+            ENCODER,
+            "motor_speed",
+            {SPEED: LEAD, MECHANICAL: -B * LEAD, ELECTRICAL: -KE * LEAD},
+            {MECHANICAL: -130.0 * LEAD},
+        ),
     ],
 )
-def test_errors_of_readings(effects, channel, gains, rates):
-    assert dict(effects.gains(channel)) == pytest.approx(gains)
-    assert dict(effects.rates(channel)) == pytest.approx(rates)
+def test_errors_of_readings(rules, channel, gains, rates):
+    assert numbers(rules.gains(channel)) == pytest.approx(gains)
+    assert numbers(rules.rates(channel)) == pytest.approx(rates)
 
 
-def test_an_error_of_an_encoder_counts_at_the_nut():
-    found = dict(ENCODER.gains("motor_speed", 1.0 / LEAD))
-    assert found == pytest.approx({SPEED: 1.0, MECHANICAL: -B, ELECTRICAL: -KE})
+def summed(effects: Iterable[FaultEffect]) -> dict[tuple[str, str], float]:
+    """Gains that are not zero, by residual and basis signal."""
+    found: dict[tuple[str, str], float] = {}
+    for effect in effects:
+        key = effect.residual, str(effect.basis)
+        found[key] = found.get(key, 0.0) + evaluate(effect.gain, asdict(P))
+    return {key: gain for key, gain in found.items() if abs(gain) > 1e-12}
 
 
-def summed(terms: tuple[Term, ...]) -> dict[tuple[str, str, int], float]:
-    """Gains by residual and regressor; of i - i0 as of i and of 1."""
+@pytest.mark.parametrize(
+    ("rules", "channel", "lacking"),
+    [
+        # The current is known from either balance, as all else in it says.
+        (
+            SLOPE,
+            "motor_current",
+            {
+                (MECHANICAL, "load_force"): -1.0,
+                (MECHANICAL, "direction"): -FC,
+                (MECHANICAL, "fabs(load_force)*direction"): -0.05,
+                (MECHANICAL, RATE): -B,
+                (MECHANICAL, f"d_{RATE}"): -130.0,
+                (ELECTRICAL, "motor_voltage"): 1.0,
+                (ELECTRICAL, RATE): -KE,
+            },
+        ),
+        # The voltage is 0.9 u + 0.2 by the command, its own zero 1.2, in both relations alike.
+        (
+            SLOPE,
+            "motor_voltage",
+            {
+                (ELECTRICAL, "commanded_voltage"): -0.9,
+                (ELECTRICAL, "1"): 1.0,
+                (DRIVE, "commanded_voltage"): -0.9,
+                (DRIVE, "1"): 1.0,
+            },
+        ),
+        # A position: the second one, and the encoder through the screw.
+        (ENCODER, "actuator_position", {(KINEMATIC, "load_position"): -1.0,
+                                        (SPEED, "motor_speed"): LEAD}),
+        # The speed: the slope of the position, also for the direction of the friction.
+        (
+            ENCODER,
+            "motor_speed",
+            {
+                (SPEED, RATE): -1.0,
+                (ELECTRICAL, RATE): KE,
+                (MECHANICAL, RATE): B,
+                (MECHANICAL, f"direction_by_{RATE}"): FC,
+                (MECHANICAL, f"fabs(load_force)*direction_by_{RATE}"): 0.05,
+            },
+        ),
+        # With the slope alone nothing tells a speed that is lost with the position.
+        (SLOPE, "actuator_position", {(KINEMATIC, "load_position"): -1.0}),
+    ],
+)  # fmt: skip
+def test_what_a_dead_reading_lacks(rules, channel, lacking):
+    assert summed(rules.lost(channel)) == pytest.approx(lacking)
+
+
+def model(fault: str, sizes: int, effects=EFFECTS) -> dict[tuple[str, str, int], float]:
+    made = next(m for m in effects.bound(P) if m.fault == fault and len(m.sizes) == sizes)
     found: dict[tuple[str, str, int], float] = {}
-    for term in terms:
-        split = {term.regressor: term.gain}
-        if term.regressor == "current_a":
-            split = {"motor_current_a": term.gain, "one": -0.3 * term.gain}
-        for name, gain in split.items():
-            key = term.residual, name, term.index
-            found[key] = found.get(key, 0.0) + gain
+    for term in made.terms:
+        key = term.residual, term.regressor, term.index
+        found[key] = found.get(key, 0.0) + term.gain
     return found
 
 
-def model(fault: str, sizes: int) -> dict[tuple[str, str, int], float]:
-    models = plant_models(P, slope_relations())
-    return summed(next(m.terms for m in models if m.fault == fault and len(m.sizes) == sizes))
-
-
 def test_a_shorted_winding_is_a_loss_of_resistance_and_of_both_constants():
-    """R falls by 1 ohm, both constants by their whole; the current counts from its zero, 0.3 A."""
+    """R falls by 1 ohm, both constants by their whole; the current counts from its zero."""
     assert model("winding_short", 2) == pytest.approx(
         {
-            (ELECTRICAL, "motor_current_a", 0): -1.0,
-            (ELECTRICAL, "one", 0): 0.3,
-            (ELECTRICAL, "speed_m_s", 1): -KE,
-            (MECHANICAL, "motor_current_a", 1): K,
-            (MECHANICAL, "one", 1): -0.3 * K,
+            (ELECTRICAL, "motor_current", 0): -1.0,
+            (ELECTRICAL, RATE, 1): -KE,
+            (MECHANICAL, "motor_current", 1): K,
         }
     )
 
@@ -90,36 +143,55 @@ def test_a_shorted_winding_is_a_loss_of_resistance_and_of_both_constants():
 def test_a_jam_drags_with_the_direction_the_speed_and_the_load():
     assert model("jam", 3) == {
         (MECHANICAL, "direction", 0): 1.0,
-        (MECHANICAL, "speed_m_s", 1): 1.0,
-        (MECHANICAL, "load_and_direction_n", 2): 1.0,
+        (MECHANICAL, RATE, 1): 1.0,
+        (MECHANICAL, "fabs(load_force)*direction", 2): 1.0,
     }
+    assert model("jam", 1) == {(MECHANICAL, "fabs(motor_current)*direction", 0): K}
 
 
-def test_a_motor_without_torque_has_no_back_emf_either():
-    """An open one leaves the driving voltage undropped instead."""
-    (torqueless,) = [
-        m.terms
-        for m in plant_models(P, description.compiled_relations("actuator.yaml"))
-        if m.fault == "motor_failure" and any(t.residual == MECHANICAL for t in m.terms)
-    ]
-    assert summed(torqueless) == pytest.approx(
+def test_an_open_winding_drops_no_voltage_and_the_drive_reads_nearer_to_its_command():
+    assert model("winding_open", 2) == pytest.approx(
         {
-            (ELECTRICAL, "speed_m_s", 0): -KE,
-            (MECHANICAL, "motor_current_a", 0): K,
-            (MECHANICAL, "one", 0): -0.3 * K,
+            (ELECTRICAL, "motor_voltage", 0): 1.0,
+            (ELECTRICAL, RATE, 0): -KE,
+            (DRIVE, "commanded_voltage", 1): 0.9,
         }
     )
 
 
+def test_a_motor_without_torque_has_no_back_emf_either():
+    (torqueless,) = [
+        m.terms
+        for m in catalogue_effects(WHOLE).bound(P)
+        if m.fault == "motor_failure" and any(t.residual == MECHANICAL for t in m.terms)
+    ]
+    assert {(t.residual, t.regressor): t.gain for t in torqueless} == pytest.approx(
+        {(ELECTRICAL, "motor_speed"): -KE * LEAD, (MECHANICAL, "motor_current"): K}
+    )
+
+
 def test_units_differ_as_the_relations_say():
-    for residual, name, regressor, gain in UNIT_TERMS:
-        if residual in SLOPE.names:
-            terms = tuple(t for t in SLOPE.lost({name: -1.0}) if t.residual == residual)
-            derived = {key[1]: -value for key, value in summed(terms).items()}
-            claimed = summed((Term(residual, regressor, gain),))
-            assert derived == pytest.approx({key[1]: value for key, value in claimed.items()})
+    found = {
+        (u.residual, u.difference, u.regressor): u.gain for u in EFFECTS.basis_of(P).unit_terms
+    }
+    slow = {key: gain for key, gain in found.items() if key[0] in (MECHANICAL, ELECTRICAL)}
+    assert slow == pytest.approx(
+        {
+            (MECHANICAL, "coulomb_friction_n", "direction"): -1.0,
+            (MECHANICAL, "viscous_friction_n_s_per_m", RATE): -1.0,
+            (ELECTRICAL, "winding_resistance_ohm", "motor_current"): -1.0,
+            (ELECTRICAL, "back_emf_v_s_per_m", RATE): -1.0,
+            (ELECTRICAL, "voltage_offset_v", "one"): -1.0,
+        }
+    )
 
 
-def test_what_no_regressor_follows_is_refused():
-    with pytest.raises(ModelError, match="parity_mechanical: no regressor follows d_motor_speed"):
-        ENCODER.lost({"reflected_mass_kg": 1.0})
+def test_a_fault_that_shows_in_vibration_alone_adds_its_least_drag():
+    made = EFFECTS.bound(P, is_vibration_only=True)
+    assert {m.fault for m in made} == {"jam", "spall", "ball_nut_friction"}
+    lows = {(m.fault, s.name): s.low for m in made for s in m.sizes}
+    assert lows[("jam", "coulomb drag")] == pytest.approx(0.5 * FC)
+    assert lows[("jam", "viscous drag")] == 0.0
+    assert lows[("ball_nut_friction", "viscous drag")] == pytest.approx(0.3 * B)
+    assert [m.sizes[0].high for m in made if m.fault == "spall"] == [20.0, 0.0]
+    assert [m.sizes[0].high for m in EFFECTS.bound(P) if m.fault == "spall"] == [20.0]

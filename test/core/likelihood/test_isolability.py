@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from support.models.hand_relations import slope_relations
+from support.models.fault_terms import DRIVE, EFFECTS, ELECTRICAL, MECHANICAL
 
-from flea_diag.core.likelihood.fault_models import (
-    DRIVE,
-    ELECTRICAL,
-    MECHANICAL,
-    FaultModel,
-    Size,
-    Term,
-)
+from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.likelihood.isolability import computable, isolable
-from flea_diag.core.likelihood.plant_models import plant_models
-from flea_diag.core.likelihood.sensor_models import sensor_models
 from flea_diag.core.residuals.parameters import ActuatorParameters
 
-P = ActuatorParameters()
-MODELS = plant_models(P, slope_relations()) + sensor_models(P, slope_relations(), commanded=False)
+MODELS = EFFECTS.bound(ActuatorParameters())
 FORCES = (MECHANICAL, "motor_temperature", "nut_temperature", "ambient_temperature")
 ALL = (*FORCES, ELECTRICAL)
 
@@ -52,7 +42,7 @@ def test_a_space_is_the_same_whatever_it_is_spanned_by() -> None:
     def made(fault: str, *gains: tuple[float, float]) -> FaultModel:
         sizes = tuple(Size(str(k), "1", -1.0, 1.0) for k in range(len(gains)))
         pairs = [(name, g, k) for k, both in enumerate(gains)
-                 for name, g in zip(("one", "load_n"), both, strict=True)]  # fmt: skip
+                 for name, g in zip(("one", "load_force"), both, strict=True)]  # fmt: skip
         return FaultModel(fault, sizes, tuple(Term(MECHANICAL, *pair) for pair in pairs))
 
     models = (made("x", (1.0, 0.0), (0.0, 1.0)), made("y", (3.0, 1.0), (1.0, -2.0)),

@@ -5,18 +5,25 @@ import math
 import numpy as np
 import pytest
 from scipy import optimize
-from support.models.fault_terms import BIAS, DRAG, LOAD, RESIDUALS, SIGMA, SPACING, TOLERANCE
-from support.models.hand_relations import slope_relations
-
-from flea_diag.core.likelihood.fault_models import (
+from support.models.fault_terms import (
+    BASIS,
+    BIAS,
+    DRAG,
+    DRIVE,
+    EFFECTS,
     ELECTRICAL,
+    LOAD,
     MECHANICAL,
-    REGRESSORS,
-    FaultModel,
-    Size,
-    Term,
+    RATE,
+    RESIDUALS,
+    SIGMA,
+    SPACING,
+    TOLERANCE,
 )
+
+from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.likelihood.likelihood import NormalEquations
+from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES
 
 UNITS = len(TOLERANCE)
@@ -24,9 +31,9 @@ MODELS = (DRAG, BIAS, LOAD)
 # What another unit may differ by: (row, regressor, sign), as the relations say.
 UNIT = {
     "coulomb_friction_n": (0, "direction"),
-    "viscous_friction_n_s_per_m": (0, "speed_m_s"),
-    "winding_resistance_ohm": (1, "current_a"),
-    "back_emf_v_s_per_m": (1, "speed_m_s"),
+    "viscous_friction_n_s_per_m": (0, RATE),
+    "winding_resistance_ohm": (1, "motor_current"),
+    "back_emf_v_s_per_m": (1, RATE),
     "voltage_offset_v": (1, "one"),
 }
 
@@ -34,13 +41,13 @@ UNIT = {
 def window(seed: int, count: int = 300) -> dict[str, np.ndarray]:
     random = np.random.default_rng(seed)
     v = 0.05 * np.sin(np.linspace(0, 9 + seed, count))
-    columns = {name: np.zeros(count) for name in REGRESSORS}
+    columns = {name: np.zeros(count) for name in BASIS.names}
     columns |= {
         "one": np.ones(count),
         "direction": np.tanh(v / 0.004),
-        "speed_m_s": v,
-        "current_a": random.normal(0, 1, count),
-        "load_n": 50.0 + 40.0 * np.cos(np.linspace(0, 7, count)),
+        RATE: v,
+        "motor_current": random.normal(0, 1, count),
+        "load_force": 50.0 + 40.0 * np.cos(np.linspace(0, 7, count)),
     }
     return columns
 
@@ -53,8 +60,8 @@ def effect(model: FaultModel, sizes, columns) -> np.ndarray:
 
 
 def evidence(y: np.ndarray, columns) -> NormalEquations:
-    found = NormalEquations(RESIDUALS)
-    table = np.stack([columns[name] for name in REGRESSORS], axis=1)
+    found = NormalEquations(RESIDUALS, BASIS)
+    table = np.stack([columns[name] for name in BASIS.names], axis=1)
     for start in range(0, len(table), 37):
         found.add(y.T[start : start + 37], table[start : start + 37])
     return found
@@ -116,8 +123,8 @@ def test_a_viscous_drag_is_fitted_however_sharp_a_temperature_is():
     columns, node = window(5), "ambient_temperature"
     columns["elapsed_s"] = np.linspace(0.0, 30.0, 300)
     y = effect(DRAG, (0.0, 400.0), columns)[0] + np.random.default_rng(5).normal(0.0, 2.0, 300)
-    found = NormalEquations((MECHANICAL, node))
-    table = np.stack([columns[name] for name in REGRESSORS], axis=1)
+    found = NormalEquations((MECHANICAL, node), BASIS)
+    table = np.stack([columns[name] for name in BASIS.names], axis=1)
     found.add(np.stack((y, np.zeros(300)), axis=1), table)
     sigma, spacing = {MECHANICAL: 4.0, node: 1e-4}, {MECHANICAL: 40.0, node: 40.0}
     (sharp,) = found.fit((DRAG,), sigma, spacing, TOLERANCE)
@@ -183,7 +190,7 @@ def test_a_fault_that_scatters_forgives_a_rough_effect_and_pays_for_it():
 
 
 def test_without_evidence_there_is_no_preference():
-    for fit in fits(NormalEquations(RESIDUALS)):
+    for fit in fits(NormalEquations(RESIDUALS, BASIS)):
         assert fit.log_likelihood == pytest.approx(0.0, abs=2.0)
         assert all(math.isfinite(size) for size in fit.sizes)
 
@@ -196,17 +203,13 @@ def test_without_evidence_there_is_no_preference():
 def test_lost_lubrication_neither_holds_the_shaft_nor_rubs_as_a_jam_does(
     dry_n, viscous, turning, jammed
 ):
-    from flea_diag.core.likelihood.plant_models import plant_models
-    from flea_diag.core.residuals.parameters import ActuatorParameters
-
     columns = window(5, 600)
-    columns["direction"] = np.sign(columns["speed_m_s"])
-    columns["speed_m_s"] = columns["speed_m_s"] * turning
-    y = np.stack((dry_n * columns["direction"] + viscous * columns["speed_m_s"], np.zeros(600)))
+    columns["direction"] = np.sign(columns[RATE])
+    columns[RATE] = columns[RATE] * turning
+    y = np.stack((dry_n * columns["direction"] + viscous * columns[RATE], np.zeros(600)))
     y[0] += 12.0 * np.random.default_rng(5).standard_normal(600)
-    models = plant_models(
-        ActuatorParameters(coulomb_friction_n=45.0, load_friction_ratio=0.05), slope_relations()
-    )
+    own = ActuatorParameters(coulomb_friction_n=45.0, load_friction_ratio=0.05)
+    models = [m for m in EFFECTS.bound(own) if m.fault in ("jam", "ball_nut_friction")]
     best: dict[str, float] = {}
     for fit in fits(evidence(y, columns), models):
         best[fit.fault] = max(best.get(fit.fault, -math.inf), fit.log_likelihood)
@@ -216,15 +219,12 @@ def test_lost_lubrication_neither_holds_the_shaft_nor_rubs_as_a_jam_does(
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_sizes_of_a_jam_are_held_to_their_bounds_at_the_optimum(seed):
-    from flea_diag.core.likelihood.plant_models import plant_models
-    from flea_diag.core.residuals.parameters import ActuatorParameters
-
-    models = (m for m in plant_models(ActuatorParameters(), slope_relations()) if m.fault == "jam")
+    models = (m for m in EFFECTS.bound(ActuatorParameters()) if m.fault == "jam")
     jam = max((m for m in models if not m.roughness), key=lambda m: len(m.sizes))
     random, columns = np.random.default_rng(seed), window(seed)
-    force = columns["load_n"] + 60.0 * columns["direction"] + 500.0 * columns["speed_m_s"]
-    columns["load_and_direction_n"] = np.abs(columns["load_n"]) * columns["direction"]
-    columns["force_and_direction_n"] = np.abs(force) * columns["direction"]
+    force = columns["load_force"] + 60.0 * columns["direction"] + 500.0 * columns[RATE]
+    columns["fabs(load_force)*direction"] = np.abs(columns["load_force"]) * columns["direction"]
+    columns["fabs(motor_current)*direction"] = np.abs(force) / 177.0 * columns["direction"]
     y = effect(
         jam, [random.uniform(0, 150), random.uniform(0, 2000), 0.3, 0.0][: len(jam.sizes)], columns
     )
@@ -241,27 +241,21 @@ def test_an_open_winding_pays_for_a_drive_nearer_to_its_command_only_where_there
     lost_drop, seed
 ):
     """At rest, no current; the loop winds up, so that the voltage rises as a drift would."""
-    from flea_diag.core.likelihood.fault_models import DRIVE
-    from flea_diag.core.likelihood.plant_models import plant_models
-    from flea_diag.core.likelihood.sensor_models import sensor_models
-    from flea_diag.core.residuals.parameters import ActuatorParameters
-
-    p = ActuatorParameters()
     residuals, count = (MECHANICAL, ELECTRICAL, DRIVE), 150
-    columns = {name: np.zeros(count) for name in REGRESSORS}
+    columns = {name: np.zeros(count) for name in BASIS.names}
     columns["one"] += 1.0
     columns["elapsed_s"] = 0.01 * np.arange(count)
-    columns["commanded_voltage_v"] = 6.0 + 3.0 * columns["elapsed_s"]
-    voltage = (1.0 + lost_drop) * columns["commanded_voltage_v"]
-    columns["driving_voltage_v"] = columns["motor_voltage_v"] = voltage
+    columns["commanded_voltage"] = 6.0 + 3.0 * columns["elapsed_s"]
+    voltage = (1.0 + lost_drop) * columns["commanded_voltage"]
+    columns["motor_voltage"] = voltage
     noise = np.random.default_rng(seed).standard_normal((2, count))
     y = np.stack((np.full(count, np.nan), voltage + 0.3 * noise[0],
-                  lost_drop * columns["commanded_voltage_v"] + 0.1 * noise[1]))  # fmt: skip
-    found = NormalEquations(residuals)
-    found.add(y.T, np.stack([columns[name] for name in REGRESSORS], axis=1))
+                  lost_drop * columns["commanded_voltage"] + 0.1 * noise[1]))  # fmt: skip
+    found = NormalEquations(residuals, BASIS)
+    found.add(y.T, np.stack([columns[name] for name in BASIS.names], axis=1))
     lost = Size("share lost", "1", 0.7, 1.1)
-    plain = FaultModel("plain", (lost,), (Term(ELECTRICAL, "driving_voltage_v", 1.0),))
-    models = (*plant_models(p, slope_relations()), *sensor_models(p, slope_relations()), plain)
+    plain = FaultModel("plain", (lost,), (Term(ELECTRICAL, "motor_voltage", 1.0),))
+    models = (*EFFECTS.bound(ActuatorParameters()), plain)
     made = found.fit(models, dict.fromkeys(residuals, 0.3) | {DRIVE: 0.1},
                      dict.fromkeys(residuals, 4.0), TOLERANCE)  # fmt: skip
     best = {name: max(f.log_likelihood for f in made if f.fault == name)
@@ -283,14 +277,14 @@ def test_a_bias_of_a_temperature_is_told_from_a_scaling_once_more_changes_than_a
     scaled = (Term(node, "motor_temperature_degc", 1.0),)
     scaling = FaultModel("scaling", (Size("g", "1", -0.7, 0.4),), scaled)
     elapsed = 0.01 * np.arange(count)
-    columns = {name: np.zeros(count) for name in REGRESSORS}
+    columns = {name: np.zeros(count) for name in BASIS.names}
     # Not in step with time: a rate of heating could not be told from a straight line.
     expected = 30.0 + rise_k * np.sqrt(elapsed / elapsed[-1])
     columns |= {"one": np.ones(count), "elapsed_s": elapsed, "motor_temperature_degc": expected}
     heated_k = 0.02 * (15.0 + elapsed)
     y = 0.15 * expected + heated_k + 0.1 * np.random.default_rng(7).standard_normal(count)
-    found = NormalEquations((node,))
-    found.add(y[:, None], np.stack([columns[name] for name in REGRESSORS], axis=1))
+    found = NormalEquations((node,), BASIS)
+    found.add(y[:, None], np.stack([columns[name] for name in BASIS.names], axis=1))
     one, other = found.fit((bias, scaling), {node: 0.5}, {node: 20.0}, TOLERANCE)
     assert (other.log_likelihood - one.log_likelihood > 3.5) is told_apart
     assert one.log_likelihood < 3.5 + other.log_likelihood

@@ -6,19 +6,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.models.hand_relations import BY_HAND, slope_relations
+from support.models.hand_relations import (
+    BY_HAND,
+    Signals,
+    catalogue_effects,
+    channels_of,
+    direction,
+    slope_relations,
+)
 
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.likelihood.fault_models import REGRESSORS, FaultModel
-from flea_diag.core.likelihood.regressors import regressors
-from flea_diag.core.likelihood.sensor_models import sensor_models
+from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.residual import Signals, direction
 from flea_diag.core.residuals.residual_rows import TEMPERATURES
+from flea_diag.core.symbolic.expression import FUNCTIONS
 
 # Offsets that are far from zero: a scale factor acts on the reading, not on what exceeds its zero.
 P = ActuatorParameters(current_offset_a=-0.26, voltage_offset_v=1.8, load_friction_ratio=0.0)
+WITH_ENCODER = replace(P, encoder_m_per_rad=5e-4)
 N = 200
+SLOPE = catalogue_effects(slope_relations())
+ENCODER = catalogue_effects(compiled_relations("actuator.yaml"))
 READINGS = {"motor_current": "current_a", "load_force": "load_n"}
 CASES = [
     ("motor_current_scaling", lambda y: 1.3 * y, (1.0 - 1.0 / 1.3,)),
@@ -32,28 +41,42 @@ CASES = [
 def signals() -> Signals:
     random = np.random.default_rng(7)
     speed = 0.05 * np.sin(np.linspace(0.0, 20.0, N))
-    zero = np.zeros(N)
+    position = 0.05 - 0.05 * np.cos(np.linspace(0.0, 20.0, N))
     return Signals(
         current_a=random.normal(0.5, 1.0, N),
         voltage_v=random.normal(2.0, 8.0, N),
-        commanded_voltage_v=zero,
+        commanded_voltage_v=random.normal(2.0, 8.0, N),
         speed_m_s=speed,
         acceleration_m_s2=np.gradient(speed, 0.01),
         load_n=random.normal(40.0, 150.0, N),
-        position_m=zero,
-        load_position_m=zero,
-        encoder_speed_rad_s=zero,
+        position_m=position,
+        load_position_m=position,
+        encoder_speed_rad_s=speed / 5e-4,
         position_rate_m_s=speed,
-        motor_temperature_degc=zero + 30.0,
-        nut_temperature_degc=zero + 30.0,
         direction=direction(P, speed),
     )
 
 
-def effect(model: FaultModel, sizes: tuple[float, ...], residual: str, read: Signals) -> np.ndarray:
-    values = dict(
-        zip(REGRESSORS, regressors(P, read, dict.fromkeys(TEMPERATURES, 30.0)), strict=True)
-    )
+def basis(effects: EffectSet, p: ActuatorParameters, read: Signals) -> dict[str, np.ndarray]:
+    """Basis signals by name, as the observer computes them."""
+    known = {**channels_of(p, read), **{f"{name}_degc": 30.0 for name in TEMPERATURES}}
+    x = [known.get(name, np.nan) for name in effects.signals]
+    made = effects.functions["shapes"](p, x)
+    for (name, shape), argument in zip(effects.shapes.items(), made, strict=True):
+        x[effects.signals.index(name)] = FUNCTIONS[shape.name](argument)
+    columns = effects.functions["columns"](p, x)
+    return {name: column + np.zeros(N) for name, column in zip(effects.names, columns, strict=True)}
+
+
+def effect(
+    model: FaultModel,
+    sizes: tuple[float, ...],
+    residual: str,
+    read: Signals,
+    effects: EffectSet = SLOPE,
+    p: ActuatorParameters = P,
+) -> np.ndarray:
+    values = basis(effects, p, read)
     terms = [term for term in model.terms if term.residual == residual]
     return sum((sizes[t.index] * t.gain * values[t.regressor] for t in terms), np.zeros(N))
 
@@ -65,7 +88,7 @@ def test_a_model_adds_what_the_faulty_reading_adds(fault, change, sizes, residua
     field = READINGS[fault.rsplit("_", 1)[0]]
     read = true._replace(**{field: change(getattr(true, field))})
     relation = BY_HAND[residual]
-    (model,) = [m for m in sensor_models(P, slope_relations(), commanded=False) if m.fault == fault]
+    (model,) = [m for m in SLOPE.bound(P) if m.fault == fault]
     added = relation(P, read) - relation(P, true)
     np.testing.assert_allclose(effect(model, sizes, residual, read), added, atol=1e-9)
 
@@ -73,7 +96,7 @@ def test_a_model_adds_what_the_faulty_reading_adds(fault, change, sizes, residua
 def added(channel: str, factor: float) -> tuple[str, np.ndarray, Signals]:
     """A residual, what a scaled reading of the channel adds to it, and all signals then."""
     true = signals()
-    if channel in TEMPERATURES:  # what it should read is 30 degC in `effect`
+    if channel in TEMPERATURES:  # what it should read is 30 degC in `basis`
         return channel, np.full(N, 30.0 * factor - 30.0), true
     field = READINGS[channel]
     read = true._replace(**{field: factor * getattr(true, field)})
@@ -85,18 +108,61 @@ def added(channel: str, factor: float) -> tuple[str, np.ndarray, Signals]:
 @pytest.mark.parametrize("channel", [*READINGS, *TEMPERATURES])
 def test_any_scaling_from_0_6_to_1_6_lies_within_the_bounds_of_its_model(channel, factor):
     residual, error, read = added(channel, factor)
-    (model,) = [m for m in sensor_models(P, slope_relations()) if m.fault == f"{channel}_scaling"]
+    (model,) = [m for m in SLOPE.bound(P) if m.fault == f"{channel}_scaling"]
     of_one = effect(model, (1.0,), residual, read)
     size = float(of_one @ error / (of_one @ of_one))
     np.testing.assert_allclose(size * of_one, error, atol=1e-9)
     assert model.sizes[0].low - 1e-9 <= size <= model.sizes[0].high + 1e-9
 
 
-@pytest.mark.parametrize("encoder", [0.0, 5e-4])
-def test_every_term_is_made_of_a_regressor(encoder):
-    p = replace(P, encoder_m_per_rad=encoder)
-    known = compiled_relations("actuator.yaml", has_encoder=bool(encoder))
-    models = sensor_models(p, known)
-    assert {term.regressor for model in models for term in model.terms} <= set(REGRESSORS)
-    channels = {model.fault.rsplit("_", 1)[0] for model in models}
+def consistent() -> Signals:
+    """Signals that every relation of the FLEA holds for exactly."""
+    p, true = WITH_ENCODER, signals()
+    drag = p.coulomb_friction_n * true.direction + p.viscous_friction_n_s_per_m * true.speed_m_s
+    force = true.load_n + drag + p.reflected_mass_kg * true.acceleration_m_s2
+    current = force / p.force_constant_n_per_a
+    volts = p.winding_resistance_ohm * current + p.back_emf_v_s_per_m * true.speed_m_s
+    volts = volts + p.voltage_offset_v
+    return true._replace(
+        current_a=current + p.current_offset_a, voltage_v=volts, commanded_voltage_v=volts
+    )
+
+
+DEAD = {
+    "motor_current": {"current_a": 0.1},
+    "motor_voltage": {"voltage_v": -2.0},
+    "load_force": {"load_n": 12.0},
+    # A dead encoder has no direction either; the position's slope is what is left.
+    "motor_speed": {"encoder_speed_rad_s": 0.0, "speed_m_s": 0.0, "direction": 0.0},
+    "actuator_position": {"position_m": 0.02, "position_rate_m_s": 0.0},
+    "load_position": {"load_position_m": 0.02},
+}
+LEVEL = {
+    "motor_current": 0.1 - P.current_offset_a,
+    "motor_voltage": -2.0 - P.voltage_offset_v,
+    "load_force": 12.0,
+    "motor_speed": 0.0,
+    "actuator_position": 0.02,
+    "load_position": 0.02,
+}
+
+
+@pytest.mark.parametrize("channel", DEAD)
+def test_a_dead_reading_adds_what_its_model_says_in_every_relation(channel):
+    """All of the truth lost, and a reading that stands still somewhere."""
+    p, true = WITH_ENCODER, consistent()
+    read = true._replace(**{name: value + np.zeros(N) for name, value in DEAD[channel].items()})
+    (model,) = [m for m in ENCODER.bound(p) if m.fault == f"{channel}_dead"]
+    for residual, relation in BY_HAND.items():
+        assert np.abs(relation(p, true)).max() < 1e-9, "the signals are no healthy ones"
+        found = effect(model, (1.0, LEVEL[channel]), residual, read, ENCODER, p)
+        np.testing.assert_allclose(found, relation(p, read), atol=1e-6, err_msg=residual)
+
+
+@pytest.mark.parametrize(("effects", "encoder"), [(SLOPE, 0.0), (ENCODER, 5e-4)])
+def test_every_term_is_made_of_a_basis_signal(effects, encoder):
+    models = effects.bound(replace(P, encoder_m_per_rad=encoder))
+    assert {term.regressor for model in models for term in model.terms} <= set(effects.names)
+    assert len(set(effects.names)) == len(effects.names)
+    channels = {m.fault.rsplit("_", 1)[0] for m in models if m.terms}
     assert ("motor_speed" in channels) is bool(encoder)

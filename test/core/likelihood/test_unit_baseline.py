@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.models.hand_relations import slope_relations
+from support.models.fault_terms import BASIS, EFFECTS, RATE
 
-from flea_diag.core.likelihood.fault_models import REGRESSORS
 from flea_diag.core.likelihood.likelihood import NormalEquations
-from flea_diag.core.likelihood.sensor_models import sensor_models
 from flea_diag.core.likelihood.unit_baseline import (
     LEAST_PIECES,
     LEFT_OUT,
@@ -30,15 +28,15 @@ def scans(seed: int, count: int, current_bias_a: float = 0.0, zero_v: float = 0.
     random = np.random.default_rng(seed)
     for k in range(count):
         speed = 0.05 * np.cos(2 * np.pi * 0.5 * k / 100.0)
-        known = {"one": 1.0, "direction": np.sign(speed), "speed_m_s": speed, "current_a": 0.6}
-        regressors = np.array([known.get(name, 0.0) for name in REGRESSORS])
+        known = {"one": 1.0, "direction": np.sign(speed), RATE: speed, "motor_current": 0.6}
+        regressors = np.array([known.get(name, 0.0) for name in BASIS.names])
         error = P.force_constant_n_per_a, -P.winding_resistance_ohm
         noise = random.standard_normal(2) * (3.0, 0.15)
         yield np.array(error) * current_bias_a + (0.0, zero_v) + noise, regressors
 
 
 def stretch(seen) -> UnitBaseline:
-    found = UnitBaseline(RESIDUALS)
+    found = UnitBaseline(RESIDUALS, BASIS)
     for values, regressors in seen:
         found.add(values[None], regressors[None])
     return found
@@ -74,11 +72,11 @@ def test_what_is_old_fades():
 
 def test_a_known_zero_of_the_voltage_tells_a_current_bias_from_a_load_bias():
     zero_v = 0.7  # another unit's voltage channel: within what healthy units differ by
-    episode = NormalEquations(RESIDUALS)
+    episode = NormalEquations(RESIDUALS, BASIS)
     for values, regressors in scans(5, 500, current_bias_a=0.35, zero_v=zero_v):
         episode.add(values[None], regressors[None])
     biases = ("motor_current_bias", "load_force_bias")
-    models = [m for m in sensor_models(P, slope_relations()) if m.fault in biases]
+    models = [m for m in EFFECTS.bound(P) if m.fault in biases]
     healthy = stretch(scans(6, PIECE_SCANS * 12, zero_v=zero_v)).evidence
 
     def ahead(known: NormalEquations | None) -> float:
@@ -93,10 +91,10 @@ def test_a_known_zero_of_the_voltage_tells_a_current_bias_from_a_load_bias():
 
 
 def test_only_relations_that_are_named_show_the_units_own():
-    episode = NormalEquations(RESIDUALS)
+    episode = NormalEquations(RESIDUALS, BASIS)
     for values, regressors in scans(5, 500, current_bias_a=0.1):
         episode.add(values[None], regressors[None])
-    models = [m for m in sensor_models(P, slope_relations()) if m.fault == "motor_current_bias"]
+    models = [m for m in EFFECTS.bound(P) if m.fault == "motor_current_bias"]
     known = stretch(scans(6, PIECE_SCANS * 12)).evidence
     nothing = episode.fit(models, SIGMA, SPACING, TOLERANCE)
     assert episode.fit(models, SIGMA, SPACING, TOLERANCE, known) == nothing
@@ -107,7 +105,7 @@ def test_only_relations_that_are_named_show_the_units_own():
 def test_blocks_show_the_same_as_single_scans(block):
     seen = list(scans(7, PIECE_SCANS * 13))
     values, regressors = (np.array(column) for column in zip(*seen, strict=True))
-    found = UnitBaseline(RESIDUALS)
+    found = UnitBaseline(RESIDUALS, BASIS)
     for start in range(0, len(values), block):
         part = slice(start, start + block)
         found.add(values[part], regressors[part])

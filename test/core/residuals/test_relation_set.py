@@ -10,7 +10,7 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from support.models.hand_relations import BY_HAND, channels_of
+from support.models.hand_relations import BY_HAND, Signals, channels_of, direction
 
 from flea_diag.configuration import description, files
 from flea_diag.configuration.calibrations import learned
@@ -20,7 +20,7 @@ from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.residuals.relation_set import RelationSet, relation_set
-from flea_diag.core.residuals.residual import RELATIONS, UNIT_PARAMETERS, Signals, direction
+from flea_diag.core.residuals.residual import RELATIONS, UNIT_PARAMETERS
 from flea_diag.core.symbolic.collect import collect
 from flea_diag.core.symbolic.expression import derivative, evaluate, symbols
 from flea_diag.errors import ConfigurationError

@@ -158,7 +158,7 @@ def test_without_an_encoder_the_slope_of_the_position_is_the_speed():
     channels = tuple(c for c in CHANNELS if c != "motor_speed")
     bank = ResidualBank(ActuatorParameters(coulomb_friction_n=60.0), ALONE)
     assert not bank.has_encoder
-    speeds = bank.step(ema.rows(WHOLE, channels), False).signals.speed_m_s
+    speeds = bank.step(ema.rows(WHOLE, channels), False).speed_m_s
     use = cruising(WHOLE)
     true = WHOLE["motor_speed"][use - DELAY] * 5e-4
     np.testing.assert_allclose(speeds[use], true, rtol=0.01)
@@ -214,7 +214,7 @@ def test_what_withstands_too_great_a_push_is_stalled(current_a, load_n, way):
     found = ResidualBank(TRUE, KNOWN).step(ema.rows(standing(current_a, load_n), CHANNELS), False)
     stalled = np.arange(100) >= 61  # one kernel to see anything, and another of standing
     assert found.moving.tolist() == (stalled & (way != 0.0)).tolist()
-    assert np.all(found.signals.direction[stalled] == way)
+    assert np.all(found.motion[:, 1][stalled] == way)
     lacking = abs(170.0 * current_a - load_n) - 60.0 * abs(way)
     normalised = found.values[stalled, RESIDUAL_INDEX["parity_mechanical_dn"]]
     assert np.abs(normalised) == pytest.approx(lacking)
@@ -224,7 +224,7 @@ def test_a_reversal_is_no_standstill():
     columns = standing(2.0, 40.0)
     columns["motor_speed"][::45] = 4000.0  # a kernel of 31 scans around each sees it move
     found = ResidualBank(TRUE, KNOWN).step(ema.rows(columns, CHANNELS), False)
-    speed = found.signals.speed_m_s
+    speed = found.speed_m_s
     still = np.abs(speed[31:]) <= 0.01
     assert still.any()
     assert not found.moving[31:][still].any()
@@ -252,6 +252,7 @@ def test_compiled_gives_the_bits_of_python(block, encoder):
         assert one.values.tobytes() == other.values.tobytes()
         assert one.spread.tobytes() == other.spread.tobytes()
         assert one.moving.tobytes() == other.moving.tobytes()
-        assert np.array(one.signals).tobytes() == np.array(other.signals).tobytes()
+        assert one.signals.tobytes() == other.signals.tobytes()
+        assert one.motion.tobytes() == other.motion.tobytes()
         moved += int(one.moving.sum())
     assert 0 < moved < len(rows)

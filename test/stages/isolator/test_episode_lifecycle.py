@@ -28,7 +28,7 @@ def knowledge() -> Knowledge:
 
 
 def lifecycle() -> EpisodeLifecycle:
-    quantitative = QuantitativeIsolation(knowledge().calibration, knowledge().relations)
+    quantitative = QuantitativeIsolation(knowledge().calibration, knowledge().effects)
     merge = Merge(Residual, S // 5, 2 * S)
     return EpisodeLifecycle(knowledge(), IsolatorParameters(), quantitative, merge)
 

@@ -8,7 +8,7 @@ import numpy as np
 from support import stands
 from support.observer_scans import jammed
 
-from flea_diag.configuration.knowledge import relations
+from flea_diag.configuration.knowledge import effects
 from flea_diag.configuration.stand import load_stand
 from flea_diag.stages.observer.block_replay import LEAST_SCANS, BlockReplay
 from flea_diag.stages.observer.observer_chain import ObserverChain
@@ -40,7 +40,7 @@ def warm() -> ObserverChain:
     """A chain after its warm-up, which ends with a single scan."""
     parameters = ObserverParameters(state_observer="none")
     known = stands.calibration()
-    chain = ObserverChain(known, relations(load_stand(), known), parameters)
+    chain = ObserverChain(known, effects(load_stand(), known), parameters)
     chain.begin(jammed()[0].stamp_ns, None)
     for k in range(START):
         one = block(k, k + 1)

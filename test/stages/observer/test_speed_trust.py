@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flea_diag.core.residuals.residual import SPEED, UNIT_PARAMETERS, Signals
+from flea_diag.core.residuals.residual import SPEED, UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import (
     RESIDUAL_INDEX,
     RESIDUALS,
@@ -22,8 +22,8 @@ def moving(scans: int, *jumps: int) -> ResidualRows:
     values = np.zeros((scans, len(RESIDUALS)))
     values[list(jumps), RESIDUAL_INDEX["actuator_position"]] = 2.0
     spread = np.zeros((scans, len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
-    signals = Signals(*(0.0,) * len(Signals._fields))
-    return ResidualRows(values, spread, signals, np.ones(scans, dtype=bool))
+    nothing = np.zeros((scans, 2))
+    return ResidualRows(values, spread, nothing, nothing, np.ones(scans, dtype=bool))
 
 
 @pytest.mark.parametrize("block", [1, 13, 100])
@@ -31,7 +31,8 @@ def test_a_position_step_takes_the_speed_out_for_as_long_as_the_kernel_sees_it(b
     trust, whole = SpeedTrust(has_encoder=False), moving(100, 20)
     for start in range(0, 100, block):
         at = slice(start, start + block)
-        part = ResidualRows(whole.values[at], whole.spread[at], whole.signals, whole.moving[at])
+        parts = (whole.values, whole.spread, whole.signals, whole.motion, whole.moving)
+        part = ResidualRows(*(column[at] for column in parts))
         trust.leave_out(part)
     speeds = [j for j, row in enumerate(RESIDUALS) if SPEED in row.needs]
     lost = np.isnan(whole.values[:, speeds])

@@ -7,7 +7,7 @@ import pytest
 from support import stands
 from support.observer_scans import after, decisions, healthy, quality
 
-from flea_diag.core.residuals.residual import UNIT_PARAMETERS, Signals
+from flea_diag.core.residuals.residual import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import (
     RESIDUAL_INDEX,
     RESIDUALS,
@@ -52,7 +52,8 @@ def electrical(volts: list[float]) -> ResidualRows:
     values[:, RESIDUAL_INDEX["parity_electrical"]] = volts
     still = np.zeros(len(volts), dtype=bool)
     spread = np.zeros((len(volts), len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
-    return ResidualRows(values, spread, Signals(*(0.0,) * len(Signals._fields)), still)
+    nothing = np.zeros((len(volts), 2))
+    return ResidualRows(values, spread, nothing, nothing, still)
 
 
 def test_a_voltage_loses_trust_with_the_twentieth_implausible_scan_in_a_row():

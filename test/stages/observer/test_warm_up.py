@@ -19,14 +19,14 @@ def test_an_offset_that_is_there_from_the_start_is_the_units_own():
     out = stands.feed(stands.observer(), other)
     assert decisions(out) == []
     last = stands.of(Residual, out)[-1]
-    current = last.regressors[last.regressor_names.index("current_a")]
+    current = last.regressors[last.regressor_names.index("motor_current")]
     plain = stands.of(Residual, stands.feed(stands.observer(), healthy()))[-1]
     assert current == pytest.approx(
-        plain.regressors[plain.regressor_names.index("current_a")], abs=0.02
+        plain.regressors[plain.regressor_names.index("motor_current")], abs=0.02
     )
     # Without the warm-up nothing is learned.
     untaught = stands.of(Residual, stands.feed(stands.observer(warm_up_s=0.0), other))[-1]
-    assert untaught.regressors[last.regressor_names.index("current_a")] == pytest.approx(
+    assert untaught.regressors[last.regressor_names.index("motor_current")] == pytest.approx(
         current + 0.25, abs=0.03
     )
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from flea_diag.core.likelihood.fault_models import (
-    ELECTRICAL,
-    MECHANICAL,
-    FaultModel,
-    Size,
-    Term,
-)
+from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from support.models.hand_relations import catalogue_effects, slope_relations
 
+MECHANICAL, ELECTRICAL, DRIVE = "parity_mechanical", "parity_electrical", "parity_drive"
+EFFECTS = catalogue_effects(slope_relations())
+"""Of the shipped catalogue on a FLEA without an encoder; its speed is this signal."""
+RATE = "d_actuator_position"
+BASIS = EFFECTS.basis_of(ActuatorParameters())
 RESIDUALS = (MECHANICAL, ELECTRICAL)
 SIGMA = {MECHANICAL: 12.0, ELECTRICAL: 0.6}
 SPACING = {MECHANICAL: 4.0, ELECTRICAL: 2.0}
@@ -18,7 +19,7 @@ INFINITE = float("inf")
 DRAG = FaultModel(
     "drag",
     (Size("coulomb", "N", 0.0, INFINITE), Size("viscous", "N s/m", 0.0, INFINITE)),
-    (Term(MECHANICAL, "direction", 1.0, 0), Term(MECHANICAL, "speed_m_s", 1.0, 1)),
+    (Term(MECHANICAL, "direction", 1.0, 0), Term(MECHANICAL, RATE, 1.0, 1)),
 )
 BIAS = FaultModel(
     "bias",
@@ -28,5 +29,5 @@ BIAS = FaultModel(
 LOAD = FaultModel(
     "load",
     (Size("bias", "N", -600.0, 600.0), Size("share", "1", -1.0, 0.5)),
-    (Term(MECHANICAL, "one", -1.0), Term(MECHANICAL, "load_n", -1.0, 1)),
+    (Term(MECHANICAL, "one", -1.0), Term(MECHANICAL, "load_force", -1.0, 1)),
 )

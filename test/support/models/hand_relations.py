@@ -6,14 +6,37 @@ Forces and speeds at the nut, as in the calibration. Nothing that compiles relat
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
-from flea_diag.configuration.description import compiled_relations
+import numpy as np
+
+from flea_diag.configuration.description import compiled_relations, faults_of
+from flea_diag.core.likelihood.effect_set import EffectSet, effect_set
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual import Signals
 
 COPPER_PER_K = 0.00393
+
+
+class Signals(NamedTuple):
+    """Smoothed signals, SI: numbers of one scan, or arrays of one for each of many."""
+
+    current_a: Any
+    voltage_v: Any
+    commanded_voltage_v: Any
+    speed_m_s: Any
+    acceleration_m_s2: Any
+    load_n: Any
+    position_m: Any
+    load_position_m: Any
+    encoder_speed_rad_s: Any
+    position_rate_m_s: Any
+    direction: Any
+
+
+def direction(p: ActuatorParameters, speed_m_s: Any) -> Any:
+    """Smooth sign of the speed."""
+    return np.tanh(speed_m_s / p.stribeck_speed_m_s)
 
 
 def mechanical_n(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> Any:
@@ -60,6 +83,11 @@ BY_HAND: dict[str, Callable[..., Any]] = {
     "parity_kinematic": kinematic_m,
     "parity_speed": speed_m_s,
 }
+
+
+def catalogue_effects(relations: RelationSet) -> EffectSet:
+    """Effects of the shipped catalogue on these relations."""
+    return effect_set(relations, faults_of("actuator.yaml", "faults.yaml").values())
 
 
 def channels_of(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> dict[str, Any]:

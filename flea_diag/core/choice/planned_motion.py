@@ -1,0 +1,132 @@
+"""Motions that an operator may be asked for, and the signals that a healthy actuator would show.
+
+The motion gives the position, its rates and the load; each relation with one unknown signal left
+gives that signal, until none is left to find: inverse dynamics by the relations that run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.parity import rate_symbol
+from flea_diag.core.residuals.relation_set import CompiledRelation, RelationSet
+from flea_diag.core.symbolic.expression import Function, derivative, evaluate, symbols
+
+Array = npt.NDArray[np.float64]
+
+SCAN_S = 0.01
+POSITION, LOAD = "actuator_position", "load_force"
+MIDDLE_M = 0.05
+ROOM_DEGC = 25.0
+
+
+@dataclass(frozen=True)
+class PlannedMotion:
+    """A reciprocating motion, sinusoidal in position, under a constant load."""
+
+    name: str
+    peak_m_s: float
+    period_s: float
+    load_n: float
+    seconds: float
+
+
+MOTIONS = (
+    PlannedMotion("slow reciprocating, no load", 0.010, 8.0, 0.0, 8.0),
+    PlannedMotion("fast reciprocating, no load", 0.040, 4.0, 0.0, 8.0),
+    PlannedMotion("slow reciprocating, load 200 N", 0.010, 8.0, 200.0, 8.0),
+    PlannedMotion("slow reciprocating, load -200 N", 0.010, 8.0, -200.0, 8.0),
+    PlannedMotion("fast reciprocating, load 200 N", 0.040, 4.0, 200.0, 8.0),
+    PlannedMotion("fast reciprocating, load -200 N", 0.040, 4.0, -200.0, 8.0),
+)
+"""Within stroke, speed and load of the FLEA (0.1 m, 0.08 m/s, 311 N)."""
+
+
+def planned(
+    effects: EffectSet, p: ActuatorParameters, motion: PlannedMotion, elapsed_s: float = 0.0
+) -> Array:
+    """Basis signals of each scan of a motion by the calibrated model, shape (scans, signals).
+
+    To first order: currents are those of the healthy actuator. ``elapsed_s`` is the age of the
+    fault at the start of the motion.
+    """
+    phi = _planned(effects, p, motion).copy()
+    phi[:, effects.names.index("elapsed_s")] += elapsed_s
+    return phi
+
+
+@lru_cache(maxsize=64)
+def _planned(effects: EffectSet, p: ActuatorParameters, motion: PlannedMotion) -> Array:
+    times = np.arange(0.0, motion.seconds, SCAN_S)
+    known = signals(effects.relations, p, motion, times)
+    known |= _shapes(effects.shapes, known)
+    room = {name for name in effects.signals if name.endswith("_degc")}
+    nothing = np.full(len(times), math.nan)
+    x = [
+        np.full(len(times), ROOM_DEGC) if name in room else np.asarray(known.get(name, nothing))
+        for name in effects.signals
+    ]
+    phi = np.empty((len(times), len(effects.names)))
+    for number, column in enumerate(effects.functions["columns"](p, x)):
+        phi[:, number] = column
+    phi[:, effects.names.index("elapsed_s")] = times
+    return phi
+
+
+def signals(
+    relations: RelationSet, p: ActuatorParameters, motion: PlannedMotion, times_s: Array
+) -> dict[str, Array]:
+    """Parameters, and the signals that follow from position and load, shape as ``times_s``."""
+    omega = 2.0 * math.pi / motion.period_s
+    rate = rate_symbol(POSITION)
+    known = {
+        **asdict(p),
+        **relations.reference,
+        POSITION: MIDDLE_M + motion.peak_m_s / omega * np.sin(omega * times_s),
+        rate: motion.peak_m_s * np.cos(omega * times_s),
+        rate_symbol(rate): -motion.peak_m_s * omega * np.sin(omega * times_s),
+        LOAD: np.full(len(times_s), motion.load_n),
+    }
+    waiting = list(relations.relations)
+    while waiting:
+        known |= _shapes(relations.shapes, known)
+        ready = [(row, _unknown(row, known)) for row in waiting]
+        solvable = [(row, names[0]) for row, names in ready if len(names) == 1]
+        if not solvable:
+            break
+        for row, name in solvable:
+            known |= _solved(row, name, known)
+            waiting.remove(row)
+        waiting = [row for row in waiting if _unknown(row, known)]
+    return known
+
+
+def _shapes(shapes: Mapping[str, Function], known: Mapping[str, Array]) -> dict[str, Array]:
+    """Values of those shapes whose arguments are known."""
+    ready = {name: shape for name, shape in shapes.items() if set(symbols(shape)) <= set(known)}
+    return {name: evaluate(shape, known) for name, shape in ready.items()}
+
+
+def _unknown(row: CompiledRelation, known: Mapping[str, Array]) -> list[str]:
+    return [name for name in row.signals if name not in known]
+
+
+def _solved(row: CompiledRelation, name: str, known: Mapping[str, Array]) -> dict[str, Array]:
+    """A signal in which a relation is linear, and its rate where those of the others are known."""
+    share = evaluate(derivative(row.expression, name), known)
+    rest = evaluate(row.expression, {**known, name: 0.0})
+    found = {name: -rest / share}
+    others = [other for other in row.signals if other != name]
+    if all(rate_symbol(other) in known for other in others):
+        shares = {other: evaluate(derivative(row.expression, other), known) for other in others}
+        grown = sum(part * known[rate_symbol(other)] for other, part in shares.items())
+        found[rate_symbol(name)] = -grown / share
+    return found

@@ -1,0 +1,154 @@
+"""Every effect of the catalogue on the relations of one stand, and the signals they are made of.
+
+Compiled once for a description, a catalogue and a set of sensors, before any calibration. The
+observer computes the basis signals of each scan by it, with the offsets of its unit; the isolator
+binds the models to the parameters of a calibration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from types import FunctionType
+
+from flea_diag.core.faults.fault import Fault
+from flea_diag.core.frozen import Frozen
+from flea_diag.core.likelihood.basis import Basis, UnitTerm
+from flea_diag.core.likelihood.effects import EffectRules, FaultEffect
+from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.plant_models import plant_models
+from flea_diag.core.likelihood.sensor_models import ELAPSED, expected, sensor_models
+from flea_diag.core.likelihood.symbolic_model import SymbolicModel
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
+from flea_diag.core.residuals.residual_rows import TEMPERATURES
+from flea_diag.core.residuals.thermal import CORRECTION_S
+from flea_diag.core.residuals.unit_difference import WEIGHED_PARAMETERS, heating_rate
+from flea_diag.core.symbolic.expression import (
+    ONE,
+    Constant,
+    Expression,
+    Function,
+    Variable,
+    evaluate,
+    substitute,
+)
+from flea_diag.core.symbolic.generated import compiled, function_source
+
+MOTION = ("motor_current", "load_force", DIRECTION, "motor_speed", "d_actuator_position")
+"""Signals that the isolator follows beside those of the models; NaN on stands without them."""
+
+
+@dataclass(frozen=True, eq=False)
+class EffectSet(Frozen):
+    """Models of all faults and differences of units in one set of relations.
+
+    Attributes
+    ----------
+    basis
+        Basis signals in corrected readings; the first is 1, the second the time since a detection.
+    shapes
+        Functions of signals that no relation holds, by name.
+    """
+
+    relations: RelationSet
+    models: tuple[SymbolicModel, ...]
+    units: tuple[tuple[str, FaultEffect], ...]
+    basis: tuple[Expression, ...]
+    shapes: Mapping[str, Function]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the basis signals."""
+        return tuple(map(name_of, self.basis))
+
+    @cached_property
+    def signals(self) -> tuple[str, ...]:
+        """What ``columns`` takes as ``x``.
+
+        Signals of the relations, expected temperatures, shapes, and what this stand lacks.
+        """
+        lacking = [name for name in MOTION if name not in self.relations.signals]
+        temperatures = [expected(name).name for name in TEMPERATURES]
+        return (*self.relations.signals, *temperatures, *self.shapes, *lacking)
+
+    @cached_property
+    def functions(self) -> Mapping[str, FunctionType]:
+        """``columns(p, x)``, the basis signals of a scan, and ``shapes``, their arguments."""
+        offsets = self.relations.offsets
+        corrected = {channel: Variable(channel) - offset for channel, offset in offsets.items()}
+        rows = [ZERO_AT_FIRST.get(b, b) for b in (substitute(e, corrected) for e in self.basis)]
+        arguments = [shape.argument for shape in self.shapes.values()]
+        return compiled(
+            function_source("columns", "Basis signals.", self.signals, rows)
+            + function_source("shapes", "Arguments of the shapes.", self.signals, arguments)
+        )
+
+    def bound(
+        self, parameters: ActuatorParameters, is_vibration_only: bool = False
+    ) -> tuple[FaultModel, ...]:
+        """Models with the parameters of one calibration.
+
+        ``is_vibration_only``: for a screw that vibrates while no relation deviates; those faults
+        alone that say what they add at least.
+        """
+        values = asdict(parameters)
+        if not is_vibration_only:
+            return tuple(m.bound(values, name_of) for m in self.models if not m.vibration_only)
+        least = {model.fault for model in self.models if model.has_least}
+        return tuple(m.bound(values, name_of, True) for m in self.models if m.fault in least)
+
+    def basis_of(self, parameters: ActuatorParameters) -> Basis:
+        """The basis with the unit terms of one calibration."""
+        values = asdict(parameters)
+        found = [
+            UnitTerm(e.residual, difference, name_of(e.basis), float(evaluate(e.gain, values)))
+            for difference, e in self.units
+        ]
+        return Basis(self.names, tuple(found))
+
+
+ZERO_AT_FIRST: dict[Expression, Expression] = {ELAPSED: Constant(0.0)}
+"""What is known only once there is an onset."""
+
+
+def name_of(basis: Expression) -> str:
+    """Name of a basis signal, as in the records."""
+    return "one" if basis == ONE else str(basis)
+
+
+def effect_set(relations: RelationSet, faults: Iterable[Fault]) -> EffectSet:
+    """Compile the effects of these faults on these relations."""
+    rules = EffectRules(relations)
+    models = [
+        model
+        for fault in faults
+        for model in (
+            sensor_models(fault, rules, relations) if fault.channel else plant_models(fault, rules)
+        )
+    ]
+    units = (*_of_parameters(rules), *_of_temperatures())
+    used = [effect.basis for model in models for effect in model.effects]
+    used += [effect.basis for _, effect in units]
+    basis = dict.fromkeys((ONE, ELAPSED, *map(Variable, MOTION), *used))
+    return EffectSet(relations, tuple(models), units, tuple(basis), dict(rules.shapes))
+
+
+def _of_parameters(rules: EffectRules) -> tuple[tuple[str, FaultEffect], ...]:
+    """What a parameter of the unit that is smaller by one leaves in the relations."""
+    less = Constant(-1.0)
+    return tuple(
+        (name, effect) for name in WEIGHED_PARAMETERS for effect in rules.moved({name: less})
+    )
+
+
+def _of_temperatures() -> Iterable[tuple[str, FaultEffect]]:
+    """A part that heats up faster than its node by 1 K/s.
+
+    The estimate that is frozen at the detection has lagged behind by its time of correction.
+    """
+    for name in TEMPERATURES:
+        rate = heating_rate(name)
+        yield rate, FaultEffect(name, ONE, Constant(CORRECTION_S))
+        yield rate, FaultEffect(name, ELAPSED, ONE)
