@@ -100,7 +100,7 @@ LEAF = Node((("jam", 1.0),), None, (), 0.0)
 
 @pytest.fixture(scope="module")
 def tools() -> Tools:
-    return Tools(load_causal_map(), lambda *_, **__: LEAF)
+    return Tools(load_causal_map("actuator.yaml"), lambda *_, **__: LEAF)
 
 
 def read(html: object) -> str:

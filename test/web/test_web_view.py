@@ -67,7 +67,7 @@ def groups(told: list[Record]) -> list[AmbiguityGroup]:
 
 @pytest.fixture(scope="module")
 def tools() -> Tools:
-    return Tools(load_causal_map(), tree_planner())
+    return Tools(load_causal_map("actuator.yaml"), tree_planner("feature_table.yaml"))
 
 
 def words(html: object) -> str:

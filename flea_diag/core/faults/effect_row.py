@@ -59,12 +59,14 @@ class EffectRow:
 class ErrorRow:
     """Largest errors of one channel: bias in its unit, drift per second; unbounded by default.
 
-    A scaled reading is between ``factors`` of the truth, a dead one lacks a share of it between
-    those of ``lost``; a drift has one of these ages when it is detected.
+    ``drift_as_speed`` holds where its slope is the only speed, and takes the drift for one. A
+    scaled reading is between ``factors`` of the truth, a dead one lacks a share of it between those
+    of ``lost``; a drift has one of ``ages_s`` when it is detected.
     """
 
     bias: float = math.inf
     drift: float = math.inf
+    drift_as_speed: float = math.inf
     factors: tuple[float, float] = (0.6, 1.6)
     lost: tuple[float, float] = (0.9, 1.1)
     ages_s: tuple[float, ...] = (0.3, 1.0, 2.0, 4.0, 8.0, 15.0)
@@ -88,7 +90,7 @@ _SIZE: schema.Keys = {
     "opens": (list, []),
     "adds": (dict, {}),
 }
-_ERROR: schema.Keys = {"bias": (float, math.inf), "drift": (float, math.inf)}
+_ERROR: schema.Keys = dict.fromkeys(("bias", "drift", "drift_as_speed"), (float, math.inf))
 
 
 def effect_rows(content: Any, actuator: Actuator, where: str) -> tuple[EffectRow, ...]:

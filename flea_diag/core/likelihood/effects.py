@@ -17,7 +17,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from flea_diag.core.residuals.parity import channel_of, rate_symbol
-from flea_diag.core.residuals.relation_set import CompiledRelation, RelationSet
+from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
 from flea_diag.core.symbolic.collect import collect, exponents
 from flea_diag.core.symbolic.expression import (
     ONE,
@@ -133,7 +133,9 @@ class EffectRules:
 
         A difference lacks its second reading. A balance lacks what the difference with another
         reading says the value is, and without one all that its other terms say. Balances that read
-        the rate alone are left out: nothing else tells that rate.
+        the rate alone are left out: nothing else tells that rate. A channel that nothing but the
+        balance with the friction reads would explain any drag by its own death; there the truth
+        leaves out what varies with the motion.
         """
         found: list[FaultEffect] = []
         for row in self._set.relations:
@@ -143,9 +145,21 @@ class EffectRules:
             elif channel in read:
                 bare = self._without(row.expression, [channel])
                 truth = self._truth(channel)
-                lacking = bare if truth is None else bare - self._given(row, channel, truth)
-                found += self._effects(row, lacking, index)
+                if truth is not None:
+                    bare = bare - self._given(row, channel, truth)
+                elif DIRECTION in row.signals and self._readers(channel) == 1:
+                    bare = substitute(bare, dict.fromkeys(self._moving(row), ZERO))
+                found += self._effects(row, bare, index)
         return tuple(found)
+
+    def _readers(self, channel: str) -> int:
+        return sum(channel in row.signals for row in self._set.relations)
+
+    def _moving(self, row: CompiledRelation) -> set[str]:
+        """Signals of a relation that vary with the motion: shapes, what they are of, rates."""
+        shapes = self._set.shapes
+        flows = {name for shape in shapes.values() for name in symbols(shape)}
+        return {s for s in row.signals if s in shapes or s in flows or channel_of(s)[1]}
 
     def _truth(self, channel: str) -> Expression | None:
         """What another reading says that this one should be; None if none does."""

@@ -19,7 +19,7 @@ from flea_diag.core.residuals.parity import rate_symbol
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import TEMPERATURES
 from flea_diag.core.residuals.thermal import CORRECTION_S
-from flea_diag.core.symbolic.expression import ONE, ZERO, Constant, Expression, Variable
+from flea_diag.core.symbolic.expression import ONE, ZERO, Constant, Expression, Variable, symbols
 
 Signal = tuple[tuple[Expression, Expression], ...]
 """A sum of basis signals, each with its factor."""
@@ -47,6 +47,7 @@ class ReadingError:
     gains: Gains
     rates: Gains
     lost: Effects
+    largest_drift: float
     reading: Signal
     reading_rate: Signal
     shares: tuple[float, float]
@@ -78,7 +79,8 @@ def _error(fault: Fault, rules: EffectRules, relations: RelationSet) -> ReadingE
     if channel in TEMPERATURES:
         reading: Signal = ((expected(channel), ONE),)
         shares = low - 1.0, high - 1.0
-        return ReadingError(fault, "K", _of_temperature(channel), (), (), reading, (), shares)
+        gains, drift = _of_temperature(channel), fault.errors.drift
+        return ReadingError(fault, "K", gains, (), (), drift, reading, (), shares)
     reading = ((Variable(channel), ONE), (ONE, relations.offsets.get(channel, ZERO)))
     # The rate of a speed acts through the inertia, by less than the noise: no effect.
     rates = rules.rates(channel) if channel in relations.displacements else ()
@@ -88,10 +90,18 @@ def _error(fault: Fault, rules: EffectRules, relations: RelationSet) -> ReadingE
         rules.gains(channel),
         rates,
         rules.lost(channel),
+        _largest_drift(fault, relations),
         reading,
         ((Variable(rate_symbol(channel)), ONE),),
         (1.0 - 1.0 / low, 1.0 - 1.0 / high),
     )
+
+
+def _largest_drift(fault: Fault, relations: RelationSet) -> float:
+    """In its unit per second; where its slope is the only speed there is another bound."""
+    shapes = relations.shapes.values()
+    as_speed = any(rate_symbol(fault.channel) in symbols(shape) for shape in shapes)
+    return fault.errors.drift_as_speed if as_speed else fault.errors.drift
 
 
 def _of_temperature(channel: str) -> Gains:
@@ -128,7 +138,7 @@ def _drift(error: ReadingError) -> tuple[SymbolicModel, ...]:
 
     With a free offset beside the rate, every bias would fit as a drift that has just stopped.
     """
-    largest = error.fault.errors.drift
+    largest = error.largest_drift
     size = SymbolicSize("drift", f"{error.unit}/s", -largest, largest, -largest)
     grown, rate = error.level(GROWING), error.rate(CONSTANT)
     return tuple(

@@ -131,7 +131,6 @@ def consistent() -> Signals:
 DEAD = {
     "motor_current": {"current_a": 0.1},
     "motor_voltage": {"voltage_v": -2.0},
-    "load_force": {"load_n": 12.0},
     # A dead encoder has no direction either; the position's slope is what is left.
     "motor_speed": {"encoder_speed_rad_s": 0.0, "speed_m_s": 0.0, "direction": 0.0},
     "actuator_position": {"position_m": 0.02, "position_rate_m_s": 0.0},
@@ -140,7 +139,6 @@ DEAD = {
 LEVEL = {
     "motor_current": 0.1 - P.current_offset_a,
     "motor_voltage": -2.0 - P.voltage_offset_v,
-    "load_force": 12.0,
     "motor_speed": 0.0,
     "actuator_position": 0.02,
     "load_position": 0.02,
@@ -157,6 +155,15 @@ def test_a_dead_reading_adds_what_its_model_says_in_every_relation(channel):
         assert np.abs(relation(p, true)).max() < 1e-9, "the signals are no healthy ones"
         found = effect(model, (1.0, LEVEL[channel]), residual, read, ENCODER, p)
         np.testing.assert_allclose(found, relation(p, read), atol=1e-6, err_msg=residual)
+
+
+def test_a_dead_load_cell_lacks_the_force_of_the_motor_and_no_drag():
+    """Else it would explain any drag under a steady load: friction and inertia are left out."""
+    p, true = WITH_ENCODER, consistent()
+    (model,) = [m for m in ENCODER.bound(p) if m.fault == "load_force_dead"]
+    found = effect(model, (1.0, 12.0), "parity_mechanical", true, ENCODER, p)
+    force = p.force_constant_n_per_a * (true.current_a - p.current_offset_a)
+    np.testing.assert_allclose(found, force - 12.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("effects", "encoder"), [(SLOPE, 0.0), (ENCODER, 5e-4)])
