@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from summary import Figure, bench_parser, write_summary
 
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.observers.kalman import KalmanFilter
@@ -231,10 +232,10 @@ def observer_steps() -> dict[str, float]:
         ("ambient_temperature", 24.0, 0.0),
     ):
         rows[:, INDEX[channel]] = level + sigma * draw.normal(size=len(rows))
-    found = {}
+    found, relations = {}, compiled_relations("actuator.yaml", None, False)
     for backend in BACKENDS:
         observer = StateObserver(
-            ActuatorParameters(), PERIOD_S, np.random.default_rng(0), 200, backend
+            ActuatorParameters(), relations, PERIOD_S, np.random.default_rng(0), 200, backend
         )
         times = []
         for row in rows:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -95,7 +95,9 @@ def _compiled(
     known = [name for name in model.sensors if channels is None or name in channels]
     fitted = [name for name in known if has_encoder or name != "motor_speed"]
     held = [entry.name for entry in fields(ActuatorParameters)]
-    return relation_set(model.with_sensors(fitted), RELATIONS, held, UNIT_PARAMETERS)
+    every = None if channels is None else _compiled(path, text, None, has_encoder)
+    made = relation_set(model.with_sensors(fitted), RELATIONS, held, UNIT_PARAMETERS)
+    return replace(made, every=every)
 
 
 @lru_cache(maxsize=8)

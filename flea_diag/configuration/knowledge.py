@@ -13,7 +13,6 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.thermal import OF_THERMAL_NODES
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages.isolator.isolator import Knowledge
 
@@ -58,7 +57,7 @@ def relations(stand: Stand, calibration: Calibration) -> RelationSet:
     has_encoder = calibration.parameters.encoder_m_per_rad != 0.0
     drawn = compiled_relations(stand.actuator).parameters
     for name in calibration.sigmas:
-        if name not in drawn and name not in OF_THERMAL_NODES:
+        if name not in drawn:
             raise ConfigurationError(
                 f"{stand.actuator}: no relation holds {name}, which the calibration has "
                 "identified; draw it and name it under base_parameters, as "

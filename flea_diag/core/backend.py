@@ -84,6 +84,7 @@ def bound(function: Callable[..., Any], **names: Any) -> FunctionType:
     scope = {**function.__globals__, **names}
     made = FunctionType(function.__code__, scope, function.__name__)
     made.__module__, made.__qualname__ = function.__module__, function.__qualname__
+    made.__dict__.update(function.__dict__)  # the source of generated code
     return made
 
 

@@ -27,7 +27,7 @@ from flea_diag.formats import migrated
 
 __all__ = ["Actuator", "ModelView", "OperatingPoint", "ResidualSpec", "Sensor", "actuator"]
 
-KINDS_OF_RESIDUAL = ("measurement", "junction", "difference")
+KINDS_OF_RESIDUAL = ("measurement", "junction", "difference", "prediction", "power")
 
 _PARAMETER: schema.Keys = {
     "value": (float, REQUIRED),
@@ -70,6 +70,9 @@ _RESIDUAL: schema.Keys = {
     "normalised": (bool, False),
     "motion": (str, ""),
     "signs": (bool, True),
+    "lumped": (list, []),
+    "neglected": (list, []),
+    "junctions": (list, []),
 }
 _TOP: schema.Keys = {
     "name": (str, REQUIRED),
@@ -265,7 +268,8 @@ def _residuals(top: Mapping[str, Any], where: str) -> dict[str, ResidualSpec]:
                 f"{where}: residual {shown(name)} has kind {shown(values['kind'])},"
                 f" known are {', '.join(KINDS_OF_RESIDUAL)}"
             )
-        values["without"] = schema.texts(values["without"], f"{where}: residual {name}: without")
+        for key in ("without", "lumped", "neglected", "junctions"):
+            values[key] = schema.texts(values[key], f"{where}: residual {name}: {key}")
         found[name] = ResidualSpec(name, **values)
     return found
 
@@ -294,12 +298,15 @@ def _check(made: Actuator, where: str) -> None:
 
 def _check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:
     place = f"{where}: residual {shown(spec.name)}"
-    if spec.kind == "measurement":
+    if spec.kind == "measurement" or spec.model:
         made.view(spec.model)
-    if spec.kind == "junction":
-        junction = made.graph.elements.get(spec.junction)
-        if junction is None or junction.kind not in ("0", "1"):
-            raise ConfigurationError(f"{place}: {shown(spec.junction)} is no junction")
+    if spec.kind == "prediction":
+        _check_prediction(made, spec, place)
+    if spec.balances:
+        for name in (spec.junction,) if spec.kind == "junction" else spec.junctions or ("",):
+            junction = made.graph.elements.get(name)
+            if junction is None or junction.kind not in ("0", "1"):
+                raise ConfigurationError(f"{place}: {shown(name)} is no junction")
         if spec.motion and spec.motion not in made.graph.elements:
             raise ConfigurationError(
                 f"{place}: motion {shown(spec.motion)} is no junction of the graph"
@@ -313,6 +320,22 @@ def _check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:
         if channel not in made.units:
             raise ConfigurationError(f"{place}: {shown(channel)} is no channel or input")
     _check_unit_of_difference(made, spec, place)
+
+
+def _check_prediction(made: Actuator, spec: ResidualSpec, place: str) -> None:
+    sensor = made.sensors.get(spec.channel)
+    for name in spec.neglected:
+        if name not in made.graph.parameters:
+            raise ConfigurationError(f"{place}: neglected {shown(name)} is no parameter")
+    for name in spec.lumped:
+        element = made.graph.elements.get(name)
+        if element is None or element.kind not in ("C", "I"):
+            raise ConfigurationError(f"{place}: lumped {shown(name)} is no store (C or I)")
+    ends = {bond.other(name) for name in spec.lumped for bond in made.graph.at(name)}
+    if spec.lumped and (sensor is None or sensor.at not in ends):
+        raise ConfigurationError(
+            f"{place}: lumps {', '.join(spec.lumped)}, none of them is where {spec.channel} is read"
+        )
 
 
 def _check_unit_of_difference(made: Actuator, spec: ResidualSpec, place: str) -> None:

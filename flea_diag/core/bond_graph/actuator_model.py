@@ -56,7 +56,9 @@ class ResidualSpec:
     A normalised residual is multiplied by the sign of the flow at junction ``motion``, or at its
     own junction if ``motion`` is empty. The two readings of a difference agree up to the
     parameters ``gain`` (of the reference) and ``offset``. A balance leaves out the elements
-    ``without``. A residual without ``signs`` is in no signature table.
+    ``without``. A residual without ``signs`` is in no signature table. A prediction takes the
+    stores ``lumped`` for one and the parameters ``neglected`` as 0. A power is summed over the
+    bonds of ``junctions`` that lead out of them.
     """
 
     name: str
@@ -73,6 +75,19 @@ class ResidualSpec:
     normalised: bool = False
     motion: str = ""
     signs: bool = True
+    lumped: tuple[str, ...] = ()
+    neglected: tuple[str, ...] = ()
+    junctions: tuple[str, ...] = ()
+
+    @property
+    def balances(self) -> bool:
+        """Whether it is a sum over bonds: at a junction, or of the power of several."""
+        return self.kind in ("junction", "power")
+
+    @property
+    def predicts(self) -> bool:
+        """Whether it is a reading less what a model predicts for it."""
+        return self.kind in ("measurement", "prediction")
 
 
 @dataclass(frozen=True)
@@ -187,7 +202,7 @@ class Actuator:
         }
 
     def _driven_by(self, spec: ResidualSpec) -> tuple[str, ...]:
-        return self.view(spec.model).measured if spec.kind == "measurement" else ()
+        return self.view(spec.model).measured if spec.model else ()
 
 
 def _moved(graph: BondGraph, moved: Mapping[str, str]) -> BondGraph:

@@ -116,6 +116,10 @@ def _source_value(graph: BondGraph, element: Element) -> Expression:
     if element.law == "dissipation":
         heats = [product(_symbols(graph, graph.at(name)[0])) for name in element.powers]
         return p["share"] * total(heats)
+    return p["level"] if element.law == "constant_effort" else _of_signal(element, p)
+
+
+def _of_signal(element: Element, p: Mapping[str, Expression]) -> Expression:
     signal = Variable(element.signal)
     return p["gain"] * signal if element.law == "gain" else signal
 

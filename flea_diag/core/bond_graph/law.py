@@ -137,6 +137,7 @@ LAWS: dict[str, Law] = {
     "stiffness": Law("C", {"stiffness": Role(lambda d: per(d.effort, times(d.flow, SECOND)))}),
     "capacity": Law("C", {"capacity": Role(lambda d: per(times(d.flow, SECOND), d.effort))}),
     "transformer": Law("TF", {"ratio": Role(lambda d: per(d.effort, d.effort_2), "!= 0")}),
+    "converter": Law("TF", {"ratio": Role(lambda d: per(d.effort, d.effort_2), "!= 0")}),
     "gyrator": Law("GY", {"modulus": Role(lambda d: per(d.effort, d.flow_2), "!= 0")}),
     "motor": Law(
         "GY",
@@ -146,10 +147,12 @@ LAWS: dict[str, Law] = {
         },
     ),
     "gain": Law("M", {"gain": Role(lambda d: UNITS["1"], "!= 0")}),
+    "constant_effort": Law("M", {"level": Role(lambda d: d.effort, "!= 0")}),
     "dissipation": Law("M", {"share": Role(lambda d: UNITS["1"], "> 0")}),
 }
 """Law by name. A TF obeys e1 = n e2, f2 = n f1; a GY e1 = r f2, e2 = r f1 (a motor may have
-different constants for back-EMF and torque); an I has e = I f', a C has f = C e' = (e/K)'."""
+different constants for back-EMF and torque); a converter is a TF whose ratio a controller sets, so
+that only its power is known; an I has e = I f', a C has f = C e' = (e/K)'."""
 
 DEFAULT_LAW = {
     "R": "resistance",

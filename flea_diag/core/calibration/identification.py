@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration import heat_identification
 from flea_diag.core.calibration.calibration import CovarianceBlock, NominalRun
+from flea_diag.core.calibration.heat_identification import NominalSignals
 from flea_diag.core.calibration.relation_fit import Regression, regression
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.parity import channel_of
@@ -159,7 +160,8 @@ def identify(
     _electrical(fit)
     _drive(fit)
     _position(data, result)
-    heat_identification.identify(runs, period_s, result)
+    nominal = NominalSignals(_signals(data, relations, result.parameters), data.run)
+    heat_identification.identify(runs, period_s, relations, nominal, result)
     return result
 
 

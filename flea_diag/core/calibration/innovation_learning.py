@@ -18,6 +18,7 @@ from flea_diag.core.observers.innovation_residual import normalised
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import INNOVATION_INDEX
 
@@ -46,6 +47,7 @@ class ObserverStatistics:
 def learn(
     runs: Sequence[NominalRun],
     parameters: ActuatorParameters,
+    relations: RelationSet,
     tolerance: UnitTolerance,
     period_s: float,
     voltage_sampling: str,
@@ -57,12 +59,12 @@ def learn(
     CalibrationError
         No recording is long enough.
     """
-    noise = noise_identification.fitted(runs, parameters, period_s, voltage_sampling)
+    noise = noise_identification.fitted(runs, parameters, relations, period_s, voltage_sampling)
 
     def make(tried: ActuatorParameters) -> StateObserver:
         generator = np.random.default_rng(SEED)
         return StateObserver(
-            tried, period_s, generator, noise=noise, voltage_sampling=voltage_sampling
+            tried, relations, period_s, generator, noise=noise, voltage_sampling=voltage_sampling
         )
 
     rows = [run.rows for run in runs]

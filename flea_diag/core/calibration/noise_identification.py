@@ -20,6 +20,7 @@ from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import INDEX
 from flea_diag.core.smoothing import hann_kernels
 from flea_diag.errors import CalibrationError
@@ -49,6 +50,7 @@ FREEDOM = 8.0
 def fitted(
     runs: Sequence[NominalRun],
     parameters: ActuatorParameters,
+    relations: RelationSet,
     period_s: float,
     voltage_sampling: str,
 ) -> ObserverNoise:
@@ -64,7 +66,7 @@ def fitted(
 
     @cache
     def cost(tried: ObserverNoise) -> float:
-        return _cost(pieces, parameters, period_s, voltage_sampling, tried)
+        return _cost(pieces, parameters, relations, period_s, voltage_sampling, tried)
 
     best = cost(noise)
     for factor in FACTORS:
@@ -118,6 +120,7 @@ def _read_off(runs: Sequence[NominalRun], period_s: float) -> dict[str, float]:
 def _cost(
     pieces: list[Array],
     parameters: ActuatorParameters,
+    relations: RelationSet,
     period_s: float,
     voltage_sampling: str,
     noise: ObserverNoise,
@@ -129,7 +132,7 @@ def _cost(
     """
     try:
         with np.errstate(invalid="ignore"):
-            return _mean_cost(pieces, parameters, period_s, voltage_sampling, noise)
+            return _mean_cost(pieces, parameters, relations, period_s, voltage_sampling, noise)
     except np.linalg.LinAlgError:
         return math.inf
 
@@ -137,6 +140,7 @@ def _cost(
 def _mean_cost(
     pieces: list[Array],
     parameters: ActuatorParameters,
+    relations: RelationSet,
     period_s: float,
     voltage_sampling: str,
     noise: ObserverNoise,
@@ -145,6 +149,7 @@ def _mean_cost(
     for rows in pieces:
         observer = StateObserver(
             parameters,
+            relations,
             period_s,
             np.random.default_rng(0),
             noise=noise,

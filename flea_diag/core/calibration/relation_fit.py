@@ -146,7 +146,7 @@ def _of_quotients(
         np.stack(list(columns.values()), axis=1),
         target,
         tuple(quotients),
-        in_base(quotients, "quotients"),
+        {str(name): solved for name, solved in in_base(quotients, "quotients").items()},
         quotients,
     )
 

@@ -115,7 +115,7 @@ def causal_map(actuator: Actuator, model: str = "stand") -> CausalMap:
     reads = {
         name: tuple(c for c in parity_relation(actuator, spec).channels if c in drawn)
         for name, spec in actuator.residuals.items()
-        if spec.kind != "measurement"
+        if not spec.predicts
     }
     plain = {
         name: other

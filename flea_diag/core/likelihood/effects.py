@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from flea_diag.core.residuals.parity import channel_of, rate_symbol
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
-from flea_diag.core.symbolic.collect import collect, exponents
+from flea_diag.core.symbolic.collect import collect, power_of
 from flea_diag.core.symbolic.expression import (
     ONE,
     ZERO,
@@ -98,8 +98,7 @@ class EffectRules:
         """Of physical parameters that are larger by these shares of themselves."""
         amounts: dict[str, Expression] = {}
         for name, definition in self._set.base.items():
-            powers = exponents(definition)
-            share = sum(powers.get(physical, 0) * s for physical, s in shares.items())
+            share = sum(power_of(physical, definition) * s for physical, s in shares.items())
             if share:
                 amounts[name] = Constant(share) * Variable(name)
         return self.moved(amounts, index)
@@ -111,7 +110,7 @@ class EffectRules:
             name: ZERO
             for opened in physical
             for name, definition in base.items()
-            if exponents(definition).get(opened, 0) > 0
+            if power_of(opened, definition) > 0
         }
         return tuple(
             effect

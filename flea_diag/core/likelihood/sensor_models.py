@@ -79,7 +79,7 @@ def _error(fault: Fault, rules: EffectRules, relations: RelationSet) -> ReadingE
     if channel in TEMPERATURES:
         reading: Signal = ((expected(channel), ONE),)
         shares = low - 1.0, high - 1.0
-        gains, drift = _of_temperature(channel), fault.errors.drift
+        gains, drift = _of_prediction(channel, relations), fault.errors.drift
         return ReadingError(fault, "K", gains, (), (), drift, reading, (), shares)
     reading = ((Variable(channel), ONE), (ONE, relations.offsets.get(channel, ZERO)))
     # The rate of a speed acts through the inertia, by less than the noise: no effect.
@@ -104,13 +104,12 @@ def _largest_drift(fault: Fault, relations: RelationSet) -> float:
     return fault.errors.drift_as_speed if as_speed else fault.errors.drift
 
 
-def _of_temperature(channel: str) -> Gains:
-    """Its own residual; an error of the air moves the nodes by the correction over the cooling."""
-    if channel != "ambient_temperature":
-        return ((channel, ONE),)
-    cooled = [(name, f"{name.split('_')[0]}_cooling_s") for name in TEMPERATURES if name != channel]
+def _of_prediction(channel: str, relations: RelationSet) -> Gains:
+    """Its own residual; a store that exchanges with it lags behind by the time of correction."""
+    own = tuple((row.name, ONE) for row in relations.predictions if row.channel == channel)
     lag = Constant(-CORRECTION_S)
-    return ((channel, ONE), *((name, lag / Variable(cooling)) for name, cooling in cooled))
+    beside = (row for row in relations.predictions if channel in row.exchange)
+    return (*own, *((row.name, lag * row.exchange[channel]) for row in beside))
 
 
 def _times(gains: Gains, signal: Signal, index: int = 0) -> Effects:

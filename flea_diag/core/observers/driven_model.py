@@ -1,16 +1,8 @@
-"""The actuator in linear coordinates, driven by measured voltage and load.
+"""The driven model of one actuator: compiled equations with calibrated numbers, as filters run it.
 
-The state equations of the bond graph's "driven" model (Narasimhan et al. 2010, section 4.1),
-at the nut and with the parameters that a calibration identifies; L / R is far below a scan,
-so the current follows at once:
-
-    i   = i0 + (V - V0 - Ke v) / R(T)
-    M v' = K (i - i0) - (fc + c|F|) s(v) - B v - F           s(v) = tanh(v / v_s)
-    x'  = v
-
-The linear part is exact for inputs held over a scan, friction takes the two-stage
-exponential rule of ``discretisation``. Current and encoder speed are means over a scan where
-the DAQ averages, so the mean speed of the scan is a state of its own.
+What is linear and what is friction comes from the bond graph (``driven_equations``), how it moves
+in a scan from ``motion_step``. The current follows voltage and speed at once, for L / R is far
+below a scan.
 
 Where the voltage is raw PWM (one instant of +24, 0 or -24 V), a sample says little of the
 mean voltage, which is what moves the motor. It is then no input but a very noisy measurement
@@ -22,18 +14,28 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.observers.motion_step import MotionCoefficients, motion_step, moved
 from flea_diag.core.observers.observer_model import difference_jacobian
 from flea_diag.core.observers.observer_noise import ObserverNoise
-from flea_diag.core.observers.track_loops import TRANSITION
-from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.residual import COPPER_PER_K
+from flea_diag.core.observers.resampling_loops import exp_loops
+from flea_diag.core.observers.track_loops import TANH, TRACK, track_loops
+from flea_diag.core.residuals.driven_equations import (
+    CHANNELS,
+    CURRENT,
+    LOAD,
+    VOLTAGE,
+    DrivenEquations,
+    numbers,
+)
+from flea_diag.core.residuals.parameters import ActuatorParameters, as_record
 
 Array = npt.NDArray[np.float64]
 
@@ -43,15 +45,8 @@ STATES = (
     "speed_m_s",
     "position_m",
 )
-CHANNELS = (
-    "motor_current",
-    "motor_voltage",
-    "motor_speed",
-    "actuator_position",
-    "load_position",
-)
-INPUTS = ("motor_voltage", "load_force")
-
+INPUTS = (VOLTAGE, LOAD)
+_CURRENT, _VOLTAGE = CHANNELS.index(CURRENT), CHANNELS.index(VOLTAGE)
 
 POSITION_WALK_M = 1.0e-6
 """Keeps a perfect integral of the speed from shutting out the position sensor."""
@@ -61,44 +56,47 @@ POSITION_WALK_M = 1.0e-6
 class DrivenModel(Frozen):
     """A ``FilterModel`` of an actuator with calibrated parameters."""
 
+    equations: DrivenEquations
     parameters: ActuatorParameters
     period_s: float
     noise: ObserverNoise
     pwm: bool
     """Voltage sampled as raw PWM, hence a measurement and no input."""
+    winding_degc: float
+    """Temperature at which the resistance is taken."""
     backend: str = "numpy"
-    winding_rise_k: float = 0.0
-    """Winding temperature above the one that the resistance holds at."""
 
     states = STATES
     channels = CHANNELS
     inputs = INPUTS
     linear = None
 
-    @property
-    def resistance_ohm(self) -> float:
-        """Of the winding as warm as it is."""
-        rise = 1.0 + COPPER_PER_K * self.winding_rise_k
-        return self.parameters.winding_resistance_ohm * rise
-
-    def warmed(self, rise_k: float) -> DrivenModel:
-        """The same with another winding temperature."""
-        return replace(self, winding_rise_k=rise_k)
+    def warmed(self, degc: float) -> DrivenModel:
+        """The same at another winding temperature."""
+        return replace(self, winding_degc=degc)
 
     @cached_property
     def driving(self) -> npt.NDArray[np.bool_]:
         """Raw PWM stands for the input that is missing."""
-        return np.array([name == "motor_voltage" and self.pwm for name in CHANNELS])
+        return np.array([name == VOLTAGE and self.pwm for name in CHANNELS])
+
+    @cached_property
+    def absent(self) -> npt.NDArray[np.bool_]:
+        """Channels that are never measured: no relation gives them, or they are inputs."""
+        given = self.equations.readings
+        return np.array([n not in given or (n == VOLTAGE and not self.pwm) for n in CHANNELS])
+
+    @cached_property
+    def _readings(self) -> Array:
+        """By voltage, mean speed, position, and without them; shape (5, 4)."""
+        made = self.equations.functions["readings"]
+        return np.array(numbers(made, self.parameters, self.winding_degc))
 
     @cached_property
     def H(self) -> Array:
-        """Shape (5, 4); the encoder's row is zero without an encoder."""
-        p, R = self.parameters, self.resistance_ohm
+        """Shape (5, 4); zero in the row of a channel that no relation gives."""
         rows = np.zeros((len(CHANNELS), len(STATES)))
-        rows[0, :2] = 1.0 / R, -p.back_emf_v_s_per_m / R
-        rows[1, 0] = 1.0
-        rows[2, 1] = 1.0 / p.encoder_m_per_rad if p.encoder_m_per_rad else 0.0
-        rows[3, 3] = rows[4, 3] = 1.0
+        rows[:, (0, 1, 3)] = self._readings[:, :3]
         return rows
 
     @cached_property
@@ -109,9 +107,8 @@ class DrivenModel(Frozen):
     @cached_property
     def h(self) -> Array:
         """Offsets of the readings, shape (5,)."""
-        p = self.parameters
-        current = p.current_offset_a - p.voltage_offset_v / self.resistance_ohm
-        return np.array([current, 0.0, 0.0, 0.0, -p.position_offset_m])
+        offsets: Array = self._readings[:, 3]
+        return offsets
 
     @cached_property
     def R(self) -> Array:
@@ -119,39 +116,43 @@ class DrivenModel(Frozen):
         return np.diag(self.noise.readings() ** 2)
 
     @cached_property
-    def constants(self) -> Array:
-        """In the order in which both transitions unpack them, shape (14,)."""
-        p, T, R = self.parameters, self.period_s, self.resistance_ohm
-        damping = p.force_constant_n_per_a * p.back_emf_v_s_per_m / R
-        damping += p.viscous_friction_n_s_per_m
-        decay = math.exp(-damping * T / p.reflected_mass_kg)
-        mean = (1.0 - decay) * p.reflected_mass_kg / (damping * T)
-        return np.array(
-            [
-                T,
-                decay,
-                (1.0 - decay) / damping,  # speed gained in a scan per newton
-                mean,
-                (1.0 - mean) / damping,  # mean speed gained per newton
-                p.force_constant_n_per_a / R,
-                p.voltage_offset_v,
-                p.back_emf_v_s_per_m / R,
-                p.force_constant_n_per_a,
-                p.coulomb_friction_n,
-                p.load_friction_ratio,
-                p.viscous_friction_n_s_per_m,
-                1.0 / p.stribeck_speed_m_s,
-                1.0 / R,
-            ]
-        )
+    def _motion(self) -> tuple[list[float], list[float]]:
+        """Coefficients of the acceleration, and of the voltage by the one commanded."""
+        made = self.equations.functions["motion"]
+        pushes, command = numbers(made, self.parameters, self.winding_degc)
+        return pushes.tolist(), command.tolist()
+
+    @cached_property
+    def coefficients(self) -> MotionCoefficients:
+        """Of one scan."""
+        volt, speed, _, rest = self._readings[_CURRENT].tolist()
+        current, speed_itself, load, alone = self._motion[0]
+        pushes = current, speed_itself, load, alone
+        return MotionCoefficients.of((volt, speed, rest), pushes, self.period_s)
+
+    @cached_property
+    def command(self) -> tuple[float, float]:
+        """Offset and gain of the voltage by the one commanded; NaN where nothing relates them."""
+        gain, offset = self._motion[1]
+        return (offset, gain) if gain else (math.nan, math.nan)
+
+    def voltage_v(self, current_a: float) -> float:
+        """Voltage of a current at rest."""
+        slope, _, _, rest = self._readings[_CURRENT].tolist()
+        return float((current_a - rest) / slope)
+
+    def position_m(self, readings: Array) -> float:
+        """Position by the first channel that reads it; NaN if none is measured."""
+        slopes, rest = self._readings[:, 2], self.h
+        found = [(readings[k] - rest[k]) / slopes[k] for k in np.flatnonzero(slopes)]
+        return next((float(each) for each in found if not math.isnan(each)), math.nan)
 
     @cached_property
     def _noises(self) -> dict[tuple[bool, bool], Array]:
         """Process noise by whether voltage and load are measured."""
-        T, _, gained, _, averaged, force_per_volt, *_ = self.constants
-        noise = self.noise
-        per_newton = np.array([0.0, averaged, gained, T * averaged])
-        per_volt = force_per_volt * per_newton
+        noise, c = self.noise, self.coefficients
+        pushed = np.array([0.0, c.averaged, c.gained, c.period_s * c.averaged])
+        per_newton, per_volt = abs(c.pushes[2]) * pushed, c.per_volt * pushed
         per_volt[0] = 1.0
         own = np.diag([0.0, 0.0, 0.0, POSITION_WALK_M]) ** 2
         found = {}
@@ -171,14 +172,15 @@ class DrivenModel(Frozen):
         return self._noises[not (self.pwm or math.isnan(u[0])), not math.isnan(u[1])]
 
     @cached_property
-    def _move(self) -> Callable[..., None]:
-        numba = self.backend == "numba"
-        return backends.compiled(*TRANSITION) if numba else transition_numpy
+    def record(self) -> Any:
+        """The parameters as compiled code takes them: the first entry of a sequence."""
+        return as_record(self.parameters) if self.backend == "numba" else (self.parameters,)
 
     def transition(self, x: Array, u: Array) -> Array:
         """(4, N) and (2,) -> (4, N); NaN inputs: voltage held, load in balance."""
         new = np.empty_like(x)
-        self._move(x, u, self.pwm, self.constants, new)
+        step = step_of(self.equations, self.backend)
+        step(x, u, self.pwm, self.coefficients, self.record, new)
         return new
 
     def jacobian(self, x: Array, u: Array) -> Array:
@@ -186,26 +188,31 @@ class DrivenModel(Frozen):
         return difference_jacobian(self.transition, x, u)
 
 
-def transition_numpy(x: Array, u: Array, pwm: bool, constants: Array, new: Array) -> None:
-    """One scan of all particles, (4, N) -> (4, N) into ``new``."""
-    (
-        T, decay, gained, kept, averaged, force_per_volt, V0, drag, K,
-        coulomb, ratio, viscous, sharp, conductance,
-    ) = constants  # fmt: skip
-    voltage, mean_speed, speed, position = x
-    V, load = u
-    current = conductance * (voltage - V0) - drag * mean_speed
-    if not (pwm or math.isnan(V)):
-        voltage = np.full_like(voltage, V)
-    if math.isnan(load):
-        friction = coulomb * np.tanh(sharp * speed)
-        load = K * current - friction - viscous * speed
-    drive = force_per_volt * (voltage - V0) - load
-    coulomb = coulomb + ratio * np.abs(load)
-    first = drive - coulomb * np.tanh(sharp * speed)
-    half = decay * speed + gained * first
-    second = drive - coulomb * np.tanh(sharp * half) - first
-    new[0] = voltage
-    new[1] = kept * speed + averaged * (first + 0.5 * second)
-    new[2] = half + averaged * second
-    new[3] = position + T * new[1]
+@lru_cache(maxsize=8)
+def step_of(equations: DrivenEquations, backend: str) -> Callable[..., None]:
+    """``motion_step`` with the friction of these equations."""
+    if backend != "numba":
+        return _bound_step(equations.functions["friction"])[0]
+    made: Callable[..., None] = backends.compiled(*_numba_step(equations))
+    return made
+
+
+def _bound_step(friction: Callable[..., Any]) -> tuple[Callable[..., Any], ...]:
+    parts: dict[str, Any] = {"friction": friction}
+    parts["moved"] = backends.bound(moved, **parts)
+    return backends.bound(motion_step, **parts), parts["moved"], friction
+
+
+def _numba_step(equations: DrivenEquations) -> tuple[Callable[..., Any], ...]:
+    friction = backends.bound(equations.functions["friction"], fabs=np.abs, **TANH)
+    return (*_bound_step(friction), *TANH.values(), exp_loops)
+
+
+@lru_cache(maxsize=8)
+def track_of(equations: DrivenEquations) -> Callable[..., tuple[int, int]]:
+    """``track_loops`` with the step of these equations, compiled."""
+    step = _numba_step(equations)
+    heats = backends.bound(equations.functions["supplies"], fabs=np.abs)
+    loop = backends.bound(track_loops, motion_step=step[0], supplies=heats)
+    made: Callable[..., tuple[int, int]] = backends.compiled(loop, *step, *TRACK, heats)
+    return made

@@ -4,6 +4,9 @@ They detect, and isolate nothing. A filter that corrects itself smears a faulty 
 of its innovations, so their signs are those of no fault; once it is frozen, after a detection,
 its open integral of the speed drifts away. Isolation is left to relations without a state
 (Narasimhan et al. 2010, section 3.1, for detection).
+
+``output_loops`` is the output of the state observer as a loop for numba, to the same bits: in
+numpy it is ``stages.state_estimate.StateEstimate`` with ``normalised``.
 """
 
 from __future__ import annotations
@@ -13,11 +16,22 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.observers.innovation_loops import SPEED, TESTED
-from flea_diag.core.observers.observer_block import Innovations
-from flea_diag.core.residuals.residual_rows import INNOVATION_INDEX
+from flea_diag.core.observers.driven_model import STATES
+from flea_diag.core.observers.observer_block import ALL, PREDICTED, Innovations
+from flea_diag.core.residuals.residual_rows import (
+    INNOVATION_CHANNELS,
+    INNOVATION_COLUMNS,
+    INNOVATION_INDEX,
+)
 
 Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+TESTED = np.array([PREDICTED.index(channel) for channel in INNOVATION_CHANNELS])
+"""Places of the channels whose innovations are tested."""
+SPEED = STATES.index("speed_m_s")
+_FIRST = INNOVATION_COLUMNS.start
 
 
 def normalised(told: Innovations) -> Array:
@@ -32,3 +46,30 @@ def normalised(told: Innovations) -> Array:
     sign = np.copysign(1.0, told.means[:, SPEED, None])
     np.multiply(found[:, ::2], sign, out=found[:, 1::2])
     return found
+
+
+def output_loops(
+    innovations: tuple[Array, Counts, Flags], testable: Flags, frozen: bool, channels: Counts,
+    told: tuple[Array, Array, Array], values: Array,
+) -> None:  # fmt: skip
+    """Scan after scan into ``told``, estimates, sigmas and health, and into the residuals.
+
+    ``channels`` are those reported, ``testable`` whether innovations may be tested.
+    """
+    table, measured, lost = innovations
+    estimates, sigmas, health = told
+    for i in range(len(table)):
+        row = table[i]
+        for k in range(len(channels)):
+            sigma = row[2 * ALL + channels[k]]
+            estimates[i, k] = row[channels[k]]
+            sigmas[i, k] = math.nan if sigma == 0.0 else sigma
+        health[i, 0], health[i, 1] = row[-1], row[-2] / max(measured[i], 1)
+        health[i, 2] = lost[i] and not frozen
+        sign = math.copysign(1.0, row[3 * ALL + SPEED])
+        for k in range(len(TESTED)):
+            sigma, found = row[2 * ALL + TESTED[k]], math.nan
+            if testable[i] and not frozen and sigma > 0.0:
+                found = row[ALL + TESTED[k]] / sigma
+            values[i, _FIRST + 2 * k] = found
+            values[i, _FIRST + 2 * k + 1] = found * sign

@@ -11,39 +11,41 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.observers.driven_model import CHANNELS as MOVED
+from flea_diag.core.observers.driven_model import INPUTS as DRIVEN_BY
 from flea_diag.core.observers.driven_model import STATES
 from flea_diag.core.observers.state_filter import Innovation
+from flea_diag.core.residuals.driven_equations import CHANNELS as MOVED
+from flea_diag.core.residuals.driven_equations import COMMAND as COMMANDED
+from flea_diag.core.residuals.driven_equations import HEATED
 from flea_diag.core.residuals.residual_rows import INDEX
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-PREDICTED = (*MOVED, "motor_temperature", "nut_temperature")
+PREDICTED = (*MOVED, *HEATED)
 """Channels that the observer predicts, in the order of its innovations."""
 ABSURD = 1.0e6
 """No channel of a test stand reaches this value in SI units: not a measurement."""
-VOLTAGE, SPEED = MOVED.index("motor_voltage"), MOVED.index("motor_speed")
+TEMPERATURES = (*HEATED, "ambient_temperature")
+"""Readings that heated stores may exchange heat with, those of their own first."""
 
 MOTION = np.array([INDEX[name] for name in MOVED])
-INPUTS = np.array([INDEX["motor_voltage"], INDEX["load_force"]])
-COMMAND = INDEX["commanded_voltage"]
-DEGC = np.array(
-    [INDEX[name] for name in ("motor_temperature", "nut_temperature", "ambient_temperature")]
-)
+INPUTS = np.array([INDEX[name] for name in DRIVEN_BY])
+COMMAND = INDEX[COMMANDED]
+DEGC = np.array([INDEX[name] for name in TEMPERATURES])
 
 P, ALL = len(MOVED), len(PREDICTED)
-HEATED = 3 * P + len(STATES) + 2
-"""Start of the two temperatures in a raw row, after the filter's innovation."""
-RAW = HEATED + 8
+WARM = 3 * P + len(STATES) + 2
+"""Start of the temperatures in a raw row, after the filter's innovation."""
+RAW = WARM + 4 * len(HEATED)
 """Length of a raw row; each temperature has prediction, residual, sigma and estimate."""
-_HEAT = HEATED + 4 * np.arange(2)
+_HEAT = WARM + 4 * np.arange(len(HEATED))
 ORDER = np.concatenate(
     [
         *(np.concatenate([part * P + np.arange(P), _HEAT + part]) for part in range(3)),
         3 * P + np.arange(len(STATES)),
         _HEAT + 3,
-        [HEATED - 2, HEATED - 1],
+        [WARM - 2, WARM - 1],
     ]
 )
 

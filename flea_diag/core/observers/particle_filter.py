@@ -28,7 +28,6 @@ from flea_diag.core.observers.gaussian import square_root
 from flea_diag.core.observers.particle_kernel import Views, pack, step_numpy, unpack
 from flea_diag.core.observers.particle_loops import STEP
 from flea_diag.core.observers.state_filter import ConsistencyMonitor, FilterModel, Innovation
-from flea_diag.core.observers.track_loops import TRACK
 from flea_diag.errors import ConfigurationError
 
 Array = npt.NDArray[np.float64]
@@ -192,23 +191,23 @@ class ParticleFilter:
 
     def track(
         self,
+        track: Callable[..., tuple[int, int]],
         scans: tuple[Array, ...],
         first: int,
-        motion: tuple[bool, Array],
-        heat: tuple[Array, Array],
+        motion: tuple[Any, ...],
+        heat: tuple[Any, ...],
         frozen: bool,
         out: Array,
     ) -> tuple[int, int]:
         """``predict`` and ``update`` from scan ``first`` on, in one compiled call.
 
-        For the optimal proposal with numba on a ``DrivenModel``, whose ``motion`` and ``heat``
-        these are.
+        For the optimal proposal with numba on a ``DrivenModel``, whose ``track``, ``motion`` and
+        ``heat`` these are.
 
         Returns
         -------
         How many scans were taken, at least one, and what ended it; see ``track_loops``.
         """
-        track = backends.compiled(*TRACK)
         bits = self._bits.ahead(len(out) - first)
         done, end = 0, 0
         while not done:

@@ -16,16 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.observers.driven_model import STATES, DrivenModel
+from flea_diag.core.observers.driven_model import STATES, DrivenModel, track_of
 from flea_diag.core.observers.kalman import KalmanFilter
 from flea_diag.core.observers.observer_block import (
-    HEATED,
-    MOTION,
     ORDER,
     PREDICTED,
     RAW,
-    SPEED,
-    VOLTAGE,
+    TEMPERATURES,
+    WARM,
     Innovations,
     Scans,
 )
@@ -33,9 +31,11 @@ from flea_diag.core.observers.observer_loops import READ, join_loops
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.particle_filter import ParticleFilter
 from flea_diag.core.observers.state_filter import Filter, Innovation
-from flea_diag.core.observers.thermal_filter import ThermalFilter
+from flea_diag.core.observers.thermal_filter import ESTIMATE, heat_loops, thermal_filter
 from flea_diag.core.observers.track_loops import LOST, WARMED
+from flea_diag.core.residuals.driven_equations import HEATED, driven_equations
 from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.errors import ConfigurationError, shown
 
 Array = npt.NDArray[np.float64]
@@ -58,6 +58,8 @@ class StateObserver:
     ----------
     parameters
         Calibrated.
+    relations
+        Of the actuator that they are the parameters of.
     period_s
         Between scans.
     generator
@@ -90,6 +92,7 @@ class StateObserver:
     def __init__(
         self,
         parameters: ActuatorParameters,
+        relations: RelationSet,
         period_s: float,
         generator: np.random.Generator,
         particles: int = 200,
@@ -111,45 +114,32 @@ class StateObserver:
         if not period_s > 0.0:
             raise ConfigurationError(f"period_s = {period_s}: must be above 0 s")
         noise = ObserverNoise() if noise is None else noise
-        p = parameters
-        self._motor = ThermalFilter(
-            p.motor_cooling_s, period_s, noise.temperature_walk_k, noise.motor_temperature_k
+        # What no sensor of this stand reads is predicted, too.
+        known = relations.every or relations
+        self._stores = np.array(
+            [
+                thermal_filter(
+                    period_s,
+                    noise.temperature_walk_k,
+                    getattr(noise, f"{name}_k"),
+                    [known.exchange_rate(parameters, name, other) for other in TEMPERATURES],
+                )
+                for name in HEATED
+            ]
         )
-        self._nut = ThermalFilter(
-            p.nut_cooling_s, period_s, noise.temperature_walk_k, noise.nut_temperature_k
-        )
+        by = next(iter(known.predicted.values()), "")
+        self._winding = HEATED.index(by) if by in HEATED else -1
+        cold = next(iter(known.reference.values()), math.nan)
         self._generator = generator
         self._particles = particles
         self._kind = kind
         self.backend = "numpy" if kind == "kalman" else backends.chosen(backend)
+        pwm = voltage_sampling == "instant_pwm"
         self._model = DrivenModel(
-            parameters,
-            period_s,
-            noise,
-            voltage_sampling == "instant_pwm",
-            self.backend,
+            driven_equations(known), parameters, period_s, noise, pwm, cold, self.backend
         )
         self._compiled = self.backend == "numba" and kind == "optimal"
         self._filter: Filter | None = None
-        self._adopted()
-
-    def _adopted(self) -> None:
-        """What follows from the model's parameters."""
-        p, model = self._model.parameters, self._model
-        # The mean voltage is an input, and not every stand has an encoder.
-        self._absent = np.zeros(len(MOTION), dtype=bool)
-        self._absent[VOLTAGE], self._absent[SPEED] = not model.pwm, p.encoder_m_per_rad == 0.0
-        self._law = np.array(
-            [
-                1.0 / model.resistance_ohm,
-                p.voltage_offset_v,
-                p.back_emf_v_s_per_m,
-                p.motor_heating_k_per_a2s,
-                p.nut_heating_k_per_j * p.coulomb_friction_n,
-                p.reference_temperature_degc + model.winding_rise_k,
-                WARMED_K,
-            ]
-        )
 
     @property
     def mean(self) -> Array:
@@ -177,7 +167,7 @@ class StateObserver:
             if self._compiled and isinstance(self._filter, ParticleFilter):
                 particles = self._filter
                 taken = self._track(particles, scans, done, frozen, raw)
-                nis = raw[taken, HEATED - 2].tolist()
+                nis = raw[taken, WARM - 2].tolist()
                 lost[taken] = particles.diverged
                 if not frozen:
                     lost[taken] = particles.watch(nis, measured[taken].tolist())
@@ -193,25 +183,24 @@ class StateObserver:
 
     def _read(self, rows: Array) -> tuple[Scans, npt.NDArray[np.int64]]:
         """Input of the filter, and the number of motion channels measured in each scan."""
-        p, driving = self._model.parameters, self._model.driving
-        command = p.drive_offset_v, p.drive_gain
+        model = self._model
+        absent, command, driving = model.absent, model.command, model.driving
         if not self._compiled:
-            read = Scans.read(rows, self._absent, command, driving)
+            read = Scans.read(rows, absent, command, driving)
             return read, np.isfinite(read.y).sum(axis=1)
         scans, measured = Scans.empty(len(rows)), np.empty(len(rows), dtype=np.int64)
-        backends.exact(*READ)(rows, self._absent, command, driving, tuple(scans), measured)
+        backends.exact(*READ)(rows, absent, command, driving, tuple(scans), measured)
         return scans, measured
 
     def _track(
         self, particles: ParticleFilter, scans: Scans, first: int, frozen: bool, raw: Array
     ) -> slice:
         """Scans from ``first`` on in one compiled call; which it took."""
-        model, nodes = self._model, (self._motor, self._nut)
-        state = np.array([node.state() for node in nodes])
-        motion = model.pwm, model.constants
-        done, end = particles.track(tuple(scans), first, motion, (state, self._law), frozen, raw)
-        for node, (estimate_degc, variance, *_) in zip(nodes, state.tolist(), strict=True):
-            node.take(estimate_degc, variance)
+        model = self._model
+        motion = model.pwm, model.coefficients, model.record
+        heat = self._stores, (self._winding, model.winding_degc, WARMED_K)
+        track = track_of(model.equations)
+        done, end = particles.track(track, tuple(scans), first, motion, heat, frozen, raw)
         self._end(end)
         return slice(first, first + done)
 
@@ -224,18 +213,21 @@ class StateObserver:
         else:
             self._filter.predict(scans.u[k])
         moved = self._filter.update(y, frozen=frozen)
-        raw[:HEATED], lost[k] = moved.row, moved.diverged
-        conductance, zero, drag, copper, rubbing, cold, warmed = self._law.tolist()
-        voltage, speed, *_ = moved.mean.tolist()
-        current = conductance * (voltage - zero - drag * speed)
-        heats = copper * current * current, rubbing * abs(speed)
-        *measured, ambient = scans.degc[k].tolist()
-        found = []
-        for node, degc, heat in zip((self._motor, self._nut), measured, heats, strict=True):
-            found += [*node.step(degc, heat, ambient, frozen), node.estimate_degc]
-        raw[HEATED:] = found
+        raw[:WARM], lost[k] = moved.row, moved.diverged
+        model = self._model
+        estimated = (*moved.mean.tolist()[:2], model.winding_degc)
+        flows = model.equations.functions["supplies"](model.parameters, estimated)
+        readings = scans.degc[k].tolist()
+        for j, store in enumerate(self._stores):
+            told = raw[WARM + 4 * j : WARM + 4 * (j + 1)]
+            heat_loops(store, readings, j, float(flows[j]), frozen, told)
         end = 0 if frozen or math.isfinite(moved.nis) else LOST
-        self._end(end | (WARMED if abs(self._motor.estimate_degc - cold) > warmed else 0))
+        warm = self._winding >= 0 and abs(self._winding_degc - model.winding_degc) > WARMED_K
+        self._end(end | (WARMED if warm else 0))
+
+    @property
+    def _winding_degc(self) -> float:
+        return float(self._stores[self._winding, ESTIMATE])
 
     def _end(self, end: int) -> None:
         """Work that the last scan requires before the next one."""
@@ -243,8 +235,7 @@ class StateObserver:
             # The prediction does not fit at all: restart with the next scan.
             self.interrupt()
         if end & WARMED:
-            rise = self._motor.estimate_degc - self._model.parameters.reference_temperature_degc
-            self._renew(replace(self._model, winding_rise_k=rise))
+            self._renew(self._model.warmed(self._winding_degc))
 
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Use other parameters (the learned offsets of this unit)."""
@@ -256,18 +247,14 @@ class StateObserver:
 
     def _renew(self, model: DrivenModel) -> None:
         self._model = model
-        self._adopted()
         if self._filter is not None:
             self._filter.adopt(model)
 
     def _started(self, y: Array, u: Array) -> Filter:
         """A filter at the first scan: the prior, corrected by the readings of that scan."""
-        p, noise = self._model.parameters, self._model.noise
-        current = float(np.nan_to_num(y[0]))
-        voltage = p.voltage_offset_v + self._model.resistance_ohm * (current - p.current_offset_a)
-        position, sigma = y[3], dict(START_SIGMA)
-        if math.isnan(position):
-            position = y[4] + p.position_offset_m
+        noise, sigma = self._model.noise, dict(START_SIGMA)
+        voltage = self._model.voltage_v(float(np.nan_to_num(y[0])))
+        position = self._model.position_m(y)
         if math.isnan(position):
             position, sigma["position_m"] = 0.0, UNKNOWN_POSITION_M
         if not self._model.pwm and not math.isnan(u[0]):

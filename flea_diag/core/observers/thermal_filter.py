@@ -1,77 +1,69 @@
-"""Kalman filter of one temperature, driven by what heats the node and what cools it.
+"""Kalman filter of one slow store, driven by what supplies it and by its measured neighbours.
 
-    T' = q - (T - T_ambient) / tau
+    x' = supply + sum of exchange * (neighbour - x)
 
 A temperature hardly wanders by itself: particles would all descend from one first guess, and
-given the heat the node is linear. So the observer samples the motion and keeps each
+given the heat the store is linear. So the observer samples the motion and keeps each
 temperature as one Gaussian (Rao-Blackwellisation, with the heat of the mean current).
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
 
 START_K = 10.0
 """Standard deviation of the first reading: thermocouples begin with a spike now and then."""
+ESTIMATE, VARIANCE, PERIOD, WALK, READING, EXCHANGE = range(6)
+"""Places in a filter: what it estimates, degC and K^2, its period and variances; then a share for
+each reading, by which the store follows it in one period."""
 
 
-class ThermalFilter:
-    """Estimate of one temperature, degC.
+def thermal_filter(
+    period_s: float, walk_k: float, reading_k: float, rates: npt.ArrayLike = ()
+) -> Array:
+    """A filter before its first reading.
 
     Parameters
     ----------
-    cooling_s
-        Time constant towards the ambient temperature.
-    period_s
-        Between scans.
     walk_k, reading_k
         Standard deviations of what one scan adds unknown, and of one reading.
+    rates
+        Exchange with each of the readings of a scan, 1/s.
     """
+    start = [math.nan, START_K**2, period_s, walk_k**2, reading_k**2]
+    return np.array([*start, *(period_s * np.asarray(rates, dtype=float))])
 
-    def __init__(self, cooling_s: float, period_s: float, walk_k: float, reading_k: float) -> None:
-        self._cooling = period_s / cooling_s
-        self._period_s = period_s
-        self._walk = walk_k**2
-        self._reading = reading_k**2
-        self.estimate_degc = math.nan
-        self._variance = START_K**2
 
-    def state(self) -> list[float]:
-        """Estimate, variance, and the constants of a scan, as ``heat_loops`` takes them."""
-        constants = [self._period_s, self._cooling, self._walk, self._reading]
-        return [self.estimate_degc, self._variance, *constants]
+def heat_loops(store: Any, readings: Any, own: int, supply: float, frozen: bool, told: Any) -> None:
+    """Advance by one scan; numba compiles these lines, too.
 
-    def take(self, estimate_degc: float, variance: float) -> None:
-        """What ``heat_loops`` has made of them."""
-        self.estimate_degc, self._variance = estimate_degc, variance
-
-    def step(
-        self,
-        measured_degc: float,
-        heating_k_per_s: float,
-        ambient_degc: float,
-        frozen: bool,
-    ) -> tuple[float, float, float]:
-        """Advance by one scan.
-
-        Returns
-        -------
-        prediction, residual, sigma
-            NaN before the first reading, residual also without a reading.
-        """
-        if math.isnan(self.estimate_degc):
-            self.estimate_degc = measured_degc
-            return math.nan, math.nan, math.nan
-        if not math.isnan(heating_k_per_s):
-            self.estimate_degc += self._period_s * heating_k_per_s
-        if not math.isnan(ambient_degc):
-            self.estimate_degc -= self._cooling * (self.estimate_degc - ambient_degc)
-        self._variance += self._walk
-        prediction = self.estimate_degc
-        residual = measured_degc - prediction
-        total = self._variance + self._reading
-        if not frozen and not math.isnan(residual):
-            gain = self._variance / total
-            self.estimate_degc += gain * residual
-            self._variance -= gain * self._variance
-        return prediction, residual, math.sqrt(total)
+    ``told`` is filled with prediction, residual and sigma, NaN before the first reading, the
+    residual also without a reading; and with the estimate after the scan.
+    """
+    measured = readings[own]
+    told[0] = told[1] = told[2] = math.nan
+    if math.isnan(store[ESTIMATE]):
+        store[ESTIMATE] = told[3] = measured
+        return
+    before = store[ESTIMATE]
+    if not math.isnan(supply):
+        before += store[PERIOD] * supply
+    prediction = before
+    for k in range(len(store) - EXCHANGE):
+        if not math.isnan(readings[k]):
+            prediction -= store[EXCHANGE + k] * (before - readings[k])
+    variance = store[VARIANCE] + store[WALK]
+    total = variance + store[READING]
+    told[0], told[1], told[2] = prediction, measured - prediction, math.sqrt(total)
+    store[ESTIMATE], store[VARIANCE] = prediction, variance
+    if not frozen and not math.isnan(measured):
+        gain = variance / total
+        store[ESTIMATE] += gain * told[1]
+        store[VARIANCE] -= gain * variance
+    told[3] = store[ESTIMATE]

@@ -17,8 +17,8 @@ from flea_diag.core import backend as backends
 from flea_diag.core.residuals.parity import channel_of
 from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
 from flea_diag.core.residuals.residual import PARITIES, STALL, Parity
-from flea_diag.core.residuals.residual_rows import INDEX, RESIDUAL_INDEX
-from flea_diag.core.residuals.thermal import ESTIMATE, advance
+from flea_diag.core.residuals.residual_rows import INDEX
+from flea_diag.core.residuals.thermal import ESTIMATE, RESIDUAL, PredictedStores, advance
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -27,9 +27,6 @@ Rows = tuple[tuple[int, int, int], ...]
 _CURRENT, _ENCODER = INDEX["motor_current"], INDEX["motor_speed"]
 _POSITION = INDEX["actuator_position"]
 _MOTOR, _NUT = INDEX["motor_temperature"], INDEX["nut_temperature"]
-_AMBIENT = INDEX["ambient_temperature"]
-_OF_MOTOR, _OF_NUT = RESIDUAL_INDEX["motor_temperature"], RESIDUAL_INDEX["nut_temperature"]
-_OF_AMBIENT = RESIDUAL_INDEX["ambient_temperature"]
 
 
 class SignalLayout(NamedTuple):
@@ -63,6 +60,17 @@ def layout(known: RelationSet) -> SignalLayout:
     )
 
 
+def winding_of(known: RelationSet) -> tuple[int, float]:
+    """Predicted store that sets the winding's temperature, -1 if none does; the cold value.
+
+    No part of the layout: it is not in the generated source that compiled code is cached by.
+    """
+    name = next(iter(known.predicted), "")
+    stores = [row.name for row in known.predictions]
+    by = known.predicted.get(name, "")
+    return stores.index(by) if by in stores else -1, known.reference.get(name, math.nan)
+
+
 def _rows(rows: Sequence[Parity], known: Sequence[str]) -> Rows:
     """Place, relation and normalisation of those rows whose relation is known."""
     return tuple(
@@ -80,7 +88,9 @@ def bank_of(known: RelationSet) -> Callable[..., int]:
         parity_loops, relations=made["relations"], spreads=made["spreads"], LAYOUT=laid
     )
     loop = backends.bound(bank_loops, parity_loops=parity, drag=made["drag"], LAYOUT=laid)
-    parts = (made["relations"], made["spreads"], made["drag"], parity, heat_loops, advance)
+    loop = backends.bound(loop, supplies=made["supplies"])
+    generated = tuple(made[name] for name in ("relations", "spreads", "drag", "supplies"))
+    parts = (*generated, parity, predict_loops, advance)
     compiled: Callable[..., int] = backends.exact(loop, *parts)
     return compiled
 
@@ -90,7 +100,7 @@ def _unbound(p: Any, x: Array) -> Any:
     raise AssertionError("the loops run with the functions of a relation set")
 
 
-relations = spreads = drag = _unbound
+relations = spreads = drag = supplies = _unbound
 LAYOUT = SignalLayout((), -1, -1, (), ())
 
 
@@ -108,27 +118,26 @@ def parity_loops(p: Any, x: Array, direction: float, values: Array, spread: Arra
             spread[place, u] = factor * apart[row][u]
 
 
-def heat_loops(
-    p: Any, nodes: tuple[Array, Array, Array], row: Array, current: float, speed: float,
-    dt_s: float, frozen: bool, values: Array,
+def predict_loops(
+    stores: PredictedStores, winding: tuple[int, float], row: Array, flows: Any, dt_s: float,
+    frozen: bool, values: Array,
 ) -> float:  # fmt: skip
-    """``ResidualBank._thermal`` of one scan."""
-    ambient, nut, motor = nodes
-    before, around = motor[ESTIMATE], row[_AMBIENT]
-    excess = current - p.current_offset_a
-    copper = p.motor_heating_k_per_a2s * (excess * excess)
-    rubbing = p.nut_heating_k_per_j * p.coulomb_friction_n * abs(speed)
-    values[_OF_AMBIENT] = advance(ambient, row[_AMBIENT], 0.0, around, dt_s, frozen)
-    values[_OF_NUT] = advance(nut, row[_NUT], rubbing, around, dt_s, frozen)
-    values[_OF_MOTOR] = advance(motor, row[_MOTOR], copper, around, dt_s, frozen)
-    warm: float = p.reference_temperature_degc if math.isnan(before) else before
+    """``PredictedStores.follow`` of one scan; the winding's temperature before it."""
+    store, warm = winding
+    if store >= 0 and not math.isnan(stores.states[store, ESTIMATE]):
+        warm = stores.states[store, ESTIMATE]
+    for k in range(len(stores.states)):
+        places = stores.places[k]
+        values[places[RESIDUAL]] = advance(
+            stores.states[k], row, flows[k], places, stores.rates[k], dt_s, frozen
+        )
     return warm
 
 
 def bank_loops(
     rows: Array, smooth: Array, ways: Array, shapes: Array, parameters: npt.NDArray[np.void],
-    nodes: tuple[Array, Array, Array], limits: tuple[float, int, float], still: int, frozen: bool,
-    told: tuple[Array, Array, Array, Array, Flags],
+    stores: PredictedStores, winding: tuple[int, float], limits: tuple[float, int, float],
+    still: int, frozen: bool, told: tuple[Array, Array, Array, Array, Flags],
 ) -> int:  # fmt: skip
     """Scan after scan; returns for how many scans it has stood still.
 
@@ -136,8 +145,7 @@ def bank_loops(
     ``limits`` the speed above which it moves, scans of a standstill, and the period. ``told`` is to
     be filled: values, spread, signals, speed and direction, moving.
     """
-    p = parameters[0]
-    moving_m_s, rest, dt_s = limits
+    p, (moving_m_s, rest, dt_s) = parameters[0], limits
     values, spread, signals, motion, moving = told
     places = LAYOUT.places
     measured = len(places) - len(shapes)
@@ -161,7 +169,8 @@ def bank_loops(
         way = math.copysign(1.0, push) if stalled else ways[i]
         if LAYOUT.direction >= 0:
             x[LAYOUT.direction] = way
-        degc = heat_loops(p, nodes, rows[i], value[_CURRENT], speed, dt_s, frozen, values[i])
+        flows = supplies(p, x)
+        degc = predict_loops(stores, winding, rows[i], flows, dt_s, frozen, values[i])
         if LAYOUT.winding >= 0:
             x[LAYOUT.winding] = degc
         motion[i, 0], motion[i, 1] = speed, way

@@ -4,12 +4,13 @@ At a 1-junction the efforts sum to zero, at a 0-junction the flows do. Each term
 by the law of its element in what sensors read (and its time derivatives), through TF and GY
 where need be, until no unmeasured variable is left: an analytical redundancy relation. Its
 derivative with respect to a parameter or a channel is the regressor of that fault, and the
-sign of the regressor its signature.
+sign of the regressor its signature. The power of several junctions sums to zero, too: the relation
+of a drive of which only the supply current is measured.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -29,6 +30,9 @@ from flea_diag.core.symbolic.expression import (
     total,
 )
 from flea_diag.errors import ModelError, shown
+
+CONVERTER = "converter"
+"""Law of a two-port of which only the power is known."""
 
 
 def rate_symbol(name: str) -> str:
@@ -127,7 +131,7 @@ _SENSOR_REGRESSOR: dict[str, Callable[[Expression, str], Expression]] = {
 
 
 def parity_relation(actuator: Actuator, spec: ResidualSpec) -> ParityRelation:
-    """Relation of a residual of kind ``junction`` or ``difference``.
+    """Relation of a residual of kind ``junction``, ``power`` or ``difference``.
 
     Raises
     ------
@@ -138,13 +142,27 @@ def parity_relation(actuator: Actuator, spec: ResidualSpec) -> ParityRelation:
     if spec.kind == "difference":
         return ParityRelation(spec.name, spec.unit, _difference(actuator, spec), nominal, ZERO)
     measured = _Measured(actuator, spec.without)
-    junction = actuator.graph.elements[spec.junction]
-    balance = measured.balance(junction, None)
+    if spec.kind == "power":
+        balance = measured.power(spec.junctions)
+    else:
+        balance = measured.balance(actuator.graph.elements[spec.junction], None)
     if spec.divided_by:
         balance = balance / Variable(spec.divided_by)
-    motion = measured.common(actuator.graph.elements[spec.motion or spec.junction]) or ZERO
+    moving = actuator.graph.elements.get(spec.motion or spec.junction)
+    motion = (measured.common(moving) if moving else None) or ZERO
     made = ParityRelation(spec.name, spec.unit, balance, nominal, motion)
     return made.normalised(spec.name) if spec.normalised else made
+
+
+def junction_balance(actuator: Actuator, junction: str) -> Expression:
+    """Sum of efforts or flows into a junction, in channels.
+
+    Raises
+    ------
+    ModelError
+        The sensors of the actuator do not close it.
+    """
+    return _Measured(actuator).balance(actuator.graph.elements[junction], None)
 
 
 def _difference(actuator: Actuator, spec: ResidualSpec) -> Expression:
@@ -189,6 +207,29 @@ class _Measured:
             if bond is not without and not self._left_out(bond.other(junction.name))
         )
 
+    def power(self, junctions: Sequence[str]) -> Expression:
+        """Sum of power into several junctions: what passes between them is not in it.
+
+        Junctions and two-ports neither store nor lose power, so what happens inside a two-port
+        that joins two of the junctions, such as a switched drive, need not be known.
+        """
+        terms = []
+        for name in junctions:
+            junction = self.graph.elements[name]
+            flowing = self.effort if junction.kind == "1" else self.flow
+            for bond in self.graph.at(name):
+                far = bond.other(name)
+                if not self._left_out(far) and not self._between(far, junctions):
+                    sense = 1 if bond.head == name else -1
+                    terms.append(sense * (flowing(bond, far) * self._known(junction)))
+        return total(terms)
+
+    def _between(self, name: str, junctions: Collection[str]) -> bool:
+        """One of the junctions, or a two-port with both ends at one."""
+        if self.graph.elements[name].kind not in ("TF", "GY"):
+            return name in junctions
+        return all(bond.other(name) in junctions for bond in self.graph.at(name))
+
     def common(self, junction: Element, seen: tuple[str, ...] = ()) -> Expression | None:
         """The common variable of a junction from a sensor on it, or on the far side of a TF."""
         own = [s for s in self.actuator.sensors.values() if s.at == junction.name]
@@ -205,7 +246,7 @@ class _Measured:
         self, bond: Bond, node: str, junction: Element, seen: tuple[str, ...]
     ) -> Expression | None:
         element = self.graph.elements[node]
-        if element.kind != "TF" or node in seen:
+        if element.kind != "TF" or element.law == CONVERTER or node in seen:
             return None
         one, two = self.graph.at(node)
         far = two if bond is one else one
@@ -229,6 +270,8 @@ class _Measured:
             assert law is not None
             assert law.effort is not None
             return law.effort(self._known(near), self._modulated(element, p))
+        if element.law == "constant_effort":
+            return p["level"]
         if element.kind in ("Se", "MSe"):
             signal = Variable(element.signal)
             return p["gain"] * signal if element.law == "gain" else signal
@@ -254,6 +297,8 @@ class _Measured:
     ) -> Expression:
         one, two = self.graph.at(element.name)
         far = two if bond is one else one
+        if element.law == CONVERTER:
+            raise self._open(self.graph.elements[bond.other(element.name)], "the effort of a drive")
         if element.kind == "TF":
             inner = self.effort(far, far.other(element.name))
             return inner * p["ratio"] if bond is one else inner / p["ratio"]

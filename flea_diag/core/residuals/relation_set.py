@@ -15,11 +15,16 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import FunctionType, MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
-from flea_diag.core.bond_graph.base_parameters import in_base
+from flea_diag.core.bond_graph.base_parameters import in_base, rewritten_in
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parity import parity_relation
+from flea_diag.core.residuals.prediction import Prediction, prediction
 from flea_diag.core.symbolic.collect import divided
 from flea_diag.core.symbolic.expression import (
     ZERO,
@@ -34,7 +39,7 @@ from flea_diag.core.symbolic.expression import (
     symbols,
 )
 from flea_diag.core.symbolic.generated import SCOPE, compiled, function_source
-from flea_diag.errors import ModelError
+from flea_diag.errors import ModelError, shown
 
 DIRECTION = "direction"
 """Signal: the smooth sign of the motion, or of the push where the actuator is stalled."""
@@ -71,8 +76,9 @@ class RelationSet(Frozen):
         The same signals with the description's value.
     units
         Base parameters in which healthy units differ.
-    push
-        What friction has to withstand: the relation that has a direction, without its friction.
+    push, dry
+        What friction has to withstand: the balance that has a direction, without its friction; and
+        the dry friction that it meets.
     base
         Base parameter -> product of physical parameters.
     offsets
@@ -81,6 +87,10 @@ class RelationSet(Frozen):
         Channels that read the integral of a flow.
     units_of
         Channel -> its unit.
+    predictions
+        Relations by prediction, in the order of the description.
+    every
+        The same for every sensor of the description, fitted or not; None if these are.
     """
 
     relations: tuple[CompiledRelation, ...]
@@ -89,11 +99,14 @@ class RelationSet(Frozen):
     predicted: Mapping[str, str]
     units: tuple[str, ...]
     push: Expression = ZERO
+    dry: Expression = ZERO
     reference: Mapping[str, float] = field(default_factory=dict)
     base: Mapping[str, Expression] = field(default_factory=dict)
     offsets: Mapping[str, Expression] = field(default_factory=dict)
     displacements: tuple[str, ...] = ()
     units_of: Mapping[str, str] = field(default_factory=dict)
+    predictions: tuple[Prediction, ...] = ()
+    every: RelationSet | None = None
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -107,10 +120,17 @@ class RelationSet(Frozen):
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:
-        """Base parameters in the relations and shapes."""
+        """Base parameters in the relations, shapes and predictions."""
         rows = [*(row.expression for row in self.relations), *self.shapes.values()]
+        rows += [row.rate for row in self.predictions]
         used = dict.fromkeys(name for row in rows for name in symbols(row))
-        return tuple(name for name in used if name not in self.signals)
+        known = {*self.signals, *(row.channel for row in self.predictions)}
+        return tuple(n for n in used if n not in known and n not in self.neighbours)
+
+    @cached_property
+    def neighbours(self) -> tuple[str, ...]:
+        """Channels that predicted stores exchange with."""
+        return tuple(dict.fromkeys(name for row in self.predictions for name in row.exchange))
 
     @cached_property
     def differing(self) -> tuple[str, ...]:
@@ -127,23 +147,43 @@ class RelationSet(Frozen):
         rows = [row.expression for row in self.relations]
         apart = [row.expression for row in self.relations if row.name in self.differing]
         spreads = [[derivative(row, unit) for unit in self.units] for row in apart]
-        dragged = next((r for r in self.relations if DIRECTION in r.signals), None)
-        dry = -derivative(dragged.expression, DIRECTION) if dragged else ZERO
         arguments = [shape.argument for shape in self.shapes.values()]
+        # Each with a last zero: numba knows no empty tuple of results.
+        supplies = [*(row.supply for row in self.predictions), ZERO]
+        exchanges = [
+            [*(row.exchange.get(name, ZERO) for name in self.neighbours), ZERO]
+            for row in self.predictions
+        ]
+        predicted = ", ".join(row.name for row in self.predictions)
         return "\n".join(
             function_source(name, doc, self.signals, results)
             for name, doc, results in (
                 ("relations", f"Relations {', '.join(self.names)}.", rows),
                 ("spreads", f"d r / d theta of {', '.join(self.differing)}.", spreads),
-                ("drag", "Push, and the dry friction that it meets.", (self.push, dry)),
+                ("drag", "Push, and the dry friction that it meets.", (self.push, self.dry)),
                 ("shapes", f"Arguments of {', '.join(self.shapes)}.", arguments),
+                ("supplies", f"Unit per second of {predicted}.", supplies),
+                ("exchanges", f"1/s with {', '.join(self.neighbours)} of {predicted}.", exchanges),
             )
         )
 
     @cached_property
     def functions(self) -> Mapping[str, FunctionType]:
-        """``relations``, ``spreads``, ``drag`` and ``shapes``, compiled."""
+        """By name as in ``source``, compiled."""
         return compiled(self.source)
+
+    def exchange_rates(self, parameters: Any) -> npt.NDArray[np.float64]:
+        """1/s, shape (predictions, neighbours): d rate / d neighbour of every predicted store."""
+        rates = np.array(self.functions["exchanges"](parameters, ()), dtype=float)
+        return rates.reshape(len(self.predictions), len(self.neighbours) + 1)[:, :-1]
+
+    def exchange_rate(self, parameters: Any, residual: str, channel: str) -> float:
+        """1/s: d rate / d channel of one predicted store, 0 if they do not exchange."""
+        names = [row.name for row in self.predictions]
+        if residual not in names or channel not in self.neighbours:
+            return 0.0
+        rates = self.exchange_rates(parameters)
+        return float(rates[names.index(residual), self.neighbours.index(channel)])
 
 
 def relation_set(
@@ -160,7 +200,8 @@ def relation_set(
     """
     rows, shapes = [], dict[Function, str]()
     push: Expression = ZERO
-    base = _base_values(actuator, held)
+    dry: Expression = ZERO
+    base = _Base.of(actuator, held)
     for name in names:
         spec = actuator.residuals.get(name)
         if spec is None or spec.normalised:
@@ -169,18 +210,18 @@ def relation_set(
             relation = parity_relation(actuator, spec)
         except ModelError:
             continue  # some sensor that it needs is not there
-        varying = {*relation.arguments, *actuator.predicted}
-        formed = divided(substitute(relation.expression, base))
-        shaped = rewritten(formed, lambda node: _shape(node, shapes))
-        varying |= set(shapes.values())
+        shaped = rewritten(base.form(relation.expression), lambda node: _shape(node, shapes))
+        varying = {*relation.arguments, *actuator.predicted, *shapes.values()}
         read = tuple(symbol for symbol in symbols(shaped) if symbol in varying)
         rows.append(CompiledRelation(name, spec.unit, shaped, read, spec.kind))
-        if DIRECTION in read and push == ZERO:
+        if DIRECTION in read and push == ZERO and spec.kind == "junction":
             bare = parity_relation(actuator, _without_friction(actuator, spec))
-            push = divided(substitute(bare.expression, base))
+            push, dry = base.form(bare.expression), -derivative(shaped, DIRECTION)
+    predictions = _predictions(actuator, base, shapes)
     named = MappingProxyType({name: shape for shape, name in shapes.items()})
     inside = [name for shape in shapes for name in symbols(shape)]
-    every = dict.fromkeys(name for row in rows for name in (*row.signals, *inside))
+    supplied = [name for row in predictions for name in symbols(row.supply)]
+    every = dict.fromkeys([*(n for row in rows for n in row.signals), *inside, *supplied])
     measured = [name for name in every if name not in named and name not in held]
     return RelationSet(
         tuple(rows),
@@ -189,12 +230,38 @@ def relation_set(
         dict(actuator.predicted),
         tuple(units),
         push,
+        dry,
         {name: actuator.graph.parameters[name].value for name in actuator.predicted},
         dict(actuator.base_parameters),
-        {s.channel: base[s.offset] for s in actuator.sensors.values() if s.offset},
+        {s.channel: base.form(Variable(s.offset)) for s in actuator.sensors.values() if s.offset},
         tuple(s.channel for s in actuator.sensors.values() if s.integrates),
         actuator.units,
+        predictions,
     )
+
+
+def _predictions(
+    actuator: Actuator, base: _Base, shapes: dict[Function, str]
+) -> tuple[Prediction, ...]:
+    """Those that the sensors close, in the order of the description."""
+    found = []
+    for spec in actuator.residuals.values():
+        if spec.kind != "prediction":
+            continue
+        try:
+            row = prediction(actuator, spec)
+        except ModelError:
+            continue
+        supply = rewritten(base.form(row.supply), lambda node: _shape(node, shapes))
+        exchange = {name: base.form(rate) for name, rate in row.exchange.items()}
+        circle = [name for name in actuator.predicted if name in symbols(supply)]
+        if circle:
+            raise ModelError(
+                f"{actuator.name}: residual {shown(spec.name)}: {circle[0]} is predicted itself; "
+                "name the parameter that brings it in under neglected"
+            )
+        found.append(replace(row, supply=supply, exchange=exchange))
+    return tuple(found)
 
 
 def _without_friction(actuator: Actuator, spec: ResidualSpec) -> ResidualSpec:
@@ -204,17 +271,27 @@ def _without_friction(actuator: Actuator, spec: ResidualSpec) -> ResidualSpec:
     return replace(spec, without=(*spec.without, *rubbing))
 
 
-def _base_values(actuator: Actuator, held: Collection[str]) -> dict[str, Expression]:
-    """Each physical parameter in base parameters, as numbers where no calibration holds them."""
-    values = actuator.graph.values()
-    fixed = {
-        name: Constant(float(evaluate(definition, values)))
-        for name, definition in actuator.base_parameters.items()
-        if name not in held
-    }
-    known = {n: substitute(e, fixed) for n, e in in_base(actuator.base_parameters).items()}
-    others = {n: Constant(v) for n, v in values.items() if n not in known and n not in held}
-    return {n: e for n, e in {**others, **known}.items() if n not in actuator.predicted}
+@dataclass(frozen=True)
+class _Base:
+    """Writes expressions in base parameters, and as numbers what no calibration holds."""
+
+    known: Mapping[Expression, Expression]
+    fixed: Mapping[str, Expression]
+
+    @classmethod
+    def of(cls, actuator: Actuator, held: Collection[str]) -> _Base:
+        values = actuator.graph.values()
+        solved = in_base(actuator.base_parameters)
+        values |= {n: float(evaluate(e, values)) for n, e in actuator.base_parameters.items()}
+        numbers = {n: Constant(v) for n, v in values.items() if n not in held}
+        return cls(
+            {old: new for old, new in solved.items() if str(old) not in actuator.predicted},
+            {n: number for n, number in numbers.items() if n not in actuator.predicted},
+        )
+
+    def form(self, expression: Expression) -> Expression:
+        # What the products cancel must be gone before numbers stand for what is left.
+        return divided(substitute(divided(rewritten_in(expression, self.known)), self.fixed))
 
 
 def _shape(node: Expression, shapes: dict[Function, str]) -> Expression:

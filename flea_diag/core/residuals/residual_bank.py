@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.residuals.bank_loops import bank_of, layout
+from flea_diag.core.residuals.bank_loops import bank_of, layout, winding_of
 from flea_diag.core.residuals.parameters import ActuatorParameters, as_record
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual import (
@@ -32,7 +32,7 @@ from flea_diag.core.residuals.residual_rows import (
     SPREAD_ROWS,
     ResidualRows,
 )
-from flea_diag.core.residuals.thermal import ThermalNode
+from flea_diag.core.residuals.thermal import PredictedStores
 from flea_diag.core.smoothing import Smoother
 from flea_diag.core.symbolic.expression import FUNCTIONS, symbols
 
@@ -58,6 +58,7 @@ class ResidualBank:
         backend: str = "auto",
     ) -> None:
         self._relations, self._layout = relations, layout(relations)
+        self._winding = winding_of(relations)
         self._places = self._layout.places
         self._functions = [FUNCTIONS[shape.name] for shape in relations.shapes.values()]
         within = {name for shape in relations.shapes.values() for name in symbols(shape)}
@@ -67,15 +68,13 @@ class ResidualBank:
         ]
         # numba knows no empty tuple of results.
         self._compiled = backends.chosen(backend) == "numba" and bool(relations.differing)
+        self._stores = PredictedStores.of(relations, INDEX, RESIDUAL_INDEX, start_samples)
         self.adopt(parameters)
         self._period_s = period_s
         self._moving_m_s = moving_m_s
         self._kernel_length = kernel_length
         self._still = 0
         self._smoother = Smoother(len(CHANNELS), kernel_length, period_s)
-        self._motor = ThermalNode(parameters.motor_cooling_s, start_samples)
-        self._nut = ThermalNode(parameters.nut_cooling_s, start_samples)
-        self._ambient = ThermalNode(math.inf, start_samples)
         self.has_encoder = parameters.encoder_m_per_rad != 0.0
 
     def step(self, rows: Array, frozen: bool) -> ResidualRows:
@@ -106,7 +105,8 @@ class ResidualBank:
             self._directions(smooth, shapes),
             shapes,
             self._record,
-            (self._ambient.state, self._nut.state, self._motor.state),
+            self._stores,
+            self._winding,
             (self._moving_m_s, self._kernel_length, self._period_s),
             self._still,
             frozen,
@@ -139,6 +139,7 @@ class ResidualBank:
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Use other parameters (the learned offsets of this unit)."""
         self._p, self._record = parameters, as_record(parameters)
+        self._stores.adopt(self._relations, parameters)
 
     def interrupt(self) -> None:
         """A gap in the stream: restart smoothing, keep the temperatures."""
@@ -159,13 +160,13 @@ class ResidualBank:
         # The encoder where there is one: then a position fault does not touch the speed.
         lead = self._p.encoder_m_per_rad
         speed = value[encoder] * lead if self.has_encoder else first[position]
-        current = value[INDEX["motor_current"]]
         way, moving = self._way(len(rows), x, (speed, first[position]))
-        warm = self._thermal(rows, current, speed, frozen, values)
         if self._layout.direction >= 0:
             x[self._layout.direction] = way
+        supplies = self._relations.functions["supplies"](self._p, x)
+        before = self._stores.follow(rows, supplies, self._period_s, frozen, values)
         if self._layout.winding >= 0:
-            x[self._layout.winding] = warm
+            x[self._layout.winding] = self._warm(before)
         return x, (speed, way), moving
 
     def _way(
@@ -189,26 +190,13 @@ class ResidualBank:
         rests: Flags = still > self._kernel_length
         return rests
 
-    def _thermal(
-        self, rows: Array, current_a: Value, speed_m_s: Value, frozen: bool, values: Array
-    ) -> Value:
-        """Fill in the thermal residuals; returns the winding's temperature before each scan."""
-        p, ambient = self._p, rows[:, INDEX["ambient_temperature"]].tolist()
-        excess = current_a - p.current_offset_a
-        copper = p.motor_heating_k_per_a2s * (excess * excess)
-        rubbing = p.nut_heating_k_per_j * p.coulomb_friction_n * abs(speed_m_s)
-        motor_degc: list[float] = []
-        for name, node, heat in (
-            ("ambient_temperature", self._ambient, np.zeros(len(rows))),
-            ("nut_temperature", self._nut, rubbing),
-            ("motor_temperature", self._motor, copper),
-        ):
-            measured = rows[:, INDEX[name]].tolist()
-            values[:, RESIDUAL_INDEX[name]], motor_degc = node.follow(
-                measured, np.atleast_1d(heat).tolist(), ambient, self._period_s, frozen
-            )
-        warm = [p.reference_temperature_degc if t != t else t for t in motor_degc]
-        return warm[0] if len(warm) == 1 else np.array(warm)
+    def _warm(self, before: Array) -> Value:
+        """The predicted temperature of the winding, from estimates before each scan."""
+        store, cold = self._winding
+        if store < 0:
+            return cold
+        warm = np.where(np.isnan(before[store]), cold, before[store])
+        return float(warm[0]) if len(warm) == 1 else warm
 
     def _parities(self, way: Value, x: list[Value], values: Array, spread: Array) -> None:
         """Fill in every parity relation and what healthy units differ by in it."""

@@ -1,87 +1,120 @@
-"""One-node thermal model of the motor and of the nut, driven by what heats them.
+"""Estimates of predicted stores: temperatures, or whatever else is slow.
 
-    T' = q - (T - T_ambient) / tau        q = h_m (i - i0)^2   or   h_n |friction force * speed|
+    x' = supply + sum of exchange * (neighbour - x)        compiled from the graph (``prediction``)
 
-Slowly corrected towards the sensor (``CORRECTION_S``), since a node's true history before
-the recording is unknown; the correction is frozen once a fault has been detected, so that a
-sensor fault does not smear into the estimate.
+One rule for all. An estimate starts at the mean of the first readings, and is slowly corrected
+towards the sensor (``CORRECTION_S``), since the true history of a store before the recording is
+unknown; the correction is frozen once a fault has been detected, so that a sensor fault does not
+smear into the estimate. What is not known supplies nothing, and is no neighbour.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.errors import ModelError, shown
+
+Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.int64]
 
 CORRECTION_S = 15.0
 """Slow against a step or a drift of a sensor, fast against what heat alone can do."""
 
-
-OF_THERMAL_NODES = (
-    "motor_heating_k_per_a2s",
-    "motor_cooling_s",
-    "nut_heating_k_per_j",
-    "nut_cooling_s",
-)
-"""Parameters of the two nodes, which are no relations."""
-
-ESTIMATE, SUM, STARTED, COOLING_S, SAMPLES = range(5)
-"""Places in the state of a node."""
+ESTIMATE, SUM, STARTED, SAMPLES = range(4)
+"""Places in the state of a store."""
+CHANNEL, RESIDUAL, NEIGHBOURS = 0, 1, 2
+"""Places of a store's reading and of its residual in their rows; from the third on, neighbours."""
 
 
 def advance(
-    node: Any,
-    measured_degc: float,
-    heating_k_per_s: float,
-    ambient_degc: float,
-    dt_s: float,
-    frozen: bool,
+    store: Any, row: Any, supply: float, places: Any, rates: Any, dt_s: float, frozen: bool
 ) -> float:
-    """Take the state of a node on by one scan; measured less estimate, NaN until it is started.
+    """Take the state of a store on by one scan; measured less estimate, NaN until it is started.
 
-    It is any sequence of five numbers that can be changed; numba compiles these lines, too.
+    ``row`` are the readings, ``rates`` those of the exchange. Any sequences of numbers will do;
+    numba compiles these lines, too.
     """
-    if node[STARTED] < node[SAMPLES]:
-        if not math.isnan(measured_degc):
-            node[SUM] += measured_degc
-            node[STARTED] += 1.0
-            node[ESTIMATE] = node[SUM] / node[STARTED]
+    measured: float = row[places[CHANNEL]]
+    if store[STARTED] < store[SAMPLES]:
+        if not math.isnan(measured):
+            store[SUM] += measured
+            store[STARTED] += 1.0
+            store[ESTIMATE] = store[SUM] / store[STARTED]
         return math.nan
-    rate = 0.0 if math.isnan(heating_k_per_s) else heating_k_per_s
-    if not math.isnan(ambient_degc):
-        rate -= (node[ESTIMATE] - ambient_degc) / node[COOLING_S]
-    residual: float = measured_degc - node[ESTIMATE]
-    node[ESTIMATE] += dt_s * rate
+    rate = 0.0 if math.isnan(supply) else supply
+    for k in range(len(rates)):
+        around = row[places[NEIGHBOURS + k]]
+        if not math.isnan(around):
+            rate -= rates[k] * (store[ESTIMATE] - around)
+    residual: float = measured - store[ESTIMATE]
+    store[ESTIMATE] += dt_s * rate
     if not frozen and not math.isnan(residual):
-        node[ESTIMATE] += residual * dt_s / CORRECTION_S
+        store[ESTIMATE] += residual * dt_s / CORRECTION_S
     return residual
 
 
-class ThermalNode:
-    """Estimate of one temperature; starts at the mean of its first readings."""
+class PredictedStores(NamedTuple):
+    """The predicted stores of one relation set, a row each, as ``bank_loops`` takes them.
 
-    def __init__(self, cooling_s: float, start_samples: int) -> None:
-        self.state = np.array([math.nan, 0.0, 0.0, cooling_s, float(start_samples)])
+    ``states``, shape (stores, 4); ``places``, shape (stores, 2 + neighbours), and ``rates``, shape
+    (stores, neighbours), of the exchange.
+    """
 
-    @property
-    def estimate_degc(self) -> float:
-        """NaN before the first reading."""
-        return float(self.state[ESTIMATE])
+    states: Array
+    places: Places
+    rates: Array
+
+    @classmethod
+    def of(
+        cls,
+        known: RelationSet,
+        channels: Mapping[str, int],
+        residuals: Mapping[str, int],
+        start_samples: int,
+    ) -> PredictedStores:
+        """Before the first scan; ``channels`` and ``residuals`` are the places in their rows."""
+        around = [channels[name] for name in known.neighbours]
+        places = np.empty((len(known.predictions), NEIGHBOURS + len(around)), dtype=np.int64)
+        for row, store in zip(places, known.predictions, strict=True):
+            if store.channel not in channels or store.name not in residuals:
+                raise ModelError(
+                    f"prediction {shown(store.name)} of {shown(store.channel)}: no residual of that"
+                    f" name is tested, known are {', '.join(residuals)}"
+                )
+            row[:] = channels[store.channel], residuals[store.name], *around
+        states = np.zeros((len(places), 4))
+        states[:, ESTIMATE], states[:, SAMPLES] = math.nan, start_samples
+        return cls(states, places, np.zeros((len(places), len(around))))
+
+    def adopt(self, known: RelationSet, parameters: Any) -> None:
+        """Use the rates of exchange of these parameters."""
+        self.rates[:] = known.exchange_rates(parameters)
 
     def follow(
-        self,
-        measured_degc: Sequence[float],
-        heating_k_per_s: Sequence[float],
-        ambient_degc: Sequence[float],
-        dt_s: float,
-        frozen: bool,
-    ) -> tuple[list[float], list[float]]:
-        """``advance`` for many scans: the residual of each, and the estimate before it."""
-        node, residuals, before = self.state.tolist(), [], []
-        for scan in zip(measured_degc, heating_k_per_s, ambient_degc, strict=True):
-            before.append(node[ESTIMATE])
-            residuals.append(advance(node, *scan, dt_s, frozen))
-        self.state[:] = node
-        return residuals, before
+        self, rows: Array, supplies: Sequence[Any], dt_s: float, frozen: bool, values: Array
+    ) -> Array:
+        """``advance`` of all stores for n scans into the residuals ``values``.
+
+        Returns
+        -------
+        shape (stores, n)
+            Estimates before each scan.
+        """
+        before = np.empty((len(self.states), len(rows)))
+        readings = rows.tolist()
+        for k, (state, places, rates) in enumerate(zip(*self, strict=True)):
+            store, at, rate = state.tolist(), places.tolist(), rates.tolist()
+            flows = np.broadcast_to(supplies[k], len(rows)).tolist()
+            residuals, estimates = [], []
+            for row, supply in zip(readings, flows, strict=True):
+                estimates.append(store[ESTIMATE])
+                residuals.append(advance(store, row, supply, at, rate, dt_s, frozen))
+            state[:] = store
+            before[k], values[:, at[RESIDUAL]] = estimates, residuals
+        return before

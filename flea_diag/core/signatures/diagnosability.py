@@ -177,14 +177,12 @@ def diagnosability(
 def usable_residuals(model: Actuator) -> tuple[str, ...]:
     """Residuals of the description that this actuator's sensors suffice for."""
     return tuple(
-        name
-        for name, spec in model.residuals.items()
-        if spec.signs and _usable(model, name, spec.kind)
+        name for name, spec in model.residuals.items() if spec.signs and _usable(model, name)
     )
 
 
-def _usable(model: Actuator, name: str, kind: str) -> bool:
-    if kind != "junction":
+def _usable(model: Actuator, name: str) -> bool:
+    if not model.residuals[name].balances:
         return True
     try:
         parity_relation(model, model.residuals[name])

@@ -38,9 +38,9 @@ class TextbookColumns:
 
     def cell(self, spec: ResidualSpec, fault: Fault, group: Alternative) -> FaultSignature:
         """Signature of one alternative in one residual."""
-        if spec.kind == "junction":
+        if spec.balances:
             return parity_cell(self._relation(spec), fault, group, self.values, self.rates)
-        if spec.kind == "measurement":
+        if spec.predicts:
             return self._measurement(spec.channel, spec.model, fault, group)
         one = self._measurement(spec.channel, "stand", fault, group)
         if spec.reference not in self.model.sensors:

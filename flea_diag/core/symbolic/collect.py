@@ -34,7 +34,10 @@ from flea_diag.errors import ConfigurationError, shown
 MOST_TERMS = 10_000
 """A relation with more monomials is a mistake in the description, and would fill the memory."""
 
-_FACTOR = re.compile(r"([*/]?)(fabs\()?([A-Za-z_]\w*)(?(2)\))(?:\^(\d))?")
+_NAME = r"[A-Za-z_]\w*"
+_FACTOR = re.compile(
+    rf"([*/]?)(?:({_NAME})(?!\w|\()|\(({_NAME}(?:\+{_NAME})+)\)|fabs\(({_NAME})\))(?:\^(\d))?"
+)
 
 
 def expand(expression: Expression) -> Expression:
@@ -121,12 +124,13 @@ def collect(expression: Expression, signals: Collection[str]) -> Mapping[Express
 def monomial(text: str) -> Expression:
     """Expression of a product such as ``screw_viscous_friction/screw_ratio^2``.
 
-    Each ``/`` divides by one factor; a factor may be ``fabs(name)``.
+    Each ``/`` divides by one factor. A factor may be a sum of names in parentheses, or ``fabs`` of
+    a name.
 
     Raises
     ------
     ConfigurationError
-        Anything else than names, ``*``, ``/`` and ``^`` with one digit.
+        Anything else than names, ``*``, ``/``, ``^`` with one digit and such sums.
     """
     found: Expression = ONE
     place = 0
@@ -136,11 +140,21 @@ def monomial(text: str) -> Expression:
             raise ConfigurationError(
                 f"{shown(text)} is not a product of parameters; write it as a*b/c^2"
             )
-        exponent = int(token[4] or 1) * (-1 if token[1] == "/" else 1)
-        factor: Expression = Variable(token[3])
-        found = found * power(apply("fabs", factor) if token[2] else factor, exponent)
+        exponent = int(token[5] or 1) * (-1 if token[1] == "/" else 1)
+        factor = total(Variable(name) for name in (token[2] or token[3] or token[4]).split("+"))
+        found = found * power(apply("fabs", factor) if token[4] else factor, exponent)
         place = token.end()
     return found
+
+
+def power_of(name: str, expression: Expression) -> int:
+    """Exponent of a name as a factor of a product; 0 where it is none, also inside a sum."""
+    own = (_base_and_exponent(factor) for factor in factors_of(expression))
+    return sum(exponent for base, exponent in own if base == Variable(name))
+
+
+def _base_and_exponent(factor: Expression) -> tuple[Expression, int]:
+    return (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, 1)
 
 
 def exponents(expression: Expression) -> Mapping[str, int]:
@@ -153,9 +167,7 @@ def exponents(expression: Expression) -> Mapping[str, int]:
     """
     found: dict[str, int] = {}
     for factor in factors_of(expression):
-        base, exponent = (
-            (factor.base, factor.exponent) if isinstance(factor, Power) else (factor, 1)
-        )
+        base, exponent = _base_and_exponent(factor)
         if not isinstance(base, Variable):
             raise ConfigurationError(f"{expression} is not a product of powers of parameters")
         found[base.name] = found.get(base.name, 0) + exponent

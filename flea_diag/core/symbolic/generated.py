@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import linecache
 from collections.abc import Mapping, Sequence
-from types import FunctionType
+from types import FunctionType, MappingProxyType
 from typing import Any
 
 from flea_diag.core.symbolic.expression import Constant, Expression, symbols, text
@@ -23,16 +23,25 @@ Others, such as tanh, numpy and the mathematics library round differently."""
 Results = Sequence[Expression] | Sequence[Sequence[Expression]]
 
 
-def function_source(name: str, doc: str, signals: Sequence[str], results: Results) -> str:
+def function_source(
+    name: str,
+    doc: str,
+    signals: Sequence[str],
+    results: Results,
+    first: Mapping[str, Expression] = MappingProxyType({}),
+) -> str:
     """Source of ``name(p, x)``, which returns a tuple of the results, or a tuple of tuples.
 
-    Names that are no signals are parameters.
+    Names that are no signals are parameters. ``first`` are computed once, under names of their own.
     """
     flat = [e for r in results for e in ((r,) if isinstance(r, Expression) else r)]
+    flat += first.values()
     used = list(dict.fromkeys(n for expression in flat for n in symbols(expression)))
+    used = [n for n in used if n not in first]
     lines = [f"def {name}(p, x):", f'    """{doc}"""']
     lines += [f"    {n} = x[{signals.index(n)}]" for n in used if n in signals]
     lines += [f"    {n} = p.{n}" for n in used if n not in signals]
+    lines += [f"    {n} = {text(expression)}" for n, expression in first.items()]
     lines += ["    return (", *(f"        {_entry(result)}," for result in results), "    )"]
     return "\n".join([*lines, "", ""])
 
@@ -45,15 +54,21 @@ def _entry(result: Expression | Sequence[Expression]) -> str:
     return "(" + " ".join(f"{_entry(expression)}," for expression in result) + ")"
 
 
-def compiled(source: str) -> Mapping[str, FunctionType]:
-    """Functions of a generated source; each carries it as the attribute ``source``."""
+def compiled(
+    source: str, known: Mapping[str, Any] = MappingProxyType({})
+) -> Mapping[str, FunctionType]:
+    """Functions of a generated source; each carries it as the attribute ``source``.
+
+    ``known`` are functions that it may call beside those of ``SCOPE``.
+    """
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]
     place = f"<relations {digest}>"
     # Without a modification time the entry stays in the cache.
     linecache.cache[place] = (len(source), None, source.splitlines(keepends=True), place)
-    scope: dict[str, Any] = dict(SCOPE)
+    scope: dict[str, Any] = {**SCOPE, **known}
     exec(compile(source, place, "exec"), scope)  # text of our own expressions
-    made = {name: part for name, part in scope.items() if isinstance(part, FunctionType)}
+    own = (name for name in scope if name not in known)
+    made = {name: scope[name] for name in own if isinstance(scope[name], FunctionType)}
     for part in made.values():
-        part.source = source  # type: ignore[attr-defined]
+        part.source = source
     return made

@@ -44,7 +44,9 @@ class ObserverChain:
         c, p = self._calibration, self._parameters
         distrust = f"disagrees with current and motion by more than {c.voltage_limit_v:.1f} V"
         self.channels = Channels(c.channels, distrust, p.observer_backend)
-        estimate = StateEstimate(c, p.state_observer, p.observer_seed, p.observer_backend)
+        estimate = StateEstimate(
+            c, self._effects.relations, p.state_observer, p.observer_seed, p.observer_backend
+        )
         self.stream = ResidualStream(
             c, self._effects, estimate, p.warm_up_s, stamp_ns, p.observer_backend
         )

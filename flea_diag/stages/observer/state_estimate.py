@@ -16,10 +16,11 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.observers import innovation_residual
-from flea_diag.core.observers.innovation_loops import output_loops
+from flea_diag.core.observers.innovation_residual import output_loops
 from flea_diag.core.observers.observer_block import PREDICTED, Innovations
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import INDEX, INNOVATION_COLUMNS
 
 Array = npt.NDArray[np.float64]
@@ -47,7 +48,9 @@ class ObserverOutput(NamedTuple):
 class StateEstimate:
     """A particle or Kalman filter on the scans of one stream, or no filter at all."""
 
-    def __init__(self, calibration: Calibration, kind: str, seed: int, backend: str) -> None:
+    def __init__(
+        self, calibration: Calibration, relations: RelationSet, kind: str, seed: int, backend: str
+    ) -> None:
         self._channels = tuple(name for name in PREDICTED if name in calibration.channels)
         self._at = np.array([PREDICTED.index(name) for name in self._channels], dtype=int)
         self._frozen = False
@@ -57,6 +60,7 @@ class StateEstimate:
         if kind != NONE:
             self._observer = StateObserver(
                 calibration.parameters,
+                relations,
                 calibration.period_s,
                 np.random.default_rng(seed),
                 backend=backend,

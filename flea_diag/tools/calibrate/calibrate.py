@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from flea_diag.core.calibration.identification import Identified
     from flea_diag.core.calibration.innovation_learning import ObserverStatistics
     from flea_diag.core.calibration.thresholds import Trace
+    from flea_diag.core.residuals.relation_set import RelationSet
 
 NAME = "calibrate"
 SUMMARY = "identify parameters and limits from nominal bags"
@@ -140,7 +141,7 @@ def learn(
     found = identification.identify(runs, relations_of, KERNEL_LENGTH, period_s)
     relations = relations_of(found.parameters.encoder_m_per_rad != 0.0)
     traces = [thresholds.trace(run, found, relations, KERNEL_LENGTH, period_s) for run in runs]
-    innovations = _innovations(recordings, traces, found)
+    innovations = _innovations(recordings, traces, found, relations)
     traces = list(map(thresholds.with_innovations, traces, innovations.residuals))
     calibration = replace(
         _calibration(model.name, recordings, found, traces, innovations, false_alarms_per_hour),
@@ -164,7 +165,10 @@ def _check_recordings(
 
 
 def _innovations(
-    recordings: Sequence[NominalRecording], traces: Sequence[Trace], found: Identified
+    recordings: Sequence[NominalRecording],
+    traces: Sequence[Trace],
+    found: Identified,
+    relations: RelationSet,
 ) -> ObserverStatistics:
     """Innovation residuals of the state observer, with its noise, from the usable voltage."""
     from flea_diag.core.calibration import innovation_learning
@@ -177,7 +181,12 @@ def _innovations(
         for recording, trace in zip(recordings, traces, strict=True)
     ]
     return innovation_learning.learn(
-        runs, found.parameters, UnitTolerance(), first.period_s, first.sampling or "mean"
+        runs,
+        found.parameters,
+        relations,
+        UnitTolerance(),
+        first.period_s,
+        first.sampling or "mean",
     )
 
 

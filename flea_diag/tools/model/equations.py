@@ -27,11 +27,19 @@ def equations(model: Actuator, arguments: argparse.Namespace) -> tuple[dict[str,
     lines += ["", "Relations that run, in base parameters:"]
     lines += [f"  {row.name} = {row.expression}  [{row.unit}]" for row in known.relations]
     lines += [f"  {name} = {shape}" for name, shape in known.shapes.items()]
+    predicted = {row.channel: str(row.rate) for row in known.predictions}
+    lines += [f"  d {name}/dt = {rate}" for name, rate in predicted.items()]
     lines += [f"  {name}: predicted by {by}" for name, by in known.predicted.items()]
     lines += ["", f"Base parameters, {_source(calibration)}:"]
     lines += [f"  {name} = {_said(row)}" for name, row in numbers.items()]
     tokens = ", ".join(f"{token} = {name}" for name, token in model.graph.tokens().items())
-    content = {"models": states, "parity": drawn, "relations": run, "base_parameters": numbers}
+    content = {
+        "models": states,
+        "parity": drawn,
+        "relations": run,
+        "predictions": predicted,
+        "base_parameters": numbers,
+    }
     return content, [*lines, "", f"where {tokens}"]
 
 
@@ -59,7 +67,7 @@ def _drawn(model: Actuator) -> dict[str, str]:
 
     found = {}
     for name, spec in model.residuals.items():
-        if spec.kind == "measurement":
+        if spec.predicts:
             continue
         try:
             found[name] = str(parity_relation(model, spec).expression)
@@ -86,7 +94,7 @@ def _compiled(
 
     if calibration is not None:
         return relations(_stand(arguments), calibration)
-    names = [name for name, spec in model.residuals.items() if spec.kind != "measurement"]
+    names = [name for name, spec in model.residuals.items() if not spec.predicts]
     # Without a calibration nothing is a number yet: every parameter keeps its name.
     held = {*model.base_parameters, *model.graph.parameters} - set(model.predicted)
     return relation_set(model, names, held, ())

@@ -7,12 +7,14 @@ import math
 import numpy as np
 import pytest
 
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.calibration import NominalRun
-from flea_diag.core.calibration.heat_identification import identify
+from flea_diag.core.calibration.heat_identification import NominalSignals, identify
 from flea_diag.core.calibration.identification import Identified
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
 
+RELATIONS = compiled_relations("actuator.yaml", has_encoder=False)
 HEATING, COOLING_S, AIR = 0.010, 600.0, 24.0
 
 
@@ -33,8 +35,19 @@ def run(number: int, draw: np.random.Generator, scans: int = 2000) -> NominalRun
 
 def fitted(seed: int, count: int = 12, scans: int = 2000) -> Identified:
     draw = np.random.default_rng(seed)
+    return identified([run(n, draw, scans) for n in range(count)])
+
+
+def identified(runs: list[NominalRun]) -> Identified:
+    """Heating and cooling from runs under a constant current, which needs no smoothing."""
     result = Identified(ActuatorParameters())
-    identify([run(n, draw, scans) for n in range(count)], 0.01, result)
+    rows = np.concatenate([made.rows for made in runs])
+    columns = {
+        name: rows[:, INDEX[name]] if name in INDEX else np.zeros(len(rows))
+        for name in RELATIONS.signals
+    }
+    number = np.repeat(np.arange(len(runs)), [len(made.rows) for made in runs])
+    identify(runs, 0.01, RELATIONS, NominalSignals(columns, number), result)
     return result
 
 
@@ -80,7 +93,6 @@ def test_too_few_recordings_are_named():
 
 def test_what_cannot_cool_keeps_its_default_and_heating_still_has_an_error():
     draw = np.random.default_rng(1)
-    result = Identified(ActuatorParameters())
     runs = []
     for number in range(6):
         made = run(number, draw)
@@ -89,6 +101,6 @@ def test_what_cannot_cool_keeps_its_default_and_heating_still_has_an_error():
             AIR + 2.0 * number + warmer + 0.4 * draw.standard_normal(len(made.rows))
         )
         runs.append(made)
-    identify(runs, 0.01, result)
+    result = identified(runs)
     assert result.not_identified["motor_cooling_s"] == "no cooling within the recordings"
     assert result.sigmas["motor_heating_k_per_a2s"] > 0.0

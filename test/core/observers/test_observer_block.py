@@ -13,21 +13,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.observed import BACKENDS, HAVE_NUMBA, NOISE, P, recording
 
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core import backend as backends
-from flea_diag.core.observers.observer_block import HEATED, ORDER, RAW, Innovations, Scans
+from flea_diag.core.observers.observer_block import ORDER, RAW, WARM, Innovations, Scans
 from flea_diag.core.observers.observer_loops import join_loops
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
 
+RELATIONS = compiled_relations("actuator.yaml")
 FILTERS = [*(("optimal", backend) for backend in BACKENDS), ("kalman", "numpy")]
 SCANS = 600
 
 
 def observer(kind: str, backend: str, sampling: str = "mean") -> StateObserver:
-    generator = np.random.default_rng(3)
-    return StateObserver(
-        P, 0.01, generator, 50, backend, noise=NOISE, kind=kind, voltage_sampling=sampling
-    )
+    options = {"noise": NOISE, "kind": kind, "voltage_sampling": sampling}
+    return StateObserver(P, RELATIONS, 0.01, np.random.default_rng(3), 50, backend, **options)
 
 
 def eventful() -> np.ndarray:
@@ -78,9 +78,9 @@ def test_any_partition_gives_the_same_bits(kind, backend, sampling, lengths, fro
 def test_the_rows_show_what_is_to_be_held_equal(backend):
     """The property above is not empty: a track is lost, a resistance renewed."""
     made = observer("optimal", backend)
-    cold = made._model.resistance_ohm
+    cold = made._model.winding_degc
     found = made.follow(eventful())
-    assert made._model.resistance_ohm > cold
+    assert made._model.winding_degc > cold
     assert found.diverged.any() or not np.isfinite(found.nis).all()
     assert len(set(found.measured.tolist())) > 3
 
@@ -101,11 +101,11 @@ def test_what_goes_in_and_out_has_the_same_bits_compiled(sampling):
     rows[500, INDEX["commanded_voltage"]] = math.inf
     scans, measured = made._read(rows)
     command = P.drive_offset_v, P.drive_gain
-    plain = Scans.read(rows, made._absent, command, made._model.driving)
+    plain = Scans.read(rows, made._model.absent, command, made._model.driving)
     assert [part.tobytes() for part in scans] == [part.tobytes() for part in plain]
     assert measured.tolist() == np.isfinite(plain.y).sum(axis=1).tolist()
     raw = np.random.default_rng(4).standard_normal((300, RAW))
-    raw[::7, HEATED + 1] = math.nan
+    raw[::7, WARM + 1] = math.nan
     lost, table = np.zeros(300, dtype=bool), np.empty((300, len(ORDER)))
     joined = Innovations.joined(raw, measured[:300], lost)
     backends.exact(join_loops)(raw, measured[:300], table)

@@ -8,17 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.models import hand_driven_model as hand
 from support.models.linear_actuator import PERIOD
 
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.bond_graph.state_space import StateSpace
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, operating_values
-from flea_diag.core.observers.driven_model import DrivenModel
+from flea_diag.core.observers.driven_model import POSITION_WALK_M, DrivenModel
 from flea_diag.core.observers.kalman import KalmanFilter
 from flea_diag.core.observers.observer_model import NoiseLevels, graph_model, linear_model
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.particle_filter import ParticleFilter
+from flea_diag.core.residuals.driven_equations import driven_equations
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.symbolic.expression import Variable, apply
 from flea_diag.errors import ConfigurationError
@@ -30,8 +33,12 @@ HAVE_NUMBA = importlib.util.find_spec("numba") is not None
 BACKENDS = ["numpy", *(["numba"] if HAVE_NUMBA else [])]
 
 
-def driven(backend: str = "numpy", pwm: bool = False) -> DrivenModel:
-    return DrivenModel(P, PERIOD, ObserverNoise(), pwm, backend)
+RELATIONS = compiled_relations("actuator.yaml")
+
+
+def driven(backend: str = "numpy", pwm: bool = False, degc: float = 25.0) -> DrivenModel:
+    equations = driven_equations(RELATIONS)
+    return DrivenModel(equations, P, PERIOD, ObserverNoise(), pwm, degc, backend)
 
 
 def integrated(speed: float, position: float, volts: float, load: float) -> tuple[float, float]:
@@ -96,6 +103,30 @@ def test_backends_move_particles_alike(pwm: bool, u: tuple[float, float]) -> Non
     np.testing.assert_allclose(two, one, rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.parametrize("encoder", [5e-4, 0.0])
+@pytest.mark.parametrize("pwm", [False, True])
+@pytest.mark.parametrize("degc", [25.0, 90.0])
+def test_what_is_drawn_moves_as_what_was_written_by_hand(
+    encoder: float, pwm: bool, degc: float
+) -> None:
+    p, noise = replace(P, encoder_m_per_rad=encoder), ObserverNoise()
+    equations = driven_equations(compiled_relations("actuator.yaml", None, bool(encoder)))
+    model = DrivenModel(equations, p, PERIOD, noise, pwm, degc)
+    rise = degc - 25.0
+    for ours, wanted in zip((model.H, model.h), hand.readings(p, rise), strict=True):
+        np.testing.assert_allclose(ours, wanted, rtol=1e-13, atol=1e-15)
+    spread = np.array([[8.0], [0.1], [0.1], [0.05]])
+    x = spread * np.random.default_rng(4).normal(size=(4, 300))
+    for u in np.array([(9.0, 80.0), (-9.0, -300.0), (math.nan, 80.0), (9.0, math.nan)]):
+        wanted = hand.transition(p, rise, PERIOD, x, u, pwm)
+        np.testing.assert_allclose(model.transition(x, u), wanted, rtol=1e-9, atol=1e-12)
+        volt = noise.voltage_walk_v if pwm or math.isnan(u[0]) else noise.voltage_v
+        extra = noise.unmeasured_force_n if math.isnan(u[1]) else 0.0
+        newton = math.hypot(noise.force_n, extra)
+        wanted = hand.process_noise(p, rise, PERIOD, volt, newton, POSITION_WALK_M)
+        np.testing.assert_allclose(model.process_noise(u), wanted, rtol=1e-9, atol=1e-20)
+
+
 def test_without_load_cell_forces_are_taken_to_balance() -> None:
     model = driven()
     x = np.zeros((4, 1))
@@ -122,10 +153,10 @@ def test_raw_pwm_is_no_input_and_missing_ones_are_less_certain() -> None:
 
 
 def test_warm_winding_carries_less_current() -> None:
-    warm = replace(driven(), winding_rise_k=50.0)
+    warm = driven().warmed(75.0)
     # Copper: 0.393 % per kelvin.
-    assert warm.resistance_ohm == pytest.approx(2.95 * 1.1965)
-    assert warm.H[0, 0] == pytest.approx(1 / (2.95 * 1.1965))
+    assert 1.0 / warm.H[0, 0] == pytest.approx(2.95 * 1.1965)
+    assert warm.voltage_v(1.7) == pytest.approx(1.5 + 2.95 * 1.1965 * 2.0)
 
 
 @pytest.fixture(scope="module")

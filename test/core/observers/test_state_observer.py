@@ -20,7 +20,7 @@ from flea_diag.core.calibration.noise_identification import fitted
 from flea_diag.core.observers.observer_block import PREDICTED
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.state_observer import StateObserver
-from flea_diag.core.observers.thermal_filter import ThermalFilter
+from flea_diag.core.observers.thermal_filter import ESTIMATE, heat_loops, thermal_filter
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
 from flea_diag.core.smoothing import KERNEL_LENGTH
@@ -28,12 +28,13 @@ from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools.recordings.flea_data import read_flea_data
 from flea_diag.tools.recordings.flea_run import FleaRun
 
+RELATIONS, SLOPE = (compiled_relations("actuator.yaml", None, has) for has in (True, False))
 AT = {name: k for k, name in enumerate(PREDICTED)}
 
 
 def observer(backend: str = "numpy", **options: object) -> StateObserver:
     options = {"noise": NOISE, **options}
-    return StateObserver(P, 0.01, np.random.default_rng(1), 200, backend, **options)
+    return StateObserver(P, RELATIONS, 0.01, np.random.default_rng(1), 200, backend, **options)
 
 
 def residuals(made: StateObserver, rows: np.ndarray, frozen_from: int = 10**9) -> np.ndarray:
@@ -120,7 +121,7 @@ def test_commanded_voltage_stands_in_for_the_measured_one() -> None:
     rows[:, INDEX["commanded_voltage"]] = (rows[:, INDEX["motor_voltage"]] - 0.4) / 1.1
     rows[:, INDEX["motor_voltage"]] = np.nan
     p = replace(P, drive_gain=1.1, drive_offset_v=0.4)
-    made = StateObserver(p, 0.01, np.random.default_rng(1), noise=NOISE, backend="numpy")
+    made = StateObserver(p, RELATIONS, 0.01, np.random.default_rng(1), noise=NOISE, backend="numpy")
     np.testing.assert_allclose(
         residuals(made, rows)[1:, AT["motor_current"]],
         residuals(observer(), recording())[1:, AT["motor_current"]],
@@ -226,51 +227,63 @@ def test_numbers_before_the_first_scan_and_wrong_parameters() -> None:
         with pytest.raises(ConfigurationError, match=said):
             observer(**options)
     with pytest.raises(ConfigurationError, match="period_s = 0"):
-        StateObserver(P, 0.0, np.random.default_rng(0))
+        StateObserver(P, RELATIONS, 0.0, np.random.default_rng(0))
+
+
+def heated(cooling_s: float) -> np.ndarray:
+    """A node beside air of 24 degC that nothing heats."""
+    return thermal_filter(0.01, 0.0, 0.5, [0.0, 1.0 / cooling_s])
+
+
+def stepped(node: np.ndarray, reading: float) -> tuple[float, float, float]:
+    told = np.empty(4)
+    heat_loops(node, (reading, 24.0), 0, 0.0, False, told)
+    prediction, residual, sigma, _ = told.tolist()
+    return prediction, residual, sigma
 
 
 def test_temperature_of_a_node_that_only_cools() -> None:
-    node = ThermalFilter(cooling_s=100.0, period_s=0.01, walk_k=0.0, reading_k=0.5)
-    node.step(64.0, 0.0, 24.0, False)
+    node = heated(cooling_s=100.0)
+    stepped(node, 64.0)
     for _ in range(10000):  # one time constant
-        prediction, residual, _ = node.step(math.nan, 0.0, 24.0, False)
+        prediction, residual, _ = stepped(node, math.nan)
     assert prediction == pytest.approx(24.0 + 40.0 / math.e, abs=0.01)
     assert math.isnan(residual)
 
 
 def test_temperature_is_the_mean_of_its_readings_where_nothing_happens() -> None:
-    node = ThermalFilter(cooling_s=1e12, period_s=0.01, walk_k=0.0, reading_k=0.5)
+    node = heated(cooling_s=1e12)
     readings = 30.0 + 0.5 * np.random.default_rng(0).normal(size=101)
     for reading in readings:
-        *_, sigma = node.step(float(reading), 0.0, 24.0, False)
+        *_, sigma = stepped(node, float(reading))
     # The first reading counts as the prior, 10 K wide.
-    assert node.estimate_degc == pytest.approx(readings[1:].mean(), abs=0.003)
+    assert node[ESTIMATE] == pytest.approx(readings[1:].mean(), abs=0.003)
     assert sigma == pytest.approx(0.5 * math.sqrt(1 + 1 / 99), rel=1e-3)
 
 
 def test_noise_is_fitted_to_what_was_put_in() -> None:
-    noise = fitted([NominalRun("nominal", recording(seed=1))], P, 0.01, "mean")
+    noise = fitted([NominalRun("nominal", recording(seed=1))], P, RELATIONS, 0.01, "mean")
     assert noise.actuator_position_m == pytest.approx(6e-5, rel=0.1)
     assert noise.motor_temperature_k == pytest.approx(0.57, rel=0.1)
     # Searched in steps of the square root of two.
     assert noise.motor_current_a == pytest.approx(0.053, rel=0.5)
     assert noise.voltage_v == pytest.approx(0.2, rel=0.5)
     with pytest.raises(CalibrationError, match="300 scans"):
-        fitted([NominalRun("short", recording()[:100])], P, 0.01, "mean")
+        fitted([NominalRun("short", recording()[:100])], P, RELATIONS, 0.01, "mean")
 
 
 def test_a_shaft_that_runs_ahead_of_its_nut_counts_as_noise_of_the_speed() -> None:
     """Errors of the lead are smooth: no third difference shows them, and yet they are no motion."""
     ahead = recording(seed=3).copy()
     ahead[:, INDEX["motor_speed"]] += 10.0 * np.sin(0.4 * np.arange(len(ahead)))
-    noise = fitted([NominalRun("lead", ahead)], P, 0.01, "mean")
+    noise = fitted([NominalRun("lead", ahead)], P, RELATIONS, 0.01, "mean")
     assert 4.0 < noise.motor_speed_rad_s < 12.0  # 10 / sqrt(2) and the 2 of the reading
 
 
 def test_gross_errors_do_not_shrink_the_fitted_noise() -> None:
     rough = recording(seed=2).copy()
     rough[::2, INDEX["load_force"]] += 4000.0  # as a load that jumps faster than the scans
-    noise = fitted([NominalRun("rough", rough)], P, 0.01, "mean")
+    noise = fitted([NominalRun("rough", rough)], P, RELATIONS, 0.01, "mean")
     assert noise.voltage_v > 0.02
     assert noise.motor_current_a > 0.005
 
@@ -291,7 +304,7 @@ def real_rows(file: Path) -> np.ndarray:
 def drag_shown(p: ActuatorParameters, noise: ObserverNoise, rows: np.ndarray) -> float:
     """Mean of the current's residual over sigma, times the sign of the motion, while moving."""
     made = StateObserver(
-        p, 0.01, np.random.default_rng(0), noise=noise, voltage_sampling="instant_pwm"
+        p, SLOPE, 0.01, np.random.default_rng(0), noise=noise, voltage_sampling="instant_pwm"
     )
     shown = []
     for k, row in enumerate(rows):

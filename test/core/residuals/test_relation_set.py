@@ -229,7 +229,7 @@ def test_any_description_compiles(wing):
     """In its own parameters where it names no base parameters, with a shape for every width."""
     described = "actuator_wing.yaml" if wing else "actuator.yaml"
     model = actuator(files.load_yaml(described))
-    rows = [row for row in model.residuals.values() if row.kind != "measurement"]
+    rows = [row for row in model.residuals.values() if not row.predicts]
     names = [row.name for row in rows if not row.normalised]
     held = (set(model.base_parameters) | set(model.graph.parameters)) - set(model.predicted)
     known = relation_set(model, names, held, [])

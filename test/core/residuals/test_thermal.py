@@ -2,38 +2,56 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
-from flea_diag.core.residuals.thermal import CORRECTION_S, ThermalNode
+from flea_diag.core.residuals.thermal import CORRECTION_S, ESTIMATE, PredictedStores
+
+
+def node(cooling_s: float = 800.0, start_samples: int = 2) -> PredictedStores:
+    """One store whose rows hold its reading and that of the air; its residual comes first."""
+    state = np.array([[math.nan, 0.0, 0.0, start_samples]])
+    return PredictedStores(state, np.array([[0, 0, 1]]), np.array([[1.0 / cooling_s]]))
 
 
 def step(
-    node: ThermalNode, measured: float, heating: float, ambient: float, dt_s: float, frozen: bool
+    made: PredictedStores,
+    measured: float,
+    heating: float,
+    ambient: float,
+    dt_s: float,
+    frozen: bool,
 ) -> float:
-    return node.follow([measured], [heating], [ambient], dt_s, frozen)[0][0]
+    values = np.empty((1, 1))
+    made.follow(np.array([[measured, ambient]]), [heating], dt_s, frozen, values)
+    return float(values[0, 0])
 
 
-def started(level: float, cooling_s: float = 800.0) -> ThermalNode:
-    node = ThermalNode(cooling_s, 2)
-    assert math.isnan(step(node, level - 1.0, 0.0, 24.0, 0.01, frozen=True))
-    assert math.isnan(step(node, level + 1.0, 0.0, 24.0, 0.01, frozen=True))
-    assert node.estimate_degc == level
-    return node
+def estimate_degc(made: PredictedStores) -> float:
+    return float(made.states[0, ESTIMATE])
+
+
+def started(level: float) -> PredictedStores:
+    made = node()
+    assert math.isnan(step(made, level - 1.0, 0.0, 24.0, 0.01, frozen=True))
+    assert math.isnan(step(made, level + 1.0, 0.0, 24.0, 0.01, frozen=True))
+    assert estimate_degc(made) == level
+    return made
 
 
 def test_heating_follows_the_exponential():
-    node, q, tau = started(30.0), 0.05, 800.0
+    made, q, tau = started(30.0), 0.05, 800.0
     for _ in range(60_000):
-        step(node, 0.0, q, 24.0, 0.01, frozen=True)
+        step(made, 0.0, q, 24.0, 0.01, frozen=True)
     final = 24.0 + q * tau
-    assert node.estimate_degc == pytest.approx(
+    assert estimate_degc(made) == pytest.approx(
         final + (30.0 - final) * math.exp(-600.0 / tau), 1e-5
     )
 
 
 def test_a_step_of_the_sensor_decays_with_the_correction_time():
-    node = started(24.0)
-    residuals = [step(node, 29.0, 0.0, 24.0, 0.01, frozen=False) for _ in range(1501)]
+    made = started(24.0)
+    residuals = [step(made, 29.0, 0.0, 24.0, 0.01, frozen=False) for _ in range(1501)]
     assert residuals[0] == 5.0
     rate = 1.0 / CORRECTION_S + 1.0 / 800.0
     steady = 5.0 * (1.0 / 800.0) / rate
@@ -44,21 +62,30 @@ def test_a_step_of_the_sensor_decays_with_the_correction_time():
 
 
 def test_frozen_is_blind_to_the_sensor():
-    node = started(24.0)
-    assert [step(node, 29.0, 0.0, 24.0, 0.01, frozen=True) for _ in range(500)] == [5.0] * 500
+    made = started(24.0)
+    assert [step(made, 29.0, 0.0, 24.0, 0.01, frozen=True) for _ in range(500)] == [5.0] * 500
 
 
 def test_what_is_missing_neither_heats_nor_corrects():
-    node = started(30.0)
-    assert math.isnan(step(node, math.nan, math.nan, math.nan, 0.01, frozen=False))
-    assert node.estimate_degc == 30.0
-    step(node, math.nan, 0.5, math.nan, 0.01, frozen=False)
-    assert node.estimate_degc == pytest.approx(30.005)
+    made = started(30.0)
+    assert math.isnan(step(made, math.nan, math.nan, math.nan, 0.01, frozen=False))
+    assert estimate_degc(made) == 30.0
+    step(made, math.nan, 0.5, math.nan, 0.01, frozen=False)
+    assert estimate_degc(made) == pytest.approx(30.005)
 
 
 def test_it_waits_for_its_first_readings():
-    node = ThermalNode(800.0, 3)
+    made = node(start_samples=3)
     for value in (math.nan, 20.0, math.nan, 22.0):
-        assert math.isnan(step(node, value, 1.0, 24.0, 0.01, frozen=False))
-    assert math.isnan(step(node, 27.0, 1.0, 24.0, 0.01, frozen=False))
-    assert step(node, 25.0, 0.0, 24.0, 0.01, frozen=False) == pytest.approx(25.0 - 23.0)
+        assert math.isnan(step(made, value, 1.0, 24.0, 0.01, frozen=False))
+    assert math.isnan(step(made, 27.0, 1.0, 24.0, 0.01, frozen=False))
+    assert step(made, 25.0, 0.0, 24.0, 0.01, frozen=False) == pytest.approx(25.0 - 23.0)
+
+
+def test_every_store_follows_its_own_neighbours_in_one_row():
+    """Two bodies that exchange heat with each other alone meet in the middle."""
+    states = np.array([[60.0, 60.0, 1.0, 1.0], [20.0, 20.0, 1.0, 1.0]])
+    made = PredictedStores(states, np.array([[0, 0, 1], [1, 1, 0]]), np.full((2, 1), 0.5))
+    for _ in range(2000):
+        made.follow(made.states[:, ESTIMATE][None], [0.0, 0.0], 0.01, True, np.empty((1, 2)))
+    assert made.states[:, ESTIMATE] == pytest.approx([40.0, 40.0], abs=1e-6)

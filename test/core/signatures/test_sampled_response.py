@@ -41,7 +41,7 @@ COLUMNS = ("motor_current", "motor_speed", "load_position", "load_force")
 def stand() -> Actuator:
     made = actuator(load_yaml("actuator.yaml"))
     whole = {
-        name: dataclasses.replace(spec, model="stand") if spec.kind == "measurement" else spec
+        name: dataclasses.replace(spec, model="stand") if spec.model else spec
         for name, spec in made.residuals.items()
     }
     return dataclasses.replace(made, residuals=whole)

@@ -61,7 +61,7 @@ def stand() -> Actuator:
     """The shipped actuator with every prediction made by the whole stand."""
     made = actuator(load_yaml("actuator.yaml"))
     whole = {
-        name: dataclasses.replace(spec, model="stand") if spec.kind == "measurement" else spec
+        name: dataclasses.replace(spec, model="stand") if spec.model else spec
         for name, spec in made.residuals.items()
     }
     return dataclasses.replace(made, residuals=whole)

@@ -5,7 +5,7 @@ Forces and speeds at the nut, as in the calibration. Nothing that compiles relat
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from flea_diag.configuration.description import compiled_relations, faults_of
 from flea_diag.core.likelihood.effect_set import EffectSet, effect_set
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual_rows import TEMPERATURES
 
 COPPER_PER_K = 0.00393
 
@@ -73,7 +74,7 @@ def speed_m_s(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> Any:
 def slope_relations() -> RelationSet:
     """Compiled relations of a FLEA without an encoder: the speed is the slope of the position."""
     channels = ("motor_current", "motor_voltage", "actuator_position", "load_position")
-    return compiled_relations("actuator.yaml", (*channels, "load_force"), False)
+    return compiled_relations("actuator.yaml", (*channels, "load_force", *TEMPERATURES), False)
 
 
 BY_HAND: dict[str, Callable[..., Any]] = {
@@ -107,3 +108,24 @@ def channels_of(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> dic
         "winding_temperature": warm_degc,
         "direction": s.direction,
     }
+
+
+def _motor_k_per_s(p: ActuatorParameters, s: Signals, degc: Mapping[str, float]) -> float:
+    """One node of winding and housing; copper losses of the cold winding."""
+    excess = s.current_a - p.current_offset_a
+    lost = (degc["motor_temperature"] - degc["ambient_temperature"]) / p.motor_cooling_s
+    return float(p.motor_heating_k_per_a2s * excess * excess - lost)
+
+
+def _nut_k_per_s(p: ActuatorParameters, s: Signals, degc: Mapping[str, float]) -> float:
+    """Heated by dry friction; what grows with load and speed is neglected."""
+    rubbing = p.nut_heating_k_per_j * p.coulomb_friction_n * s.direction * s.speed_m_s
+    lost = (degc["nut_temperature"] - degc["ambient_temperature"]) / p.nut_cooling_s
+    return float(rubbing - lost)
+
+
+HEATED_BY_HAND: dict[str, Callable[..., float]] = {
+    "motor_temperature": _motor_k_per_s,
+    "nut_temperature": _nut_k_per_s,
+    "ambient_temperature": lambda p, s, degc: 0.0,
+}
