@@ -18,9 +18,11 @@ from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.faults.fault import Fault, catalogue
 from flea_diag.core.likelihood.effect_set import EffectSet, effect_set
 from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.residuals.relation_set import RelationSet, relation_set
 from flea_diag.core.residuals.residual import RELATIONS, UNIT_PARAMETERS
 from flea_diag.core.signatures.signature import SignatureTable, signature_table
+from flea_diag.errors import ConfigurationError, ModelError, shown
 from flea_diag.formats import migrated
 
 
@@ -44,6 +46,26 @@ def compiled_relations(
     return _compiled(*_read(actuator), channels, has_encoder)
 
 
+def require_relations(actuator: str | Path) -> None:
+    """Refuse a description whose sensors close none of its relations.
+
+    Raises
+    ------
+    ConfigurationError
+        Names the file, the junction and what is not measured there.
+    """
+    if compiled_relations(actuator).relations:
+        return
+    model, why = described(actuator), "none is named under residuals"
+    try:
+        for spec in model.residuals.values():
+            if spec.name in RELATIONS:
+                parity_relation(model, spec)
+    except ModelError as error:
+        why = str(error)
+    raise ConfigurationError(f"{actuator}: its sensors close no relation: {why}")
+
+
 def faults_of(actuator: str | Path, faults: str | Path) -> Mapping[str, Fault]:
     """Fault catalogue for all sensors of a description."""
     return catalogue(load_yaml(faults), described(actuator), str(faults))
@@ -52,7 +74,13 @@ def faults_of(actuator: str | Path, faults: str | Path) -> Mapping[str, Fault]:
 def effects_of(
     actuator: str | Path, faults: str | Path, known: RelationSet, channels: tuple[str, ...]
 ) -> EffectSet:
-    """Effects of the catalogue on these relations, for a stand with these channels."""
+    """Effects of the catalogue on these relations, for a stand with these channels.
+
+    Raises
+    ------
+    ConfigurationError
+        A fault moves no relation, whatever sensors there were.
+    """
     return _effects(_read(actuator), _read(faults), known, channels)
 
 
@@ -96,7 +124,10 @@ def _compiled(
     fitted = [name for name in known if has_encoder or name != "motor_speed"]
     held = [entry.name for entry in fields(ActuatorParameters)]
     every = None if channels is None else _compiled(path, text, None, has_encoder)
-    made = relation_set(model.with_sensors(fitted), RELATIONS, held, UNIT_PARAMETERS)
+    unread = {name for name in model.inputs if channels is not None and name not in channels}
+    rows = model.residuals
+    names = [n for n in RELATIONS if n in rows and rows[n].reference not in unread]
+    made = relation_set(model.with_sensors(fitted), names, held, UNIT_PARAMETERS)
     return replace(made, every=every)
 
 
@@ -112,7 +143,18 @@ def _catalogue(actuator: _Text, faults: _Text, channels: tuple[str, ...]) -> Map
 def _effects(
     actuator: _Text, faults: _Text, known: RelationSet, channels: tuple[str, ...]
 ) -> EffectSet:
-    return effect_set(known, _catalogue(actuator, faults, channels).values())
+    rows = _catalogue(actuator, faults, channels)
+    made = effect_set(known, rows.values())
+    silent = {n: row for n, row in rows.items() if row.effects and n not in made.faults}
+    felt = effect_set(known.every or known, silent.values()).faults
+    for name in silent:
+        if name not in felt:
+            raise ConfigurationError(
+                f"{faults.path}: fault {shown(name)}: what its effects change is in no relation of "
+                f"{actuator.path}; name parameters of a relation (flea model equations prints "
+                "them), or leave effects out"
+            )
+    return made
 
 
 @lru_cache(maxsize=8)

@@ -6,7 +6,12 @@ from functools import cache
 from pathlib import Path
 
 from flea_diag.configuration.calibrations import calibration_sha256, require_description
-from flea_diag.configuration.description import compiled_relations, effects_of, signatures
+from flea_diag.configuration.description import (
+    compiled_relations,
+    effects_of,
+    require_relations,
+    signatures,
+)
 from flea_diag.configuration.files import load_yaml
 from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
@@ -52,8 +57,9 @@ def relations(stand: Stand, calibration: Calibration) -> RelationSet:
     Raises
     ------
     ConfigurationError
-        The calibration has identified a parameter that no relation of this description holds.
+        No sensors close a relation, or the calibration has identified a parameter that none holds.
     """
+    require_relations(stand.actuator)
     has_encoder = calibration.parameters.encoder_m_per_rad != 0.0
     drawn = compiled_relations(stand.actuator).parameters
     for name in calibration.sigmas:

@@ -64,6 +64,11 @@ class EffectSet(Frozen):
         return tuple(map(name_of, self.basis))
 
     @cached_property
+    def faults(self) -> frozenset[str]:
+        """Faults that move a relation."""
+        return frozenset(model.fault for model in self.models if model.effects)
+
+    @cached_property
     def signals(self) -> tuple[str, ...]:
         """What ``columns`` takes as ``x``.
 

@@ -26,6 +26,7 @@ from flea_diag.core.symbolic.expression import derivative, evaluate, symbols
 from flea_diag.errors import ConfigurationError
 
 CHANNELS = (
+    "commanded_voltage",
     "motor_current",
     "motor_voltage",
     "motor_speed",

@@ -24,9 +24,8 @@ TRUE = ActuatorParameters(
     motor_cooling_s=800.0,
     encoder_m_per_rad=5e-4,
 )
-SENSORS = tuple(name for name in CHANNELS if name != "commanded_voltage")
 KNOWN, ALONE = (
-    description.compiled_relations("actuator.yaml", SENSORS, encoder) for encoder in (True, False)
+    description.compiled_relations("actuator.yaml", CHANNELS, encoder) for encoder in (True, False)
 )
 DELAY = 15
 WHOLE = ema.run()

@@ -73,8 +73,9 @@ def speed_m_s(p: ActuatorParameters, s: Signals, warm_degc: Any = 25.0) -> Any:
 
 def slope_relations() -> RelationSet:
     """Compiled relations of a FLEA without an encoder: the speed is the slope of the position."""
-    channels = ("motor_current", "motor_voltage", "actuator_position", "load_position")
-    return compiled_relations("actuator.yaml", (*channels, "load_force", *TEMPERATURES), False)
+    motor = ("motor_current", "motor_voltage", "commanded_voltage")
+    moved = ("actuator_position", "load_position", "load_force")
+    return compiled_relations("actuator.yaml", (*motor, *moved, *TEMPERATURES), False)
 
 
 BY_HAND: dict[str, Callable[..., Any]] = {
