@@ -64,7 +64,10 @@ class SimulatedStand:
             "Y": draw_unit(draws[0], spread),
             "X": draw_unit(draws[1], spread),
         }
-        self.bench = Bench()
+        travel = scenario.travel
+        self.bench = Bench(
+            travel_low_m=travel.low_m, travel_high_m=travel.high_m, stopped=travel.stopped
+        )
         self.unit_in_use = run.active_unit
         panel = Instruments(draws[2], run.unit_spread, sensors.spikes)
         self._acquisition = Acquisition(sensors, self.bench, panel, draws[5])
@@ -79,7 +82,8 @@ class SimulatedStand:
         self._tell_nominal = True
         self._block = 0
         position, _ = commanded(scenario, np.zeros(1))
-        self._actuator = ActuatorPlant.at_rest(self.bench, float(position[0]))
+        start_m = float(np.clip(position[0], travel.low_m, travel.high_m))
+        self._actuator = ActuatorPlant.at_rest(self.bench, start_m)
 
     # -- running ---------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,9 +96,19 @@ def _bench_coefficients(bench: Bench) -> dict[str, float]:
         "brake_catch": bench.brake_catch_m_s,
         "trim_rate": bench.load_trim_per_s,
         "trim_limit": bench.load_trim_limit_n,
-        "stroke": bench.stroke_m,
+        **_stops(bench),
         "stop_stiffness": bench.end_stop_stiffness_n_m,
         "stop_damping": bench.end_stop_damping_n_s_m,
+    }
+
+
+def _stops(bench: Bench) -> dict[str, float]:
+    """Ends of travel of nut and load side; none for the part that the hard stops do not hold."""
+    held = {"low": bench.travel_low_m, "high": bench.travel_high_m}
+    free = {"low": -math.inf, "high": math.inf}
+    nut, load = (held, free) if bench.stopped == "nut" else (free, held)
+    return {
+        f"{part}_{end}": row[end] for part, row in (("nut", nut), ("load", load)) for end in row
     }
 
 

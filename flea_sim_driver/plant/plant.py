@@ -89,7 +89,10 @@ class Coefficients(NamedTuple):
     brake_catch: float
     trim_rate: float
     trim_limit: float
-    stroke: float
+    nut_low: float
+    nut_high: float
+    load_low: float
+    load_high: float
     stop_stiffness: float
     stop_damping: float
 
@@ -149,6 +152,15 @@ def _coupling_force(c: Any, gap: float, closing: float) -> float:
     return 0.0
 
 
+def _stop_force(c: Any, position: float, speed: float, low: float, high: float) -> float:
+    """Force of the hard stops against a part: they push back, and never pull."""
+    if position > high:
+        return max(c.stop_stiffness * (position - high) + c.stop_damping * speed, 0.0)
+    if position < low:
+        return min(c.stop_stiffness * (position - low) + c.stop_damping * speed, 0.0)
+    return 0.0
+
+
 def _ripple_force(c: Any, angle: float) -> float:
     """Ball pass, eccentric rotor and spall, all at multiples of the screw's angle."""
     ripple = c.ripple * math.sin(c.ripple_order * angle) + c.eccentric * math.sin(angle)
@@ -193,11 +205,7 @@ def _load_resistance(
     c: Any, iz: float, vl: float, xl: float, roughness: float, drag_noise: float
 ) -> float:
     """Force of the load actuator against its motion: motor, friction, end stops, roughness."""
-    stop = 0.0
-    if xl > c.stroke:
-        stop = max(c.stop_stiffness * (xl - c.stroke) + c.stop_damping * vl, 0.0)
-    elif xl < 0.0:
-        stop = min(c.stop_stiffness * xl + c.stop_damping * vl, 0.0)
+    stop = _stop_force(c, xl, vl, c.load_low, c.load_high)
     resist = c.load_constant * iz + c.load_viscous * vl + stop
     resist += c.load_drag * vl / (abs(vl) + c.load_drag_speed)
     # Bounded: noise that grew with speed without limit would drive the speed.
@@ -221,6 +229,7 @@ def _integrate(
         slip = v / c.stribeck_speed
         drag = c.coulomb + c.stribeck / (1.0 + slip * slip) + c.load_friction * abs(force)
         push = c.force_constant * i - c.viscous * v - force - _ripple_force(c, angle)
+        push -= _stop_force(c, x, v, c.nut_low, c.nut_high)
         v = _stopped(v + dt * push / c.mass, dt * drag / c.mass)
         x += dt * v
         # Load actuator.
@@ -241,7 +250,7 @@ def _integrate(
 
 PARTS = (
     _stopped, _clipped, _position_loop, _drive, _coupling_force, _ripple_force, _load_control,
-    _load_resistance,
+    _stop_force, _load_resistance,
 )  # fmt: skip
 """What ``_integrate`` calls."""
 

@@ -151,6 +151,9 @@ class Bench:
     brake_catch_m_s: float = 0.0729
     load_trim_per_s: float = 0.1
     load_trim_limit_n: float = 86.6
-    stroke_m: float = 0.100
+    travel_low_m: float = 0.0
+    travel_high_m: float = 0.100
+    stopped: str = "load_side"
+    """Part that the hard stops hold: ``load_side``, beyond the load cell, or ``nut``."""
     end_stop_stiffness_n_m: float = 2e6
     end_stop_damping_n_s_m: float = 6e3

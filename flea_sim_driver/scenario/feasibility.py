@@ -11,7 +11,7 @@ from flea_diag.errors import ConfigurationError, shown
 from flea_sim_driver import faults
 from flea_sim_driver.scenario.profile import Peaks, peaks
 from flea_sim_driver.scenario.scenario import Scenario
-from flea_sim_driver.scenario.settings import LOAD_LIMIT_N, STROKE_M, FaultSetting
+from flea_sim_driver.scenario.settings import LOAD_LIMIT_N, FaultSetting, HardStops
 
 REFERENCE_SPEED_LIMIT_M_S = 0.200  # the soft position loop follows at two thirds of it
 REFERENCE_ACCELERATION_LIMIT_M_S2 = 50.0
@@ -33,18 +33,25 @@ def _check_motion(scenario: Scenario, where: str) -> None:
     if motion.kind == "flight":
         return  # checked row by row when it was read
     reach = 0.0 if motion.kind == "hold" else motion.amplitude_m
-    low, high = motion.centre_m - reach, motion.centre_m + reach
-    if low < 0.0 or high > STROKE_M:
-        raise ConfigurationError(
-            f"{where}: motion from {low:.4f} to {high:.4f} m passes the end stops at 0 and "
-            f"{STROKE_M} m; lower amplitude_m or move centre_m"
-        )
+    _check_reach(scenario.travel, motion.centre_m, reach, where)
     if motion.kind == "trapezoid" and 2.0 * motion.rise_s * motion.frequency_hz > 1.0:
         raise ConfigurationError(
             f"{where}: motion.rise_s = {shown(motion.rise_s)} s does not fit twice into the period "
             f"of {1.0 / motion.frequency_hz:.3f} s"
         )
     _check_peaks(peaks(motion), where)
+
+
+def _check_reach(travel: HardStops, centre_m: float, reach_m: float, where: str) -> None:
+    """The run starts between the stops, and the command passes them by no more than allowed."""
+    low, high = centre_m - reach_m, centre_m + reach_m
+    beyond = max(travel.low_m - low, high - travel.high_m)
+    if beyond > travel.overtravel_m * (1.0 + 1e-9):
+        raise ConfigurationError(
+            f"{where}: motion from {low:.4f} to {high:.4f} m passes the end stops at "
+            f"{travel.low_m:g} and {travel.high_m:g} m by {beyond:.4f} m; lower amplitude_m, move "
+            f"centre_m, or raise travel.overtravel_m, which is {travel.overtravel_m:g} m"
+        )
 
 
 def _check_peaks(reached: Peaks, where: str) -> None:

@@ -11,6 +11,7 @@ from flea_sim_driver.plant.unit import Spread
 from flea_sim_driver.scenario.flight import Flight
 from flea_sim_driver.scenario.settings import (
     FaultSetting,
+    HardStops,
     Load,
     Motion,
     RunSettings,
@@ -26,6 +27,7 @@ class Scenario:
     run: RunSettings = field(default_factory=RunSettings)
     motion: Motion = field(default_factory=Motion)
     load: Load = field(default_factory=Load)
+    travel: HardStops = field(default_factory=HardStops)
     sensors: Sensors = field(default_factory=Sensors)
     switch: Switch = field(default_factory=Switch)
     spread: Any = field(default_factory=Spread)

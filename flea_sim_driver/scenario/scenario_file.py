@@ -19,6 +19,7 @@ from flea_sim_driver.scenario.flight import Flight, read_flight
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.settings import (
     FaultSetting,
+    HardStops,
     Load,
     Motion,
     RunSettings,
@@ -29,8 +30,8 @@ from flea_sim_driver.scenario.settings import (
 FILE_LIMIT_BYTES = 1 << 20
 
 SECTIONS: dict[str, type] = {
-    "motion": Motion, "load": Load, "sensors": Sensors, "switch": Switch, "spread": Spread,
-    "structure": StructureSpread,
+    "motion": Motion, "load": Load, "travel": HardStops, "sensors": Sensors, "switch": Switch,
+    "spread": Spread, "structure": StructureSpread,
 }  # fmt: skip
 
 

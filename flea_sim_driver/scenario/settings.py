@@ -39,6 +39,25 @@ class Motion:
 
 
 @dataclass(frozen=True)
+class HardStops:
+    """Hard stops at the ends of travel, and how far the command may pass them."""
+
+    stopped: str = parameter(
+        "load_side",
+        "part that the stops hold: load_side, beyond the load cell, which reads their reaction; "
+        "nut: no sensor reads it",
+        choices=("load_side", "nut"),
+    )
+    low_m: float = parameter(0.0, "position of the lower stop", unit="m", minimum=0.0, maximum=0.01)
+    high_m: float = parameter(
+        STROKE_M, "position of the upper stop", unit="m", minimum=STROKE_M - 0.01, maximum=STROKE_M
+    )
+    overtravel_m: float = parameter(
+        0.0, "how far the command may pass the stops", unit="m", minimum=0.0, maximum=0.05
+    )
+
+
+@dataclass(frozen=True)
 class Load:
     """Commanded load; positive opposes extension."""
 
