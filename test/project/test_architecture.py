@@ -145,6 +145,7 @@ ARROWS = {
         "faults": ("bond_graph", "symbolic"),
         "causal_graph": ("faults", "bond_graph", "symbolic"),
         "residuals": ("sensors", "faults", "bond_graph", "symbolic"),
+        "conditions": ("residuals",),
         "signatures": ("residuals", "causal_graph", "faults", "bond_graph", "symbolic"),
         "observers": ("residuals", "bond_graph"),
         "detection": ("residuals",),

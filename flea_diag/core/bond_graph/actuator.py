@@ -20,6 +20,7 @@ from flea_diag.core.bond_graph.actuator_model import (
 from flea_diag.core.bond_graph.base_parameters import base_parameters
 from flea_diag.core.bond_graph.bond_graph import DOMAINS, BondGraph, Element, Parameter, bond_graph
 from flea_diag.core.bond_graph.causality import require_sound
+from flea_diag.core.bond_graph.travel import travel
 from flea_diag.core.schema import REQUIRED
 from flea_diag.core.symbolic.unit import SECOND, dimension, spelled, times
 from flea_diag.errors import ConfigurationError, shown
@@ -89,6 +90,7 @@ _TOP: schema.Keys = {
     "residuals": (dict, {}),
     "base_parameters": (dict, {}),
     "predicted": (dict, {}),
+    "travel": (dict, {}),
 }
 
 
@@ -128,6 +130,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         _residuals(top, where),
         base_parameters(top["base_parameters"], graph.parameters, f"{where}: base_parameters"),
         schema.pairs(top["predicted"], f"{where}: predicted"),
+        travel(top["travel"], graph, {s.at for s in sensors.values() if s.integrates}, where),
     )
     if sound:
         _check(result, where)

@@ -37,15 +37,17 @@ class TestResults:
     ``z``: statistic, and ``k``: its limit, NaN where nothing was tested. ``window``: samples of
     the mean, 0 where there is none. ``table``, shape (3, n, residuals), holds the three.
     ``shift``: mean minus the earlier level of this run, in the unit of the residual; NaN for a
-    test against the calibration.
+    test against the calibration. ``void``: whether a condition keeps residuals from being tested,
+    which is no quiet.
     """
 
-    __slots__ = ("k", "shift", "table", "window", "z")
+    __slots__ = ("k", "shift", "table", "void", "window", "z")
 
     def __init__(self, table: Array) -> None:
         self.table = table
         self.z, self.k, self.window = table
         self.shift = np.full(self.z.shape, np.nan)
+        self.void = False
 
     @classmethod
     def untested(cls, scans: int = 1) -> TestResults:

@@ -25,6 +25,7 @@ from flea_diag.core.bond_graph.base_parameters import in_base, rewritten_in
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.residuals.prediction import Prediction, prediction
+from flea_diag.core.residuals.stop import Stop, stop_of
 from flea_diag.core.symbolic.collect import divided
 from flea_diag.core.symbolic.expression import (
     ZERO,
@@ -91,6 +92,8 @@ class RelationSet(Frozen):
         Relations by prediction, in the order of the description.
     every
         The same for every sensor of the description, fitted or not; None if these are.
+    stop
+        Ends of travel, and the relations that the reaction of a stop enters.
     """
 
     relations: tuple[CompiledRelation, ...]
@@ -107,6 +110,7 @@ class RelationSet(Frozen):
     units_of: Mapping[str, str] = field(default_factory=dict)
     predictions: tuple[Prediction, ...] = ()
     every: RelationSet | None = None
+    stop: Stop = field(default_factory=Stop)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -237,6 +241,7 @@ def relation_set(
         tuple(s.channel for s in actuator.sensors.values() if s.integrates),
         actuator.units,
         predictions,
+        stop=stop_of(actuator, [row.name for row in rows]),
     )
 
 

@@ -13,8 +13,10 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.residual_rows import unit_refusal
 from flea_diag.errors import shown
 from flea_diag.wire.records import (
+    END_OF_TRAVEL,
     NEVER_NS,
     STREAM,
+    ChannelQuality,
     ChannelTable,
     DataQuality,
     Quality,
@@ -40,6 +42,8 @@ class StandStatus:
     axes: tuple[str, ...] = ()
     mismatch: str = ""
     bad: tuple[str, ...] = ()
+    contact: ChannelQuality | None = None
+    """The row of data quality while the actuator is at an end of its travel."""
     table_ns: int = NEVER_NS
     """When the stand began: the stamp of its channel table."""
     first_ns: int = NEVER_NS
@@ -68,6 +72,7 @@ class StandStatus:
     def take(self, quality: DataQuality) -> bool:
         """Take the observer's data quality; whether the observer has been restarted."""
         self.bad = tuple(row.channel for row in quality.channels if row.quality in UNUSABLE)
+        self.contact = next((row for row in quality.channels if _is_contact(row)), None)
         self.offsets, self.counters = quality.offsets, wrong_samples(quality)
         began_ns = self.began_ns = max(
             (row.since_ns for row in quality.channels if row.channel == STREAM), default=0
@@ -122,6 +127,11 @@ class StandStatus:
             self.moved, self.moved_ns = int(moved[row]), int(moved_ns[row])
             self.lost_ns = int(lost_ns[row])
             yield row
+
+
+def _is_contact(row: ChannelQuality) -> bool:
+    """Whether this row says that the actuator is at an end of its travel."""
+    return row.channel == END_OF_TRAVEL and row.quality is Quality.SATURATED
 
 
 def wrong_samples(quality: DataQuality) -> tuple[tuple[str, int], ...]:

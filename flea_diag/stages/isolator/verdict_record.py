@@ -131,7 +131,17 @@ class VerdictRecord:
 def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:
     """Remarks that qualify a verdict, appended to its words."""
     assumption = " (single-fault assumption)" if episode is not None else ""
-    return assumption + _another_unit(stand) + _missed(stand) + _returned(stand, episode)
+    start = _another_unit(stand) + _missed(stand) + _returned(stand, episode)
+    return assumption + _at_its_end(stand) + start
+
+
+def _at_its_end(stand: StandStatus) -> str:
+    """Remark that a stop holds the actuator, and what is not tested meanwhile."""
+    if stand.contact is None:
+        return ""
+    since_s = (stand.contact.since_ns - stand.first_ns) / 1e9
+    place, _, follows = stand.contact.reason.partition(": ")
+    return f"; {place} since {since_s:.2f} s after the start, {follows}"
 
 
 def _another_unit(stand: StandStatus) -> str:

@@ -106,7 +106,8 @@ class ObserverStage:
         if chain.episode.is_open != was_open:
             chain.stream.turn(opened=not was_open)
         learned = learns and not chain.stream.learns
-        is_due = changed == 0 or learned or chain.order.is_due(scan.stamp_ns)
+        told = learned or chain.stream.conditions.told
+        is_due = changed == 0 or told or chain.order.is_due(scan.stamp_ns)
         quality = (self._quality(scan.stamp_ns),) if is_due else ()
         return (*taken_over, *quality, *self._records.block(block, output).records(), *found)
 
@@ -126,7 +127,8 @@ class ObserverStage:
         if chain.channels.driver_dead:
             stream = replace(stream, quality=Quality.BAD, reason=DRIVER_DEAD)
         channels = chain.channels.states(chain.stream.stuck)
-        return DataQuality(stamp_ns, (stream, *channels), chain.stream.offsets)
+        rows = (stream, *channels, *chain.stream.conditions.states())
+        return DataQuality(stamp_ns, rows, chain.stream.offsets)
 
     def finish(self) -> tuple[Record, ...]:
         """The input has ended: report counters that have changed."""

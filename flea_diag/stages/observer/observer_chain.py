@@ -70,7 +70,8 @@ class ObserverChain:
         reading = self.channels.read(block)
         changed, output = self.examine(block, reading)
         happens = self.episode.follow(block.stamps_ns, output.results)
-        first = min(changed, output.voltage.lost_at, happens, self.other_unit(reading))
+        other = self.other_unit(reading)
+        first = min(changed, output.voltage.lost_at, output.turn, happens, other)
         return first, output
 
     def other_unit(self, reading: ChannelReadings) -> int:

@@ -18,6 +18,7 @@ from flea_diag.core.observers.observer_block import PREDICTED
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import CHANNELS, SENSOR_COLUMNS, ResidualRows
 from flea_diag.core.smoothing import KERNEL_LENGTH
+from flea_diag.stages.observer.condition_watch import ConditionWatch
 from flea_diag.stages.observer.lost_scans import LostScans
 from flea_diag.stages.observer.regressor_table import RegressorTable
 from flea_diag.stages.observer.residual_tests import ResidualTests
@@ -38,13 +39,17 @@ _IS_PREDICTED = np.array([name in PREDICTED for name in CHANNELS])
 
 @dataclass(slots=True)
 class StreamOutput:
-    """Residuals, test results, regressors, voltage trust and estimates of n scans."""
+    """Residuals, test results, regressors, voltage trust and estimates of n scans.
+
+    ``turn``: the first scan with which a condition begins or ends, or n; later ones do not count.
+    """
 
     residuals: ResidualRows
     results: TestResults
     regressors: Array
     voltage: VoltageVerdict
     estimate: ObserverOutput
+    turn: int
 
 
 class ResidualStream:
@@ -74,6 +79,7 @@ class ResidualStream:
         self._estimate = estimate
         self._speed = SpeedTrust(self._bank.has_encoder)
         self._lost = LostScans()
+        self.conditions = ConditionWatch(c, relations)
         self._warm_up: WarmUp | None = WarmUp(c, warm_up_s, start_ns)
         self._regressors = RegressorTable(effects, c.parameters)
         self._tests = ResidualTests(c, estimate.runs, backend)
@@ -85,6 +91,7 @@ class ResidualStream:
     def take_ranges(self, table: ChannelTable) -> None:
         """Use the ranges of a channel table."""
         self._sensors.take_ranges(table)
+        self.conditions.take_ranges(table)
 
     def leading(self, stamps_ns: Stamps) -> int:
         """How many of these scans may come in one block."""
@@ -94,6 +101,7 @@ class ResidualStream:
         """There is a gap before the next scan."""
         self._lost.interrupt()
         self._bank.interrupt()
+        self.conditions.interrupt()
         self._sensors.interrupt()
         self._estimate.interrupt()
 
@@ -161,9 +169,14 @@ class ResidualStream:
         voltage = self._voltage.judge(residuals, alone)
         if voltage.lost_at == 0:
             self._tests.forget(VOLTAGE_COLUMNS)
+        turn = len(rows)
+        if read:
+            turn = self.conditions.step(self._p, stamps_ns, rows, residuals, voltage.usable)
         # The filter predicts through missing scans by itself.
         seen = rows if read else np.where(_IS_PREDICTED, np.nan, rows)
-        estimate = self._estimate.step(seen, voltage.usable, frozen, residuals.values)
+        void = self.conditions.voids
+        estimate = self._estimate.step(seen, voltage.usable, frozen, residuals.values, void)
+        self.conditions.leave_out(residuals)
         voltage.leave_out(residuals)
         self._speed.leave_out(residuals)
         if self._lost.leave_out(residuals, read):
@@ -172,7 +185,8 @@ class ResidualStream:
             self._learn(self._warm_up, residuals, int(stamps_ns[0]))
         regressors = self._regressors.rows(rows, residuals)
         results = self._tests.step(residuals, (sensors, self._sensors.k), alone)
-        return StreamOutput(residuals, results, regressors, voltage, estimate)
+        results.void = void
+        return StreamOutput(residuals, results, regressors, voltage, estimate, turn)
 
     def _learn(self, warm_up: WarmUp, residuals: ResidualRows, stamp_ns: int) -> None:
         """Adopt the offsets of this unit once the warm-up has estimated them."""

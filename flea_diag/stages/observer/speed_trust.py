@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flea_diag.core.conditions.lingering import Lingering
 from flea_diag.core.residuals.residual import SPEED
 from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS, ResidualRows
 from flea_diag.core.sensors.position_step import SPAN
@@ -20,22 +21,13 @@ class SpeedTrust:
 
     def __init__(self, has_encoder: bool) -> None:
         self._has_encoder = has_encoder
-        self._wait = 0
+        self._stepped = Lingering(SPEED_SCANS)
 
     def leave_out(self, residuals: ResidualRows) -> None:
         """Drop them in these scans; an encoder measures the speed itself and is left alone."""
         if self._has_encoder:
             return
-        jumped = np.abs(residuals.values[:, POSITION]) > 1.0
-        if not self._wait and not jumped.any():
-            return
-        wrong = np.array([self._reads_wrong(jump) for jump in jumped.tolist()])
-        residuals.leave_out(wrong, SPEED_COLUMNS)
-        residuals.moving[wrong] = False
-
-    def _reads_wrong(self, jumped: bool) -> bool:
-        if jumped:
-            self._wait = SPEED_SCANS
-        wrong = self._wait > 0
-        self._wait -= wrong
-        return wrong
+        wrong = self._stepped.step(np.abs(residuals.values[:, POSITION]) > 1.0)
+        if wrong is not None:
+            residuals.leave_out(wrong, SPEED_COLUMNS)
+            residuals.moving[wrong] = False

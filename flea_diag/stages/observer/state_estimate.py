@@ -75,13 +75,26 @@ class StateEstimate:
         return self._observer is not None
 
     def step(
-        self, rows: Array, voltage_usable: npt.NDArray[np.bool_], frozen: bool, values: Array
+        self,
+        rows: Array,
+        voltage_usable: npt.NDArray[np.bool_],
+        frozen: bool,
+        values: Array,
+        void: bool = False,
     ) -> ObserverOutput:
-        """Take rows of ``CHANNELS`` and fill the innovations among their residuals ``values``."""
+        """Take rows of ``CHANNELS`` and fill the innovations among their residuals ``values``.
+
+        While the equations of motion are ``void`` the filter starts anew with every scan: it
+        follows the readings and there is nothing to test.
+        """
         observer, count = self._observer, len(rows)
         if observer is None:
             nothing = np.empty((count, 0))
             return ObserverOutput((), nothing, nothing, nothing)
+        if void:
+            observer.interrupt()
+            if count > 1:
+                return self._one_by_one(rows, voltage_usable, frozen, values)
         if self._frozen and not frozen:
             observer.interrupt()
         self._frozen = frozen
@@ -107,6 +120,15 @@ class StateEstimate:
         return ObserverOutput(
             self._channels, found.predictions.take(self._at, axis=1), sigmas, health
         )
+
+    def _one_by_one(
+        self, rows: Array, voltage_usable: npt.NDArray[np.bool_], frozen: bool, values: Array
+    ) -> ObserverOutput:
+        """Scans while the equations of motion are void."""
+        every = [slice(k, k + 1) for k in range(len(rows))]
+        found = [self.step(rows[k], voltage_usable[k], frozen, values[k], True) for k in every]
+        columns = (np.concatenate(column) for column in list(zip(*found, strict=True))[1:])
+        return ObserverOutput(self._channels, *columns)
 
     def _follow(
         self, found: Innovations, testable: npt.NDArray[np.bool_], frozen: bool, values: Array

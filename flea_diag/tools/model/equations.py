@@ -30,6 +30,7 @@ def equations(model: Actuator, arguments: argparse.Namespace) -> tuple[dict[str,
     predicted = {row.channel: str(row.rate) for row in known.predictions}
     lines += [f"  d {name}/dt = {rate}" for name, rate in predicted.items()]
     lines += [f"  {name}: predicted by {by}" for name, by in known.predicted.items()]
+    lines += ["", _ends(model, known)]
     lines += ["", f"Base parameters, {_source(calibration)}:"]
     lines += [f"  {name} = {_said(row)}" for name, row in numbers.items()]
     tokens = ", ".join(f"{token} = {name}" for name, token in model.graph.tokens().items())
@@ -118,6 +119,20 @@ def _numbers(
             row["not_identified"] = calibration.not_identified.get(name, "")
         found[name] = {key: entry for key, entry in row.items() if entry not in (None, "")}
     return found
+
+
+def _ends(model: Actuator, known: RelationSet) -> str:
+    """Where the hard stops are, and the relations that contact voids."""
+    void, travel = ", ".join(known.stop.reactions) or "no relation", model.travel
+    if travel is not None:
+        ends = f"{travel.low_m:g} to {travel.high_m:g} m at {travel.at}"
+        return f"Travel: {ends}; contact with a stop voids {void}"
+    channels = " or ".join(known.stop.channels)
+    source = f"taken from the range of {channels}, if it has one, else " if channels else ""
+    return (
+        f"Travel: not stated, {source}unknown: then a run into a stop is taken for a fault; "
+        f"contact with a stop voids {void}"
+    )
 
 
 def _source(calibration: Calibration | None) -> str:

@@ -52,6 +52,16 @@ def test_show_says_the_causality(capsys: pytest.CaptureFixture[str]) -> None:
     assert "winding_inductance = 0.002 H  (assumption" in text
 
 
+def test_equations_say_where_the_stops_are_or_what_follows_where_nobody_says(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    text = shown(capsys, "equations")
+    assert "Travel: 0 to 0.1 m at nut; contact with a stop voids parity_mechanical" in text
+    text = shown(capsys, "equations", "--actuator", "actuator_wing.yaml")
+    assert "Travel: not stated, taken from the range of actuator_position" in text
+    assert "a run into a stop is taken for a fault" in text
+
+
 def test_equations_of_the_motor(capsys: pytest.CaptureFixture[str]) -> None:
     text = shown(capsys, "equations", "--model", "driven")
     warm = "R*(1 + alpha*(T_w - T_0))"

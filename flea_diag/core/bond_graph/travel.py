@@ -1,0 +1,73 @@
+"""Travel of the moved part of an actuator: where its hard stops are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from flea_diag.core import schema
+from flea_diag.core.bond_graph.bond_graph import BondGraph
+from flea_diag.core.schema import REQUIRED
+from flea_diag.errors import ConfigurationError, shown
+
+WITHIN = 0.02
+"""Share of the travel that counts as its end, unless stated: homing errors, give of the stop."""
+
+_TRAVEL: schema.Keys = {
+    "at": (str, REQUIRED),
+    "low_m": (float, REQUIRED),
+    "high_m": (float, REQUIRED),
+    "within_m": (float, math.nan),
+}
+
+
+@dataclass(frozen=True)
+class Travel:
+    """Ends of travel of the part that moves with the flow of junction ``at``, m.
+
+    A hard stop holds the part within ``within_m`` of an end, and pushes it back from there.
+    """
+
+    at: str
+    low_m: float
+    high_m: float
+    within_m: float
+
+
+def travel(
+    content: Mapping[str, Any], graph: BondGraph, displaced: Iterable[str], where: str
+) -> Travel | None:
+    """From its description; None where there is none. ``displaced`` has a displacement sensor.
+
+    Raises
+    ------
+    ConfigurationError
+        No such 1-junction, no displacement read there, or ends in the wrong order.
+    """
+    if not content:
+        return None
+    place = f"{where}: travel"
+    values = schema.read(content, place, _TRAVEL)
+    at, low, high = values["at"], values["low_m"], values["high_m"]
+    if at not in graph.elements or graph.elements[at].kind != "1":
+        raise ConfigurationError(
+            f"{place}: at = {shown(at)} is no 1-junction; name that of the moved part"
+        )
+    if at not in displaced:
+        raise ConfigurationError(
+            f"{place}: at = {shown(at)}, where no sensor reads a displacement; name a junction "
+            "with one, for an end is recognised by its position"
+        )
+    if not low < high:
+        raise ConfigurationError(f"{place}: low_m = {low:g} must be below high_m = {high:g}")
+    within = values["within_m"]
+    if math.isnan(within):
+        within = WITHIN * (high - low)
+    if not 0.0 < within < 0.5 * (high - low):
+        raise ConfigurationError(
+            f"{place}: within_m = {within:g} must be above 0 and below half of the travel, "
+            f"{0.5 * (high - low):g}"
+        )
+    return Travel(at, low, high, within)

@@ -1,0 +1,1 @@
+"""Conditions under which relations do not hold although nothing is faulty."""

@@ -1,0 +1,98 @@
+"""The conditions that void relations, one row each.
+
+While a condition holds, the relations that it voids have no value, whatever the readings; tests of
+single sensors and all other relations go on. Which relations these are follows from the bond graph
+and from what the relations read, not from their names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from flea_diag.core.conditions.contact import LONGEST_S
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual import PARITIES, SPEED, STALL
+from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS
+
+Columns = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One row.
+
+    ``evidence`` says in words what shows the condition, ``judged_by`` which module of the package
+    judges it (empty: none, for it voids nothing here), ``columns`` which residuals it voids, and
+    ``longest_s`` for how long at most (None: for as long as the evidence stands).
+    """
+
+    name: str
+    evidence: str
+    judged_by: str
+    columns: Callable[[RelationSet], Columns]
+    longest_s: float | None = None
+
+
+def _with_reaction(known: RelationSet) -> Columns:
+    """Balances that hold the reaction of a stop."""
+    return _named(row.name for row in PARITIES if row.relation in known.stop.reactions)
+
+
+def _reading(*channels: str) -> Callable[[RelationSet], Columns]:
+    """Residuals that need all of these channels."""
+    columns = _named(row.name for row in RESIDUALS if set(channels) <= set(row.needs))
+    return lambda _: columns
+
+
+def _nothing(_: RelationSet) -> Columns:
+    return ()
+
+
+def _named(names: Iterable[str]) -> Columns:
+    return tuple(RESIDUAL_INDEX[name] for name in names)
+
+
+CONDITIONS: tuple[Condition, ...] = (
+    Condition(
+        "end_of_travel",
+        "near an end that it moved to, it stands, and the balance misses a force away from the end",
+        "core.conditions.end_of_travel",
+        _with_reaction,
+        LONGEST_S,
+    ),
+    Condition(
+        "saturated_drive",
+        "the command is at a limit of its range: the drive delivers what it can, not what is asked",
+        "stages.observer.condition_watch",
+        _reading("commanded_voltage"),
+    ),
+    Condition(
+        "slack_load_cell",
+        "the load cell reads zero within its noise although a load is commanded",
+        "",
+        _reading("load_force", "commanded_load"),
+    ),
+    Condition(
+        "untrusted_voltage",
+        "current and motion contradict a voltage that no command corroborates",
+        "stages.observer.voltage_trust",
+        _reading("motor_voltage"),
+    ),
+    Condition(
+        "stepped_position",
+        "a position step reads as a speed, and no encoder measures it",
+        "stages.observer.speed_trust",
+        _reading(SPEED),
+    ),
+    Condition(
+        "standing_against_push",
+        f"it stands under a push of {STALL:g} dry frictions: the relations hold, but the direction "
+        "of motion is that of the push",
+        "core.residuals.residual_bank",
+        _nothing,
+    ),
+)
+"""Every condition. No relation that is compiled holds load cell and commanded load: slack of the
+load cell voids none."""
+NAMED = {row.name: row for row in CONDITIONS}

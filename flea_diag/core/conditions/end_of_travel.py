@@ -1,0 +1,162 @@
+"""Watches a stream of scans for contact with the stops at the ends of travel."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.conditions.arrival import LOOKS_BACK, arrived, still
+from flea_diag.core.conditions.contact import Contact, Signs, following, missing_force
+from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual_rows import INDEX, RESIDUAL_INDEX, ResidualRows
+from flea_diag.core.residuals.stop import Stop
+from flea_diag.core.row_ring import RowRing
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+MOST_SCANS = 1024
+"""Most scans of a block."""
+STILL_SCANS = 10
+"""Scans over which a part in contact stands, but for a quarter of the width of its end."""
+SIGMAS = 3.0
+"""Sigmas of another unit's winding beyond which the back-EMF contradicts a standstill."""
+_ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
+_ENCODER = INDEX["motor_speed"]
+_CURRENT = "motor_current"
+
+
+class EndOfTravel:
+    """State of contact over a stream of scans, constant memory.
+
+    Away from the ends a block is looked at as a whole; near them scan by scan, up to the first
+    that changes the state. ``noise_v`` is the sigma of the electrical residual.
+    """
+
+    def __init__(
+        self,
+        known: RelationSet,
+        tolerance: UnitTolerance,
+        noise_v: float,
+        period_s: float,
+        settle_s: float,
+    ) -> None:
+        self._drag = known.functions["drag"]
+        self._current = known.signals.index(_CURRENT) if _CURRENT in known.signals else None
+        self._tolerance, self._noise_v = tolerance, noise_v
+        self._period_s, self._settle_s = period_s, settle_s
+        self.contact = Contact.FREE
+        self.side = 0
+        """End of the contact: -1 lower, 1 upper, 0 none so far."""
+        self._elapsed = 0
+        self._doubted: set[int] = set()
+        self.use(known.stop)
+
+    def use(self, stop: Stop) -> None:
+        """Watch the ends of this travel."""
+        self.stop = stop
+        self._bounds = stop.low_m, stop.high_m, stop.within_m
+        self._columns = [INDEX[name] for name in stop.channels if name in INDEX]
+        fixed = ((name, gain) for name, gain in stop.reactions.items() if math.isfinite(gain))
+        relation, gain = next(fixed, ("", math.nan))
+        self._gain, self._balance = gain, RESIDUAL_INDEX.get(relation, -1)
+        self._watches = stop.known and self._balance >= 0 and bool(self._columns)
+        self._recent = RowRing(len(self._columns) + 1, (MOST_SCANS + LOOKS_BACK,))
+        self.interrupt()
+
+    def interrupt(self) -> None:
+        """A gap in the stream: what was read before it says nothing of how it got here."""
+        self._recent.store[:] = np.nan
+
+    def step(
+        self, p: ActuatorParameters, rows: Array, residuals: ResidualRows, voltage_usable: Flags
+    ) -> int:
+        """Take n scans; the first that changes the state, or n. Nothing counts from there on."""
+        count = len(rows)
+        if not self._watches:
+            return count
+        readings = rows[:, self._columns]
+        start = self._recent.place(count)
+        taken = self._recent.store[start : start + count]
+        taken[:, :-1] = readings
+        taken[:, -1] = rows[:, _ENCODER] * (p.encoder_m_per_rad or math.nan)
+        if self.contact is Contact.FREE and not self._doubted and not self._any_near(readings):
+            self._elapsed += count
+            return count
+        recent = self._recent.store[start - LOOKS_BACK : start + count]
+        for k in range(count):
+            signs = self._signs(p, recent[k + 1 : k + 1 + LOOKS_BACK], residuals, voltage_usable, k)
+            then = following(self.contact, signs)
+            self._elapsed += 1
+            if then is not self.contact:
+                self.contact, self._elapsed = then, 0
+                self.side = signs.end or self.side
+                return k
+        return count
+
+    def _any_near(self, readings: Array) -> bool:
+        """Whether any reading is within an end; one scan is quicker without arrays."""
+        if len(readings) > 1:
+            return bool(self._ends(readings).any())
+        low, high, within = self._bounds
+        return any(abs(x - low) <= within or abs(x - high) <= within for x in readings[0].tolist())
+
+    def _ends(self, readings: Array) -> npt.NDArray[np.int64]:
+        """-1, 0 or 1 of each reading: which end it is within."""
+        stop = self.stop
+        low = np.abs(readings - stop.low_m) <= stop.within_m
+        return (np.abs(readings - stop.high_m) <= stop.within_m).astype(int) - low
+
+    def _signs(
+        self,
+        p: ActuatorParameters,
+        recent: Array,
+        residuals: ResidualRows,
+        voltage_usable: Flags,
+        k: int,
+    ) -> Signs:
+        """Evidence of scan k, the last of ``recent``."""
+        end, believed = self._believed_end(recent)
+        signals = residuals.signals[k].tolist()
+        _, dry_n = self._drag(p, signals)
+        current = math.nan if self._current is None else signals[self._current]
+        electrical = float(residuals.values[k, _ELECTRICAL])
+        bound = SIGMAS * math.hypot(
+            self._tolerance.voltage_offset_v,
+            self._tolerance.winding_resistance_ohm * (current - p.current_offset_a),
+            self._noise_v,
+        )
+        reaction = missing_force(
+            float(residuals.values[k, self._balance]),
+            self._gain,
+            end or self.side,
+            dry_n,
+        )
+        last = [recent[-STILL_SCANS:, c] for c in believed]
+        return Signs(
+            end,
+            still(last, 0.25 * self.stop.within_m),
+            reaction,
+            bool(voltage_usable[k]) and abs(electrical) > bound,
+            self._elapsed * self._period_s,
+            self._settle_s,
+        )
+
+    def _believed_end(self, recent: Array) -> tuple[int, list[int]]:
+        """The end that all believed channels are near, and these channels."""
+        ends = self._ends(recent[-1, :-1]).tolist()
+        for column, end in enumerate(ends):
+            value = recent[-1, column]
+            if not end:
+                # A missing reading is no sign that a doubted sensor has left the end.
+                if not math.isnan(value):
+                    self._doubted.discard(column)
+            elif not arrived(recent[:, column], recent[:, -1], self._period_s, self.stop.within_m):
+                self._doubted.add(column)
+        known = np.flatnonzero(np.isfinite(recent[-1, :-1])).tolist()
+        believed = [column for column in known if column not in self._doubted]
+        sides = {ends[column] for column in believed}
+        return (sides.pop() if len(sides) == 1 else 0), believed

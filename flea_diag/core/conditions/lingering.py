@@ -1,0 +1,29 @@
+"""A condition of single scans that lasts for as long as a smoothing kernel holds them."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Flags = npt.NDArray[np.bool_]
+
+
+class Lingering:
+    """Evidence in one scan counts for that scan and those after it, ``scans`` in all."""
+
+    def __init__(self, scans: int) -> None:
+        self._scans = scans
+        self._wait = 0
+
+    def step(self, evidence: Flags) -> Flags | None:
+        """Where it counts in n scans, shape (n,); None where in none."""
+        if not self._wait and not evidence.any():
+            return None
+        return np.array([self._counts(seen) for seen in evidence.tolist()])
+
+    def _counts(self, seen: bool) -> bool:
+        if seen:
+            self._wait = self._scans
+        counts = self._wait > 0
+        self._wait -= counts
+        return counts

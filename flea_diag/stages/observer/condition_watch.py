@@ -1,0 +1,144 @@
+"""Conditions that void relations on one stream of scans: what holds now, and since when.
+
+Judged here are the end of travel and the saturated drive; ``voltage_trust`` and ``speed_trust``
+judge conditions of their own. Contact holds from the scan that shows it, so a block ends before
+that scan.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.conditions.condition import NAMED
+from flea_diag.core.conditions.contact import LONGEST_S, Contact
+from flea_diag.core.conditions.end_of_travel import EndOfTravel
+from flea_diag.core.conditions.lingering import Lingering
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual_rows import INDEX, RESIDUALS, ResidualRows
+from flea_diag.core.smoothing import KERNEL_LENGTH
+from flea_diag.wire.records import (
+    END_OF_TRAVEL,
+    NEVER_NS,
+    ChannelQuality,
+    ChannelTable,
+    Quality,
+)
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Stamps = npt.NDArray[np.int64]
+
+_COMMAND = INDEX["commanded_voltage"]
+SIDES = {-1: "lower", 1: "upper"}
+SAID = (Contact.HELD, Contact.LEAVING, Contact.OVERDUE)
+"""States that are reported once there was contact."""
+UNKNOWN = (
+    "ends unknown: the description states no travel and no position channel a range, so a run "
+    "into a stop is taken for a fault; add travel to the actuator description"
+)
+UNSEEN = (
+    "ends not observable: no position channel of the moved part, so a run into a stop is taken "
+    "for a fault"
+)
+
+
+def at_limit(values: Array, low: float, high: float) -> Flags:
+    """Which values are at a limit of their range; not those that are missing."""
+    if len(values) == 1:
+        value = float(values[0])
+        return np.array([value <= low or value >= high])
+    return np.asarray((values <= low) | (values >= high))
+
+
+class ConditionWatch:
+    """The conditions of one stream."""
+
+    def __init__(self, calibration: Calibration, relations: RelationSet) -> None:
+        c = calibration
+        limit = c.limit("parity_electrical")
+        self._stop = relations.stop
+        self._columns = list(NAMED[END_OF_TRAVEL].columns(relations))
+        self._travel = EndOfTravel(
+            relations,
+            c.tolerance,
+            limit.sigma[0] if limit is not None else 0.0,
+            c.period_s,
+            KERNEL_LENGTH * c.period_s,
+        )
+        self._command = list(NAMED["saturated_drive"].columns(relations))
+        self._saturated = Lingering(KERNEL_LENGTH)
+        self._range = -math.inf, math.inf
+        self._void_drive: Flags | None = None
+        self._voids = self._held = False
+        self._since_ns = NEVER_NS
+        self.told = False
+        """Whether the last scan has changed what is reported."""
+
+    def take_ranges(self, table: ChannelTable) -> None:
+        """Take ends that the description does not state from the ranges of a channel table."""
+        ranges = {row.name: (row.minimum, row.maximum) for row in table.channels}
+        stop = self._stop.within(ranges)
+        if stop != self._travel.stop:
+            self._travel.use(stop)
+        self._range = ranges.get("commanded_voltage", self._range)
+
+    def interrupt(self) -> None:
+        """There is a gap before the next scan."""
+        self._travel.interrupt()
+
+    def step(
+        self,
+        p: ActuatorParameters,
+        stamps_ns: Stamps,
+        rows: Array,
+        residuals: ResidualRows,
+        voltage_usable: Flags,
+    ) -> int:
+        """Take n scans; the first that changes the state, or n."""
+        self._void_drive = self._saturated.step(at_limit(rows[:, _COMMAND], *self._range))
+        turn = self._travel.step(p, rows, residuals, voltage_usable)
+        contact, said = self._travel.contact, self._since_ns
+        if turn < len(rows):
+            begins = contact is Contact.HELD and said == NEVER_NS
+            self._since_ns = int(stamps_ns[turn]) if begins else said
+            self._since_ns = self._since_ns if contact in SAID else NEVER_NS
+        self.told = turn < len(rows) and (self._since_ns != said or contact is Contact.OVERDUE)
+        if turn == len(rows) or len(rows) == 1:
+            self._voids, self._held = contact.voids, contact is Contact.HELD
+        return turn
+
+    @property
+    def voids(self) -> bool:
+        """Whether the balances of the stopped part and the state observer are void."""
+        return self._voids
+
+    def leave_out(self, residuals: ResidualRows) -> None:
+        """Drop what is void; a part that its stop holds does not stand against a drag."""
+        if self._voids:
+            residuals.leave_out(np.ones(len(residuals), dtype=bool), self._columns)
+        if self._held:
+            residuals.moving[:] = False
+        if self._void_drive is not None and len(self._void_drive) == len(residuals):
+            residuals.leave_out(self._void_drive, self._command)
+
+    def states(self) -> tuple[ChannelQuality, ...]:
+        """The row of DataQuality: contact, or that its ends cannot be known."""
+        stop = self._travel.stop
+        if not stop.known:
+            words = UNSEEN if stop.low_m < stop.high_m else UNKNOWN
+            return (ChannelQuality(END_OF_TRAVEL, Quality.ABSENT, 0, words),)
+        if self._since_ns == NEVER_NS:
+            return ()
+        end_m = stop.low_m if self._travel.side < 0 else stop.high_m
+        words = f"at the {SIDES[self._travel.side]} end of its travel ({end_m:g} m)"
+        if self._travel.contact is Contact.OVERDUE:
+            words += f" for more than {LONGEST_S:g} s: all relations tested again"
+        else:
+            names = ", ".join(RESIDUALS[j].name for j in self._columns)
+            words += f": {names} and the state observer not tested"
+        return (ChannelQuality(END_OF_TRAVEL, Quality.SATURATED, self._since_ns, words),)

@@ -1,0 +1,47 @@
+"""The table of conditions: what each voids follows from the graph, and who judges it exists."""
+
+from __future__ import annotations
+
+import importlib
+
+import pytest
+
+from flea_diag.configuration.description import compiled_relations
+from flea_diag.core.conditions.condition import CONDITIONS, NAMED
+from flea_diag.core.residuals.residual_rows import RESIDUALS
+from flea_diag.stages.observer.speed_trust import SPEED_COLUMNS
+from flea_diag.stages.observer.voltage_trust import VOLTAGE_COLUMNS
+from flea_diag.wire.records import END_OF_TRAVEL
+
+FLEA = compiled_relations("actuator.yaml")
+
+
+def voided(name: str) -> list[str]:
+    return [RESIDUALS[j].name for j in NAMED[name].columns(FLEA)]
+
+
+@pytest.mark.parametrize("row", CONDITIONS, ids=lambda row: row.name)
+def test_a_row_is_judged_somewhere_or_voids_nothing(row: object) -> None:
+    name = row.judged_by
+    if name:
+        importlib.import_module(f"flea_diag.{name}")
+    else:
+        assert NAMED[row.name].columns(FLEA) == ()
+
+
+def test_the_end_of_travel_voids_the_balance_of_forces_and_its_normalised_form() -> None:
+    assert voided(END_OF_TRAVEL) == ["parity_mechanical", "parity_mechanical_dn"]
+    assert NAMED[END_OF_TRAVEL].longest_s is not None
+
+
+def test_a_saturated_drive_voids_what_holds_the_command() -> None:
+    assert voided("saturated_drive") == ["parity_drive"]
+
+
+def test_conditions_that_other_parts_judge_void_what_those_leave_out() -> None:
+    assert list(NAMED["untrusted_voltage"].columns(FLEA)) == VOLTAGE_COLUMNS
+    assert list(NAMED["stepped_position"].columns(FLEA)) == SPEED_COLUMNS
+
+
+def test_standing_against_a_push_voids_nothing() -> None:
+    assert voided("standing_against_push") == []

@@ -1,0 +1,58 @@
+"""Which relations the reaction of a stop enters follows from the graph."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from flea_diag.configuration.description import compiled_relations, described
+from flea_diag.core.residuals.residual import RELATIONS
+from flea_diag.core.residuals.stop import Stop, stop_of
+
+
+def test_the_balance_of_forces_holds_the_reaction_and_nothing_else_does() -> None:
+    """K i - m a - F - friction - R = 0: one newton of the stop moves the residual by one."""
+    stop = compiled_relations("actuator.yaml").stop
+    assert dict(stop.reactions) == {"parity_mechanical": pytest.approx(-1.0)}
+    assert stop.channels == ("actuator_position", "load_position")
+    assert (stop.low_m, stop.high_m, stop.within_m) == (0.0, 0.1, 0.002)
+
+
+def test_the_reaction_is_seen_through_a_gear_and_a_screw() -> None:
+    """The other actuator: its balance is at the screw's shaft, divided by the screw's ratio."""
+    stop = compiled_relations("actuator_wing.yaml").stop
+    assert dict(stop.reactions) == {"parity_mechanical": pytest.approx(-1.0)}
+    assert stop.channels == ("actuator_position",)
+
+
+def test_a_stop_beyond_the_load_cell_enters_no_relation() -> None:
+    model = described("actuator.yaml")
+    assert model.travel is not None
+    beyond = replace(model, travel=replace(model.travel, at="load_side"))
+    stop = stop_of(beyond, [name for name in RELATIONS if name in model.residuals])
+    assert dict(stop.reactions) == {}
+    assert stop.channels == ("load_position",)
+
+
+def test_ends_that_are_not_stated_come_from_the_range_of_a_position_channel() -> None:
+    stop = Stop(channels=("actuator_position", "load_position"))
+    assert not stop.known
+    assert not stop.within({"actuator_position": (-math.inf, 0.1)}).known
+    found = stop.within({"load_position": (0.0, 0.05), "motor_current": (-20.0, 20.0)})
+    assert found.known
+    assert (found.low_m, found.high_m, found.within_m) == (0.0, 0.05, pytest.approx(0.001))
+    wide = {"actuator_position": (-0.02, 0.12), "load_position": (0.0, 0.1)}
+    assert stop.within(wide).high_m == 0.1
+
+
+def test_stated_ends_are_kept() -> None:
+    stop = Stop(0.0, 0.1, 0.002, ("load_position",))
+    assert stop.within({"load_position": (0.0, 0.05)}) is stop
+
+
+def test_without_a_sensor_of_the_displacement_there_is_no_end_to_see() -> None:
+    model = described("actuator.yaml").with_sensors(["motor_current", "motor_voltage"])
+    assert stop_of(model, ()) == Stop(0.0, 0.1, 0.002)
+    assert not stop_of(model, ()).known

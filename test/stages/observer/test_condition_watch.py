@@ -1,0 +1,179 @@
+"""Runs into a stop on the simulated stand: what is void, what goes on, and what is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from support import stands
+from support.observed import BACKENDS
+from support.stand_runs import records
+
+from flea_diag.configuration import knowledge as of_stand
+from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.stand import load_stand
+from flea_diag.core.residuals.stop import Stop
+from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
+from flea_diag.stages.observer.condition_watch import UNKNOWN, UNSEEN, ConditionWatch
+from flea_diag.stages.observer.observer import ObserverStage
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
+from flea_diag.stages.pipeline import Pipeline
+from flea_diag.wire.blocks import ResidualBlock, ScanBlock
+from flea_diag.wire.records import (
+    END_OF_TRAVEL,
+    AmbiguityGroup,
+    ChannelInfo,
+    ChannelQuality,
+    ChannelTable,
+    DataQuality,
+    Detection,
+    Quality,
+    Record,
+    Residual,
+    Scan,
+)
+
+UPPER = {"kind": "triangle", "amplitude_m": 0.03, "frequency_hz": 0.2, "centre_m": 0.085}
+LOWER = {**UPPER, "centre_m": 0.015}
+NUT = {"stopped": "nut", "overtravel_m": 0.015}
+
+
+@cache
+def pressed(end: str = "upper") -> tuple[Record, ...]:
+    """Twelve seconds of a healthy unit that is commanded past one end, over and over."""
+    motion = UPPER if end == "upper" else LOWER
+    run = records(motion=motion, travel=NUT, duration_s=12.0, seed=18)
+    return tuple(r for r in run if isinstance(r, (ChannelTable, Scan)))
+
+
+def diagnosed(backend: str = "auto") -> Pipeline:
+    calibration = learned(load_stand())
+    known = of_stand.knowledge(load_stand(), calibration)
+    parameters = ObserverParameters(observer_backend=backend)
+    return Pipeline(
+        (
+            ObserverStage(calibration, known.effects, parameters),
+            IsolatorStage(known, IsolatorParameters()),
+        )
+    )
+
+
+@cache
+def told(end: str = "upper", backend: str = "auto") -> tuple[Record, ...]:
+    return tuple(stands.feed(diagnosed(backend), pressed(end)))
+
+
+def contacts(said: tuple[Record, ...]) -> list[ChannelQuality]:
+    """Its row in every DataQuality that has one."""
+    rows = [row for record in stands.of(DataQuality, said) for row in record.channels]
+    return [row for row in rows if row.channel == END_OF_TRAVEL]
+
+
+def touches_s(run: tuple[Record, ...], end_m: float) -> list[float]:
+    """When the true position comes to 0.2 mm of an end, by the encoder."""
+    scans = stands.of(Scan, run)
+    column = scans[0].channels.index("actuator_position")
+    near = np.array([abs(s.values[column] - end_m) < 0.2e-3 for s in scans])
+    begins = np.flatnonzero(near[1:] & ~near[:-1]) + 1
+    return [(scans[k].stamp_ns - scans[0].stamp_ns) / 1e9 for k in begins]
+
+
+@pytest.mark.parametrize(("end", "end_m"), [("upper", 0.1), ("lower", 0.0)])
+def test_contact_is_told_with_its_end_and_time_and_no_fault_is_called(
+    end: str, end_m: float
+) -> None:
+    first_ns = stands.of(Scan, pressed(end))[0].stamp_ns
+    rows = contacts(told(end))
+    since_s = sorted({(row.since_ns - first_ns) / 1e9 for row in rows})
+    touched_s = touches_s(pressed(end), end_m)
+    assert len(touched_s) >= 2
+    for touch_s in touched_s:
+        assert any(touch_s < begun_s < touch_s + 0.6 for begun_s in since_s)
+    assert all(row.quality is Quality.SATURATED and f"the {end} end" in row.reason for row in rows)
+    assert not stands.of(Detection, told(end))
+
+
+def test_the_end_of_the_contact_is_told() -> None:
+    """The last DataQuality of a run that has left its stop has no such row."""
+    with_row = [END_OF_TRAVEL in {row.channel for row in q.channels}
+                for q in stands.of(DataQuality, told())]  # fmt: skip
+    assert any(with_row)
+    assert not with_row[-1] or with_row.count(False) > 1
+
+
+def test_the_verdict_says_since_when() -> None:
+    words = [group.words for group in stands.of(AmbiguityGroup, told())]
+    assert any("at the upper end of its travel (0.1 m) since " in text for text in words)
+    assert "end of its travel" not in words[0]
+
+
+def test_only_the_balance_of_forces_and_the_innovations_are_void() -> None:
+    first_ns = contacts(told())[0].since_ns
+    during = [r for r in stands.of(Residual, told()) if 0 <= r.stamp_ns - first_ns < 200_000_000]
+    assert len(during) == 20
+    for residual in during:
+        void = {n for n, v in zip(residual.names, residual.values, strict=True) if np.isnan(v)}
+        known = set(residual.names) - void
+        assert {"parity_mechanical", "parity_mechanical_dn", "innovation_motor_speed"} <= void
+        assert {"parity_electrical", "parity_kinematic", "parity_drive", "parity_speed",
+                "motor_temperature", "actuator_position_stuck"} <= known  # fmt: skip
+        assert np.isfinite(residual.estimates).any()
+        assert not residual.health[-1]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("length", [7, 400])
+def test_blocks_give_the_records_of_single_scans(backend: str, length: int) -> None:
+    stage, run = diagnosed(backend), pressed()
+    scans = stands.of(Scan, run)
+    out = list(stage.handle(run[0]))
+    for start in range(0, len(scans), length):
+        part = scans[start : start + length]
+        block = ScanBlock(
+            np.array([s.stamp_ns for s in part]),
+            part[0].channels,
+            np.array([s.values for s in part]),
+        )
+        for made in stage.handle_block(block):
+            out += made.records() if isinstance(made, ResidualBlock) else [made]
+    out += stage.finish()
+    for kind in (Residual, DataQuality, AmbiguityGroup):
+        one, many = (list(map(repr, stands.of(kind, r))) for r in (told("upper", backend), out))
+        assert one == many
+
+
+def test_both_backends_find_the_same_contacts() -> None:
+    found = [contacts(told("upper", backend)) for backend in BACKENDS]
+    assert all(rows == found[0] for rows in found)
+
+
+@pytest.mark.parametrize("reading_m", [0.0, 0.1])
+def test_a_position_that_dies_at_an_end_is_no_contact(reading_m: float) -> None:
+    fault = {"fault": "actuator_position_dead", "onset_s": 8.0, "size": reading_m, "where": "daq"}
+    run = records(faults=[fault], duration_s=12.0, load={"constant_n": 150.0})
+    said = stands.feed(diagnosed(), [r for r in run if isinstance(r, (ChannelTable, Scan))])
+    assert contacts(tuple(said)) == []
+    assert "actuator_position_dead" in stands.members(stands.verdict(said))
+
+
+def watch(stop: Stop) -> ConditionWatch:
+    calibration = learned(load_stand())
+    known = of_stand.relations(load_stand(), calibration)
+    return ConditionWatch(calibration, replace(known, stop=stop))
+
+
+def test_a_description_without_travel_says_what_follows() -> None:
+    stop = Stop(channels=("actuator_position",), reactions={"parity_mechanical": -1.0})
+    lacking = watch(stop)
+    (row,) = lacking.states()
+    assert (row.channel, row.quality, row.reason) == (END_OF_TRAVEL, Quality.ABSENT, UNKNOWN)
+    ranged = ChannelInfo("actuator_position", "m", 0.0, 0.05, 100.0)
+    lacking.take_ranges(ChannelTable(0, "stand", (ranged,)))
+    assert lacking.states() == ()
+
+
+def test_a_travel_that_no_channel_reads_says_what_follows() -> None:
+    (row,) = watch(Stop(0.0, 0.1, 0.002)).states()
+    assert (row.quality, row.reason) == (Quality.ABSENT, UNSEEN)

@@ -1,0 +1,40 @@
+"""An episode closes after a time of quiet; while a condition voids relations there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flea_diag.core.detection.detection import TestResults
+from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX
+from flea_diag.stages.observer.detection_episode import DetectionEpisode
+
+SECOND_NS = 1_000_000_000
+MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
+
+
+def results(z: float, void: bool = False) -> TestResults:
+    found = TestResults.untested()
+    found.z[0, MECHANICAL], found.k[0, MECHANICAL], found.window[0, MECHANICAL] = z, 5.0, 50
+    found.void = void
+    return found
+
+
+@pytest.mark.parametrize(("void", "closes"), [(False, True), (True, False)])
+def test_an_untested_residual_is_quiet_unless_it_is_void(void: bool, closes: bool) -> None:
+    episode = DetectionEpisode(rearm_after_s=2.0)
+    assert episode.step(0, results(9.0))
+    for second in range(1, 6):
+        episode.step(second * SECOND_NS, results(np.nan, void))
+    assert episode.is_open is not closes
+
+
+def test_blocks_count_as_single_scans_do() -> None:
+    episode = DetectionEpisode(rearm_after_s=2.0)
+    episode.step(0, results(9.0))
+    stamps_ns = np.arange(1, 6) * SECOND_NS
+    many = TestResults.untested(5)
+    many.void = True
+    assert episode.follow(stamps_ns, many) == 5
+    many.void = False
+    assert episode.follow(stamps_ns + 5 * SECOND_NS, many) == 2
