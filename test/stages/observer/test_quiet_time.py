@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flea_diag.core.detection.detection import TestResults
+from flea_diag.core.detection import detection
 from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX
 from flea_diag.stages.observer.detection_episode import DetectionEpisode
 
@@ -13,8 +13,8 @@ SECOND_NS = 1_000_000_000
 MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
 
 
-def results(z: float, void: bool = False) -> TestResults:
-    found = TestResults.untested()
+def results(z: float, void: bool = False) -> detection.TestResults:
+    found = detection.TestResults.untested()
     found.z[0, MECHANICAL], found.k[0, MECHANICAL], found.window[0, MECHANICAL] = z, 5.0, 50
     found.void = void
     return found
@@ -33,7 +33,7 @@ def test_blocks_count_as_single_scans_do() -> None:
     episode = DetectionEpisode(rearm_after_s=2.0)
     episode.step(0, results(9.0))
     stamps_ns = np.arange(1, 6) * SECOND_NS
-    many = TestResults.untested(5)
+    many = detection.TestResults.untested(5)
     many.void = True
     assert episode.follow(stamps_ns, many) == 5
     many.void = False
