@@ -16,7 +16,7 @@ from typing import Any
 
 from flea_diag import __version__
 from flea_diag.errors import FleaError, line_of
-from flea_diag.wire.bags.budget import begin_command
+from flea_diag.wire.command_budget import begin_command
 
 MODULES = (
     "model.model",

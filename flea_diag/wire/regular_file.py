@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import IO
 
 from flea_diag.errors import InputError, RecordingError
+from flea_diag.wire.command_budget import current
 
 # Without O_NONBLOCK a FIFO would be waited for.
 _FLAGS = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY
@@ -24,23 +25,32 @@ def opened(
     """Open a regular file to be read in binary form.
 
     The limit is that of its size as it is opened; whoever reads on while it grows bounds that.
+    Its size is charged to the budget of the command.
 
     Raises
     ------
     InputError
-        ``refusal``: it is no regular file, or larger than the limit.
+        ``refusal``: it is no regular file, larger than the limit, or more than may be read.
     OSError
         The file cannot be opened.
     """
     descriptor = os.open(path, _FLAGS)
-    found = os.fstat(descriptor)
-    if not stat.S_ISREG(found.st_mode):
+    try:
+        _check(os.fstat(descriptor), path, limit_bytes)
+    except RecordingError as error:
         os.close(descriptor)
-        raise refusal(f"{path}: no regular file, it is not read: name a file on disk")
-    if limit_bytes is not None and found.st_size > limit_bytes:
-        os.close(descriptor)
-        raise refusal(_too_large(path, found.st_size, limit_bytes))
+        raise refusal(str(error)) from None
     return os.fdopen(descriptor, "rb")
+
+
+def _check(found: os.stat_result, path: Path, limit_bytes: int | None) -> None:
+    if not stat.S_ISREG(found.st_mode):
+        raise RecordingError(f"{path}: no regular file, it is not read: name a file on disk")
+    if limit_bytes is not None and found.st_size > limit_bytes:
+        raise RecordingError(_too_large(path, found.st_size, limit_bytes))
+    command = current()
+    if command is not None:
+        command.open(str(path), (found.st_dev, found.st_ino), found.st_size)
 
 
 def read_bytes(path: Path, limit_bytes: int, refusal: type[InputError] = RecordingError) -> bytes:

@@ -1,46 +1,31 @@
-"""Memory limits for reading one file: a few compressed bytes can unpack to any size.
+"""Limits for reading one file: a few compressed bytes can unpack to any size and number.
 
-``mcap_chunk`` bounds each chunk; this module bounds their sum, and the messages held back where
-chunks overlap in time. All files that a command reads share what is granted beyond their sizes.
+``mcap_chunk`` bounds each chunk; this module bounds their sum, the messages held back where
+chunks overlap in time, and the time that reading takes. Every file is charged to the budget of
+its command, too.
 """
 
 from __future__ import annotations
 
-import os
-from typing import NoReturn
+import time
 
 from flea_diag.errors import RecordingError
+from flea_diag.wire.command_budget import LIMITS, MEGABYTE, Quantity, current, least, refuse
 
-VARIABLE = "FLEA_BAG_LIMIT_MB"
-UNPACKED_MB = 1000
-RATIO = 1000
-"""Largest compression ratio of a file; recordings of a stand at rest come close to it."""
 STORAGE_RATIO = 100
-"""The same of an SQLite file, which packs less well and is unpacked onto the disk."""
+"""Compression ratio granted to an SQLite file, which packs less well and is unpacked on disk."""
 HELD_BYTES = 128 << 20
 MESSAGE_BYTES = 240
 """Memory overhead of a message in addition to its data."""
 SMALL_BYTES = 64 << 20
 """Limit for everything except messages: schemas, channels, attachments."""
-MEGABYTE = 1_000_000
-
-
-class _Command:
-    """Bytes that all files of a command were granted for their sizes, and have unpacked to."""
-
-    granted = unpacked = 0
-
-
-_COMMAND = _Command()
-
-
-def begin_command() -> None:
-    """Forget what was read before: a new command begins."""
-    _COMMAND.granted = _COMMAND.unpacked = 0
 
 
 class Budget:
     """Charged by the reader of one file before it unpacks, holds or keeps anything.
+
+    One pass over a file has one budget. CPU time runs from ``resume`` to ``spend``, in this
+    thread.
 
     Raises
     ------
@@ -48,30 +33,45 @@ class Budget:
         By every method if a limit is exceeded; the message names the limit.
     """
 
-    def __init__(self, name: str, size_bytes: int, ratio: int = RATIO) -> None:
+    def __init__(self, name: str, size_bytes: int, ratio: float | None = None) -> None:
         self._name = name
-        asked = os.environ.get(VARIABLE, "")
-        least_mb = int(asked) if asked.isdigit() and len(asked) < 10 else UNPACKED_MB
-        self._least = least_mb * MEGABYTE
-        self._limit = max(self._least, ratio * size_bytes)
-        _COMMAND.granted += ratio * size_bytes
-        self._unpacked = self._held = self._small = 0
+        self._command = current()
+        self._used = [0.0] * len(LIMITS)
+        self._most = [0.0] * len(LIMITS)
+        self._held = self._small = 0
+        self._from_s = 0.0
+        for quantity, limit in zip(Quantity, LIMITS, strict=True):
+            granted = size_bytes * limit.per_byte
+            if quantity is Quantity.UNPACKED and ratio is not None:
+                granted = size_bytes * ratio
+            self._most[quantity] = max(least(quantity), granted)
+            if self._command is not None:
+                self._command.grant(quantity, granted)
 
     def unpack(self, size_bytes: int) -> None:
         """Charge a chunk, message or part of a file before it is unpacked."""
-        self._unpacked += size_bytes
-        _COMMAND.unpacked += size_bytes
-        if self._unpacked > self._limit:
-            self._refuse("it unpacks", self._limit)
-        together = max(self._least, _COMMAND.granted)
-        if _COMMAND.unpacked > together:
-            self._refuse("with the files read before it unpacks", together)
+        self._charge(Quantity.UNPACKED, size_bytes)
 
-    def _refuse(self, what: str, limit: int) -> NoReturn:
-        raise RecordingError(
-            f"{self._name}: {what} to more than {limit / MEGABYTE:.0f} MB; "
-            f"if it is sound, raise the limit: {VARIABLE}=10000"
-        )
+    def count(self, messages: int) -> None:
+        """Charge messages, or other records of the file."""
+        self._charge(Quantity.MESSAGES, messages)
+
+    def resume(self) -> None:
+        """Begin to measure the time of this thread."""
+        self._from_s = time.thread_time()
+
+    def spend(self) -> None:
+        """Charge the time since ``resume`` or the last call."""
+        now_s = time.thread_time()
+        spent_s, self._from_s = now_s - self._from_s, now_s
+        self._charge(Quantity.SECONDS, spent_s)
+
+    def _charge(self, quantity: Quantity, amount: float) -> None:
+        self._used[quantity] += amount
+        if self._used[quantity] > self._most[quantity]:
+            refuse(self._name, quantity, self._most[quantity])
+        if self._command is not None:
+            self._command.charge(self._name, quantity, amount)
 
     def hold(self, data_bytes: int, messages: int = 1) -> None:
         """Charge messages that are held back."""

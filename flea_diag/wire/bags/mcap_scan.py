@@ -13,7 +13,7 @@ import os
 import struct
 from bisect import bisect_left
 from collections.abc import Iterator
-from itertools import islice
+from itertools import count, islice
 from operator import attrgetter
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -31,17 +31,26 @@ from flea_diag.wire.bags.mcap_chunk import (
     text,
 )
 from flea_diag.wire.bags.mcap_file import MAGIC
+from flea_diag.wire.bags.mcap_piece import (
+    CHUNK,
+    MESSAGE,
+    MESSAGE_HEAD,
+    PIECE_LIMIT_BYTES,
+    RECORD,
+    Piece,
+    Pieces,
+)
 from flea_diag.wire.regular_file import opened
 
-_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 1, 2, 3, 4, 5, 6, 9
-_RECORD = struct.Struct("<BQ")
-_MESSAGE_HEAD = struct.Struct("<HIQQ")
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _ATTACHMENT = 1, 2, 3, 4, 9
 _log_ns, _data = attrgetter("log_ns"), attrgetter("data")
 AT_ONCE = 256
-"""Messages that are charged to the budget together; one by one is measurably slower."""
+"""Records that are charged to the budget together; one by one is measurably slower."""
 _SMALL = (_SCHEMA, _CHANNEL, _ATTACHMENT)
 """Records that are kept as long as the file is open, also where they stand inside a chunk."""
 _SMALL_LIMIT_BYTES = 16 << 20
+MOST_LOSSES = 1000
+"""Losses that are described one by one."""
 
 
 class Schema(NamedTuple):
@@ -69,17 +78,6 @@ class McapMessage(NamedTuple):
     publish_ns: int
     channel: Channel
     data: bytes
-
-
-class _Piece(NamedTuple):
-    """A chunk, or a message outside of chunks."""
-
-    start_ns: int
-    end_ns: int
-    offset: int
-    size: int
-    opcode: int
-    whole: bool = True
 
 
 def _extent(messages: list[McapMessage]) -> tuple[int, int]:
@@ -123,52 +121,67 @@ class McapScan:
         self.indexed = False
         self.profile = ""
         self._schemas: dict[int, Schema] = {}
-        self._pieces: list[_Piece] = []
+        self._pieces = Pieces()
         try:
             with opened(path) as stream:
                 self._size = os.fstat(stream.fileno()).st_size
-                self._budget = Budget(path.name, self._size)
+                self._begin_pass()
                 self._find_pieces(stream)
                 self._find_channels(stream)
         except OSError as error:
             raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
 
+    def _lose(self, words: str) -> None:
+        if len(self.losses) < MOST_LOSSES:
+            self.losses.append(f"{self.path.name}: {words}")
+        elif len(self.losses) == MOST_LOSSES:
+            self.losses.append(f"{self.path.name}: more than {MOST_LOSSES} losses, not listed")
+
+    def _begin_pass(self) -> None:
+        self._budget = Budget(self.path.name, self._size)
+        self._budget.resume()
+
     def _find_pieces(self, stream: IO[bytes]) -> None:
         if stream.read(len(MAGIC)) != MAGIC:
             raise RecordingError(f"{self.path} is not an MCAP file: wrong magic bytes at its start")
-        while not self.complete:
+        for number in count():
+            if number % AT_ONCE == 0:
+                self._budget.spend()
             offset = stream.tell()
-            head = stream.read(_RECORD.size)
-            opcode, size = _RECORD.unpack(head) if len(head) == _RECORD.size else (0, 0)
+            head = stream.read(RECORD.size)
+            opcode, size = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
             if not opcode or size > self._size - stream.tell():
                 self._cut_off(stream, opcode, offset)
                 return
             try:
                 self._note(stream, opcode, size)
             except (DamageError, struct.error, UnicodeDecodeError) as error:
-                self.losses.append(f"{self.path.name}: record at byte {offset} lost: {error}")
-            stream.seek(offset + _RECORD.size + size)
+                self._lose(f"record at byte {offset} lost: {error}")
+            if self.complete:
+                return
+            stream.seek(offset + RECORD.size + size)
 
     def _cut_off(self, stream: IO[bytes], opcode: int, offset: int) -> None:
         """Report that the file is truncated; part of a truncated chunk can be recovered."""
-        words = f"{self.path.name}: no footer, the file ends at byte {self._size}"
+        words = f"no footer, the file ends at byte {self._size}"
         if offset == self._size:
-            self.losses.append(words)
+            self._lose(words)
             return
-        self.losses.append(f"{words} within a record that begins at byte {offset}")
+        self._lose(f"{words} within a record that begins at byte {offset}")
         start, left = stream.tell(), self._size - stream.tell()
-        if opcode == _CHUNK and left > CHUNK_HEAD.size:
-            start_ns, end_ns, _, _ = CHUNK_HEAD.unpack(stream.read(CHUNK_HEAD.size))
-            self._pieces.append(_Piece(start_ns, end_ns, start, left, opcode, whole=False))
+        if opcode == CHUNK and left > CHUNK_HEAD.size:
+            size = min(left, PIECE_LIMIT_BYTES)
+            self._pieces.add_chunk(stream.read(CHUNK_HEAD.size), start, size, whole=False)
 
     def _note(self, stream: IO[bytes], opcode: int, size: int) -> None:
         offset = stream.tell()
-        if opcode == _CHUNK:
-            start_ns, end_ns, _, _ = CHUNK_HEAD.unpack(stream.read(CHUNK_HEAD.size))
-            self._pieces.append(_Piece(start_ns, end_ns, offset, size, opcode))
-        elif opcode == _MESSAGE:
-            _, _, log_ns, _ = _MESSAGE_HEAD.unpack(stream.read(_MESSAGE_HEAD.size))
-            self._pieces.append(_Piece(log_ns, log_ns, offset, size, opcode))
+        if opcode in (CHUNK, MESSAGE) and size > PIECE_LIMIT_BYTES:
+            raise DamageError(f"{size} bytes, the limit is {PIECE_LIMIT_BYTES}")
+        if opcode == CHUNK:
+            self._pieces.add_chunk(stream.read(CHUNK_HEAD.size), offset, size)
+        elif opcode == MESSAGE:
+            head = stream.read(MESSAGE_HEAD.size)
+            self._pieces.add_message(head, offset - RECORD.size, RECORD.size + size)
         elif opcode in _SMALL:
             self._check_small(size)
             self._define(opcode, memoryview(stream.read(size)))
@@ -188,9 +201,10 @@ class McapScan:
         if self.channels and self.complete:
             return
         for piece in self._pieces:
-            if piece.opcode == _CHUNK:
+            if piece.opcode == CHUNK:
                 for _ in self._unpacked(stream, piece, quiet=True):
                     pass
+                self._budget.spend()
 
     def _define(self, opcode: int, body: memoryview) -> None:
         if opcode == _SCHEMA:
@@ -218,6 +232,7 @@ class McapScan:
         RecordingError
             The file unpacks to, or holds at one time, more than its budget, or is gone.
         """
+        self._begin_pass()
         try:
             yield from self._ordered()
         except OSError as error:
@@ -234,29 +249,43 @@ class McapScan:
                 yield from waiting[:due]
                 waiting = waiting[due:]
                 unpacked = self._unpacked(stream, piece)
+                self._budget.resume()
                 while part := list(islice(unpacked, AT_ONCE)):
+                    self._budget.count(len(part))
                     self._budget.hold(*_extent(part))
                     waiting += part
+                self._budget.spend()
                 waiting.sort(key=_log_ns)
         yield from waiting
 
     def _unpacked(
-        self, stream: IO[bytes], piece: _Piece, quiet: bool = False
+        self, stream: IO[bytes], piece: Piece, quiet: bool = False
     ) -> Iterator[McapMessage]:
         stream.seek(piece.offset)
         data = memoryview(stream.read(piece.size))
         try:
-            if piece.opcode == _MESSAGE:
-                yield self._message(data)
+            if piece.opcode == MESSAGE:
+                yield from self._run(data, piece.offset)
             else:
                 yield from self._records(chunk_data(data, self._budget, piece.whole))
         except (DamageError, struct.error, UnicodeDecodeError, IndexError) as error:
             if piece.whole and not quiet:
-                self.losses.append(f"{self.path.name}: rest of chunk at {piece.offset}: {error}")
+                self._lose(f"rest of chunk at {piece.offset}: {error}")
+
+    def _run(self, data: memoryview, offset: int) -> Iterator[McapMessage]:
+        """Messages outside of chunks; one that cannot be read loses no other."""
+        place = 0
+        while place < len(data):
+            _, size = RECORD.unpack_from(data, place)
+            begin, place = place + RECORD.size, place + RECORD.size + size
+            try:
+                yield self._message(data[begin:place])
+            except (DamageError, struct.error) as error:
+                self._lose(f"message at {offset + begin}: {error}")
 
     def _records(self, data: memoryview) -> Iterator[McapMessage]:
-        place = 0
-        end, head, opened = len(data), _RECORD.size, _RECORD.unpack_from
+        place = passed_over = 0
+        end, head, opened = len(data), RECORD.size, RECORD.unpack_from
         while place < end:
             opcode, size = opened(data, place)
             place += head
@@ -264,15 +293,19 @@ class McapScan:
                 raise DamageError(f"record of {size} bytes announced, {end - place} left")
             body = data[place : place + size]
             place += size
-            if opcode == _MESSAGE:
+            if opcode == MESSAGE:
                 yield self._message(body)
-            elif opcode in _SMALL:
+                continue
+            passed_over += 1
+            if passed_over % AT_ONCE == 0:
+                self._budget.count(AT_ONCE)
+            if opcode in _SMALL:
                 self._check_small(size)
                 self._define(opcode, body)
 
     def _message(self, body: memoryview) -> McapMessage:
-        number, _, log_ns, publish_ns = _MESSAGE_HEAD.unpack_from(body)
+        number, _, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(body)
         channel = self.channels.get(number)
         if channel is None:
             raise DamageError(f"message on undefined channel {number}")
-        return McapMessage(log_ns, publish_ns, channel, bytes(body[_MESSAGE_HEAD.size :]))
+        return McapMessage(log_ns, publish_ns, channel, bytes(body[MESSAGE_HEAD.size :]))

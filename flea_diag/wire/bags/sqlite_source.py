@@ -13,18 +13,22 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.bags.bag_description import BagDescription
-from flea_diag.wire.bags.budget import MEGABYTE, STORAGE_RATIO, Budget
+from flea_diag.wire.bags.budget import STORAGE_RATIO, Budget
 from flea_diag.wire.bags.mcap_chunk import CHUNK_LIMIT_BYTES, DamageError, unzstd
 from flea_diag.wire.bags.mcap_scan import Channel, McapMessage
+from flea_diag.wire.command_budget import MEGABYTE
 from flea_diag.wire.regular_file import opened
 
 TABLES = ("topics", "messages")
 MOST_TOPICS = 10_000
 LONGEST_NAME = 1000
 PART_BYTES = 1 << 20
+STEPS = 100_000
+"""Instructions of SQLite's machine, some milliseconds, after which its time is looked at."""
 
 
 class SqliteSource:
@@ -58,7 +62,7 @@ class SqliteSource:
         budget = Budget(file.name, file.stat().st_size, STORAGE_RATIO)
         query = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, rowid"
         bad = 0
-        for topic, log_ns, data in database.execute(query):
+        for topic, log_ns, data in _rows(database, query, budget):
             channel = self.channels.get((file, topic))
             if channel is None or type(log_ns) is not int or not isinstance(data, bytes):
                 bad += 1
@@ -141,6 +145,34 @@ def _check_tables(database: sqlite3.Connection) -> None:
         columns = database.execute(f"PRAGMA table_xinfo({table})") if plain else ()
         if not plain or any(hidden for *_, hidden in columns):
             raise RecordingError(f"{shown(table)} is not an ordinary table: its rows are computed")
+
+
+def _rows(database: sqlite3.Connection, query: str, budget: Budget) -> Iterator[tuple[Any, ...]]:
+    """Rows of a query, charged to the budget; the time before the first one, too."""
+    refused: list[RecordingError] = []
+
+    def over() -> bool:
+        try:
+            budget.spend()
+        except RecordingError as error:
+            refused.append(error)
+        return bool(refused)
+
+    budget.resume()
+    database.set_progress_handler(over, STEPS)
+    try:
+        rows = database.execute(query)
+        while (row := rows.fetchone()) is not None:
+            budget.count(1)
+            budget.spend()
+            yield row
+            budget.resume()
+    except sqlite3.OperationalError:
+        if refused:
+            raise refused[0] from None
+        raise
+    finally:
+        database.set_progress_handler(None, 0)
 
 
 def _topics(database: sqlite3.Connection) -> dict[int, Channel]:

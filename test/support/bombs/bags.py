@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import struct
 from pathlib import Path
@@ -45,6 +46,46 @@ def messages_of_nothing(folder: Path, chance: Random) -> Input:
     one = message(chance.randrange(8))
     packed = chunk(slow_channel() + one * several(1000, 2_000_000, chance))
     return _read(folder, chance, header() + packed * several(1, 5, chance) + end())
+
+
+def messages_of_nothing_in_order(folder: Path, chance: Random) -> Input:
+    """Nothing overlaps and nothing is held back; there are just millions of them."""
+    many = several(1000, 400_000, chance)
+    parts = []
+    for k in range(several(2, 100, chance)):
+        now_ns = TIME_NS + k
+        parts.append(chunk(slow_channel() + message(0, now_ns) * many, now_ns, now_ns))
+    return _read(folder, chance, header() + b"".join(parts) + end())
+
+
+def messages_outside_of_chunks(folder: Path, chance: Random) -> Input:
+    one = message(chance.randrange(8), TIME_NS + chance.randrange(2))
+    return _read(
+        folder, chance, header() + slow_channel() + one * several(1000, 1_500_000, chance) + end()
+    )
+
+
+def records_of_no_kind(folder: Path, chance: Random) -> Input:
+    """Millions of records that nobody knows, in chunks or outside."""
+    one = record(chance.choice((100, 200, 255)), b"")
+    many = one * several(1000, 7_000_000, chance)
+    packed = chunk(slow_channel() + many) * several(1, 20, chance)
+    return _read(folder, chance, header() + packed + one * several(1, 100_000, chance) + end())
+
+
+def damaged_chunks(folder: Path, chance: Random) -> Input:
+    """Each is a loss of its own."""
+    one = record(6, struct.pack("<QQQI", TIME_NS, TIME_NS, 100, 1) + text("") + bytes(8))
+    return _read(folder, chance, header() + slow_channel() + one * several(10, 200_000, chance))
+
+
+def a_hole_that_is_a_chunk(folder: Path, chance: Random) -> Input:
+    """A record of many gigabytes that take no room on the disk."""
+    size = several(100 * MEGABYTE, 1 << 40, chance)
+    head = struct.pack("<BQ", chance.choice((5, 6)), size)
+    found = _read(folder, chance, header() + slow_channel() + head)
+    os.truncate(folder / "bag" / "bag_0.mcap", size + 10_000)
+    return found
 
 
 def schemas_in_chunks(folder: Path, chance: Random) -> Input:
@@ -126,6 +167,8 @@ def rows_of_the_wrong_kind(folder: Path, chance: Random) -> Input:
 
 BAGS = rows(
     "bag", chunks_of_one_moment, chunks_in_order, chunks_that_span_all_time, messages_of_nothing,
+    messages_of_nothing_in_order, messages_outside_of_chunks, records_of_no_kind, damaged_chunks,
+    a_hole_that_is_a_chunk,
     schemas_in_chunks, channels_without_end, attachments, cut_within_chunks, sizes_that_lie,
     frames_within_frames, packed_rows, rows_of_the_wrong_kind,
 )  # fmt: skip

@@ -22,8 +22,8 @@ from support.bombs.mcap import (
 )
 from support.places import ROOT
 
-from flea_diag.wire.bags.budget import VARIABLE
 from flea_diag.wire.bags.mcap_chunk import CHUNK_LIMIT_BYTES
+from flea_diag.wire.command_budget import LIMITS
 
 MOST_MB = 500
 PATIENCE_S = 300.0
@@ -109,7 +109,8 @@ print("peak", peak.split()[1])
 def readers(bag: Path) -> tuple[list[int], str, float]:
     """Every command that reads a bag, on this one: exit statuses, output, peak memory in MB."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    environment.pop(VARIABLE, None)
+    for limit in LIMITS:
+        environment.pop(limit.variable, None)
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM, str(bag)],
         env=environment, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False,
