@@ -7,11 +7,23 @@ anything is made of it.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import yaml
+from yaml.composer import Composer
+from yaml.constructor import SafeConstructor
+from yaml.parser import Parser, ParserError
+from yaml.reader import Reader, ReaderError
+from yaml.resolver import Resolver
+from yaml.scanner import Scanner, ScannerError
 
 from flea_diag.errors import shown
+
+try:
+    from yaml.cyaml import CParser
+except ImportError:  # PyYAML was built without libyaml
+    CParser = None
 
 LARGEST_TEXT = 1 << 20
 """Characters."""
@@ -26,6 +38,7 @@ LONGEST_PROBLEM = 160
 
 # What Python makes of a date, number or tag that is none.
 _UNREADABLE = (ValueError, LookupError, AttributeError, TypeError, OverflowError)
+_SYNTAX = (ScannerError, ParserError, ReaderError, UnicodeEncodeError)
 _MERGE = "tag:yaml.org,2002:merge"
 _TEXTS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:binary")
 
@@ -40,11 +53,21 @@ class _Extent(NamedTuple):
 _SCALAR = _Extent(1, 1)
 
 
-class _BoundedLoader(yaml.SafeLoader):  # type: ignore[misc,unused-ignore]
-    """Composes no more than the limits of this module allow."""
+class PythonEvents(Reader, Scanner, Parser):  # type: ignore[misc,unused-ignore]
+    """Events of a text by PyYAML alone; libyaml, where it is there, is ten times as fast."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(text)
+        Reader.__init__(self, text)
+        Scanner.__init__(self)
+        Parser.__init__(self)
+
+
+class _BoundedLoader(Composer, SafeConstructor, Resolver):  # type: ignore[misc,unused-ignore]
+    """Composes no more than the limits of this module allow, from the events of either parser."""
+
+    def __init__(self) -> None:
+        for part in (Composer, SafeConstructor, Resolver):
+            part.__init__(self)
         self._composed = self._depth = 0
         self._extents: dict[yaml.Node, _Extent] = {}
 
@@ -94,6 +117,21 @@ class _BoundedLoader(yaml.SafeLoader):  # type: ignore[misc,unused-ignore]
             raise _refusal(f"{said} is no {kind}", node.start_mark) from error
 
 
+def loader_of(events: Any) -> Any:
+    """Class of loaders that take the events of this parser."""
+
+    class Loader(_BoundedLoader, events):  # type: ignore[misc,valid-type,unused-ignore]
+        def __init__(self, text: str) -> None:
+            events.__init__(self, text)
+            _BoundedLoader.__init__(self)
+
+    return Loader
+
+
+LOADERS = tuple(loader_of(events) for events in (CParser, PythonEvents) if events)
+"""The last one decides what is YAML and says why not: libyaml takes less of what is in brackets."""
+
+
 def _check_keys(nodes: list[Any]) -> None:
     """Each can be shown and stands there once: of two values the later would win in silence."""
     seen = set()
@@ -134,15 +172,22 @@ def parse_yaml(text: str) -> Any:
     if len(text) > LARGEST_TEXT:
         raise ValueError(f"{len(text)} characters, at most {LARGEST_TEXT} are read")
     try:
-        loader = _BoundedLoader(text)
-        try:
-            return loader.get_single_data()
-        finally:
-            loader.dispose()
+        for loader_type in LOADERS[:-1]:
+            with suppress(*_SYNTAX):
+                return _loaded(loader_type, text)
+        return _loaded(LOADERS[-1], text)
     except yaml.YAMLError as error:
         raise ValueError(_words(error)) from error
     except RecursionError as error:
         raise ValueError("nested too deep") from error
+
+
+def _loaded(loader_type: Any, text: str) -> Any:
+    loader = loader_type(text)
+    try:
+        return loader.get_single_data()
+    finally:
+        loader.dispose()
 
 
 def _words(error: yaml.YAMLError) -> str:

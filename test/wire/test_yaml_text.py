@@ -19,6 +19,7 @@ from flea_diag.configuration import calibrations, knowledge, screens
 from flea_diag.configuration.files import load_yaml
 from flea_diag.errors import ConfigurationError, RecordingError
 from flea_diag.tools.campaign.campaign import load_campaign
+from flea_diag.wire import yaml_text
 from flea_diag.wire.bags.bag_description import BagDescription, described, description
 from flea_diag.wire.bags.bag_reader import BagReader
 from flea_diag.wire.yaml_text import parse_yaml
@@ -161,6 +162,41 @@ def test_an_error_shows_one_value_and_nothing_around_it(name: str) -> None:
     assert secret not in said
     assert said.isprintable()
     assert len(said) < 250
+
+
+def by_python(text: str) -> object:
+    """As ``parse_yaml`` without libyaml."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(yaml_text, "LOADERS", yaml_text.LOADERS[-1:])
+        return parse_yaml(text)
+
+
+SLOW = ("many lists", "many values", "many keys", "many aliases of nothing much")
+"""Of 100 000 values each, which take Python's parser seconds."""
+
+
+@pytest.mark.parametrize("name", [name for name in (*BOMBS, *SHOWN, *BAD) if name not in SLOW])
+def test_both_parsers_refuse_in_the_same_words(name: str) -> None:
+    text = BAD[name] if name in BAD else {**BOMBS, **SHOWN}[name][0]
+    said = []
+    for parse in (parse_yaml, by_python):
+        with pytest.raises(ValueError, match=r".") as caught:
+            parse(text)
+        said.append(str(caught.value))
+    assert said[0] == said[1]
+
+
+def test_both_parsers_read_the_same_of_every_file_that_is_shipped() -> None:
+    assert len(yaml_text.LOADERS) == 2
+    files = [*(ROOT / "config").rglob("*.yaml"), *(ROOT / "bags").rglob("metadata.yaml")]
+    assert len(files) > 20
+    for file in files:
+        text = file.read_text()
+        assert repr(parse_yaml(text)) == repr(by_python(text)) == repr(yaml.safe_load(text))
+
+
+def test_what_libyaml_refuses_and_yaml_allows_is_read() -> None:
+    assert parse_yaml("[a:, b]") == by_python("[a:, b]") == [{"a": None}, "b"]
 
 
 def test_no_other_reader_of_yaml_is_left() -> None:

@@ -7,7 +7,7 @@ twice in one scan the later value would be used, and a healthy stand would appea
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from operator import attrgetter
 from typing import Any
 
 from flea_diag.errors import WireError, shown
@@ -16,26 +16,31 @@ from flea_diag.wire import records as r
 Names = tuple[str, ...]
 
 
-@lru_cache(maxsize=256)
+MOST_KNOWN = 256
+_known: dict[int, Names] = {}
+"""Lists of names in which each is unique, by identity: a stream repeats the very same list."""
+
+
 def twice(names: Names) -> str:
     """The first name that occurs twice, "" if none does."""
+    if _known.get(id(names)) is names:
+        return ""
     seen: set[str] = set()
     for name in names:
         if name in seen:
             return name
         seen.add(name)
+    if len(_known) >= MOST_KNOWN:
+        _known.clear()
+    _known[id(names)] = names
     return ""
 
 
 _NAMES: dict[type, tuple[Callable[[Any], Names], ...]] = {
-    r.Scan: (lambda scan: scan.channels,),
-    r.VibrationBlock: (lambda block: block.axes,),
-    r.VibrationLevel: (lambda level: level.axes,),
-    r.Residual: (
-        lambda residual: residual.names,
-        lambda residual: residual.regressor_names,
-        lambda residual: residual.estimated,
-    ),
+    r.Scan: (attrgetter("channels"),),
+    r.VibrationBlock: (attrgetter("axes"),),
+    r.VibrationLevel: (attrgetter("axes"),),
+    r.Residual: tuple(map(attrgetter, ("names", "regressor_names", "estimated"))),
     r.ChannelTable: (lambda table: tuple(row.name for row in table.channels),),
     r.DataQuality: (lambda quality: tuple(row.channel for row in quality.channels),),
     r.Symbols: (lambda symbols: tuple(row.residual for row in symbols.symbols),),
@@ -44,6 +49,7 @@ _NAMES: dict[type, tuple[Callable[[Any], Names], ...]] = {
 }
 """Record -> its lists of names, in each of which names must be unique."""
 
+_JUDGEMENTS = (r.AmbiguityGroup, r.Hypotheses)
 SEPARATOR = ", "
 """Not in the name of a fault: it separates the names in a list of members."""
 
@@ -58,10 +64,16 @@ def check(record: Any) -> None:
     """
     if record.stamp_ns < 0:
         raise WireError(f"stamp {record.stamp_ns} ns is before 1970: set the clock of its source")
-    for names_of in _NAMES.get(type(record), ()):
+    kind = type(record)
+    for names_of in _NAMES.get(kind, ()):
         name = twice(names_of(record))
         if name:
             raise WireError(f"the name {shown(name)} occurs twice, names must be unique")
-    for fault in (row.fault for row in getattr(record, "members", ())):
+    if kind in _JUDGEMENTS:
+        _check_faults(record)
+
+
+def _check_faults(record: Any) -> None:
+    for fault in (row.fault for row in record.members):
         if not fault or SEPARATOR in fault:
             raise WireError(f"the fault {shown(fault)} is no name: without comma, and not empty")
