@@ -59,7 +59,14 @@ class CalibrationError(InputError):
 
 
 class WireError(InputError):
-    """A message does not contain a valid record of its topic."""
+    """A message does not contain a valid record of its topic.
+
+    ``kind`` is one of ``layout``, ``size``, ``stamp``, ``names``: messages are counted by it.
+    """
+
+    def __init__(self, words: str, kind: str = "layout") -> None:
+        super().__init__(words)
+        self.kind = kind
 
 
 class ModelError(FleaError):

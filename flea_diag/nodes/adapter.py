@@ -15,6 +15,7 @@ from typing import Any, Protocol
 from flea_diag import __version__
 from flea_diag.nodes.compile_progress import CompileProgress
 from flea_diag.nodes.health import HealthReport
+from flea_diag.nodes.malformed import with_malformed
 from flea_diag.nodes.record_log import RecordLog
 from flea_diag.nodes.stand_diagnostics import MIRRORED, mirrored
 from flea_diag.nodes.verdict import NumberedVerdict
@@ -181,6 +182,9 @@ class Adapter:
         """Stream records received since their stamps stepped back, in order of arrival."""
         self._said_once: dict[type, Record] = {}
         self._mirrored: dict[type, Record] = {}
+        self._quality: DataQuality | None = None
+        """Data quality as the stage last said it."""
+        self._malformed_said = 0
         self._memory = memory
         kept = memory.recall()
         if kept is not None:
@@ -210,10 +214,24 @@ class Adapter:
                 if AmbiguityGroup in self._stage.consumes:
                     self._said_once[AmbiguityGroup] = record
                 self._publish_verdict(record)
+            elif isinstance(record, DataQuality):
+                self._quality = record
+                record = self._publish_quality(record)
             else:
                 self._bus.publish(record)
             self._log.add(record)
             self._mirror(record)
+
+    def _publish_quality(self, quality: DataQuality) -> DataQuality:
+        """Publish data quality with what this node could not read, and return that."""
+        whole = with_malformed(quality, self._bus.streams.values())
+        self._malformed_said = self._malformed
+        self._bus.publish(whole)
+        return whole
+
+    @property
+    def _malformed(self) -> int:
+        return sum(stream.malformed for stream in self._bus.streams.values())
 
     def _publish_verdict(self, group: AmbiguityGroup) -> None:
         for record in self._verdict.messages(group, self._bus.stand):
@@ -269,6 +287,7 @@ class Adapter:
     def _start_afresh(self) -> None:
         self._stage = self._build(self._parameters)
         self._verdict.forget()
+        self._quality = None
         self._latest_ns.clear()
         self._mirrored.clear()
         for kind in SAID_ONCE:
@@ -305,6 +324,8 @@ class Adapter:
             self._mirror(changed)
 
     def _repeat(self) -> None:
+        if self._quality is not None and self._malformed > self._malformed_said:
+            self._mirror(self._publish_quality(self._quality))
         again = self._verdict.again()
         if again is not None:
             self._publish_verdict(again)

@@ -7,12 +7,15 @@ from collections.abc import Iterator
 import pytest
 from support.live import Peer, Process, toy
 
+from flea_diag.wire.messages.codec import encode
 from flea_diag.wire.records import (
     AmbiguityGroup,
+    DataQuality,
     Health,
     Hypotheses,
     Level,
     Outcome,
+    Quality,
     Residual,
     Scan,
 )
@@ -176,6 +179,29 @@ def test_what_cannot_be_used_is_counted_and_passed_over(stand: Stand) -> None:
     assert values["sensors/slow/refused"] == "1"
     assert float(values["memory_mb"]) > 5
     assert float(values["cpu_percent"]) >= 0
+
+
+def test_what_cannot_be_used_is_in_data_quality_by_its_kind(stand: Stand) -> None:
+    peer = stand.peer
+    peer.listen(DataQuality)
+    stand.scan(1.0)
+    sound = peer.find(lambda r: isinstance(r, DataQuality))
+    assert [row.channel for row in sound.channels] == ["motor_current"]
+    now_ns = stand.stamp_ns + PERIOD_NS
+    before_1970 = Scan(-5, ("motor_current",), (1.0,))
+    twice = Scan(now_ns, ("motor_current",) * 2, (1.0, 2.0))
+    for wrong in (before_1970, twice, twice):
+        peer.bus.publish_raw(Scan, encode(wrong))
+    peer.bus.publish_raw(Scan, b"\x00\x01\x00\x00\xff\xff\xff\xff")
+    counted = (("layout", 1), ("names", 2), ("stamp", 1))
+    said = peer.find(lambda r: isinstance(r, DataQuality) and r.channels[-1].counters == counted)
+    row = said.channels[-1]
+    assert (row.channel, row.quality) == ("sensors/slow/malformed", Quality.GOOD)
+    assert row.reason == "4 messages skipped: 1 by layout, 2 by names, 1 by stamp"
+    assert said.stamp_ns == sound.stamp_ns
+    stand.scan(9.0)
+    again = peer.find(lambda r: isinstance(r, DataQuality) and r.stamp_ns > sound.stamp_ns)
+    assert again.channels[-1] == row
 
 
 def test_health_says_what_it_waits_for(stand: Stand) -> None:

@@ -7,9 +7,9 @@ cost one memcpy, whereas a message object costs up to 1 ms.
 from __future__ import annotations
 
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 from flea_diag.errors import FleaError, InputError, WireError
@@ -38,11 +38,17 @@ changes may arrive in a burst, of which a reader with one slot would lose all bu
 
 @dataclass
 class Subscription:
-    """Counters of one subscription: messages received, and messages skipped by reason."""
+    """Counters of one subscription: messages received, and messages skipped by reason.
+
+    ``kinds`` counts the malformed ones by the kind of their error, ``malformed_ns`` is the time of
+    the first.
+    """
 
     topic: Topic
     received: int = 0
     malformed: int = 0
+    malformed_ns: int = 0
+    kinds: Counter[str] = field(default_factory=Counter)
     refused: int = 0
     lost: int = 0
 
@@ -197,6 +203,8 @@ class Bus(NodeLog, Generic[P]):
                 take(data)
             except WireError as error:
                 stream.malformed += 1
+                stream.kinds[error.kind] += 1
+                stream.malformed_ns = stream.malformed_ns or self.now_ns()
                 self.warn(f"{topic.name}: message skipped: {error}")
             except InputError as error:
                 stream.refused += 1

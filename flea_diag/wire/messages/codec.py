@@ -65,7 +65,7 @@ def decode(record_type: type[R], data: bytes | memoryview) -> R:
         record = CARRIERS[message].decode(record_type, CdrReader(view))
         gate.check(record)
     except WireError as error:
-        raise WireError(f"{record_type.__name__}: {error}") from None
+        raise WireError(f"{record_type.__name__}: {error}", error.kind) from None
     return cast(R, record)
 
 
@@ -92,5 +92,6 @@ def _check_size(record_type: type, message: str, size: int) -> None:
     if size > limit:
         raise WireError(
             f"{record_type.__name__} of {size} bytes is above the limit of {limit} bytes "
-            f"for a {message}"
+            f"for a {message}",
+            "size",
         )

@@ -63,12 +63,14 @@ def check(record: Any) -> None:
         A stamp or name is invalid; the message names it.
     """
     if record.stamp_ns < 0:
-        raise WireError(f"stamp {record.stamp_ns} ns is before 1970: set the clock of its source")
+        words = f"stamp {record.stamp_ns} ns is before 1970: set the clock of its source"
+        raise WireError(words, "stamp")
     kind = type(record)
     for names_of in _NAMES.get(kind, ()):
         name = twice(names_of(record))
         if name:
-            raise WireError(f"the name {shown(name)} occurs twice, names must be unique")
+            words = f"the name {shown(name)} occurs twice, names must be unique"
+            raise WireError(words, "names")
     if kind in _JUDGEMENTS:
         _check_faults(record)
 
@@ -76,4 +78,5 @@ def check(record: Any) -> None:
 def _check_faults(record: Any) -> None:
     for fault in (row.fault for row in record.members):
         if not fault or SEPARATOR in fault:
-            raise WireError(f"the fault {shown(fault)} is no name: without comma, and not empty")
+            words = f"the fault {shown(fault)} is no name: without comma, and not empty"
+            raise WireError(words, "names")

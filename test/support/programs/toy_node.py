@@ -16,8 +16,11 @@ from flea_diag.wire.records import (
     NEVER_NS,
     AmbiguityGroup,
     Candidate,
+    ChannelQuality,
+    DataQuality,
     Hypotheses,
     Outcome,
+    Quality,
     Record,
     Residual,
     Scan,
@@ -53,7 +56,9 @@ class ToyStage:
         if outcome == self._outcome:
             return (residual,)
         self._outcome = outcome
-        return (residual, self._group(record.stamp_ns, outcome))
+        sound = ChannelQuality("motor_current", Quality.GOOD, 1, "")
+        quality = DataQuality(record.stamp_ns, (sound,))
+        return (quality, residual, self._group(record.stamp_ns, outcome))
 
     def finish(self) -> tuple[Record, ...]:
         """Say once how many scans there were, as a stage lets go what it held back."""
@@ -108,5 +113,7 @@ class Toy:
 
 
 if __name__ == "__main__":
-    ports = StagePorts(subscribes=(Scan,), publishes=(Residual, Hypotheses, AmbiguityGroup))
+    ports = StagePorts(
+        subscribes=(Scan,), publishes=(DataQuality, Residual, Hypotheses, AmbiguityGroup)
+    )
     sys.exit(run(lambda: stage_program("toy", "A toy.", Toy, ports, ("an example",))))
