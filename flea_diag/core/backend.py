@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from types import FunctionType
 from typing import Any
 
+from flea_diag.core.compile_cache import guard
 from flea_diag.errors import ConfigurationError
 
 BACKENDS = ("auto", "numpy", "numba")
@@ -100,7 +101,8 @@ def _compiled(
     for part in parts:
         register_jitable(forceinline=True, **options)(part)
     try:
-        result: Callable[..., Any] = numba.njit(cache=True, **options)(_named(function, parts))
+        made = numba.njit(cache=True, **options)(_named(function, parts))
+        result: Callable[..., Any] = guard(made)
     except (RuntimeError, OSError):  # nowhere to keep a cache: a read-only installation
         result = numba.njit(**options)(function)
     return result
