@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
+from flea_diag.errors import shown
+
 CPUINFO = Path("/proc/cpuinfo")
 IDENTITY = ("vendor_id", "cpu family", "model")
 """Fields of the processor description by which BLAS selects its kernels."""
+CHOOSING = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "GLIBC_TUNABLES")
+"""Set by hand, they choose what numba compiles for, and the variants of sin and exp."""
 
 
 def numeric_backend() -> str:
     """Backend for which a digest is valid, e.g. ``numpy 2.4.6, …, GenuineIntel 6 106``."""
-    return f"{_libraries()}, {_processor(CPUINFO)}"
+    return ", ".join((_libraries(), *_instructions_chosen(), _processor(CPUINFO)))
+
+
+def _instructions_chosen() -> list[str]:
+    """Settings of the environment by which others than the processor's own instructions run."""
+    return [f"{name}={shown(os.environ[name])}" for name in CHOOSING if os.environ.get(name)]
 
 
 @cache

@@ -9,6 +9,7 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support.places import ROOT
 
@@ -56,6 +57,28 @@ def test_other_kernels_of_blas_are_another_backend() -> None:
     }  # fmt: skip
     for kernel, name in told.items():
         assert f"openblas {kernel}" in name
+
+
+def test_instructions_chosen_by_hand_are_another_backend(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = numeric_backend.numeric_backend()
+    monkeypatch.setenv("NUMBA_CPU_NAME", "gen\x1beric")
+    told = numeric_backend.numeric_backend()
+    assert r"NUMBA_CPU_NAME='gen\x1beric'" in told
+    assert told.startswith(before.rpartition(", ")[0])
+
+
+def test_instructions_that_numpy_may_not_use_are_another_backend() -> None:
+    found = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
+    if not found:
+        pytest.skip("numpy uses nothing beyond its baseline here")
+    program = "from flea_diag.tools.numeric_backend import *; print(numeric_backend())"
+    environment = {**os.environ, "NPY_DISABLE_CPU_FEATURES": found[-1], "PYTHONPATH": str(ROOT)}
+    told = subprocess.run(
+        [sys.executable, "-c", program],
+        env=environment, cwd=ROOT, capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    assert f" {found[-1]}," in numeric_backend.numeric_backend()
+    assert f" {found[-1]}," not in told
 
 
 @pytest.mark.parametrize("text", [None, "", "Hardware : of another kind\n"])

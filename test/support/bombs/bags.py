@@ -59,10 +59,11 @@ def messages_of_nothing_in_order(folder: Path, chance: Random) -> Input:
 
 
 def messages_outside_of_chunks(folder: Path, chance: Random) -> Input:
-    one = message(chance.randrange(8), TIME_NS + chance.randrange(2))
-    return _read(
-        folder, chance, header() + slow_channel() + one * several(1000, 1_500_000, chance) + end()
+    """As large as they look: it is the memory of each that counts."""
+    many = message(chance.randrange(8), TIME_NS + chance.randrange(2)) * several(
+        1000, 600_000, chance
     )
+    return _read(folder, chance, header() + slow_channel() + many + end())
 
 
 def records_of_no_kind(folder: Path, chance: Random) -> Input:
