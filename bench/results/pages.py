@@ -78,7 +78,7 @@ PAGES = (
         "Reliability",
         "Disturbed, interrupted and damaged input, full disks, killed processes and long runs, all "
         "on the simulated stand.",
-        ("lossy", "disk", "fuzz", "bombs", "flood", "kill", "soak"),
+        ("lossy", "disk", "fuzz", "bombs", "gates", "flood", "kill", "soak"),
     ),
 )  # fmt: skip
 
