@@ -15,7 +15,7 @@ from flea_diag.configuration.files import found_file, load_yaml, parsed, text_of
 from flea_diag.core.bond_graph.actuator import Actuator
 from flea_diag.core.bond_graph.actuator import actuator as read_actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
-from flea_diag.core.faults.fault import Fault, catalogue
+from flea_diag.core.faults.fault import Fault, catalogue, of_sensors
 from flea_diag.core.likelihood.effect_set import EffectSet, effect_set
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.parity import parity_relation
@@ -135,8 +135,7 @@ def _compiled(
 def _catalogue(actuator: _Text, faults: _Text, channels: tuple[str, ...]) -> Mapping[str, Fault]:
     """Catalogue without the faults of sensors that a stand does not have."""
     rows = catalogue(parsed(faults.text, faults.path), _described(*actuator), str(faults.path))
-    known = {n: row for n, row in rows.items() if not row.channel or row.channel in channels}
-    return MappingProxyType(known)
+    return MappingProxyType(of_sensors(rows, channels))
 
 
 @lru_cache(maxsize=8)

@@ -62,7 +62,7 @@ def test_a_description_whose_sensors_close_no_relation_says_what_is_missing(
         for name, row in content["residuals"].items()
         if name in ("parity_electrical", "parity_mechanical")
     }
-    content["predicted"] = {}
+    content["predicted"] = content["travel"] = {}
     content["models"] = {"stand": {}}
     content["operating_point"]["hold"] = {"motor_current": 1.0}
     content["operating_point"]["by"] = ["commanded_voltage"]

@@ -10,6 +10,7 @@ import numpy as np
 from flea_diag.configuration import knowledge as of_stand
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import Calibration, NominalRun
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import UNITS
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
 from flea_diag.stages.observer.observer import ObserverStage
@@ -38,6 +39,11 @@ def calibration(channels: tuple[str, ...] = ema.STAND) -> Calibration:
 
 
 @lru_cache(maxsize=2)
+def relations(channels: tuple[str, ...] = ema.STAND) -> RelationSet:
+    """What runs on a stand with these channels."""
+    return of_stand.relations(STAND, calibration(channels))
+
+
 def knowledge(channels: tuple[str, ...] = ema.STAND) -> Knowledge:
     """What the isolator knows of that stand."""
     return of_stand.knowledge(STAND, calibration(channels))

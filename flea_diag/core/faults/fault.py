@@ -5,7 +5,7 @@ A fault is a set of alternatives; an alternative is a set of simultaneous deviat
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -132,6 +132,13 @@ def catalogue(content: Any, actuator: Actuator, where: str = "faults.yaml") -> d
             made = _sensor_fault(name, channel, mode, row, f"{where}: sensor mode {shown(mode)}")
             found[name] = replace(made, errors=errors.get(channel, UNBOUNDED))
     return found
+
+
+def of_sensors(faults: Mapping[str, Fault], channels: Collection[str]) -> dict[str, Fault]:
+    """The catalogue without the faults of sensors that are not among these channels."""
+    return {
+        n: fault for n, fault in faults.items() if not fault.channel or fault.channel in channels
+    }
 
 
 def _fault(name: str, row: Any, actuator: Actuator, where: str) -> Fault:

@@ -189,10 +189,10 @@ def _fitted(arguments: argparse.Namespace, whole: Actuator) -> list[str]:
 
 def _faults(model: Actuator, arguments: argparse.Namespace) -> dict[str, Fault]:
     from flea_diag.configuration.files import load_yaml
-    from flea_diag.core.faults.fault import catalogue
+    from flea_diag.core.faults.fault import catalogue, of_sensors
 
     path = _stand(arguments).faults
-    known = catalogue(load_yaml(path), model, path.name)
+    known = of_sensors(catalogue(load_yaml(path), _whole(arguments), path.name), model.sensors)
     for name in arguments.fault or ():
         if name not in known:
             raise ConfigurationError(f"--fault {name} is unknown: choose of {', '.join(known)}")

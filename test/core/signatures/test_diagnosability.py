@@ -10,7 +10,7 @@ import pytest
 from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS
-from flea_diag.core.faults.fault import Fault, catalogue, hypothesis
+from flea_diag.core.faults.fault import Fault, catalogue, hypothesis, of_sensors
 from flea_diag.core.signatures.diagnosability import (
     Diagnosability,
     diagnosability,
@@ -112,8 +112,7 @@ def test_recorded_channels_alone(flea: Actuator) -> None:
     few = flea.with_sensors(RECORDED)
     assert "parity_mechanical" in usable_residuals(few)
     assert "parity_kinematic" not in usable_residuals(few)
-    whole = catalogue(load_yaml("faults.yaml"), flea)
-    rows = {n: row for n, row in whole.items() if not row.channel or row.channel in few.sensors}
+    rows = of_sensors(catalogue(load_yaml("faults.yaml"), flea), few.sensors)
     found = diagnosability(few, rows, period_s=PERIOD)
     assert set(found.ambiguity["jam"]) == {"jam", "spall", "ball_nut_friction"}
     # The only position sensor: its bias shows in its own residual and in no relation.

@@ -116,14 +116,16 @@ ESTIMATES: dict[int, StateEstimate] = {}
 
 
 def innovations(row: np.ndarray) -> list[float]:
-    estimate = ESTIMATES.setdefault(0, StateEstimate(stands.calibration(), "particle", 1, "numpy"))
+    estimate = ESTIMATES.setdefault(
+        0, StateEstimate(stands.calibration(), stands.relations(), "particle", 1, "numpy")
+    )
     values = np.full((1, len(RESIDUALS)), np.nan)
     estimate.step(row[None], USABLE, False, values)
     return values[0, INNOVATION_COLUMNS].tolist()
 
 
 def test_innovations_are_silent_once_frozen_and_begin_anew_afterwards():
-    estimate = StateEstimate(stands.calibration(), "kalman", 1, "numpy")
+    estimate = StateEstimate(stands.calibration(), stands.relations(), "kalman", 1, "numpy")
     values = np.full((1, len(RESIDUALS)), np.nan)
     table = open_loop(healthy(6.0))
     for k, row in enumerate(table):
@@ -137,7 +139,7 @@ def test_innovations_are_silent_once_frozen_and_begin_anew_afterwards():
 
 def test_a_track_lost_to_a_fault_is_not_told_of_while_frozen():
     """Else the lost track would grow as old as the episode, and its end be a model mismatch."""
-    estimate = StateEstimate(stands.calibration(), "kalman", 1, "numpy")
+    estimate = StateEstimate(stands.calibration(), stands.relations(), "kalman", 1, "numpy")
     values = np.full((1, len(RESIDUALS)), np.nan)
     table = open_loop(healthy(8.0))
     table[400:, CHANNELS.index("actuator_position")] += 0.02
@@ -152,7 +154,7 @@ def test_a_track_lost_to_a_fault_is_not_told_of_while_frozen():
 
 
 def test_a_voltage_that_nothing_corroborates_tests_nothing():
-    estimate = StateEstimate(stands.calibration(), "kalman", 1, "numpy")
+    estimate = StateEstimate(stands.calibration(), stands.relations(), "kalman", 1, "numpy")
     values = np.full((1, len(RESIDUALS)), np.nan)
     table = open_loop(healthy(2.0))
     table[:, CHANNELS.index("commanded_voltage")] = np.nan
