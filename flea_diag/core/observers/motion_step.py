@@ -72,17 +72,19 @@ def motion_step(
     new[0] = x[0]
     if not pwm and not math.isnan(u[0]):
         new[0] = u[0]
+    # A load of each particle in either case: compiled code has one form of what follows.
+    load = np.zeros_like(speed)
     if math.isnan(u[1]):
         current = c.amperes[0] * x[0] + c.amperes[1] * x[1] + c.amperes[2]
         push = c.pushes[0] * current + c.pushes[1] * speed + c.pushes[3]
-        load = -(push + friction(p, (speed, 0.0))[0]) / c.pushes[2]
-        moved(x, load, c, p, new)
+        load = -(push + friction(p, (speed, load))[0]) / c.pushes[2]
     else:
-        moved(x, u[1], c, p, new)
+        load[:] = u[1]
+    moved(x, load, c, p, new)
 
 
-def moved(x: Array, load: Any, c: MotionCoefficients, p: Any, new: Array) -> None:
-    """``motion_step`` with the voltage in place and a load, of each particle or of all."""
+def moved(x: Array, load: Array, c: MotionCoefficients, p: Any, new: Array) -> None:
+    """``motion_step`` with the voltage in place, and a load of each particle."""
     speed = x[2]
     drive = c.per_volt * new[0] + (c.pushes[2] * load + c.at_rest)
     first = drive + friction(p, (speed, load))[0]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -41,18 +44,25 @@ class RegressorTable:
 
     def rows(self, rows: Array, residuals: ResidualRows) -> Array:
         """Columns of ``names``, shape (n, names)."""
-        table = np.empty((len(rows), len(self.names)))
         # What each temperature should read; the reading itself shares the residual's noise.
         told = rows.take(_READ, axis=1) - residuals.values.take(_APART, axis=1)
-        read = np.hstack((residuals.signals, told))
-        x = read[0].tolist() if len(rows) == 1 else list(read.T)
-        x += [f(a) for f, a in zip(self._shapes, self._arguments(self._p, x), strict=True)]
-        x += [residuals.motion[:, 1] if s == DIRECTION else np.nan for s in self._lacking]
-        found = self._columns(self._p, x)
         if len(rows) == 1:
-            table[0, : len(found)] = found
-        else:
-            for number, column in enumerate(found):
-                table[:, number] = column
+            x = residuals.signals[0].tolist() + told[0].tolist()
+            speed, way = residuals.motion[0].tolist()
+            found = (*self._basis(x, way), speed, float(residuals.moving[0]))
+            return np.array((found,))
+        x = [*residuals.signals.T, *told.T]
+        table = np.empty((len(rows), len(self.names)))
+        for number, column in enumerate(self._basis(x, residuals.motion[:, 1])):
+            table[:, number] = column
         table[:, -2], table[:, -1] = residuals.speed_m_s, residuals.moving
         return table
+
+    def _basis(self, x: list[Any], way: Any) -> tuple[Any, ...]:
+        """Basis signals: numbers of one scan, or columns of many; ``way`` is the direction."""
+        if self._shapes:
+            arguments = self._arguments(self._p, x)
+            x += [shape(value) for shape, value in zip(self._shapes, arguments, strict=True)]
+        x += [way if name == DIRECTION else math.nan for name in self._lacking]
+        found: tuple[Any, ...] = self._columns(self._p, x)
+        return found
