@@ -145,7 +145,7 @@ def _effects(
     rows = _catalogue(actuator, faults, channels)
     made = effect_set(known, rows.values())
     silent = {n: row for n, row in rows.items() if row.effects and n not in made.faults}
-    felt = effect_set(known.every or known, silent.values()).faults
+    felt = effect_set(known.every or known, silent.values()).faults if silent else frozenset()
     for name in silent:
         if name not in felt:
             raise ConfigurationError(

@@ -16,9 +16,10 @@ import numpy.typing as npt
 
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.parity import rate_symbol
+from flea_diag.core.residuals.parity import rate_symbol, time_derivative
 from flea_diag.core.residuals.relation_set import CompiledRelation, RelationSet
-from flea_diag.core.symbolic.expression import Function, derivative, evaluate, symbols
+from flea_diag.core.symbolic.collect import solved_for
+from flea_diag.core.symbolic.expression import Function, evaluate, symbols
 
 Array = npt.NDArray[np.float64]
 
@@ -121,12 +122,12 @@ def _unknown(row: CompiledRelation, known: Mapping[str, Array]) -> list[str]:
 
 def _solved(row: CompiledRelation, name: str, known: Mapping[str, Array]) -> dict[str, Array]:
     """A signal in which a relation is linear, and its rate where those of the others are known."""
-    share = evaluate(derivative(row.expression, name), known)
-    rest = evaluate(row.expression, {**known, name: 0.0})
-    found = {name: -rest / share}
-    others = [other for other in row.signals if other != name]
-    if all(rate_symbol(other) in known for other in others):
-        shares = {other: evaluate(derivative(row.expression, other), known) for other in others}
-        grown = sum(part * known[rate_symbol(other)] for other, part in shares.items())
-        found[rate_symbol(name)] = -grown / share
+    solution = solved_for(name, row.expression)
+    if solution is None:
+        return {}
+    found = {name: evaluate(solution, known)}
+    constants = frozenset(symbols(solution)) - frozenset(row.signals)
+    rate = time_derivative(solution, constants)
+    if set(symbols(rate)) <= set(known):
+        found[rate_symbol(name)] = evaluate(rate, known)
     return found

@@ -23,8 +23,8 @@ Amounts = tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)
-class SizeRow:
-    """One size of a fault, and what one unit of it does.
+class SizeBounds:
+    """What a size is, and between which values, before the numbers of a calibration.
 
     ``low`` and ``high`` bound it, in multiples of the base parameter ``of`` if there is one;
     ``least`` takes the place of ``low`` where the fault has shown itself in vibration alone.
@@ -35,7 +35,14 @@ class SizeRow:
     low: float
     high: float
     least: float
-    of: str
+    of: str = ""
+
+
+@dataclass(frozen=True)
+class SizeRow:
+    """One size of a fault, and what one unit of it does."""
+
+    bounds: SizeBounds
     moves: Amounts
     scales: Amounts
     opens: tuple[str, ...]
@@ -157,10 +164,9 @@ def _size(row: Any, actuator: Actuator, where: str) -> SizeRow:
             f"{where}: low = {values['low']} must be at most high = {values['high']}"
         )
     least = values["low"] if values["least"] is None else values["least"]
-    bounds = values["low"], values["high"], least
-    return SizeRow(
-        values["name"], values["unit"], *bounds, values["of"], moves, scales, opens, adds
-    )
+    extent = values["low"], values["high"], least, values["of"]
+    bounds = SizeBounds(values["name"], values["unit"], *extent)
+    return SizeRow(bounds, moves, scales, opens, adds)
 
 
 def _amounts(content: Any, known: Collection[str], kind: str, where: str) -> Amounts:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from flea_diag.core.residuals.parity import channel_of, rate_symbol
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
-from flea_diag.core.symbolic.collect import collect, power_of
+from flea_diag.core.symbolic.collect import collect, power_of, solved_for
 from flea_diag.core.symbolic.expression import (
     ONE,
     ZERO,
@@ -165,9 +165,8 @@ class EffectRules:
         for row in self._set.relations:
             if row.kind == "difference" and channel in row.signals:
                 share = derivative(row.expression, channel)
-                rest = substitute(row.expression, {channel: ZERO})
                 if not set(symbols(share)) & set(self._set.signals):
-                    return -1 * rest / share
+                    return solved_for(channel, row.expression)
         return None
 
     def _without(self, expression: Expression, read: Iterable[str]) -> Expression:

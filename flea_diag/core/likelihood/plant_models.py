@@ -7,14 +7,14 @@ from collections.abc import Iterable
 from flea_diag.core.faults.effect_row import SizeRow
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.likelihood.effects import EffectRules, Effects
-from flea_diag.core.likelihood.symbolic_model import SymbolicModel, SymbolicSize
+from flea_diag.core.likelihood.symbolic_model import SymbolicModel
 from flea_diag.core.symbolic.expression import Constant
 
 
 def plant_models(fault: Fault, rules: EffectRules) -> Iterable[SymbolicModel]:
     """One model for each alternative of a fault, and for each roughness of it."""
     for row in fault.effects:
-        sizes = tuple(SymbolicSize(s.name, s.unit, s.low, s.high, s.least, s.of) for s in row.sizes)
+        sizes = tuple(size.bounds for size in row.sizes)
         effects = tuple(
             effect
             for index, size in enumerate(row.sizes)

@@ -12,9 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from flea_diag.core.faults.effect_row import SizeBounds
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.likelihood.effects import EffectRules, Effects, FaultEffect, Gains
-from flea_diag.core.likelihood.symbolic_model import SymbolicModel, SymbolicSize
+from flea_diag.core.likelihood.symbolic_model import SymbolicModel
 from flea_diag.core.residuals.parity import rate_symbol
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import TEMPERATURES
@@ -128,7 +129,7 @@ def _bias(error: ReadingError) -> tuple[SymbolicModel, ...]:
 
 def _scaling(error: ReadingError) -> tuple[SymbolicModel, ...]:
     low, high = error.shares
-    size = SymbolicSize("scaling share", "1", low, high, low)
+    size = SizeBounds("scaling share", "1", low, high, low)
     return (_one(error, size, error.level(error.reading) + error.rate(error.reading_rate)),)
 
 
@@ -138,7 +139,7 @@ def _drift(error: ReadingError) -> tuple[SymbolicModel, ...]:
     With a free offset beside the rate, every bias would fit as a drift that has just stopped.
     """
     largest = error.largest_drift
-    size = SymbolicSize("drift", f"{error.unit}/s", -largest, largest, -largest)
+    size = SizeBounds("drift", f"{error.unit}/s", -largest, largest, -largest)
     grown, rate = error.level(GROWING), error.rate(CONSTANT)
     return tuple(
         _one(error, size, grown + _aged(error, age_s) + rate) for age_s in error.fault.errors.ages_s
@@ -155,16 +156,16 @@ def _dead(error: ReadingError) -> tuple[SymbolicModel, ...]:
         # No other signal gives the true value: a constant, like a bias.
         return (_one(error, level, error.level(CONSTANT)),)
     low, high = error.fault.errors.lost
-    sizes = (SymbolicSize("lost share", "1", low, high, low), level)
+    sizes = (SizeBounds("lost share", "1", low, high, low), level)
     return (SymbolicModel(error.fault.name, sizes, error.lost + error.level(CONSTANT, 1)),)
 
 
-def _size(name: str, error: ReadingError) -> SymbolicSize:
+def _size(name: str, error: ReadingError) -> SizeBounds:
     largest = error.fault.errors.bias
-    return SymbolicSize(name, error.unit, -largest, largest, -largest)
+    return SizeBounds(name, error.unit, -largest, largest, -largest)
 
 
-def _one(error: ReadingError, size: SymbolicSize, effects: Effects) -> SymbolicModel:
+def _one(error: ReadingError, size: SizeBounds, effects: Effects) -> SymbolicModel:
     return SymbolicModel(error.fault.name, (size,), effects)
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parity import channel_of, rate_symbol, time_derivative
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.symbolic.collect import divided, terms_of
+from flea_diag.core.symbolic.collect import divided, solved_for, terms_of
 from flea_diag.core.symbolic.expression import (
     ZERO,
     Expression,
@@ -190,10 +190,10 @@ def _solved(known: RelationSet) -> Iterator[tuple[str, Expression]]:
             return
         left.remove(row)
         (name,) = unknown
-        slope = derivative(expression, name)
-        if name in symbols(slope):
-            continue  # not linear in it
-        solution = divided(-substitute(expression, {name: ZERO}) / slope)
+        given_by = solved_for(name, expression)
+        if given_by is None:
+            continue
+        solution = divided(given_by)
         if name == VOLTAGE:
             yield COMMAND, solution
             continue

@@ -21,9 +21,6 @@ from flea_diag.core.residuals.parameters import ActuatorParameters
 Value = Any
 """A float, or an array of one for each of many scans: types cannot follow sums of the two."""
 
-COPPER_PER_K = 0.00393
-"""Temperature coefficient of resistance of copper near 20 degC."""
-
 
 def direction(parameters: ActuatorParameters, speed_m_s: Value) -> Value:
     """Smooth sign of the speed."""

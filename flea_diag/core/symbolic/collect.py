@@ -16,6 +16,7 @@ from types import MappingProxyType
 
 from flea_diag.core.symbolic.expression import (
     ONE,
+    ZERO,
     Expression,
     Function,
     Power,
@@ -23,9 +24,11 @@ from flea_diag.core.symbolic.expression import (
     Sum,
     Variable,
     apply,
+    derivative,
     power,
     product,
     rewritten,
+    substitute,
     symbols,
     total,
 )
@@ -145,6 +148,14 @@ def monomial(text: str) -> Expression:
         found = found * power(apply("fabs", factor) if token[4] else factor, exponent)
         place = token.end()
     return found
+
+
+def solved_for(name: str, expression: Expression) -> Expression | None:
+    """What a name is where the expression is zero; None where it is not linear in it."""
+    slope = derivative(expression, name)
+    if slope == ZERO or name in symbols(slope):
+        return None
+    return -substitute(expression, {name: ZERO}) / slope
 
 
 def power_of(name: str, expression: Expression) -> int:

@@ -13,6 +13,8 @@ from flea_diag.core.symbolic.collect import (
     exponents,
     factors_of,
     monomial,
+    power_of,
+    solved_for,
     terms_of,
 )
 from flea_diag.core.symbolic.expression import (
@@ -25,6 +27,7 @@ from flea_diag.core.symbolic.expression import (
     apply,
     evaluate,
     product,
+    substitute,
     symbols,
     total,
 )
@@ -129,3 +132,25 @@ def test_anything_else_is_refused(text: str) -> None:
 def test_exponents_of_a_sum_are_refused() -> None:
     with pytest.raises(ConfigurationError, match="is not a product of powers"):
         exponents(A + B)
+
+
+def test_a_name_is_solved_for_where_the_expression_is_linear_in_it():
+    found = solved_for("u", 3.0 * A * (U - B) + V)
+    assert evaluate(found, AT) == pytest.approx(-1.3 + 0.4 / (3.0 * 0.7))
+    assert solved_for("u", A * U**2 + V) is None
+    assert solved_for("u", A * V) is None
+
+
+def test_a_symbol_that_comes_back_is_not_replaced_again():
+    """A reading is the truth and its offset: what remains of the reading less its offset."""
+    assert substitute(U - A, {"u": U + A}) == U
+    assert evaluate(substitute(U / V, {"u": V, "v": U}), AT) == pytest.approx(-0.4 / 2.1)
+
+
+def test_a_factor_may_be_a_size_without_sign():
+    assert monomial("a*fabs(u)/b") == A * apply("fabs", U) / B
+
+
+def test_the_power_of_a_name_is_that_of_its_factor_alone():
+    lumped = monomial("a^2/b*(u+v)")
+    assert [power_of(name, lumped) for name in "abuv"] == [2, -1, 0, 0]
