@@ -22,6 +22,7 @@ from flea_diag.wire.vocabulary import NEVER_NS as NEVER_NS
 from flea_diag.wire.vocabulary import OUTCOME_LEVEL as OUTCOME_LEVEL
 from flea_diag.wire.vocabulary import STARVING as STARVING
 from flea_diag.wire.vocabulary import STREAM as STREAM
+from flea_diag.wire.vocabulary import TAKEN_BACK as TAKEN_BACK
 from flea_diag.wire.vocabulary import TAKEN_OVER as TAKEN_OVER
 from flea_diag.wire.vocabulary import Level as Level
 from flea_diag.wire.vocabulary import Outcome as Outcome
@@ -188,7 +189,8 @@ class DataQuality:
 class Detection:
     """Fault flag: raised by the first residual whose |z| exceeds its threshold.
 
-    When it is cleared, ``test`` gives the reason: ``quiet``, ``reset`` or ``ANOTHER_UNIT``.
+    When it is cleared, ``test`` gives the reason: ``quiet``, ``reset``, ``ANOTHER_UNIT``,
+    or ``TAKEN_BACK`` and why.
     """
 
     stamp_ns: int

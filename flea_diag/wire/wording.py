@@ -73,7 +73,8 @@ def _known(value: float, digits: int = 4) -> str:
 
 def _detection(flag: r.Detection, _: None) -> Words:
     if not flag.detected:
-        return Words(Level.OK, "fault_detected", "no fault detected")
+        said = f": {flag.test}" if flag.test.startswith(r.TAKEN_BACK) else ""
+        return Words(Level.OK, "fault_detected", f"no fault detected{said}")
     if flag.test == r.TAKEN_OVER:
         return Words(Level.WARN, "fault_detected", f"episode {flag.episode} resumed, still open")
     sentence = (

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from flea_diag.core.conditions.contact import LONGEST_S
+from flea_diag.core.conditions.contact import LONGEST_S, TAKES_BACK_S
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual import PARITIES, SPEED, STALL
 from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS
@@ -23,8 +23,10 @@ class Condition:
     """One row.
 
     ``evidence`` says in words what shows the condition, ``judged_by`` which module of the package
-    judges it (empty: none, for it voids nothing here), ``columns`` which residuals it voids, and
-    ``longest_s`` for how long at most (None: for as long as the evidence stands).
+    judges it (empty: none, for it voids nothing here), ``columns`` which residuals it voids,
+    ``longest_s`` for how long at most (None: for as long as the evidence stands), and
+    ``takes_back_s`` within which time of an alarm its evidence takes the alarm back, where all that
+    the alarm rests on is void.
     """
 
     name: str
@@ -32,6 +34,7 @@ class Condition:
     judged_by: str
     columns: Callable[[RelationSet], Columns]
     longest_s: float | None = None
+    takes_back_s: float = 0.0
 
 
 def _with_reaction(known: RelationSet) -> Columns:
@@ -60,6 +63,7 @@ CONDITIONS: tuple[Condition, ...] = (
         "core.conditions.end_of_travel",
         _with_reaction,
         LONGEST_S,
+        TAKES_BACK_S,
     ),
     Condition(
         "saturated_drive",

@@ -20,6 +20,10 @@ TRIED_S = 0.5
 """Time after the arrival near an end within which contact shows, if there is any."""
 LONGEST_S = 60.0
 """Longest time for which contact is an excuse."""
+TAKES_BACK_S = 2.0
+"""Time after an alarm within which contact takes it back: it begins to miss the reaction up to a
+second before it comes near the end, contact shows up to ``TRIED_S`` later, and it takes a moment to
+stand. An alarm that is older has had its evidence elsewhere."""
 PUSH = 2.0
 """Missing force, in dry frictions, that is the reaction of a stop: less than a push that moves
 any healthy screw (``residual.STALL``), more than friction at rest may hold."""

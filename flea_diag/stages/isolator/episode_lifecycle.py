@@ -14,7 +14,7 @@ from flea_diag.stages.isolator.feature_query import FeatureQuery
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 from flea_diag.stages.merge import Merge
-from flea_diag.wire.records import ANOTHER_UNIT, TAKEN_OVER, Detection, Symbols
+from flea_diag.wire.records import ANOTHER_UNIT, TAKEN_BACK, TAKEN_OVER, Detection, Symbols
 
 
 class Change(Enum):
@@ -25,6 +25,7 @@ class Change(Enum):
     TAKEN_OVER = auto()
     CLOSED = auto()
     ANOTHER_UNIT = auto()
+    TAKEN_BACK = auto()
 
 
 class EpisodeLifecycle:
@@ -76,8 +77,13 @@ class EpisodeLifecycle:
             return Change.ANOTHER_UNIT
         if detection.detected or episode is None:
             return Change.NOTHING
+        if not detection.test.startswith(TAKEN_BACK):
+            self.close()
+            return Change.CLOSED
+        if episode.shared.opened_by_vibration:
+            return Change.NOTHING  # it has evidence of its own
         self.close()
-        return Change.CLOSED
+        return Change.TAKEN_BACK
 
     def early_symbols(self, detection: Detection) -> Symbols | None:
         """Symbols of this detection that arrived before it; returned once.

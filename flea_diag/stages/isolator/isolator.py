@@ -137,6 +137,8 @@ class IsolatorStage:
         if change is Change.ANOTHER_UNIT:
             self._stand.unit_ns = record.stamp_ns
             self._output.forget()
+        if change is Change.TAKEN_BACK:
+            self._stand.taken_back = record
         return self._output.say(record.stamp_ns)
 
     def _opened(self, record: Detection) -> Records:

@@ -19,6 +19,7 @@ from flea_diag.wire.records import (
     ChannelQuality,
     ChannelTable,
     DataQuality,
+    Detection,
     Quality,
     UnitOffset,
 )
@@ -49,6 +50,8 @@ class StandStatus:
     first_ns: int = NEVER_NS
     unit_ns: int = NEVER_NS
     """When the unit was exchanged for another one."""
+    taken_back: Detection | None = None
+    """The last alarm that was taken back, as it was cleared."""
     offsets: tuple[UnitOffset, ...] = ()
     """What the observer has learned of this unit."""
     counters: tuple[tuple[str, int], ...] = ()

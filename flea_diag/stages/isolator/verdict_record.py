@@ -132,7 +132,7 @@ def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:
     """Remarks that qualify a verdict, appended to its words."""
     assumption = " (single-fault assumption)" if episode is not None else ""
     start = _another_unit(stand) + _missed(stand) + _returned(stand, episode)
-    return assumption + _at_its_end(stand) + start
+    return assumption + _at_its_end(stand) + _taken_back(stand) + start
 
 
 def _at_its_end(stand: StandStatus) -> str:
@@ -142,6 +142,15 @@ def _at_its_end(stand: StandStatus) -> str:
     since_s = (stand.contact.since_ns - stand.first_ns) / 1e9
     place, _, follows = stand.contact.reason.partition(": ")
     return f"; {place} since {since_s:.2f} s after the start, {follows}"
+
+
+def _taken_back(stand: StandStatus) -> str:
+    """Remark on the last alarm that was taken back, and why."""
+    cleared = stand.taken_back
+    if cleared is None:
+        return ""
+    since_s = (cleared.stamp_ns - stand.first_ns) / 1e9
+    return f"; alarm {cleared.episode} {cleared.test}, since {since_s:.2f} s after the start"
 
 
 def _another_unit(stand: StandStatus) -> str:

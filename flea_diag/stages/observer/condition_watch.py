@@ -8,6 +8,7 @@ that scan.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +20,12 @@ from flea_diag.core.conditions.end_of_travel import EndOfTravel
 from flea_diag.core.conditions.lingering import Lingering
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import INDEX, RESIDUALS, ResidualRows
+from flea_diag.core.residuals.residual_rows import (
+    INDEX,
+    INNOVATION_INDEX,
+    RESIDUALS,
+    ResidualRows,
+)
 from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
@@ -55,6 +61,15 @@ def at_limit(values: Array, low: float, high: float) -> Flags:
     return np.asarray((values <= low) | (values >= high))
 
 
+@dataclass(frozen=True, slots=True)
+class Voided:
+    """A condition that has just begun: its words, what it voids, how old an alarm it takes back."""
+
+    words: str
+    columns: frozenset[int]
+    takes_back_s: float
+
+
 class ConditionWatch:
     """The conditions of one stream."""
 
@@ -78,6 +93,8 @@ class ConditionWatch:
         self._since_ns = NEVER_NS
         self.told = False
         """Whether the last scan has changed what is reported."""
+        self.begins: Voided | None = None
+        """The condition that began with the last scan."""
 
     def take_ranges(self, table: ChannelTable) -> None:
         """Take ends that the description does not state from the ranges of a channel table."""
@@ -103,8 +120,10 @@ class ConditionWatch:
         self._void_drive = self._saturated.step(at_limit(rows[:, _COMMAND], *self._range))
         turn = self._travel.step(p, rows, residuals, voltage_usable)
         contact, said = self._travel.contact, self._since_ns
+        self.begins = None
         if turn < len(rows):
             begins = contact is Contact.HELD and said == NEVER_NS
+            self.begins = self._contact() if begins else None
             self._since_ns = int(stamps_ns[turn]) if begins else said
             self._since_ns = self._since_ns if contact in SAID else NEVER_NS
         self.told = turn < len(rows) and (self._since_ns != said or contact is Contact.OVERDUE)
@@ -134,11 +153,21 @@ class ConditionWatch:
             return (ChannelQuality(END_OF_TRAVEL, Quality.ABSENT, 0, words),)
         if self._since_ns == NEVER_NS:
             return ()
-        end_m = stop.low_m if self._travel.side < 0 else stop.high_m
-        words = f"at the {SIDES[self._travel.side]} end of its travel ({end_m:g} m)"
+        words = self._place()
         if self._travel.contact is Contact.OVERDUE:
             words += f" for more than {LONGEST_S:g} s: all relations tested again"
         else:
             names = ", ".join(RESIDUALS[j].name for j in self._columns)
             words += f": {names} and the state observer not tested"
         return (ChannelQuality(END_OF_TRAVEL, Quality.SATURATED, self._since_ns, words),)
+
+    def _place(self) -> str:
+        """Which end of travel it is at."""
+        stop = self._travel.stop
+        end_m = stop.low_m if self._travel.side < 0 else stop.high_m
+        return f"at the {SIDES[self._travel.side]} end of its travel ({end_m:g} m)"
+
+    def _contact(self) -> Voided:
+        """What contact voids: the balances of the stopped part, and the state observer."""
+        columns = frozenset((*self._columns, *INNOVATION_INDEX.values()))
+        return Voided(self._place(), columns, NAMED[END_OF_TRAVEL].takes_back_s)

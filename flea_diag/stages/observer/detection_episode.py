@@ -15,9 +15,11 @@ from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.detection.symbols import SLOPE_S, UNKNOWN, SymbolState
 from flea_diag.core.residuals.residual_rows import RESIDUALS
 from flea_diag.stages.episode import Episode
+from flea_diag.stages.observer.condition_watch import Voided
 from flea_diag.wire.records import (
     EARLIER_LEVEL,
     NEVER_NS,
+    TAKEN_BACK,
     TAKEN_OVER,
     Detection,
     Record,
@@ -50,6 +52,7 @@ class DetectionEpisode:
         """Drop the open episode, if any; numbering continues."""
         self.episode: Episode | None = None
         self._symbols: dict[int, SymbolState] = {}
+        self._opened_by: frozenset[int] = frozenset()
         self._quiet_since_ns = NEVER_NS
 
     def take_over(self, opened_ns: int, number: int) -> Detection:
@@ -124,6 +127,7 @@ class DetectionEpisode:
             j: symbols.crossed(*results.test(j), stamp_ns)
             for j in np.flatnonzero(deviating & ISOLATING).tolist()
         }
+        self._opened_by = frozenset(np.flatnonzero(deviating).tolist())
         # A shift and its witness deviate together: the shift is reported.
         first = max(
             np.flatnonzero(deviating).tolist(),
@@ -149,6 +153,16 @@ class DetectionEpisode:
             for j, state in sorted(self._symbols.items(), key=lambda item: item[1].since_ns)
         )
         return Symbols(stamp_ns, self._last_number, tuple(rows))
+
+    def take_back(self, stamp_ns: int, voided: Voided) -> tuple[Record, ...]:
+        """Close a young episode all of whose residuals a condition, which now begins, voids."""
+        rests_on = self._opened_by.union(self._symbols)
+        if self.episode is None or not rests_on or not rests_on <= voided.columns:
+            return ()
+        if stamp_ns - self.episode.detected_ns > voided.takes_back_s * 1e9:
+            return ()
+        names = ", ".join(RESIDUALS[j].name for j in sorted(rests_on))
+        return (self.close(stamp_ns, f"{TAKEN_BACK}: {names} void {voided.words}"),)
 
     def close(self, stamp_ns: int, why: str) -> Detection:
         """Close the open episode."""

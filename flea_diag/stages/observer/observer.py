@@ -103,6 +103,8 @@ class ObserverStage:
         learns, was_open = chain.stream.learns, chain.episode.is_open
         changed, output = chain.examine(block, reading)
         found = chain.episode.step(scan.stamp_ns, output.results)
+        if chain.stream.conditions.begins is not None:
+            found += chain.episode.take_back(scan.stamp_ns, chain.stream.conditions.begins)
         if chain.episode.is_open != was_open:
             chain.stream.turn(opened=not was_open)
         learned = learns and not chain.stream.learns

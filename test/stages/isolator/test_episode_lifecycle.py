@@ -14,7 +14,15 @@ from flea_diag.stages.isolator.episode_lifecycle import Change, EpisodeLifecycle
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 from flea_diag.stages.merge import Merge
-from flea_diag.wire.records import ANOTHER_UNIT, TAKEN_OVER, Detection, Residual, Symbol, Symbols
+from flea_diag.wire.records import (
+    ANOTHER_UNIT,
+    TAKEN_BACK,
+    TAKEN_OVER,
+    Detection,
+    Residual,
+    Symbol,
+    Symbols,
+)
 
 S = 1_000_000_000
 SHIFT = "mean of 400 samples, 0.4 V above its earlier level"
@@ -65,13 +73,14 @@ def test_episodes_are_numbered_by_the_isolator_and_joined_by_the_observers_numbe
         (opened(2, TAKEN_OVER), Change.TAKEN_OVER),
         (closed(2), Change.CLOSED),
         (closed(2, ANOTHER_UNIT), Change.ANOTHER_UNIT),
+        (closed(2, f"{TAKEN_BACK}: why"), Change.TAKEN_BACK),
     ],
 )
 def test_what_a_detection_changes_of_an_open_episode(record: Detection, change: Change) -> None:
     episodes = lifecycle()
     episodes.take(opened(1))
     assert episodes.take(record) is change
-    ends = change in (Change.CLOSED, Change.ANOTHER_UNIT)
+    ends = change in (Change.CLOSED, Change.ANOTHER_UNIT, Change.TAKEN_BACK)
     assert (episodes.current is None) is ends
     if change is Change.TAKEN_OVER:
         assert episodes.current is not None

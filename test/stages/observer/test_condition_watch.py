@@ -9,26 +9,32 @@ import numpy as np
 import pytest
 from support import stands
 from support.observed import BACKENDS
+from support.observer_scans import after
 from support.stand_runs import records
 
 from flea_diag.configuration import knowledge as of_stand
 from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.stand import load_stand
+from flea_diag.core.detection.detection import TestResults as Results
+from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX
 from flea_diag.core.residuals.stop import Stop
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
-from flea_diag.stages.observer.condition_watch import UNKNOWN, UNSEEN, ConditionWatch
+from flea_diag.stages.observer.condition_watch import UNKNOWN, UNSEEN, ConditionWatch, Voided
+from flea_diag.stages.observer.detection_episode import DetectionEpisode
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
+    TAKEN_BACK,
     AmbiguityGroup,
     ChannelInfo,
     ChannelQuality,
     ChannelTable,
     DataQuality,
     Detection,
+    Outcome,
     Quality,
     Record,
     Residual,
@@ -156,6 +162,62 @@ def test_a_position_that_dies_at_an_end_is_no_contact(reading_m: float) -> None:
     said = stands.feed(diagnosed(), [r for r in run if isinstance(r, (ChannelTable, Scan))])
     assert contacts(tuple(said)) == []
     assert "actuator_position_dead" in stands.members(stands.verdict(said))
+
+
+@cache
+def held_back() -> tuple[Record, ...]:
+    """For 0.7 s before an arrival at the end the drive needs 500 N more than the balance knows."""
+    run = [r for r in records(motion=UPPER, travel=NUT, duration_s=20.0, seed=18)
+           if isinstance(r, (ChannelTable, Scan))]  # fmt: skip
+    scans = stands.of(Scan, run)
+    column = scans[0].channels.index("actuator_position")
+    stamps_s = [(s.stamp_ns - scans[0].stamp_ns) / 1e9 for s in scans]
+    arrival_s = next(t for t, s in zip(stamps_s, scans, strict=True)
+                     if t > 9.5 and s.values[column] > 0.098)  # fmt: skip
+    more = {"motor_current": 500.0 / 177.0}
+    more |= dict.fromkeys(("motor_voltage", "commanded_voltage"), 2.95 * 500.0 / 177.0)
+    return tuple(
+        after(r, **{n: r.values[r.channels.index(n)] + by for n, by in more.items()})
+        if isinstance(r, Scan) and 0.0 < arrival_s - (r.stamp_ns - scans[0].stamp_ns) / 1e9 < 0.7
+        else r
+        for r in run
+    )
+
+
+def test_an_alarm_just_before_contact_is_taken_back_and_the_verdict_says_why() -> None:
+    said = stands.feed(diagnosed(), held_back())
+    opened, cleared = stands.of(Detection, said)
+    assert opened.detected
+    assert 0.0 < (cleared.stamp_ns - opened.stamp_ns) / 1e9 < 2.0
+    assert cleared.test.startswith(f"{TAKEN_BACK}: ")
+    last = stands.of(AmbiguityGroup, said)[-1]
+    assert (last.outcome, last.episode) == (Outcome.NOMINAL, 0)
+    assert "alarm 1 taken back: " in last.words
+    assert "void at the upper end of its travel (0.1 m), since 1" in last.words
+
+
+@pytest.mark.parametrize(
+    ("beyond", "age_s", "taken_back"),
+    [
+        (("parity_mechanical",), 1.9, True),
+        (("parity_mechanical", "innovation_motor_speed"), 1.0, True),
+        (("parity_mechanical",), 2.1, False),
+        (("parity_mechanical", "parity_electrical"), 1.0, False),
+        (("actuator_position_stuck",), 0.5, False),
+    ],
+)
+def test_only_a_young_alarm_all_of_whose_residuals_are_void_is_taken_back(
+    beyond: tuple[str, ...], age_s: float, taken_back: bool
+) -> None:
+    columns = [RESIDUAL_INDEX[n] for n in ("parity_mechanical", "innovation_motor_speed")]
+    results = Results.untested()
+    for name in beyond:
+        results.z[0, RESIDUAL_INDEX[name]], results.k[0, RESIDUAL_INDEX[name]] = 9.0, 5.0
+    episode = DetectionEpisode(30.0)
+    episode.step(0, results)
+    cleared = episode.take_back(round(age_s * 1e9), Voided("at its end", frozenset(columns), 2.0))
+    assert (len(cleared) == 1) is taken_back
+    assert episode.is_open is not taken_back
 
 
 def watch(stop: Stop) -> ConditionWatch:
