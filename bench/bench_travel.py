@@ -35,8 +35,8 @@ from flea_diag.wire.records import (
     Quality,
     Scan,
 )
+from flea_sim_driver.machine.library import DEFAULT_MACHINE, find_machine
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.scenario.settings import LOAD_LIMIT_N, STROKE_M
 from flea_sim_driver.stand import SimulatedStand
 
 SCORED_SEED = 8200
@@ -45,6 +45,8 @@ HEALTHY, FAULTY, JAMMED = 100, 24, 32
 FORCE_N_PER_A, OHM = 177.0, 2.95
 """Current and voltage with which the drive answers a force that no sensor reads."""
 DURATION_S, WORKERS, GROUP = 30.0, 2, 3
+LIMITS = find_machine(DEFAULT_MACHINE).limits
+LOAD_LIMIT_N, STROKE_M = LIMITS.load_n, LIMITS.stroke_m
 Values = dict[str, Any]
 
 

@@ -109,6 +109,7 @@ FORMATS: Mapping[str, Format] = {
     "classifier": Format(1, "train it again with flea features train"),
     # What runs are made of.
     "scenario": Format(1, "write it anew after config/scenarios", steps=_FIRST, unversioned=0),
+    "machine": Format(1, "write it anew after config/machines/flea.yaml"),
     "campaign": Format(1, "write it anew after config/campaigns"),
     # What came of them.
     "run result": Format(1, _EVALUATE, RecordingError),

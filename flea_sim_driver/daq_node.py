@@ -28,7 +28,7 @@ from flea_diag.wire.records import (
 if TYPE_CHECKING:
     from flea_sim_driver.scenario.scenario import Scenario
 
-TICK_S = 0.01
+
 PHASE = 0.3
 """Deadlines are this share of a tick early: at the tick, a jitter of 1 us would lose a tick."""
 GRACE_S = 0.3
@@ -47,6 +47,9 @@ class DaqParameters:
 
     scenario: str = parameter(
         "nominal", "scenario that comes with the package, or a YAML file", read_only=True
+    )
+    machine: str = parameter(
+        "", "simulated machine, by name or as a YAML file; empty: the scenario's", read_only=True
     )
     fault: str = parameter("", "fault to put in besides the scenario's own", read_only=True)
     fault_onset_s: float = parameter(
@@ -130,7 +133,7 @@ class Daq:
         self._bus, self._parameters = bus, parameters
         self._scenario = _scenario(parameters)
         self._stand = SimulatedStand(self._scenario)
-        self._tick_s = max(TICK_S / parameters.rate, 1e-3)
+        self._tick_s = max(self._stand.scan_ns * 1e-9 / parameters.rate, 1e-3)
         self._due: deque[Record] = deque()
         self._published: dict[type, int] = dict.fromkeys(PUBLISHES, 0)
         self._begin: float | None = None
@@ -248,7 +251,7 @@ class Daq:
 
     def _offset_ns(self, record: Record) -> int:
         """When a record leaves the DAQ: once all of its samples have been taken."""
-        span = {Scan: 10_000_000, VibrationBlock: 100_000_000}.get(type(record), 0)
+        span = {Scan: self._stand.scan_ns, VibrationBlock: 100_000_000}.get(type(record), 0)
         return record.stamp_ns + span - self._stand.start_ns
 
     def _send(self, record: Record, elapsed_ns: int) -> None:
@@ -301,7 +304,7 @@ def _scenario(parameters: DaqParameters) -> Scenario:
         "onset_s": parameters.fault_onset_s,
         "size": parameters.fault_size or math.nan,
     }
-    found = find_scenario(parameters.scenario)
+    found = find_scenario(parameters.scenario, parameters.machine)
     return overridden(found, parameters.scenario, run, fault if parameters.fault else None)
 
 

@@ -1,15 +1,21 @@
-"""Fault catalogue of the simulated stand: effect, place and size of each fault.
+"""Fault catalogue of a simulated machine: effect, place and size of each fault.
 
 A new fault is a row of ``PLANT_FAULTS`` and a small function from coefficients and size to
-coefficients. Sensor faults of every channel and mode follow from ``SENSOR_SIZES``.
+coefficients. Which faults a machine can have, and at which sizes, stands in its file. Sensor faults
+of every channel and mode follow from its ``sensor_faults``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache, partial
+from types import MappingProxyType
+from typing import Any
 
 from flea_diag.errors import ConfigurationError, shown
+from flea_sim_driver.machine.machine import Machine
+from flea_sim_driver.machine.machine_file import numbers_of
 from flea_sim_driver.plant.plant import Coefficients
 
 Change = Callable[[Coefficients, float], Coefficients]
@@ -36,34 +42,39 @@ class FaultRow:
     mode: str = ""
 
 
-def _jam(c: Coefficients, size: float) -> Coefficients:
-    """Drag as on the jammed FLEA unit at size 1: +58 N dry, +2500 N s/m, more under load."""
+Numbers = Mapping[str, float]
+
+
+def _jam(c: Coefficients, size: float, own: Numbers) -> Coefficients:
+    """Drag of a jammed unit at size 1: dry, growing with speed, and growing with the load."""
     return c._replace(
-        coulomb=c.coulomb + 58.0 * size,
-        viscous=c.viscous + 2500.0 * size,
-        load_friction=c.load_friction + 0.05 * size,
+        coulomb=c.coulomb + own["coulomb_n"] * size,
+        viscous=c.viscous + own["viscous_n_s_m"] * size,
+        load_friction=c.load_friction + own["load_friction"] * size,
     )
 
 
-def _ball_nut_friction(c: Coefficients, size: float) -> Coefficients:
+def _ball_nut_friction(c: Coefficients, size: float, own: Numbers) -> Coefficients:
     """Failed lubrication: viscous drag grows by ``size`` times its nominal value."""
-    return c._replace(viscous=c.viscous * (1.0 + size), coulomb=c.coulomb * (1.0 + 0.05 * size))
+    return c._replace(
+        viscous=c.viscous * (1.0 + size), coulomb=c.coulomb * (1.0 + own["dry_share"] * size)
+    )
 
 
-def _spall(c: Coefficients, size: float) -> Coefficients:
+def _spall(c: Coefficients, size: float, own: Numbers) -> Coefficients:
     """Balls passing a pit: a zero-mean force ripple at ball pass and hardly any drag."""
-    return c._replace(spall=6.0 * size, coulomb=c.coulomb + 2.0 * size)
+    return c._replace(spall=own["ripple_n"] * size, coulomb=c.coulomb + own["coulomb_n"] * size)
 
 
-def _backlash(c: Coefficients, size: float) -> Coefficients:
+def _backlash(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
     return c._replace(backlash=c.backlash + size)
 
 
-def _rotor_eccentricity(c: Coefficients, size: float) -> Coefficients:
-    return c._replace(eccentric=c.eccentric + 8.0 * size)
+def _rotor_eccentricity(c: Coefficients, size: float, own: Numbers) -> Coefficients:
+    return c._replace(eccentric=c.eccentric + own["ripple_n"] * size)
 
 
-def _winding_short(c: Coefficients, size: float) -> Coefficients:
+def _winding_short(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
     """A share ``size`` of the turns is bypassed: R and K fall in proportion, L with its square."""
     left = 1.0 - size
     return c._replace(
@@ -73,60 +84,108 @@ def _winding_short(c: Coefficients, size: float) -> Coefficients:
     )
 
 
-def _winding_open(c: Coefficients, size: float) -> Coefficients:
+def _winding_open(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
     """Contact lost: the resistance tends to infinity as ``size`` approaches 1."""
     left = max(1.0 - size, 1e-9)
     return c._replace(resistance=c.resistance / left, current_decay=c.current_decay ** (1.0 / left))
 
 
-def _motor_failure(c: Coefficients, size: float) -> Coefficients:
+def _motor_failure(c: Coefficients, size: float, own: Numbers) -> Coefficients:
     """The motor draws no current and produces no torque: K and 1/R fall together."""
-    return _winding_open(c, size)._replace(force_constant=c.force_constant * max(1.0 - size, 0.0))
+    opened = _winding_open(c, size, own)
+    return opened._replace(force_constant=c.force_constant * max(1.0 - size, 0.0))
 
 
-def _supply_open(c: Coefficients, size: float) -> Coefficients:
+def _supply_open(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
     """The bridge has no supply: its transistors stay off and the motor coasts."""
     if size >= 1.0:
         return c._replace(supply=0.0, bridge=0.0)
     return c._replace(supply=c.supply * (1.0 - size))
 
 
-def _supply_short(c: Coefficients, size: float) -> Coefficients:
+def _supply_short(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
     """The supply rail is pulled down and the motor brakes itself through the bridge."""
     return c._replace(supply=c.supply * (1.0 - size))
 
 
-def _none(c: Coefficients, _size: float) -> Coefficients:
+def _magnet_loss(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
+    """The magnets lose a share ``size``: back-EMF and torque constant alone."""
+    return c._replace(force_constant=c.force_constant * (1.0 - size))
+
+
+def _winding_resistance_rise(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
+    """The winding's resistance grows by a share ``size``, and nothing else changes."""
+    grown = 1.0 + size
+    return c._replace(resistance=c.resistance * grown, current_decay=c.current_decay**grown)
+
+
+def _supply_sag(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
+    """The supply sags by a share ``size``, and a bridge of given duty passes it on."""
+    return c._replace(supply=c.supply * (1.0 - size), duty=c.duty * (1.0 - size))
+
+
+def _weak_drive(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
+    """The bridge delivers a share ``size`` less than commanded."""
+    return c._replace(duty=c.duty * (1.0 - size))
+
+
+def _none(c: Coefficients, _size: float, _own: Numbers) -> Coefficients:
     return c
 
 
-PLANT_FAULTS: tuple[FaultRow, ...] = (
-    FaultRow("jam", "ball screw jam (heavy drag)", ("plant",),
-          1.0, 0.01, 20.0, "of the FLEA's jammed unit", "physics", _jam),
-    FaultRow("spall", "spall on the ball screw's raceway", ("plant",),
-          1.0, 0.05, 5.0, "of a 1 mm pit", "hybrid", _spall),
-    FaultRow("ball_nut_friction", "ball nut friction (lubrication lost)", ("plant",),
-          3.0, 0.1, 20.0, "times nominal viscous friction", "hybrid", _ball_nut_friction),
-    FaultRow("backlash", "backlash of the nut", ("plant",),
-          3e-4, 1e-5, 3e-3, "m", "hybrid", _backlash),
-    FaultRow("rotor_eccentricity", "rotor shaft eccentricity", ("plant",),
-          1.0, 0.05, 10.0, "of 0.1 mm", "hybrid", _rotor_eccentricity),
-    FaultRow("winding_short", "winding short (turns bypassed)", ("plant",),
-          0.2, 0.01, 0.9, "share of turns", "physics", _winding_short),
-    FaultRow("winding_open", "stator coil fails open", ("plant",),
-          1.0, 0.05, 1.0, "share of conductance lost", "physics", _winding_open),
-    FaultRow("motor_failure", "motor failure", ("plant",),
-          1.0, 0.1, 1.0, "share of torque lost", "physics", _motor_failure),
-    FaultRow("supply_open", "power supply open circuit", ("plant",),
-          1.0, 0.1, 1.0, "share of supply lost", "hybrid", _supply_open),
-    FaultRow("supply_short", "power supply short circuit", ("plant",),
-          1.0, 0.1, 1.0, "share of supply lost", "hybrid", _supply_short),
-    FaultRow("accelerometer_1_fault", "accelerometer 1 (motor housing): noise, or dead at size 0",
-          ("daq",), 8.0, 0.0, 500.0, "m/s^2 of noise, 0: dead", "data", _none),
-    FaultRow("accelerometer_2_fault", "accelerometer 2 (nut): noise, or dead at size 0",
-          ("daq",), 12.0, 0.0, 500.0, "m/s^2 of noise, 0: dead", "data", _none),
-)  # fmt: skip
+@dataclass(frozen=True)
+class PlantFault:
+    """What a fault of the hardware does; ``numbers`` are those that a machine states for it."""
 
+    title: str
+    size_unit: str
+    approach: str
+    effect: Callable[[Coefficients, float, Numbers], Coefficients]
+    numbers: tuple[str, ...] = ()
+    places: tuple[str, ...] = ("plant",)
+
+
+PLANT_FAULTS: Mapping[str, PlantFault] = {
+    "jam": PlantFault("ball screw jam (heavy drag)", "of a jammed unit", "physics", _jam,
+                      ("coulomb_n", "viscous_n_s_m", "load_friction")),
+    "spall": PlantFault("spall on the ball screw's raceway", "of a 1 mm pit", "hybrid", _spall,
+                        ("ripple_n", "coulomb_n")),
+    "ball_nut_friction": PlantFault(
+        "ball nut friction (lubrication lost)", "times nominal viscous friction", "hybrid",
+        _ball_nut_friction, ("dry_share",)),
+    "backlash": PlantFault("backlash of the nut", "m", "hybrid", _backlash),
+    "rotor_eccentricity": PlantFault("rotor shaft eccentricity", "of 0.1 mm", "hybrid",
+                                     _rotor_eccentricity, ("ripple_n",)),
+    "winding_short": PlantFault("winding short (turns bypassed)", "share of turns", "physics",
+                                _winding_short),
+    "winding_resistance_rise": PlantFault(
+        "rise of the winding's resistance", "share of the resistance", "physics",
+        _winding_resistance_rise),
+    "magnet_loss": PlantFault("loss of magnet strength", "share of the motor constants",
+                              "physics", _magnet_loss),
+    "winding_open": PlantFault("stator coil fails open", "share of conductance lost", "physics",
+                               _winding_open),
+    "motor_failure": PlantFault("motor failure", "share of torque lost", "physics",
+                                _motor_failure),
+    "supply_open": PlantFault("power supply open circuit", "share of supply lost", "hybrid",
+                              _supply_open),
+    "supply_short": PlantFault("power supply short circuit", "share of supply lost", "hybrid",
+                               _supply_short),
+    "supply_sag": PlantFault("sagging supply", "share of supply lost", "physics", _supply_sag),
+    "weak_drive": PlantFault("weak drive", "share of the output voltage lost", "physics",
+                             _weak_drive),
+    "accelerometer_1_fault": PlantFault(
+        "accelerometer 1 (motor housing): noise, or dead at size 0", "m/s^2 of noise, 0: dead",
+        "data", _none, places=("daq",)),
+    "accelerometer_2_fault": PlantFault(
+        "accelerometer 2 (nut): noise, or dead at size 0", "m/s^2 of noise, 0: dead",
+        "data", _none, places=("daq",)),
+}  # fmt: skip
+"""Every fault of the hardware that can be simulated; a machine's file says which it can have."""
+
+SIZES = ("size", "minimum", "maximum")
+SIZE_UNIT = "size_unit"
+"""Key by which a machine says what size 1 is, where it knows better."""
 MODES = ("bias", "drift", "scaling", "dead", "noise", "dropout")
 MODE_UNIT = {
     "bias": "{unit}", "drift": "{unit}/s", "scaling": "times true value", "dead": "{unit} shown",
@@ -137,28 +196,34 @@ MODE_APPROACH = {
     "noise": "data", "dropout": "physics",
 }  # fmt: skip
 
-SENSOR_SIZES: dict[str, tuple[str, float, float, float, float, float, float]] = {
-    # channel: unit, limit of a bias, then default bias, drift, scaling, noise, drop-outs
-    "motor_current": ("A", 20.0, 0.8, 0.1, 1.4, 0.6, 1.0),
-    "motor_voltage": ("V", 50.0, 4.0, 0.5, 1.3, 3.0, 1.0),
-    "motor_speed": ("rad/s", 500.0, 12.0, 1.5, 1.3, 10.0, 1.0),
-    "actuator_position": ("m", 0.1, 4e-3, 5e-4, 1.15, 1e-3, 1.0),
-    "load_position": ("m", 0.1, 4e-3, 5e-4, 1.15, 1e-3, 1.0),
-    "load_force": ("N", 2000.0, 90.0, 12.0, 1.5, 60.0, 1.0),
-    "motor_temperature": ("degC", 500.0, 8.0, 0.8, 1.4, 5.0, 1.0),
-    "nut_temperature": ("degC", 500.0, 10.0, 1.0, 1.4, 8.0, 1.0),
-    "ambient_temperature": ("degC", 100.0, 3.0, 0.2, 1.2, 1.0, 1.0),
-    "load_motor_current": ("A", 20.0, 0.8, 0.1, 1.4, 0.6, 1.0),
-}
-SENSOR_CHANNELS = tuple(SENSOR_SIZES)
 LOOP_CHANNELS = {"actuator_position": True, "motor_current": False, "load_force": False}
 """Channels that a control loop reads, and whether its sensor faults act there by default."""
 
 
-def _sensor_fault(channel: str, mode: str) -> FaultRow:
-    unit, limit, bias, drift, scaling, noise, dropout = SENSOR_SIZES[channel]
-    default = {"bias": bias, "drift": drift, "scaling": scaling, "dead": 0.0,
-               "noise": noise, "dropout": dropout}[mode]  # fmt: skip
+def _plant_fault(fault: str, own: Mapping[str, Any], where: str) -> FaultRow:
+    """Row of a fault of the hardware with the numbers of a machine."""
+    if fault not in PLANT_FAULTS:
+        raise ConfigurationError(
+            f"{where}: unknown fault {shown(fault)}, known are {', '.join(PLANT_FAULTS)}"
+        )
+    what = PLANT_FAULTS[fault]
+    size_unit = own.get(SIZE_UNIT, what.size_unit)
+    stated = {key: value for key, value in own.items() if key != SIZE_UNIT}
+    numbers = numbers_of(stated, (*SIZES, *what.numbers), where)
+    change = partial(_changed, what, numbers)
+    return FaultRow(
+        fault, what.title, what.places, *(numbers[key] for key in SIZES), str(size_unit),
+        what.approach, change,
+    )  # fmt: skip
+
+
+def _changed(what: PlantFault, own: Numbers, c: Coefficients, size: float) -> Coefficients:
+    return what.effect(c, size, own)
+
+
+def _sensor_fault(channel: str, mode: str, unit: str, own: Numbers) -> FaultRow:
+    limit = own["limit"]
+    default = 0.0 if mode == "dead" else own[mode]
     low, high = {"scaling": (-10.0, 10.0), "noise": (0.0, limit), "dropout": (0.01, 20.0)}.get(
         mode, (-limit, limit)
     )
@@ -173,22 +238,51 @@ def _sensor_fault(channel: str, mode: str) -> FaultRow:
     )  # fmt: skip
 
 
-SENSOR_FAULTS = tuple(_sensor_fault(channel, mode) for channel in SENSOR_CHANNELS for mode in MODES)
-CATALOGUE: dict[str, FaultRow] = {row.id: row for row in PLANT_FAULTS + SENSOR_FAULTS}
+SENSOR_NUMBERS = ("limit", *(mode for mode in MODES if mode != "dead"))
+"""What a machine states for each channel: largest bias, and the default size of each mode."""
 
 
-def fault_named(fault: str, where: str) -> FaultRow:
+def sensor_channels(machine: Machine) -> tuple[str, ...]:
+    """Channels of a machine that can have faults."""
+    return tuple(machine.sensor_faults)
+
+
+@lru_cache(maxsize=8)
+def catalogue(machine: Machine) -> Mapping[str, FaultRow]:
+    """Every fault that a machine can have.
+
+    Raises
+    ------
+    ConfigurationError
+        Its file names an unknown fault or channel, or lacks a number.
+    """
+    units = {row.channel: row.unit for row in machine.instruments}
+    rows = [
+        _plant_fault(fault, own, f"machine {machine.name}: faults: {fault}")
+        for fault, own in machine.faults.items()
+    ]
+    for channel, own in machine.sensor_faults.items():
+        where = f"machine {machine.name}: sensor_faults: {channel}"
+        if channel not in units:
+            raise ConfigurationError(f"{where}: no such channel, known are {', '.join(units)}")
+        numbers = numbers_of(own, SENSOR_NUMBERS, where)
+        rows += [_sensor_fault(channel, mode, units[channel], numbers) for mode in MODES]
+    return MappingProxyType({row.id: row for row in rows})
+
+
+def fault_named(fault: str, machine: Machine, where: str) -> FaultRow:
     """Row of one fault.
 
     Raises
     ------
     ConfigurationError
-        The catalogue has no such fault.
+        The machine cannot have such a fault.
     """
-    if fault not in CATALOGUE:
+    rows = catalogue(machine)
+    if fault not in rows:
         raise ConfigurationError(
             f"{where}: unknown fault {shown(fault)}, known are "
-            f"{', '.join(row.id for row in PLANT_FAULTS)} and <channel>_<mode> with channel "
-            f"{', '.join(SENSOR_CHANNELS)} and mode {', '.join(MODES)}"
+            f"{', '.join(machine.faults)} and <channel>_<mode> with channel "
+            f"{', '.join(machine.sensor_faults)} and mode {', '.join(MODES)}"
         )
-    return CATALOGUE[fault]
+    return rows[fault]

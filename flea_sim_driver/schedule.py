@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flea_sim_driver.faults import CATALOGUE, FaultRow
-from flea_sim_driver.scenario.settings import FaultSetting, RunSettings, Switch
+from flea_sim_driver.faults import FaultRow, catalogue
+from flea_sim_driver.scenario.scenario import Scenario
+from flea_sim_driver.scenario.settings import FaultSetting
 
 GAP_S = 0.05
-GRID_S = 0.01
-"""Onsets are rounded to the scan grid, so that the truth is exact and no scan is mixed."""
 
 
 @dataclass(frozen=True)
@@ -19,14 +18,10 @@ class FaultCourse:
     """Time course of one fault, active from ``onset_s`` to ``end_s`` after the start of the run."""
 
     setting: FaultSetting
+    row: FaultRow
     onset_s: float
     end_s: float = float("inf")
     seed: int = 0
-
-    @property
-    def row(self) -> FaultRow:
-        """Its row of the catalogue."""
-        return CATALOGUE[self.setting.fault]
 
     def size_at(self, time_s: float, unit: str) -> float | None:
         """Size at a time on a unit, None while it is absent."""
@@ -51,27 +46,27 @@ class FaultCourse:
         return rest + (self.setting.size - rest) * age / self.setting.growth_s
 
 
-def on_grid(time_s: float) -> float:
-    """The scan instant nearest to a time."""
-    return round(time_s / GRID_S) * GRID_S
+def on_grid(time_s: float, scan_s: float) -> float:
+    """The scan instant nearest to a time: the truth is exact then and no scan is mixed."""
+    return round(time_s / scan_s) * scan_s
 
 
-def courses(
-    settings: tuple[FaultSetting, ...], switch: Switch, run: RunSettings
-) -> tuple[FaultCourse, ...]:
+def courses(scenario: Scenario) -> tuple[FaultCourse, ...]:
     """Fault courses of a scenario; a fault of a unit switched in later begins at the switch."""
-    return tuple(_course(setting, switch, run) for setting in settings)
+    return tuple(_course(setting, scenario) for setting in scenario.faults)
 
 
-def _course(setting: FaultSetting, switch: Switch, run: RunSettings) -> FaultCourse:
-    onset = setting.onset_s
+def _course(setting: FaultSetting, scenario: Scenario) -> FaultCourse:
+    onset, switch, run = setting.onset_s, scenario.switch, scenario.run
     if (
         setting.unit not in ("", run.active_unit)
         and switch.at_s >= 0.0
         and setting.unit == switch.to
     ):
         onset = max(onset, switch.at_s)
-    return FaultCourse(setting, on_grid(onset), seed=run.seed)
+    row = catalogue(scenario.machine)[setting.fault]
+    scan_s = scenario.machine.sampling.scan_s
+    return FaultCourse(setting, row, on_grid(onset, scan_s), seed=run.seed)
 
 
 def cleared(course: FaultCourse, time_s: float) -> FaultCourse:

@@ -7,25 +7,22 @@ same blocks in real time. Equal scenario and start give equal bytes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.wire.records import NEVER_NS, ChannelTable, Record, Scan, Truth, VibrationBlock
 from flea_diag.wire.topics import TOPIC_OF
-from flea_sim_driver.acquisition.acquisition import SCAN_S, SCANS, Acquisition, Block, pwm
-from flea_sim_driver.acquisition.sensors import (
-    ACCELEROMETER_AXES,
-    CHANNELS,
-    Instruments,
-    channel_infos,
-)
+from flea_sim_driver.acquisition.acquisition import Acquisition, Block, pwm
+from flea_sim_driver.acquisition.sensors import ACCELEROMETER_AXES, Instruments, channel_infos
+from flea_sim_driver.faults import catalogue
+from flea_sim_driver.machine.machine import BLOCK_S
 from flea_sim_driver.plant.actuator import ActuatorPlant, Sizes, coefficients, with_faults
-from flea_sim_driver.plant.disturbance import Catches, Disturbance
+from flea_sim_driver.plant.disturbance import Disturbance
 from flea_sim_driver.plant.plant import STEP_S, Coefficients
 from flea_sim_driver.plant.thermal import Temperatures, warmed
-from flea_sim_driver.plant.unit import Bench, SimulatedUnit, draw_unit
+from flea_sim_driver.plant.unit import SimulatedUnit, draw_unit
 from flea_sim_driver.plant.vibration import Severity, Vibration
 from flea_sim_driver.scenario.feasibility import checked_fault
 from flea_sim_driver.scenario.profile import commanded
@@ -34,11 +31,10 @@ from flea_sim_driver.scenario.settings import FaultSetting
 from flea_sim_driver.schedule import FaultCourse, cleared, courses, on_grid
 
 Array = npt.NDArray[np.float64]
-BLOCK_S = 0.1
-STEPS = 200
-SCAN_NS = 10_000_000
+STEPS = round(BLOCK_S / STEP_S)
 BLOCK_NS = 100_000_000
-LATEST_S = 4e-3
+LATEST_SHARE = 0.4
+"""Largest jitter of a scan, as a share of the scan period."""
 NOMINAL = "nominal"
 
 
@@ -55,29 +51,33 @@ class SimulatedStand:
 
     def __init__(self, scenario: Scenario, start_ns: int | None = None) -> None:
         self.scenario = scenario
-        run, sensors = scenario.run, scenario.sensors
+        machine, run, sensors = scenario.machine, scenario.run, scenario.sensors
+        self._machine, self._sampling = machine, machine.sampling
         self.start_ns = round(run.start_s * 1e9) if start_ns is None else start_ns
-        draws = [np.random.default_rng(s) for s in np.random.SeedSequence(run.seed).spawn(10)]
+        draws = _generators(run.seed)
+        # What differs between units and stands is drawn by a seed of its own where it is given.
+        own = draws if run.unit_seed < 0 else _generators(run.unit_seed)
         warm = run.ambient_degc + run.warm_degc
         spread = {k: run.unit_spread * sigma for k, sigma in asdict(scenario.spread).items()}
         self.units: dict[str, SimulatedUnit] = {
-            "Y": draw_unit(draws[0], spread),
-            "X": draw_unit(draws[1], spread),
+            "Y": draw_unit(machine.unit, own[0], spread),
+            "X": draw_unit(machine.unit, own[1], spread),
         }
         travel = scenario.travel
-        self.bench = Bench(
-            travel_low_m=travel.low_m, travel_high_m=travel.high_m, stopped=travel.stopped
-        )
+        self.bench = replace(
+            machine.bench,
+            travel_low_m=travel.low_m, travel_high_m=travel.high_m, stopped=travel.stopped,
+        )  # fmt: skip
         self.unit_in_use = run.active_unit
-        panel = Instruments(draws[2], run.unit_spread, sensors.spikes)
-        self._acquisition = Acquisition(sensors, self.bench, panel, draws[5])
+        panel = Instruments(machine, own[2], draws[2], run.unit_spread, sensors.spikes)
+        self._acquisition = Acquisition(sensors, machine, panel, draws[5])
         self._clock = draws[6]
-        self._vibrations = _vibrations(scenario, draws[7:9], draws[3])
-        self._disturbance = Disturbance(draws[4], Catches())
+        self._vibrations = _vibrations(scenario, own[7:9], draws[3])
+        self._disturbance = Disturbance(draws[4], machine.catches)
         self._temperatures = {
             name: Temperatures.uniform(warm, run.ambient_degc) for name in self.units
         }
-        self._courses = courses(scenario.faults, scenario.switch, run)
+        self._courses = courses(scenario)
         self._told: set[int] = set()
         self._tell_nominal = True
         self._block = 0
@@ -95,6 +95,11 @@ class SimulatedStand:
     def time_s(self) -> float:
         """Time since the start at which the next block begins."""
         return self._block * BLOCK_S
+
+    @property
+    def scan_ns(self) -> int:
+        """Scan period in ns."""
+        return self._sampling.scan_ns
 
     @property
     def finished(self) -> bool:
@@ -125,19 +130,21 @@ class SimulatedStand:
         ConfigurationError
             The catalogue has no such fault, or its size or place is impossible.
         """
-        setting = FaultSetting(fault, on_grid(self.time_s), size, **options)  # type: ignore[arg-type]
-        return checked_fault(setting, self.scenario.run.duration_s, "inject")
+        onset_s = on_grid(self.time_s, self._sampling.scan_s)
+        setting = FaultSetting(fault, onset_s, size, **options)  # type: ignore[arg-type]
+        return checked_fault(setting, self.scenario, "inject")
 
     def inject(self, fault: str, size: float = float("nan"), **options: str) -> Truth:
         """Inject a fault at the next block; ``options``: ``where``, ``unit``."""
         setting = self.injection(fault, size, **options)
-        course = FaultCourse(setting, setting.onset_s, seed=self.scenario.run.seed)
+        row = catalogue(self._machine)[fault]
+        course = FaultCourse(setting, row, setting.onset_s, seed=self.scenario.run.seed)
         self._courses += (course,)
         return self._truth(course)
 
     def clear(self) -> None:
         """End every fault at the next block."""
-        now = on_grid(self.time_s)
+        now = on_grid(self.time_s, self._sampling.scan_s)
         self._tell_nominal |= any(e.onset_s < now < e.end_s for e in self._courses)
         self._courses = tuple(cleared(course, now) for course in self._courses)
 
@@ -146,14 +153,15 @@ class SimulatedStand:
     def _run(self) -> Block:
         """The true signals of this block."""
         begin, name = self.time_s, self.unit_in_use
-        unit = warmed(self.units[name], self._temperatures[name])
-        times = [begin + k * SCAN_S + 1e-9 for k in range(SCANS)]
+        unit = warmed(self.units[name], self._machine.heat, self._temperatures[name])
+        scan_s = self._sampling.scan_s
+        times = [begin + k * scan_s + 1e-9 for k in range(self._sampling.scans)]
         sizes = [tuple(e.size_at(time, name) for e in self._courses) for time in times]
         position, load = commanded(
             self.scenario, np.arange(STEPS, dtype=np.float64) * STEP_S + begin
         )
         signals = self._actuator.advance(
-            self._segments(coefficients(unit, self.bench), sizes),
+            self._segments(coefficients(unit, self.bench, begin), sizes),
             position,
             load,
             self._disturbance.block(STEPS, float(load[0]), BLOCK_S),
@@ -163,16 +171,16 @@ class SimulatedStand:
     def _segments(
         self, healthy: Coefficients, sizes: list[Sizes]
     ) -> list[tuple[int, Coefficients]]:
-        """One stretch of constant coefficients, or ten where a fault changes in the block."""
+        """One stretch of constant coefficients, or one a scan where a fault changes in it."""
         changing = any(
             e.row.mode in ("drift", "dropout") and e.setting.where == "loop" for e in self._courses
         )
-        if not changing and sizes.count(sizes[0]) == SCANS:
+        if not changing and sizes.count(sizes[0]) == len(sizes):
             return [(STEPS, with_faults(healthy, self._courses, sizes[0], self.time_s))]
         return [
             (
-                STEPS // SCANS,
-                with_faults(healthy, self._courses, row, self.time_s + k * SCAN_S),
+                STEPS // len(sizes),
+                with_faults(healthy, self._courses, row, self.time_s + k * self._sampling.scan_s),
             )
             for k, row in enumerate(sizes)
         ]
@@ -190,22 +198,26 @@ class SimulatedStand:
         }
         for name, now in self._temperatures.items():
             copper, friction = losses.get(name, (0.0, 0.0))
-            self._temperatures[name] = now.after(BLOCK_S, self.units[name], copper, friction)
+            self._temperatures[name] = now.after(
+                BLOCK_S, self.units[name], self._machine.heat, copper, friction
+            )
         return self._temperatures[self.unit_in_use]
 
     def _stamped(self, values: Array) -> list[Record]:
         sensors = self.scenario.sensors
         base = self.start_ns + self._block * BLOCK_NS
-        late, kept = np.zeros(SCANS), np.ones(SCANS, dtype=bool)
+        count, scan_ns = len(values), self._sampling.scan_ns
+        late, kept = np.zeros(count), np.ones(count, dtype=bool)
         if sensors.jitter_s > 0.0:
-            jitter = self._clock.standard_normal(SCANS) * sensors.jitter_s
-            late = np.clip(jitter, -LATEST_S, LATEST_S)
+            jitter = self._clock.standard_normal(count) * sensors.jitter_s
+            latest_s = LATEST_SHARE * self._sampling.scan_s
+            late = np.clip(jitter, -latest_s, latest_s)
         if sensors.scan_loss > 0.0:
-            kept = self._clock.random(SCANS) >= sensors.scan_loss
+            kept = self._clock.random(count) >= sensors.scan_loss
         rows = values.tolist()
         return [
-            Scan(base + k * SCAN_NS + round(late[k] * 1e9), CHANNELS, tuple(rows[k]))
-            for k in range(SCANS)
+            Scan(base + k * scan_ns + round(late[k] * 1e9), self._machine.channels, tuple(rows[k]))
+            for k in range(count)
             if kept[k]
         ]
 
@@ -230,8 +242,8 @@ class SimulatedStand:
         # The table names the actuator at the start: a later change would reveal a unit switch.
         sensors, serial = self.scenario.sensors, self.scenario.serial(self.unit_in_use)
         rate = sensors.vibration_rate_hz if sensors.vibration else None
-        rows = channel_infos(sensors.voltage, rate, serial)
-        return [ChannelTable(self.start_ns, "flea_sim", rows)]
+        rows = channel_infos(self._machine, sensors.voltage, rate, serial)
+        return [ChannelTable(self.start_ns, f"{self._machine.name}_sim", rows)]
 
     def _truths(self) -> list[Record]:
         """The faults present: at the start, at each onset, and when all are cleared."""
@@ -271,21 +283,32 @@ class SimulatedStand:
         return Truth(onset, setting.fault, onset, details)
 
 
+def _generators(seed: int) -> list[np.random.Generator]:
+    return [np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(10)]
+
+
 def _vibrations(
     scenario: Scenario, structures: list[np.random.Generator], noise: np.random.Generator
 ) -> dict[str, Vibration]:
     """The accelerometers of both test actuators, each with its own structure."""
     run, rate = scenario.run, scenario.sensors.vibration_rate_hz
+    machine = scenario.machine
     spread = scenario.structure.scaled(run.unit_spread)
     return {
-        name: Vibration(noise, spread.draw(draw), rate, round(rate * BLOCK_S))
+        name: Vibration(
+            noise,
+            machine.vibration,
+            spread.draw(machine.structure, draw),
+            rate,
+            round(rate * BLOCK_S),
+        )
         for name, draw in zip(("Y", "X"), structures, strict=True)
     }
 
 
 def _severity(block: Block) -> Severity:
     """Vibration sources of a block: the faults present in the middle of it."""
-    middle = block.sizes[SCANS // 2]
+    middle = block.sizes[len(block.sizes) // 2]
     now = {
         course.row.id: size
         for course, size in zip(block.courses, middle, strict=True)

@@ -7,13 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flea_sim_driver.acquisition.sensors import (
-    CHANNELS,
-    COLUMN,
-    ENCODER_COUNTS,
-    LOAD_CURRENT_OFFSET_A,
-    Instruments,
-)
+from flea_sim_driver.acquisition.sensors import Instruments
+from flea_sim_driver.machine.machine import Machine
 from flea_sim_driver.plant.actuator import Sizes
 from flea_sim_driver.plant.drive import Waveform, waveform
 from flea_sim_driver.plant.plant import SIGNALS
@@ -23,10 +18,6 @@ from flea_sim_driver.scenario.settings import Sensors
 from flea_sim_driver.schedule import FaultCourse
 
 Array = npt.NDArray[np.float64]
-SCANS = 10
-SCAN_S = 0.01
-DEFECTIVE_READING = -24.0
-PWM_RUNS_V = 4.0
 
 
 @dataclass(frozen=True)
@@ -40,18 +31,19 @@ class Block:
     load: Array
     courses: tuple[FaultCourse, ...]
     sizes: list[Sizes]
+    """Of each fault, scan by scan."""
 
     def column(self, signal: str) -> Array:
         """One plant signal at every step, shape (steps,)."""
         return np.asarray(self.signals[:, SIGNALS.index(signal)])
 
     def mean(self, signal: str) -> Array:
-        """One plant signal averaged over each scan, shape (SCANS,)."""
-        return _scan_mean(self.column(signal))
+        """One plant signal averaged over each scan, shape (scans,)."""
+        return self.scan_mean(self.column(signal))
 
-
-def _scan_mean(values: Array) -> Array:
-    return np.asarray(values.reshape(SCANS, -1).mean(axis=1))
+    def scan_mean(self, values: Array) -> Array:
+        """Values at every step averaged over each scan, shape (scans,)."""
+        return np.asarray(values.reshape(len(self.sizes), -1).mean(axis=1))
 
 
 def pwm(block: Block, bench: Bench) -> Waveform:
@@ -74,71 +66,99 @@ class Acquisition:
     ----------
     sensors
         Options of the scenario.
-    bench, panel
-        The stand's drive and its instruments.
+    machine, panel
+        The stand's machine and its instruments.
     generator
         Random numbers for errors after the instruments.
     """
 
     def __init__(
-        self, sensors: Sensors, bench: Bench, panel: Instruments, generator: np.random.Generator
+        self, sensors: Sensors, machine: Machine, panel: Instruments, generator: np.random.Generator
     ) -> None:
-        self._sensors, self._bench, self._panel = sensors, bench, panel
+        self._sensors, self._machine, self._panel = sensors, machine, panel
+        self._bench, self._sampling = machine.bench, machine.sampling
         self._generator = generator
         self._phase = float(generator.random())
         self._counts: float | None = None
 
     def read(self, block: Block, before: Temperatures, after: Temperatures) -> Array:
-        """Digital values of the block, shape (SCANS, channels)."""
-        true = np.empty((SCANS, len(CHANNELS)))
-        self._electrical(true, block)
-        self._mechanical(true, block)
-        _thermal(true, before, after)
-        true[:, COLUMN["commanded_position"]] = _scan_mean(block.position)
-        true[:, COLUMN["commanded_load"]] = _scan_mean(block.load)
-        running = np.minimum(np.abs(block.mean("voltage")) / PWM_RUNS_V, 1.0)
+        """Digital values of the block, shape (scans, channels)."""
+        signals = {
+            **self._electrical(block),
+            **self._mechanical(block),
+            **_thermal(len(block.sizes), before, after),
+            **self._commands(block),
+        }
+        true = np.empty((len(block.sizes), len(self._machine.channels)))
+        for channel, place in self._machine.column.items():
+            true[:, place] = signals[channel]
+        running = np.minimum(np.abs(block.mean("voltage")) / self._sampling.pwm_runs_v, 1.0)
         values = self._panel.read(true, running)
         if self._sensors.defective:
-            noise = 0.05 * self._generator.standard_normal(SCANS)
-            values[:, COLUMN[self._sensors.defective]] = DEFECTIVE_READING + noise
+            noise = self._sampling.defective_noise * self._generator.standard_normal(len(values))
+            place = self._machine.column[self._sensors.defective]
+            values[:, place] = self._sampling.defective_reading + noise
         self._falsify(values, block)
         return values
 
-    def _electrical(self, true: Array, block: Block) -> None:
+    def _commands(self, block: Block) -> dict[str, Array]:
+        """What is commanded; the load of a crank is its moment."""
+        load = block.scan_mean(block.load)
+        return {
+            "commanded_voltage": block.mean("command"),
+            "commanded_position": block.scan_mean(block.position),
+            "commanded_load": load * (self._bench.crank_radius_m or 1.0),
+        }
+
+    def _electrical(self, block: Block) -> dict[str, Array]:
         current, voltage = block.mean("current"), block.mean("voltage")
         if self._sensors.voltage == "instant_pwm":
-            time = block.begin_s + np.arange(SCANS) * SCAN_S
+            time = block.begin_s + np.arange(len(block.sizes)) * self._sampling.scan_s
             phase = np.mod(self._phase + self._bench.pwm_frequency_hz * time, 1.0)
             wave = pwm(block, self._bench)
             driven = np.abs(voltage) + np.abs(current) > 1e-6
             current = np.where(driven, wave.current(phase), 0.0)
             voltage = np.where(driven, wave.voltage(phase), 0.0)
-        true[:, COLUMN["motor_current"]] = current + block.unit.current_offset_a
-        true[:, COLUMN["motor_voltage"]] = voltage + block.unit.voltage_offset_v
-        true[:, COLUMN["commanded_voltage"]] = block.mean("command")
-        true[:, COLUMN["load_motor_current"]] = block.mean("load_current") + LOAD_CURRENT_OFFSET_A
+        return {
+            "motor_current": current + block.unit.current_offset_a,
+            "motor_voltage": voltage + block.unit.voltage_offset_v,
+            "load_motor_current": block.mean("load_current") + self._sampling.load_current_offset_a,
+        }
 
-    def _mechanical(self, true: Array, block: Block) -> None:
-        position = block.column("position")
-        ends = position[len(position) // SCANS - 1 :: len(position) // SCANS]
-        counts = np.floor(ends / block.unit.lead_m * ENCODER_COUNTS)
-        first = counts[0] if self._counts is None else self._counts
-        turned = np.diff(counts, prepend=first)
-        self._counts = float(counts[-1])
-        true[:, COLUMN["motor_speed"]] = turned * (2.0 * np.pi / ENCODER_COUNTS / SCAN_S)
-        encoder = block.mean("position") + self._panel.homing_error_m
-        true[:, COLUMN["actuator_position"]] = encoder
-        pot = self._panel.potentiometer(block.mean("load_position"))
-        true[:, COLUMN["load_position"]] = pot
-        true[:, COLUMN["load_force"]] = block.mean("force")
+    def _mechanical(self, block: Block) -> dict[str, Array]:
+        return {
+            "motor_speed": self._encoder_speed(block),
+            "actuator_position": block.mean("position") + self._panel.homing_error_m,
+            "load_position": self._panel.potentiometer(self._load_reading(block)),
+            "load_force": block.mean("force"),
+        }
+
+    def _encoder_speed(self, block: Block) -> Array:
+        """Counts of the motor's encoder over each scan, as a speed in rad/s."""
+        position, counts = block.column("position"), self._sampling.encoder_counts
+        steps = len(position) // len(block.sizes)
+        turn_m = block.unit.lead_m * block.unit.gear_ratio
+        read = np.floor(position[steps - 1 :: steps] / turn_m * counts)
+        first = read[0] if self._counts is None else self._counts
+        turned = np.diff(read, prepend=first)
+        self._counts = float(read[-1])
+        return np.asarray(turned * (2.0 * np.pi / counts / self._sampling.scan_s))
+
+    def _load_reading(self, block: Block) -> Array:
+        """Position of the load side in m, or the angle of its crank in rad."""
+        position = block.mean("load_position")
+        if self._bench.crank_radius_m == 0.0:
+            return position
+        sine = (position - self._bench.load_centre_m) / self._bench.crank_radius_m
+        return np.asarray(np.arcsin(np.clip(sine, -1.0, 1.0)))
 
     def _falsify(self, values: Array, block: Block) -> None:
         """Sensor faults, on the digital values."""
         for k, row in enumerate(block.sizes):
             for course, size in zip(block.courses, row, strict=True):
                 if size is not None and course.row.channel:
-                    column = COLUMN[course.row.channel]
-                    age = block.begin_s + k * SCAN_S - course.onset_s
+                    column = self._machine.column[course.row.channel]
+                    age = block.begin_s + k * self._sampling.scan_s - course.onset_s
                     values[k, column] = self._false(course, size, float(values[k, column]), age)
 
     def _false(self, course: FaultCourse, size: float, value: float, age: float) -> float:
@@ -155,9 +175,15 @@ class Acquisition:
         }[mode]
 
 
-def _thermal(true: Array, before: Temperatures, after: Temperatures) -> None:
-    share = np.arange(SCANS) / SCANS
-    for channel, name in (("motor", "housing_sensed"), ("nut", "nut_sensed")):
+def _thermal(scans: int, before: Temperatures, after: Temperatures) -> dict[str, Array]:
+    share = np.arange(scans) / scans
+
+    def between(name: str) -> Array:
         first, last = getattr(before, name), getattr(after, name)
-        true[:, COLUMN[f"{channel}_temperature"]] = first + share * (last - first)
-    true[:, COLUMN["ambient_temperature"]] = before.ambient
+        return np.asarray(first + share * (last - first))
+
+    return {
+        "motor_temperature": between("housing_sensed"),
+        "nut_temperature": between("nut_sensed"),
+        "ambient_temperature": np.full(scans, before.ambient),
+    }

@@ -11,14 +11,14 @@ import numpy.typing as npt
 
 from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.records import Scan
-from flea_sim_driver.acquisition.sensors import COLUMN
+from flea_sim_driver.machine.library import DEFAULT_MACHINE, find_machine
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.scenario.settings import LOAD_LIMIT_N, NEWTON_PER_POUND
 from flea_sim_driver.stand import SimulatedStand
 
 Array = npt.NDArray[np.float64]
 RATE_HZ = 100.0
+NEWTON_PER_POUND = 4.4482216152605
 LOW_PASS_HZ = 5.0
 FEWEST_SCANS = 1000
 NEEDED = [3, 5]
@@ -124,7 +124,8 @@ def _smoothed(
 
 def counterpart(real: RunSignals, seed: int, unit_spread: float = 1.0) -> Scenario:
     """The scenario that reproduces a recorded run."""
-    load = float(np.clip(np.mean(real.force), -LOAD_LIMIT_N, LOAD_LIMIT_N))
+    limit_n = find_machine(DEFAULT_MACHINE).limits.load_n
+    load = float(np.clip(np.mean(real.force), -limit_n, limit_n))
     faults = [] if real.label == "Nominal" else [{"fault": real.label.lower(), "onset_s": 0.0}]
     return scenario_from_mapping(
         {
@@ -146,9 +147,10 @@ def simulate(real: RunSignals, seed: int, unit_spread: float = 1.0) -> RunSignal
     """The simulated counterpart of a run, with the signs of ``Scan``."""
     records = SimulatedStand(counterpart(real, seed, unit_spread))
     values = np.array([record.values for record in records if isinstance(record, Scan)])
+    places = find_machine(DEFAULT_MACHINE).column
 
     def column(channel: str) -> Array:
-        return np.asarray(values[:, COLUMN[channel]])
+        return np.asarray(values[:, places[channel]])
 
     return _smoothed(
         real.name, real.motion, real.label,

@@ -34,9 +34,12 @@ HEALTHY: dict[str, float] = {
 """What only faults change."""
 
 
-def coefficients(unit: SimulatedUnit, bench: Bench) -> Coefficients:
-    """The integrator's coefficients of a healthy unit on the bench."""
-    return Coefficients(**_unit_coefficients(unit), **_bench_coefficients(bench), **HEALTHY)
+def coefficients(unit: SimulatedUnit, bench: Bench, time_s: float = 0.0) -> Coefficients:
+    """The integrator's coefficients of a healthy unit on the bench, at a time of the run."""
+    ripple = bench.supply_ripple * math.sin(2.0 * math.pi * bench.supply_ripple_hz * time_s)
+    return Coefficients(
+        **_unit_coefficients(unit), **_bench_coefficients(bench), **HEALTHY, duty=1.0 + ripple
+    )
 
 
 def _unit_coefficients(unit: SimulatedUnit) -> dict[str, float]:
@@ -59,6 +62,11 @@ def _unit_coefficients(unit: SimulatedUnit) -> dict[str, float]:
         "ripple_order": order,
         "spall_order": order,
         "screw_ratio": unit.screw_ratio_m_rad,
+        "motor_ratio": unit.motor_ratio_m_rad,
+        "cogging": unit.cogging_n,
+        "cogging_order": unit.cogging_order,
+        "friction_wave": unit.friction_wave,
+        "wave_number": 2.0 * math.pi / unit.friction_wave_length_m,
     }
 
 
@@ -70,6 +78,7 @@ def _bench_coefficients(bench: Bench) -> dict[str, float]:
         "supply_resistance": bench.supply_resistance_ohm,
         "current_limit": bench.current_limit_a,
         "dead_time_drop": bench.dead_time_drop_v,
+        "duty_droop": bench.duty_droop_per_a,
         "position_gain": bench.position_gain_v_m,
         "position_knee": bench.position_knee_m,
         "position_reset": bench.position_reset_v_m_s,
@@ -88,6 +97,9 @@ def _bench_coefficients(bench: Bench) -> dict[str, float]:
         "rough_load": bench.load_roughness_per_a,
         "load_constant": bench.load_force_constant_n_per_a,
         "load_lag": bench.load_current_lag_s,
+        "load_stiffness": bench.load_stiffness_n_m,
+        "load_centre": bench.load_centre_m,
+        "crank": bench.crank_radius_m,
         "brake": bench.brake_a_s_m,
         "brake_knee": bench.brake_knee_n,
         "brake_limit": bench.brake_limit_a,

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from flea_sim_driver.plant.plant import STEP_S
+from flea_sim_driver.plant.quantity import positive
+
 Array = npt.NDArray[np.float64]
 COLUMNS = ("feedback", "roughness", "catch")
 KNOT_STEPS = 50
@@ -21,10 +24,11 @@ KNOT_STEPS = 50
 class Catches:
     """Rate and force at which the load actuator sticks."""
 
-    rate_hz: float = 0.53
-    rate_per_n_s: float = 0.00547
-    mean_n: float = 300.0
-    length_steps: int = 100
+    rate_hz: float
+    rate_per_n_s: float
+    mean_n: float
+    largest_n: float
+    length_s: float = positive()
 
 
 class Disturbance:
@@ -34,7 +38,8 @@ class Disturbance:
         self._generator = generator
         self._catches = catches
         self._knot = 0.0
-        phase = np.pi * np.arange(catches.length_steps) / catches.length_steps
+        length = round(catches.length_s / STEP_S)
+        phase = np.pi * np.arange(length) / length
         self._shape = np.sin(phase) * np.sign(np.cos(6.0 * phase) + 0.4)
         self._rest = np.zeros(0)
 
@@ -58,6 +63,8 @@ class Disturbance:
         if chance < rate * block_s:
             start = int(at * steps)
             push = -self._catches.mean_n * np.log1p(-size)
-            span[start : start + len(self._shape)] += min(push, 900.0) * self._shape
+            span[start : start + len(self._shape)] += (
+                min(push, self._catches.largest_n) * self._shape
+            )
         self._rest = span[steps:].copy()
         return span[:steps]

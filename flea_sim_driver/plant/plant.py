@@ -1,9 +1,9 @@
 """The physics of the stand: motor, screw, coupling, load actuator and control loop.
 
-Integrated at 2 kHz: the winding exactly (its time constant equals the step), friction as an
-impulse that can stop a mass but not reverse it, the rest semi-implicitly. The coupling mode,
-near 45 Hz, has forty steps per period. The loop uses only +, -, *, / and sin, so that numba,
-where installed, gives the same bits as plain Python.
+Integrated at 2 kHz: the winding exactly (its time constant may equal the step), friction as an
+impulse that can stop a mass but not reverse it, the rest semi-implicitly. The coupling mode of
+the FLEA, near 45 Hz, has forty steps per period. The loop uses only +, -, *, /, sin and sqrt, so
+that numba, where installed, gives the same bits as plain Python.
 """
 
 from __future__ import annotations
@@ -48,12 +48,19 @@ class Coefficients(NamedTuple):
     spall: float
     spall_order: float
     screw_ratio: float
+    motor_ratio: float
+    cogging: float
+    cogging_order: float
+    friction_wave: float
+    wave_number: float
     nominal_supply: float
     supply: float
     supply_resistance: float
     current_limit: float
     dead_time_drop: float
     bridge: float
+    duty: float
+    duty_droop: float
     position_gain: float
     position_knee: float
     position_reset: float
@@ -81,6 +88,9 @@ class Coefficients(NamedTuple):
     rough_load: float
     load_constant: float
     load_lag: float
+    load_stiffness: float
+    load_centre: float
+    crank: float
     brake: float
     brake_knee: float
     brake_limit: float
@@ -133,7 +143,8 @@ def _drive(c: Any, command: float, emf: float, i: float) -> tuple[float, float, 
     command = _clipped(command, c.nominal_supply)
     available = max(c.supply - c.supply_resistance * abs(i), 0.0)
     # Winding, exact over the step; bridge 0 = high impedance, no current.
-    voltage = _clipped(command, available) - c.dead_time_drop * i / (abs(i) + 0.1)
+    duty = c.duty * (1.0 - c.duty_droop * abs(i))
+    voltage = _clipped(command * duty, available) - c.dead_time_drop * i / (abs(i) + 0.1)
     settled = (voltage - emf) / c.resistance
     i = settled + (i - settled) * c.current_decay
     if c.bridge == 0.0:
@@ -161,9 +172,11 @@ def _stop_force(c: Any, position: float, speed: float, low: float, high: float) 
     return 0.0
 
 
-def _ripple_force(c: Any, angle: float) -> float:
-    """Ball pass, eccentric rotor and spall, all at multiples of the screw's angle."""
-    ripple = c.ripple * math.sin(c.ripple_order * angle) + c.eccentric * math.sin(angle)
+def _ripple_force(c: Any, angle: float, motor_angle: float) -> float:
+    """Ball pass and spall by the screw's angle, eccentric rotor and cogging by the motor's."""
+    ripple = c.ripple * math.sin(c.ripple_order * angle) + c.eccentric * math.sin(motor_angle)
+    if c.cogging != 0.0:
+        ripple += c.cogging * math.sin(c.cogging_order * motor_angle)
     if c.spall != 0.0:
         bump = math.sin(0.5 * c.spall_order * angle)
         bump = bump * bump
@@ -201,6 +214,14 @@ def _load_control(
     return target, wound, slack, trim
 
 
+def _lever(c: Any, xl: float) -> float:
+    """Lever of the crank over its lever when square; 1 without a crank."""
+    if c.crank == 0.0:
+        return 1.0
+    sine = (xl - c.load_centre) / c.crank
+    return math.sqrt(max(1.0 - sine * sine, 0.1))
+
+
 def _load_resistance(
     c: Any, iz: float, vl: float, xl: float, roughness: float, drag_noise: float
 ) -> float:
@@ -212,6 +233,9 @@ def _load_resistance(
     rough = c.rough_rest + c.rough_speed * min(abs(vl), 0.06)
     rough *= 1.0 + c.rough_load * min(abs(iz), 3.0)
     resist += rough * roughness
+    if c.load_stiffness != 0.0:
+        lever = _lever(c, xl)
+        resist += c.load_stiffness * (xl - c.load_centre) / (lever * lever)
     return resist + drag_noise * vl / (abs(vl) + 0.02)
 
 
@@ -227,15 +251,20 @@ def _integrate(
         angle = x / c.screw_ratio
         force = _coupling_force(c, x + c.lead_error * math.sin(angle) - xl, v - vl)
         slip = v / c.stribeck_speed
-        drag = c.coulomb + c.stribeck / (1.0 + slip * slip) + c.load_friction * abs(force)
-        push = c.force_constant * i - c.viscous * v - force - _ripple_force(c, angle)
+        dry = c.coulomb
+        if c.friction_wave != 0.0:
+            dry *= 1.0 + c.friction_wave * math.sin(c.wave_number * x)
+        drag = dry + c.stribeck / (1.0 + slip * slip) + c.load_friction * abs(force)
+        push = c.force_constant * i - c.viscous * v - force
+        push -= _ripple_force(c, angle, x / c.motor_ratio)
         push -= _stop_force(c, x, v, c.nut_low, c.nut_high)
         v = _stopped(v + dt * push / c.mass, dt * drag / c.mass)
         x += dt * v
         # Load actuator.
         measured = c.force_feedback_scale * force + c.force_feedback_offset
         measured += c.force_feedback_noise * noise[k, 0]
-        target, wound, slack, trim = _load_control(c, dt, load[k], measured, vl, wound, slack, trim)
+        wanted = load[k] / _lever(c, xl)
+        target, wound, slack, trim = _load_control(c, dt, wanted, measured, vl, wound, slack, trim)
         iz += dt * (target - iz) / c.load_lag
         resist = _load_resistance(c, iz, vl, xl, noise[k, 1], noise[k, 2])
         vl = _stopped(vl + dt * (force - resist) / c.load_mass, dt * c.load_coulomb / c.load_mass)
@@ -250,7 +279,7 @@ def _integrate(
 
 PARTS = (
     _stopped, _clipped, _position_loop, _drive, _coupling_force, _ripple_force, _load_control,
-    _stop_force, _load_resistance,
+    _stop_force, _load_resistance, _lever,
 )  # fmt: skip
 """What ``_integrate`` calls."""
 

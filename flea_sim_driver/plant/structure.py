@@ -38,10 +38,7 @@ class Mode:
 class Structure:
     """Modes and background (times the nominal one) at motor housing and nut."""
 
-    modes: tuple[tuple[Mode, ...], ...] = (
-        (Mode(900.0, 0.05, 1.0), Mode(3100.0, 0.03, 0.6)),
-        (Mode(1800.0, 0.04, 0.7), Mode(4200.0, 0.03, 1.0), Mode(7500.0, 0.03, 0.5)),
-    )
+    modes: tuple[tuple[Mode, ...], ...]
     background: tuple[float, float] = (1.0, 1.0)
 
     def impulse_responses(self, rate_hz: float) -> Array:
@@ -70,14 +67,14 @@ class StructureSpread:
     """Unit variability of the structure at ``unit_spread`` 1."""
 
     resonance: float = parameter(
-        0.20, "half the width of a uniform draw of each resonance, relative", minimum=0.0,
+        0.0, "half the width of a uniform draw of each resonance, relative", minimum=0.0,
         maximum=0.5,
     )  # fmt: skip
     damping: float = parameter(
-        0.15, "standard deviation of the logarithm of each damping", minimum=0.0, maximum=1.0
+        0.0, "standard deviation of the logarithm of each damping", minimum=0.0, maximum=1.0
     )
     background: float = parameter(
-        0.15, "standard deviation of the logarithm of the background", minimum=0.0, maximum=1.0
+        0.0, "standard deviation of the logarithm of the background", minimum=0.0, maximum=1.0
     )
 
     def scaled(self, share: float) -> StructureSpread:
@@ -85,9 +82,8 @@ class StructureSpread:
         resonance = min(share * self.resonance, RESONANCE_LIMIT)
         return StructureSpread(resonance, share * self.damping, share * self.background)
 
-    def draw(self, generator: np.random.Generator) -> Structure:
+    def draw(self, nominal: Structure, generator: np.random.Generator) -> Structure:
         """The structure of one unit; the number of random draws does not depend on the spread."""
-        nominal = Structure()
         modes = tuple(tuple(self._mode(m, generator) for m in row) for row in nominal.modes)
         louder = np.exp(self.background * _bounded(generator, 2))
         return Structure(modes, (float(louder[0]), float(louder[1])))

@@ -5,13 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from flea_sim_driver.plant.quantity import positive
 from flea_sim_driver.plant.unit import SimulatedUnit
 
-COPPER_PER_K = 0.00393
-MAGNET_PER_K = -0.001
-GREASE_PER_K = -0.03
-SENSOR_LAG_S = 2.0
-REFERENCE_DEGC = 25.0
+
+@dataclass(frozen=True)
+class Heat:
+    """What temperature does to a machine, and the lag of its thermocouples."""
+
+    copper_per_k: float
+    magnet_per_k: float
+    grease_per_k: float
+    sensor_lag_s: float = positive()
+    reference_degc: float
 
 
 @dataclass(frozen=True)
@@ -32,7 +38,7 @@ class Temperatures:
         return cls(degc, degc, degc, degc, degc, degc, ambient)
 
     def after(
-        self, dt: float, unit: SimulatedUnit, copper_w: float, friction_w: float
+        self, dt: float, unit: SimulatedUnit, heat: Heat, copper_w: float, friction_w: float
     ) -> Temperatures:
         """The temperatures ``dt`` seconds later, with these losses."""
         to_housing = (self.winding - self.housing) / unit.winding_to_housing_k_w
@@ -40,7 +46,7 @@ class Temperatures:
         to_room = (self.frame - self.ambient) / unit.frame_to_ambient_k_w
         from_nut = (self.nut - self.ambient) / unit.nut_to_ambient_k_w
         into_nut = unit.nut_heat_share * friction_w
-        lag = 1.0 - math.exp(-dt / SENSOR_LAG_S)
+        lag = 1.0 - math.exp(-dt / heat.sensor_lag_s)
         return Temperatures(
             self.winding + dt * (copper_w - to_housing) / unit.winding_heat_capacity_j_k,
             self.housing + dt * (to_housing - to_frame) / unit.housing_heat_capacity_j_k,
@@ -52,14 +58,14 @@ class Temperatures:
         )
 
 
-def warmed(unit: SimulatedUnit, now: Temperatures) -> SimulatedUnit:
+def warmed(unit: SimulatedUnit, heat: Heat, now: Temperatures) -> SimulatedUnit:
     """The unit's parameters at its present temperatures: R(T), K(T), B(T)."""
     return replace(
         unit,
         winding_resistance_ohm=unit.winding_resistance_ohm
-        * (1.0 + COPPER_PER_K * (now.winding - REFERENCE_DEGC)),
+        * (1.0 + heat.copper_per_k * (now.winding - heat.reference_degc)),
         force_constant_n_per_a=unit.force_constant_n_per_a
-        * (1.0 + MAGNET_PER_K * (now.housing - REFERENCE_DEGC)),
+        * (1.0 + heat.magnet_per_k * (now.housing - heat.reference_degc)),
         viscous_friction_n_s_m=unit.viscous_friction_n_s_m
-        * math.exp(GREASE_PER_K * (now.nut - REFERENCE_DEGC)),
+        * math.exp(heat.grease_per_k * (now.nut - heat.reference_degc)),
     )

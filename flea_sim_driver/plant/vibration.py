@@ -13,25 +13,58 @@ import numpy as np
 import numpy.typing as npt
 from scipy.fft import next_fast_len
 
+from flea_sim_driver.plant.quantity import positive
 from flea_sim_driver.plant.structure import Structure
 from flea_sim_driver.plant.unit import SimulatedUnit
 
 Array = npt.NDArray[np.float64]
-AXIS_GAIN = np.array([[1.0, 0.7, 0.5], [1.0, 0.8, 0.6]])
-CROSSTALK = 0.12
-SENSOR_NOISE = 0.25
-SLIP = 0.015
-BALL_SPACING = 1.02
-AMPLITUDE_LIMIT = 500.0
 IMPULSE_RATE_HZ = 20_000.0
 """Reference rate of impulses: their size is that of one sample at this rate."""
+LEAST_GAP_M = 5e-5
+"""Gap from which the coupling knocks beyond its usual play."""
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Strength of each source at the references of speed, load and gap, in m/s^2.
+
+    Sizes of faults multiply ``spall``, ``jam``, ``friction`` and ``eccentricity``.
+    """
+
+    speed_rad_s: float = positive()
+    """Reference speed of the screw."""
+    load_n: float = positive()
+    least_load_n: float
+    unbalance_speed_rad_s: float = positive()
+    gap_m: float = positive()
+    motor: float
+    motor_at_rest: float
+    nut: float
+    nut_at_rest: float
+    nut_unloaded: float
+    """Share of the nut's noise that does not depend on the load."""
+    ball_pass: float
+    ball_slip: float
+    unbalance: float
+    knock: float
+    spall: float
+    jam: float
+    friction: float
+    eccentricity: float
+    wide_knock: float
+    sensor_noise: float
+    crosstalk: float
+    amplitude_limit: float = positive()
+    motor_axes: tuple[float, float, float]
+    """Gain of each axis of the accelerometer on the motor housing."""
+    nut_axes: tuple[float, float, float]
 
 
 def balls_per_turn(unit: SimulatedUnit) -> float:
     """Balls in one turn of the nut."""
     helix = np.arctan(unit.lead_m / (np.pi * unit.screw_pitch_diameter_m))
     turn = np.pi * unit.screw_pitch_diameter_m / np.cos(helix)
-    return float(turn / (BALL_SPACING * unit.ball_diameter_m))
+    return float(turn / (unit.ball_spacing * unit.ball_diameter_m))
 
 
 def ball_pass_order(unit: SimulatedUnit) -> float:
@@ -59,6 +92,8 @@ class Vibration:
     ----------
     generator
         Random numbers.
+    sources
+        Strength of each source.
     structure
         Structural response of this actuator.
     rate_hz, count
@@ -66,9 +101,15 @@ class Vibration:
     """
 
     def __init__(
-        self, generator: np.random.Generator, structure: Structure, rate_hz: float, count: int
+        self,
+        generator: np.random.Generator,
+        sources: Sources,
+        structure: Structure,
+        rate_hz: float,
+        count: int,
     ) -> None:
-        self._generator = generator
+        self._generator, self._sources = generator, sources
+        self._axis_gain = np.array([sources.motor_axes, sources.nut_axes]).reshape(6, 1)
         self._background = structure.background
         self.rate_hz = rate_hz
         self.count = count
@@ -93,17 +134,21 @@ class Vibration:
         omega = np.interp(grid, knots, speed) / unit.screw_ratio_m_rad
         theta = np.interp(grid, knots, angle)
         load = np.abs(np.interp(grid, knots, force))
-        pace = np.abs(omega) / 100.0
+        of = self._sources
+        pace = np.abs(omega) / of.speed_rad_s
         at_motor, at_nut = self._background
-        motor = at_motor * (0.9 * pace + 0.04) * self._white(3)
-        hum = (1.2 * pace + 0.02) * (0.6 + 0.4 * (load / 100.0) ** 0.7)
+        motor = at_motor * (of.motor * pace + of.motor_at_rest) * self._white(3)
+        loaded = (1.0 - of.nut_unloaded) * (load / of.load_n) ** 0.7
+        hum = (of.nut * pace + of.nut_at_rest) * (of.nut_unloaded + loaded)
         nut = at_nut * hum * self._white(3)
         nut += self._wear(pace, severity)
         impacts = self._ball_pass(omega, load, pace, unit, severity.spall)
         knock = self._knocks(force, unit.backlash_m + severity.backlash_m)
         return self._sensed(
             self._ringing(motor + 0.5 * knock, nut + impacts + knock)
-            + self._unbalance(omega, theta, severity.eccentricity),
+            + self._unbalance(
+                omega / unit.gear_ratio, theta / unit.gear_ratio, severity.eccentricity
+            ),
             severity.accelerometers,
         )
 
@@ -113,13 +158,18 @@ class Vibration:
     def _wear(self, pace: Array, severity: Severity) -> Array:
         """Jam: bursts of rubbing, not synchronous with rotation. Lost lubrication: steady noise."""
         source = self._white(3)
-        level = severity.friction * 0.6 * np.minimum(pace, 1.0) ** 0.4 * (pace > 0.005)
+        level = (
+            severity.friction
+            * self._sources.friction
+            * np.minimum(pace, 1.0) ** 0.4
+            * (pace > 0.005)
+        )
         if severity.jam > 0.0:
             # A first-order gate, opened at random a few times a second.
             steps = self._generator.random(10) < 0.3
             heights = np.where(steps, self._generator.exponential(1.0, 10), 0.15)
             burst = np.repeat(heights, -(-self.count // 10))[: self.count]
-            level = level + 5.0 * severity.jam * np.minimum(pace, 1.5) ** 0.7 * burst
+            level = level + self._sources.jam * severity.jam * np.minimum(pace, 1.5) ** 0.7 * burst
         return np.asarray(level * source)
 
     def _ball_pass(
@@ -128,40 +178,46 @@ class Vibration:
         """Impulses where the travelled angle passes the next event; weak on a healthy nut."""
         travel = self._travel + np.cumsum(np.abs(omega)) / self.rate_hz
         out = np.zeros(self.count)
+        of = self._sources
         spacing = 2.0 * np.pi / ball_pass_order(unit)
         while self._next_event <= travel[-1]:
             at = min(int(np.searchsorted(travel, self._next_event)), self.count - 1)
             slip, scatter = self._generator.standard_normal(2)
-            zone = (max(load[at], 5.0) / 100.0) ** 0.7
-            size = (0.8 + 60.0 * spall) * pace[at] ** 1.2 * zone * (1.0 + 0.2 * scatter)
+            zone = (max(load[at], of.least_load_n) / of.load_n) ** 0.7
+            size = (
+                (of.ball_pass + of.spall * spall) * pace[at] ** 1.2 * zone * (1.0 + 0.2 * scatter)
+            )
             out[at] += self._impulse * size
-            self._next_event += spacing * max(1.0 + SLIP * slip, 0.5)
+            self._next_event += spacing * max(1.0 + of.ball_slip * slip, 0.5)
         self._travel = float(travel[-1])
         return out
 
     def _knocks(self, force: Array, gap: float) -> Array:
         """An impact each time the coupling force changes from one side of the gap to the other."""
-        out = np.zeros(self.count)
+        of, out = self._sources, np.zeros(self.count)
         sides = np.sign(force)
         for k in np.flatnonzero(sides):
             if self._side and sides[k] != self._side:
                 at = int((k + 0.5) / len(force) * self.count)
-                size = 2.0 + 160.0 * (gap / 3e-4) ** 0.5 * (gap > 5e-5)
+                size = of.knock + of.wide_knock * (gap / of.gap_m) ** 0.5 * (gap > LEAST_GAP_M)
                 out[at] += self._impulse * sides[k] * size
             self._side = float(sides[k])
         return out
 
     def _unbalance(self, omega: Array, theta: Array, eccentricity: float) -> Array:
         """Once per revolution, growing with the square of speed; stronger at the motor."""
-        level = (0.02 + 1.2 * eccentricity) * (omega / 60.0) ** 2
+        of = self._sources
+        level = of.unbalance + of.eccentricity * eccentricity
+        level = level * (omega / of.unbalance_speed_rad_s) ** 2
         phases = np.array([0.0, 0.5 * np.pi, 0.25 * np.pi])
         waves = level * np.sin(theta + phases[:, None])
         return np.vstack([waves, 0.6 * waves])
 
     def _ringing(self, motor: Array, nut: Array) -> Array:
         """Excitations (3, count) at motor and nut, through the structure: (6, count)."""
-        sources = np.vstack([motor + CROSSTALK * nut, nut + CROSSTALK * motor])
-        sources *= AXIS_GAIN.reshape(6, 1)
+        share = self._sources.crosstalk
+        sources = np.vstack([motor + share * nut, nut + share * motor])
+        sources *= self._axis_gain
         spectra = np.fft.rfft(sources, self._length)
         spectra *= self._transfer
         rung = np.fft.irfft(spectra, self._length)
@@ -172,11 +228,12 @@ class Vibration:
 
     def _sensed(self, acceleration: Array, faults: tuple[float | None, float | None]) -> Array:
         noise = self._white(6)
-        sensed = acceleration + SENSOR_NOISE * noise
+        sensed = acceleration + self._sources.sensor_noise * noise
         for number, size in enumerate(faults):
             rows = slice(3 * number, 3 * number + 3)
             if size == 0.0:
                 sensed[rows] = 0.0
             elif size is not None:
                 sensed[rows] += size * self._white(3)
-        return np.asarray(np.clip(sensed, -AMPLITUDE_LIMIT, AMPLITUDE_LIMIT).T)
+        limit = self._sources.amplitude_limit
+        return np.asarray(np.clip(sensed, -limit, limit).T)

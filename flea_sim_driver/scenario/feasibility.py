@@ -9,13 +9,10 @@ from dataclasses import replace
 
 from flea_diag.errors import ConfigurationError, shown
 from flea_sim_driver import faults
+from flea_sim_driver.machine.machine import Limits
 from flea_sim_driver.scenario.profile import Peaks, peaks
 from flea_sim_driver.scenario.scenario import Scenario
-from flea_sim_driver.scenario.settings import LOAD_LIMIT_N, FaultSetting, HardStops
-
-REFERENCE_SPEED_LIMIT_M_S = 0.200  # the soft position loop follows at two thirds of it
-REFERENCE_ACCELERATION_LIMIT_M_S2 = 50.0
-REFERENCE_JERK_LIMIT_M_S3 = 5000.0
+from flea_sim_driver.scenario.settings import FaultSetting, HardStops
 
 
 def checked_scenario(scenario: Scenario, where: str) -> Scenario:
@@ -23,7 +20,7 @@ def checked_scenario(scenario: Scenario, where: str) -> Scenario:
     _check_motion(scenario, where)
     _check_load(scenario, where)
     _check_stand(scenario, where)
-    settings = tuple(checked_fault(row, scenario.run.duration_s, where) for row in scenario.faults)
+    settings = tuple(checked_fault(row, scenario, where) for row in scenario.faults)
     _check_units(scenario, where)
     return replace(scenario, faults=settings)
 
@@ -39,7 +36,7 @@ def _check_motion(scenario: Scenario, where: str) -> None:
             f"{where}: motion.rise_s = {shown(motion.rise_s)} s does not fit twice into the period "
             f"of {1.0 / motion.frequency_hz:.3f} s"
         )
-    _check_peaks(peaks(motion), where)
+    _check_peaks(peaks(motion), scenario.machine.limits, where)
 
 
 def _check_reach(travel: HardStops, centre_m: float, reach_m: float, where: str) -> None:
@@ -54,11 +51,11 @@ def _check_reach(travel: HardStops, centre_m: float, reach_m: float, where: str)
         )
 
 
-def _check_peaks(reached: Peaks, where: str) -> None:
+def _check_peaks(reached: Peaks, limits: Limits, where: str) -> None:
     for value, limit, unit in (
-        (reached.speed_m_s, REFERENCE_SPEED_LIMIT_M_S, "m/s"),
-        (reached.acceleration_m_s2, REFERENCE_ACCELERATION_LIMIT_M_S2, "m/s^2"),
-        (reached.jerk_m_s3, REFERENCE_JERK_LIMIT_M_S3, "m/s^3"),
+        (reached.speed_m_s, limits.speed_m_s, "m/s"),
+        (reached.acceleration_m_s2, limits.acceleration_m_s2, "m/s^2"),
+        (reached.jerk_m_s3, limits.jerk_m_s3, "m/s^3"),
     ):
         if value > limit * (1.0 + 1e-9):
             raise ConfigurationError(
@@ -69,10 +66,9 @@ def _check_peaks(reached: Peaks, where: str) -> None:
 
 def _check_load(scenario: Scenario, where: str) -> None:
     peak = abs(scenario.load.constant_n) + scenario.load.amplitude_n
-    if peak > LOAD_LIMIT_N:
-        raise ConfigurationError(
-            f"{where}: load reaches {peak:.1f} N, the limit is {LOAD_LIMIT_N:.1f} N (70 lb)"
-        )
+    limit = scenario.machine.limits.load_n
+    if peak > limit:
+        raise ConfigurationError(f"{where}: load reaches {peak:.1f} N, the limit is {limit:.1f} N")
 
 
 def _check_stand(scenario: Scenario, where: str) -> None:
@@ -87,10 +83,11 @@ def _check_stand(scenario: Scenario, where: str) -> None:
             f"{where}: switch.at_s = {shown(scenario.switch.at_s)} s is after the end at "
             f"{shown(scenario.run.duration_s)} s"
         )
-    if scenario.sensors.defective and scenario.sensors.defective not in faults.SENSOR_CHANNELS:
+    channels = faults.sensor_channels(scenario.machine)
+    if scenario.sensors.defective and scenario.sensors.defective not in channels:
         raise ConfigurationError(
             f"{where}: sensors.defective = {shown(scenario.sensors.defective)} is no channel, "
-            f"known are {', '.join(faults.SENSOR_CHANNELS)}"
+            f"known are {', '.join(channels)}"
         )
 
 
@@ -106,7 +103,7 @@ def _check_units(scenario: Scenario, where: str) -> None:
             )
 
 
-def checked_fault(setting: FaultSetting, duration_s: float, where: str) -> FaultSetting:
+def checked_fault(setting: FaultSetting, scenario: Scenario, where: str) -> FaultSetting:
     """The setting with its size and place filled in from the catalogue.
 
     Raises
@@ -115,7 +112,8 @@ def checked_fault(setting: FaultSetting, duration_s: float, where: str) -> Fault
         Unknown fault, onset after the end, size out of its limits, or a fault that cannot
         act in the place asked for.
     """
-    row = faults.fault_named(setting.fault, where)
+    row = faults.fault_named(setting.fault, scenario.machine, where)
+    duration_s = scenario.run.duration_s
     if setting.unit and row.change is None:
         raise ConfigurationError(
             f"{where}: {setting.fault}: unit = {shown(setting.unit)}, a sensor belongs to the "

@@ -21,16 +21,13 @@ from scipy.interpolate import PchipInterpolator
 
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.wire.regular_file import opened
-from flea_sim_driver.scenario.settings import LOAD_LIMIT_N, STROKE_M
+from flea_sim_driver.machine.machine import Limits
 
 if TYPE_CHECKING:
     from flea_diag.wire.records import Scan
 
 COLUMNS = ("time_s", "position_m", "load_N")
-SPEED_LIMIT_M_S = 0.120
-ACCELERATION_LIMIT_M_S2 = 3.0  # current limit times force constant over the moving mass
 GAP_LIMIT_S = 0.5
-STROKE_MARGIN_M = 0.005
 BAG_SCANS = 10
 BAG_CHANNELS = (
     ("commanded_position", "actuator_position", "load_position"),
@@ -71,20 +68,21 @@ class Flight:
         return np.asarray(np.max(np.abs(ends), axis=0))
 
 
-def fitted(flight: Flight) -> Flight:
-    """The flight with travel and load scaled into the limits of the stand if they are larger."""
+def fitted(flight: Flight, limits: Limits) -> Flight:
+    """The flight with travel and load scaled into the limits of the machine if they are larger."""
+    stroke_m, load_n = limits.stroke_m, limits.load_n
     low, high = float(flight.position_m.min()), float(flight.position_m.max())
     position = flight.position_m
-    if low < 0.0 or high > STROKE_M:
-        room = STROKE_M - 2.0 * STROKE_MARGIN_M
+    if low < 0.0 or high > stroke_m:
+        room = stroke_m - 2.0 * limits.flight_margin_m
         scale = min(1.0, room / max(high - low, 1e-9))
-        position = 0.5 * STROKE_M + scale * (position - 0.5 * (low + high))
+        position = 0.5 * stroke_m + scale * (position - 0.5 * (low + high))
     peak = float(np.abs(flight.load_n).max())
-    load = flight.load_n * (LOAD_LIMIT_N / peak if peak > LOAD_LIMIT_N else 1.0)
+    load = flight.load_n * (load_n / peak if peak > load_n else 1.0)
     return Flight(flight.time_s, position, load)
 
 
-def read_flight(path: Path, *, fit: bool = False) -> Flight:
+def read_flight(path: Path, limits: Limits, *, fit: bool = False) -> Flight:
     """Read and check one flight; ``fit`` scales it into stroke and load first.
 
     Raises
@@ -100,8 +98,8 @@ def read_flight(path: Path, *, fit: bool = False) -> Flight:
         raise ConfigurationError(f"{path}: {len(table)} rows, a flight needs at least 2")
     flight = Flight(table[:, 0].copy(), table[:, 1].copy(), table[:, 2].copy())
     if fit:
-        flight = fitted(flight)
-    _check(flight, path)
+        flight = fitted(flight, limits)
+    _check(flight, limits, path)
     return flight
 
 
@@ -159,7 +157,7 @@ def _row(cells: list[str], path: Path, line: int) -> list[float]:
     return values
 
 
-def _check(flight: Flight, path: Path) -> None:
+def _check(flight: Flight, limits: Limits, path: Path) -> None:
     step = np.diff(flight.time_s)
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = np.abs(np.diff(flight.position_m)) / step
@@ -167,18 +165,23 @@ def _check(flight: Flight, path: Path) -> None:
         (step <= 0.0, step, "time step", "above 0 s: time must rise"),
         (step > GAP_LIMIT_S, step, "gap", f"at most {GAP_LIMIT_S} s"),
         (
-            (flight.position_m < 0.0) | (flight.position_m > STROKE_M),
+            (flight.position_m < 0.0) | (flight.position_m > limits.stroke_m),
             flight.position_m,
             "position_m",
-            f"0 to {STROKE_M} m: fit: true scales it",
+            f"0 to {limits.stroke_m} m: fit: true scales it",
         ),
         (
-            np.abs(flight.load_n) > LOAD_LIMIT_N,
+            np.abs(flight.load_n) > limits.load_n,
             flight.load_n,
             "load_N",
-            f"within +-{LOAD_LIMIT_N:.1f} N: fit: true scales it",
+            f"within +-{limits.load_n:.1f} N: fit: true scales it",
         ),
-        (speed > SPEED_LIMIT_M_S, speed, "speed in m/s", f"at most {SPEED_LIMIT_M_S} m/s"),
+        (
+            speed > limits.flight_speed_m_s,
+            speed,
+            "speed in m/s",
+            f"at most {limits.flight_speed_m_s} m/s",
+        ),
     )
     for bad, values, name, limit in checks:
         if bad.any():
@@ -186,9 +189,11 @@ def _check(flight: Flight, path: Path) -> None:
             raise _refusal(path, flight, row, f"{name} = {values[row]:g}, must be {limit}")
     acceleration = flight.acceleration_m_s2()
     row = int(np.argmax(acceleration))
-    if acceleration[row] > ACCELERATION_LIMIT_M_S2:
+    if acceleration[row] > limits.flight_acceleration_m_s2:
         asked = f"acceleration in m/s^2 = {acceleration[row]:.3g}"
-        raise _refusal(path, flight, row, f"{asked}, must be at most {ACCELERATION_LIMIT_M_S2}")
+        raise _refusal(
+            path, flight, row, f"{asked}, must be at most {limits.flight_acceleration_m_s2}"
+        )
 
 
 def _refusal(path: Path, flight: Flight, row: int, reason: str) -> ConfigurationError:

@@ -1,40 +1,46 @@
-"""Location of the scenarios shipped with the package: the source tree or the prefix."""
+"""Location of the scenarios shipped with the package: the source tree or the prefix.
+
+Those of a machine other than the default one lie in a folder of its name.
+"""
 
 from __future__ import annotations
 
 import os
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 from flea_diag.errors import ConfigurationError, shown
+from flea_sim_driver.machine.library import DEFAULT_MACHINE, SUFFIXES, config_folders
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.scenario_file import load_scenario
 
-INSTALLED = Path("share/flea_diag/config/scenarios")
+
+def _folder(machine: str) -> str:
+    own = "" if machine in ("", DEFAULT_MACHINE) else machine
+    return f"scenarios/{own}" if is_name(own) else "scenarios"
 
 
-def _folders() -> Iterator[Path]:
-    yield Path(__file__).resolve().parents[2] / "config" / "scenarios"
-    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-        if prefix:
-            yield Path(prefix) / INSTALLED
-    yield Path(sys.prefix) / INSTALLED
-    # A prefix that is none of Python's own: .../lib/python3.x/site-packages/flea_sim_driver.
-    for above in Path(__file__).resolve().parents:
-        yield above / INSTALLED
+def is_name(machine: str) -> bool:
+    """Whether this names a shipped machine rather than a file."""
+    return bool(machine) and os.sep not in machine and Path(machine).suffix not in SUFFIXES
 
 
-def scenario_names() -> tuple[str, ...]:
-    """Names of the scenarios shipped with the package."""
-    for folder in _folders():
+def scenario_names(machine: str = "") -> tuple[str, ...]:
+    """Names of the scenarios of a machine shipped with the package."""
+    for folder in config_folders(_folder(machine)):
         if folder.is_dir():
             return tuple(sorted(path.stem for path in folder.glob("*.yaml")))
     return ()
 
 
-def find_scenario(name_or_path: str) -> Scenario:
+def find_scenario(name_or_path: str, machine: str = "") -> Scenario:
     """Scenario from a file, or by name from those shipped with the package.
+
+    Parameters
+    ----------
+    name_or_path
+        Of the scenario.
+    machine
+        Replaces that of the scenario if it is given; a name is then that of its own scenario.
 
     Raises
     ------
@@ -42,15 +48,15 @@ def find_scenario(name_or_path: str) -> Scenario:
         No such file or name, or its content is refused.
     """
     path = Path(name_or_path)
-    if path.suffix in (".yaml", ".yml"):
-        return load_scenario(path)
-    for folder in _folders():
+    if path.suffix in SUFFIXES:
+        return load_scenario(path, machine)
+    for folder in config_folders(_folder(machine)):
         candidate = folder / f"{name_or_path}.yaml"
         if candidate.is_file() and candidate.parent == folder:
-            return load_scenario(candidate)
+            return load_scenario(candidate, machine)
     if path.is_file():
-        return load_scenario(path)
+        return load_scenario(path, machine)
+    named = ", ".join(scenario_names(machine)) or "the installed ones (none found)"
     raise ConfigurationError(
-        f"scenario {shown(name_or_path)} is neither a YAML file nor one of "
-        f"{', '.join(scenario_names()) or 'the installed ones (none found)'}"
+        f"scenario {shown(name_or_path)} is neither a YAML file nor one of {named}"
     )

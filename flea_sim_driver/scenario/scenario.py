@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from hashlib import sha256
 from typing import Any
 
+from flea_sim_driver.machine.machine import Machine
 from flea_sim_driver.plant.structure import StructureSpread
-from flea_sim_driver.plant.unit import Spread
 from flea_sim_driver.scenario.flight import Flight
 from flea_sim_driver.scenario.settings import (
     FaultSetting,
@@ -24,14 +24,16 @@ from flea_sim_driver.scenario.settings import (
 class Scenario:
     """Motion, load, faults and conditions of one run."""
 
-    run: RunSettings = field(default_factory=RunSettings)
-    motion: Motion = field(default_factory=Motion)
-    load: Load = field(default_factory=Load)
-    travel: HardStops = field(default_factory=HardStops)
-    sensors: Sensors = field(default_factory=Sensors)
-    switch: Switch = field(default_factory=Switch)
-    spread: Any = field(default_factory=Spread)
-    structure: StructureSpread = field(default_factory=StructureSpread)
+    machine: Machine
+    run: RunSettings
+    motion: Motion
+    load: Load
+    travel: HardStops
+    sensors: Sensors
+    switch: Switch
+    spread: Any
+    """Relative standard deviation of each parameter in which units of the machine differ."""
+    structure: StructureSpread
     faults: tuple[FaultSetting, ...] = ()
     flight: Flight | None = None
 
@@ -48,5 +50,6 @@ class Scenario:
         run = self.run
         if run.serial and unit == run.active_unit:
             return run.serial
-        drawn = (run.seed, unit, run.unit_spread, sorted(asdict(self.spread).items()))
+        seed = run.seed if run.unit_seed < 0 else run.unit_seed
+        drawn = (seed, unit, run.unit_spread, sorted(asdict(self.spread).items()))
         return f"SIM-{sha256(repr(drawn).encode()).hexdigest()[:8].upper()}"

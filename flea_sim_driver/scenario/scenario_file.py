@@ -12,27 +12,17 @@ from flea_diag.formats import migrated
 from flea_diag.wire.parameters import build
 from flea_diag.wire.regular_file import read_text
 from flea_diag.wire.yaml_text import parse_yaml
-from flea_sim_driver.plant.structure import StructureSpread
-from flea_sim_driver.plant.unit import Spread
+from flea_sim_driver.machine.library import SUFFIXES, find_machine
+from flea_sim_driver.machine.machine import Machine
 from flea_sim_driver.scenario.feasibility import checked_scenario
 from flea_sim_driver.scenario.flight import Flight, read_flight
 from flea_sim_driver.scenario.scenario import Scenario
-from flea_sim_driver.scenario.settings import (
-    FaultSetting,
-    HardStops,
-    Load,
-    Motion,
-    RunSettings,
-    Sensors,
-    Switch,
-)
+from flea_sim_driver.scenario.section import SECTIONS, SPREAD, section, section_class
+from flea_sim_driver.scenario.settings import FaultSetting, Motion, RunSettings
 
 FILE_LIMIT_BYTES = 1 << 20
-
-SECTIONS: dict[str, type] = {
-    "motion": Motion, "load": Load, "travel": HardStops, "sensors": Sensors, "switch": Switch,
-    "spread": Spread, "structure": StructureSpread,
-}  # fmt: skip
+NAMES = (*SECTIONS, SPREAD)
+"""Sections of a scenario."""
 
 
 def scenario_from_mapping(content: object, where: str, folder: Path = Path()) -> Scenario:
@@ -44,10 +34,14 @@ def scenario_from_mapping(content: object, where: str, folder: Path = Path()) ->
         Unknown key, wrong type, value out of its limits, or a run that the stand cannot follow.
     """
     values = migrated("scenario", content, where)
-    plain = {k: v for k, v in values.items() if k not in SECTIONS and k != "faults"}
+    plain = {k: v for k, v in values.items() if k not in NAMES and k != "faults"}
+    run = build(RunSettings, plain, where)
+    machine, run = _machine(run, folder)
     sections: dict[str, Any] = {
-        name: build(kind, _mapping(values.get(name, {}), where, name), f"{where}: {name}")
-        for name, kind in SECTIONS.items()
+        name: section(
+            name, machine, _mapping(values.get(name, {}), where, name), f"{where}: {name}"
+        )
+        for name in NAMES
     }
     rows = values.get("faults", [])
     if not isinstance(rows, list):
@@ -56,20 +50,26 @@ def scenario_from_mapping(content: object, where: str, folder: Path = Path()) ->
         build(FaultSetting, _mapping(row, where, f"faults[{k}]"), f"{where}: faults[{k}]")
         for k, row in enumerate(rows)
     )
-    motion: Motion = sections["motion"]
-    flight = _flight(motion, where, folder)
-    scenario = Scenario(
-        build(RunSettings, plain, where), faults=settings, flight=flight, **sections
+    flight = _flight(sections["motion"], machine, where, folder)
+    return checked_scenario(
+        Scenario(machine, run, faults=settings, flight=flight, **sections), where
     )
-    return checked_scenario(scenario, where)
 
 
-def _flight(motion: Motion, where: str, folder: Path) -> Flight | None:
+def _machine(run: RunSettings, folder: Path) -> tuple[Machine, RunSettings]:
+    """The machine of a run; a file is one from the scenario's folder."""
+    name = run.machine
+    if Path(name).suffix in SUFFIXES:
+        run = replace(run, machine=str((folder / name).absolute()))
+    return find_machine(run.machine), run
+
+
+def _flight(motion: Motion, machine: Machine, where: str, folder: Path) -> Flight | None:
     if motion.kind != "flight":
         return None
     if not motion.file:
         raise ConfigurationError(f"{where}: motion.file is empty, a flight needs a CSV or a bag")
-    return read_flight(folder / motion.file, fit=motion.fit)
+    return read_flight(folder / motion.file, machine.limits, fit=motion.fit)
 
 
 def _mapping(value: Any, where: str, name: str) -> Mapping[str, Any]:
@@ -109,27 +109,28 @@ def overridden(
 def scenario_to_mapping(scenario: Scenario) -> dict[str, Any]:
     """Mapping from which ``scenario_from_mapping`` builds this scenario; omits defaults."""
     values = _changed(scenario.run)
-    for name in SECTIONS:
-        section = _changed(getattr(scenario, name))
-        if section:
-            values[name] = section
+    for name in NAMES:
+        kind = section_class(name, scenario.machine)
+        changed = _changed(getattr(scenario, name), kind)
+        if changed:
+            values[name] = changed
     if scenario.faults:
         values["faults"] = [_changed(row) for row in scenario.faults]
     return values
 
 
-def _changed(section: Any) -> dict[str, Any]:
-    """Fields that differ from their defaults; a size not given is NaN."""
+def _changed(values: Any, kind: type | None = None) -> dict[str, Any]:
+    """Fields that differ from the defaults of a class, by default their own; no size is NaN."""
     return {
         entry.name: value
-        for entry in fields(section)
-        for value in (getattr(section, entry.name),)
+        for entry in fields(kind or values)
+        for value in (getattr(values, entry.name),)
         if value != entry.default and value == value
     }
 
 
-def load_scenario(path: Path) -> Scenario:
-    """Read and check one scenario file.
+def load_scenario(path: Path, machine: str = "") -> Scenario:
+    """Read and check one scenario file; ``machine`` replaces that of the file if it is given.
 
     Raises
     ------
@@ -143,4 +144,12 @@ def load_scenario(path: Path) -> Scenario:
     except ValueError as error:
         raise ConfigurationError(f"{path}: not valid YAML: {error}") from error
     where = str(path)
-    return scenario_from_mapping({} if values is None else values, where, path.parent)
+    values = {} if values is None else values
+    if machine and isinstance(values, Mapping):
+        values = {**values, "machine": machine_path(machine)}
+    return scenario_from_mapping(values, where, path.parent)
+
+
+def machine_path(machine: str) -> str:
+    """A machine as a user names it here: a file is one from the working directory."""
+    return str(Path(machine).absolute()) if Path(machine).suffix in SUFFIXES else machine

@@ -1,4 +1,7 @@
-"""The sections of a scenario: frozen values with their limits, as YAML and ``--help`` show them."""
+"""The sections of a scenario: frozen values with their limits, as YAML and ``--help`` show them.
+
+Defaults and limits that a machine sets are filled in by ``flea_sim_driver.scenario.section``.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,6 @@ from dataclasses import dataclass
 
 from flea_diag.wire.parameters import parameter
 
-NEWTON_PER_POUND = 4.4482216152605
-LOAD_LIMIT_N = 70.0 * NEWTON_PER_POUND
-STROKE_M = 0.100
 DEFAULT_EPOCH_S = 1283529600  # 2010-09-03T16:00:00Z, a day of the stand's public recordings
 MOTIONS = ("sine", "trapezoid", "triangle", "sweep", "hold", "flight")
 
@@ -18,16 +18,14 @@ class Motion:
     """Commanded position over time."""
 
     kind: str = parameter("sine", "shape of the commanded position", choices=MOTIONS)
-    amplitude_m: float = parameter(
-        0.0218, "half of the peak-to-peak command", unit="m", minimum=0.0, maximum=0.05
-    )
+    amplitude_m: float = parameter(0.0, "half of the peak-to-peak command", unit="m", minimum=0.0)
     frequency_hz: float = parameter(
         0.5, "cycles per second (of a sweep: at its start)", unit="Hz", minimum=0.005, maximum=5.0
     )
     end_frequency_hz: float = parameter(
         1.0, "frequency at the end of a sweep", unit="Hz", minimum=0.005, maximum=5.0
     )
-    centre_m: float = parameter(0.045, "mean position", unit="m", minimum=0.0, maximum=STROKE_M)
+    centre_m: float = parameter(0.0, "mean position", unit="m", minimum=0.0)
     rise_s: float = parameter(
         1.0, "time of one ramp of a trapezoid", unit="s", minimum=0.05, maximum=60.0
     )
@@ -48,12 +46,10 @@ class HardStops:
         "nut: no sensor reads it",
         choices=("load_side", "nut"),
     )
-    low_m: float = parameter(0.0, "position of the lower stop", unit="m", minimum=0.0, maximum=0.01)
-    high_m: float = parameter(
-        STROKE_M, "position of the upper stop", unit="m", minimum=STROKE_M - 0.01, maximum=STROKE_M
-    )
+    low_m: float = parameter(0.0, "position of the lower stop", unit="m", minimum=0.0)
+    high_m: float = parameter(0.0, "position of the upper stop", unit="m")
     overtravel_m: float = parameter(
-        0.0, "how far the command may pass the stops", unit="m", minimum=0.0, maximum=0.05
+        0.0, "how far the command may pass the stops", unit="m", minimum=0.0
     )
 
 
@@ -61,12 +57,8 @@ class HardStops:
 class Load:
     """Commanded load; positive opposes extension."""
 
-    constant_n: float = parameter(
-        0.0, "constant part", unit="N", minimum=-LOAD_LIMIT_N, maximum=LOAD_LIMIT_N
-    )
-    amplitude_n: float = parameter(
-        0.0, "sinusoidal part", unit="N", minimum=0.0, maximum=LOAD_LIMIT_N
-    )
+    constant_n: float = parameter(0.0, "constant part", unit="N")
+    amplitude_n: float = parameter(0.0, "sinusoidal part", unit="N", minimum=0.0)
     frequency_hz: float = parameter(0.1, "of that part", unit="Hz", minimum=0.001, maximum=2.0)
 
 
@@ -126,7 +118,14 @@ class RunSettings:
 
     name: str = parameter("scenario", "for people")
     duration_s: float = parameter(30.0, "length", unit="s", minimum=0.1, maximum=86400.0)
+    machine: str = parameter("flea", "simulated machine: name of a shipped one, or a YAML file")
     seed: int = parameter(1, "of all randomness", minimum=0, maximum=2**63 - 1)
+    unit_seed: int = parameter(
+        -1,
+        "of the units and their sensors alone, for more runs of the same; -1: the seed",
+        minimum=-1,
+        maximum=2**63 - 1,
+    )
     start_s: float = parameter(
         float(DEFAULT_EPOCH_S), "Unix time of the first sample", unit="s", minimum=1e8, maximum=9e9
     )

@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from flea_sim_driver.machine.library import DEFAULT_MACHINE, find_machine
+from flea_sim_driver.machine.machine import DrawnMotion
 from flea_sim_driver.scenario.scenario import Scenario
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
-from flea_sim_driver.scenario.settings import LOAD_LIMIT_N
 
 DURATION_S = 40.0
 EARLIEST_ONSET_S, LATEST_ONSET_S = 12.0, 18.0
 MOTIONS = ("sine", "trapezoid", "triangle", "sweep")
-SPEED_LIMIT_M_S = 0.140
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,7 @@ class Shared:
     earliest_onset_s: float = EARLIEST_ONSET_S
     latest_onset_s: float = LATEST_ONSET_S
     values: Mapping[str, Any] = field(default_factory=dict)
+    machine: str = DEFAULT_MACHINE
 
 
 ROWS: tuple[CampaignRow, ...] = (
@@ -93,14 +94,17 @@ def draw(
 
 def _scenario(row: CampaignRow, number: int, draw: np.random.Generator, shared: Shared) -> Scenario:
     name = f"{row.fault or 'nominal'}_{number + 1:03d}"
+    machine = find_machine(shared.machine)
+    limit_n = machine.limits.load_n
     values: dict[str, Any] = {
         "name": name,
+        "machine": shared.machine,
         "duration_s": shared.duration_s,
         "seed": int(draw.integers(2**31)),
         "ambient_degc": round(float(draw.uniform(20.0, 27.0)), 1),
         "warm_degc": round(float(draw.uniform(0.0, 10.0)), 1),
-        "motion": _motion(MOTIONS[number % len(MOTIONS)], draw),
-        "load": {"constant_n": _load_n(float(draw.uniform(-LOAD_LIMIT_N, LOAD_LIMIT_N)))},
+        "motion": _motion(MOTIONS[number % len(MOTIONS)], machine.drawn, draw),
+        "load": {"constant_n": _load_n(float(draw.uniform(-limit_n, limit_n)), limit_n)},
         **shared.values,
     }
     if row.fault:
@@ -108,22 +112,24 @@ def _scenario(row: CampaignRow, number: int, draw: np.random.Generator, shared: 
     return scenario_from_mapping(values, f"{row.title}, {name}")
 
 
-def _load_n(drawn: float) -> float:
-    """Round to tenths, within the load limit of the stand."""
-    return max(-LOAD_LIMIT_N, min(round(drawn, 1), LOAD_LIMIT_N))
+def _load_n(drawn: float, limit_n: float) -> float:
+    """Round to tenths, within the load limit of the machine."""
+    return max(-limit_n, min(round(drawn, 1), limit_n))
 
 
-def _motion(kind: str, draw: np.random.Generator) -> dict[str, Any]:
-    amplitude = float(draw.uniform(0.012, 0.035))
-    motion: dict[str, Any] = {"kind": kind, "centre_m": round(float(draw.uniform(0.042, 0.055)), 4)}
+def _motion(kind: str, of: DrawnMotion, draw: np.random.Generator) -> dict[str, Any]:
+    amplitude = float(draw.uniform(*of.amplitude_m))
+    motion: dict[str, Any] = {"kind": kind, "centre_m": round(float(draw.uniform(*of.centre_m)), 4)}
     if kind == "trapezoid":
-        motion |= {"frequency_hz": round(float(draw.uniform(0.08, 0.16)), 3), "rise_s": 1.2}
+        motion |= {
+            "frequency_hz": round(float(draw.uniform(*of.trapezoid_hz)), 3), "rise_s": of.rise_s
+        }  # fmt: skip
     else:
-        fastest = SPEED_LIMIT_M_S / (2.0 * math.pi * amplitude)
-        motion["frequency_hz"] = round(min(float(draw.uniform(0.25, 1.0)), fastest), 3)
+        fastest = of.speed_m_s / (2.0 * math.pi * amplitude)
+        motion["frequency_hz"] = round(min(float(draw.uniform(*of.frequency_hz)), fastest), 3)
     if kind == "sweep":
         motion["end_frequency_hz"] = motion["frequency_hz"]
-        motion["frequency_hz"] = 0.15
+        motion["frequency_hz"] = of.sweep_from_hz
     return motion | {"amplitude_m": round(amplitude, 4)}
 
 

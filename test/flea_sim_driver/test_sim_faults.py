@@ -13,9 +13,12 @@ from support.stand_runs import Array, fault, records, scans, vibration
 
 from flea_diag.wire.records import Truth
 from flea_sim_driver.failure_modes import FAILURE_MODES
-from flea_sim_driver.faults import CATALOGUE, MODES, SENSOR_CHANNELS, SENSOR_FAULTS
+from flea_sim_driver.faults import MODES, catalogue, sensor_channels
+from flea_sim_driver.machine.library import find_machine
 from flea_sim_driver.scenario import table4
 
+FLEA = find_machine("flea")
+CATALOGUE, SENSOR_CHANNELS = catalogue(FLEA), sensor_channels(FLEA)
 DURATION_S, ONSET_S, ONSET = 8.0, 4.0, 400
 LOADED: dict[str, Any] = {"duration_s": DURATION_S, "load": {"amplitude_n": 150.0}}
 MECHANICAL = ("motor_current", "motor_speed", "load_position")
@@ -72,7 +75,7 @@ def test_noise_and_drop_outs_are_as_large_as_said(channel: str) -> None:
     assert 0.05 < np.mean(lost) < 0.4  # 4 gaps of 50 ms a second
 
 
-@pytest.mark.parametrize("name", [row.id for row in SENSOR_FAULTS if row.places[0] == "loop"])
+@pytest.mark.parametrize("name", [row.id for row in CATALOGUE.values() if row.places[0] == "loop"])
 def test_a_sensor_fault_inside_the_loop_moves_the_plant(name: str) -> None:
     moved = changed(faulty(name))
     assert {"actuator_position", "load_position", "motor_current", "motor_voltage"} <= moved

@@ -13,12 +13,13 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.wire.records import NEVER_NS, ChannelTable, Record, Scan, Truth, VibrationBlock
 from flea_diag.wire.topics import TOPIC_OF
 from flea_sim_driver.acquisition.recording import MOTIONS
+from flea_sim_driver.machine.library import find_machine
 from flea_sim_driver.plant import plant
 from flea_sim_driver.plant.actuator import ActuatorPlant, coefficients
-from flea_sim_driver.plant.unit import Bench, SimulatedUnit
 from flea_sim_driver.stand import SimulatedStand
 
 AT_25_DEGC = {"unit_spread": 0.0, "ambient_degc": 23.6, "warm_degc": 1.4}
+FLEA = find_machine("flea")
 CURRENT_OFFSET_A, VOLTAGE_OFFSET_V = 0.32, -1.35
 RESISTANCE_OHM, FORCE_CONSTANT = 2.95, 176.7
 WITH_VIBRATION = {"sensors": {}, "duration_s": 3.0}
@@ -148,21 +149,21 @@ def test_a_dead_position_sensor_in_the_loop_runs_the_plant_to_its_stop() -> None
 
 def test_numba_gives_the_bits_of_plain_python() -> None:
     pytest.importorskip("numba", reason="needs numba to compare with")
-    values = coefficients(SimulatedUnit(), Bench())._replace(spall=6.0)
+    values = coefficients(FLEA.unit, FLEA.bench)._replace(spall=6.0)
     steps = 6000
     time = np.arange(steps) * plant.STEP_S
     draw = np.random.default_rng(1).standard_normal((steps, 3))
     inputs = (0.05 + 0.02 * np.sin(8.0 * time), np.full(steps, 120.0), draw)
-    fast = ActuatorPlant.at_rest(Bench(), 0.05).advance([(steps, values)], *inputs)
+    fast = ActuatorPlant.at_rest(FLEA.bench, 0.05).advance([(steps, values)], *inputs)
     plain = np.empty_like(fast)
-    state = ActuatorPlant.at_rest(Bench(), 0.05).state
+    state = ActuatorPlant.at_rest(FLEA.bench, 0.05).state
     plant._integrate(state, *inputs, values, plant.STEP_S, plain)
     np.testing.assert_array_equal(fast, plain)
 
 
 def test_energy_is_not_made() -> None:
     """Electrical energy in is at least what the load takes out, over whole cycles."""
-    bench, values = Bench(), coefficients(SimulatedUnit(), Bench())
+    bench, values = FLEA.bench, coefficients(FLEA.unit, FLEA.bench)
     steps = 16000
     time = np.arange(steps) * plant.STEP_S
     reference = 0.05 + 0.02 * np.sin(np.pi * time)

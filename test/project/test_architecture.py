@@ -196,10 +196,11 @@ ARROWS = {
         "evaluate": ("campaign", "features", "replay", "score"),
     },
     "flea_sim_driver": {
-        "": ("acquisition", "plant", "scenario"),
+        "": ("acquisition", "machine", "plant", "scenario"),
         "plant": (),
-        "scenario": ("plant",),
-        "acquisition": ("plant", "scenario"),
+        "machine": ("plant",),
+        "scenario": ("machine", "plant"),
+        "acquisition": ("machine", "plant", "scenario"),
         "realism": ("acquisition",),
     },
 }

@@ -28,15 +28,17 @@ from flea_diag.web.guard import token_of
 from flea_diag.wire.bags.bag_description import described
 from flea_diag.wire.bags.bag_reader import BagReader
 from flea_diag.wire.regular_file import opened, read_bytes, read_text
+from flea_sim_driver.machine.library import find_machine
 from flea_sim_driver.scenario.flight import read_flight
 from flea_sim_driver.scenario.scenario_file import load_scenario
 
+LIMITS = find_machine("flea").limits
 READERS: dict[str, tuple[str, Callable[[Path], object], type[InputError]]] = {
     "yaml": ("any.yaml", load_yaml, ConfigurationError),
     "calibration": ("cal.yaml", load_calibration, ConfigurationError),
     "campaign": ("campaign.yaml", load_campaign, ConfigurationError),
     "scenario": ("s.yaml", load_scenario, ConfigurationError),
-    "flight": ("flight.csv", read_flight, ConfigurationError),
+    "flight": ("flight.csv", lambda path: read_flight(path, LIMITS), ConfigurationError),
     "token": ("token", lambda path: token_of("127.0.0.1", str(path)), ConfigurationError),
     "classifier": ("net.json", read_classifier, ConfigurationError),
     "data": ("run.data", read_flea_data, RecordingError),

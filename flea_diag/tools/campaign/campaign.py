@@ -47,7 +47,11 @@ class Drawn:
     """Runs of the simulated stand, drawn like the scenarios of the paper's Table 4."""
 
     name: str = parameter("drawn", "first part of the names of the runs")
+    machine: str = parameter("flea", "simulated machine: name of a shipped one, or a YAML file")
     seed: int = parameter(1, "of all draws", minimum=0, maximum=2**31)
+    unit_seed: int = parameter(
+        -1, "of the units of all runs; -1: a unit of its own in each", minimum=-1, maximum=2**31
+    )
     times: int = parameter(1, "multiplies the cases of each row", minimum=1, maximum=1000)
     duration_s: float = parameter(40.0, "length", unit="s", minimum=10.0, maximum=86400.0)
     earliest_onset_s: float = parameter(12.0, "of a fault", unit="s", minimum=0.0)
@@ -65,6 +69,7 @@ class Scenarios:
     """Runs of the simulated stand by scenario: names of shipped scenarios, or YAML files."""
 
     name: str = parameter("scenarios", "first part of the names of the runs")
+    machine: str = parameter("", "simulated machine; empty: that of each scenario")
     seed: int = parameter(1, "of the first run of each scenario", minimum=0, maximum=2**31)
     times: int = parameter(1, "runs of each, with consecutive seeds", minimum=1, maximum=1000)
     vibration: bool = parameter(True, "sample the accelerometers")

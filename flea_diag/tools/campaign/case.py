@@ -190,16 +190,24 @@ def _drawn(source: Drawn, campaign: Campaign) -> Iterator[Case]:
         source.earliest_onset_s,
         source.latest_onset_s,
         {
+            "unit_seed": source.unit_seed,
             "unit_spread": source.unit_spread,
             "spread": dict(source.spread),
             "sensors": {"vibration": source.vibration, "voltage": source.voltage},
         },
+        _machine(source.machine, campaign),
     )
     rows = tuple(_table_row(row, source.times) for row in source.rows)
     for row, scenario in table4.draw(rows, source.seed, shared):
         name = f"{source.name}/{_slug(row.title)}/{scenario.run.name}"
         recipe = Recipe(scenario=scenario_to_mapping(scenario))
         yield Case(name, "simulated", row.title, recipe, calibration=campaign.calibration_path())
+
+
+def _machine(name: str, campaign: Campaign) -> str:
+    """A machine by its name, or a file in the campaign's folder."""
+    local = campaign.folder / name
+    return str(local.resolve()) if name and local.is_file() else name
 
 
 def _table_row(row: FaultCases, times: int) -> Any:
@@ -223,7 +231,8 @@ def _scenarios(source: Scenarios, campaign: Campaign) -> Iterator[Case]:
 
     for name in source.files:
         local = campaign.folder / name
-        found = find_scenario(str(local) if local.is_file() else name)
+        machine = _machine(source.machine, campaign)
+        found = find_scenario(str(local) if local.is_file() else name, machine)
         vibration = found.sensors.vibration and source.vibration
         for seed in range(source.seed, source.seed + source.times):
             scenario = replace(

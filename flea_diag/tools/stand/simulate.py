@@ -24,6 +24,8 @@ examples:
   flea simulate --list                                 list scenarios and faults
   flea simulate jam -o bags/jam --seed 3
   flea simulate nominal -o bags/short --fault winding_short --at 12 --size 0.3
+  flea simulate nominal --machine ema -o bags/ema      another machine's scenario of that name
+  flea simulate --list --machine ema                   and its scenarios and faults
 """
 
 ONSET_S = 10.0
@@ -33,7 +35,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``flea simulate``."""
     parser.add_argument("scenario", nargs="?", help="YAML file, or name from --list")
     parser.add_argument("-o", "--output", metavar="BAGDIR", type=Path, help="bag to write")
+    parser.add_argument(
+        "--machine",
+        default="",
+        metavar="NAME|YAML",
+        help="simulated machine: name of a shipped one, or a file (default: the scenario's)",
+    )
     parser.add_argument("--seed", type=int, help="seed of the units and of all noise")
+    parser.add_argument(
+        "--unit-seed", type=int, help="seed of the units and their sensors alone (default: --seed)"
+    )
     parser.add_argument("--duration", type=float, metavar="S", help="duration of the run, s")
     parser.add_argument("--fault", help="fault to add, for example jam")
     parser.add_argument("--at", type=float, metavar="S", help=f"onset of --fault ({ONSET_S:g} s)")
@@ -49,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Simulate; return 0 when the bag is written."""
     if arguments.list:
-        _print_catalogue()
+        _print_catalogue(arguments.machine)
         return 0
     if arguments.scenario is None or arguments.output is None:
         raise ConfigurationError("simulate: a scenario and -o BAGDIR, or --list, are required")
@@ -79,10 +90,10 @@ def configured(arguments: argparse.Namespace) -> Scenario:
     from flea_sim_driver.scenario.library import find_scenario
     from flea_sim_driver.scenario.scenario_file import overridden
 
-    scenario = find_scenario(arguments.scenario)
+    scenario = find_scenario(arguments.scenario, arguments.machine)
     if arguments.no_vibration:
         scenario = replace(scenario, sensors=replace(scenario.sensors, vibration=False))
-    run = _given(seed=arguments.seed, duration_s=arguments.duration)
+    run = _given(seed=arguments.seed, unit_seed=arguments.unit_seed, duration_s=arguments.duration)
     return overridden(scenario, "simulate", run, _fault(arguments))
 
 
@@ -141,20 +152,27 @@ def _written(scenario: Scenario, directory: Path) -> tuple[Truth, ...]:
     return tuple(truths)
 
 
-def _print_catalogue() -> None:
+def _print_catalogue(named: str) -> None:
     from flea_sim_driver.failure_modes import FAILURE_MODES
-    from flea_sim_driver.faults import CATALOGUE
+    from flea_sim_driver.faults import catalogue
+    from flea_sim_driver.machine.library import DEFAULT_MACHINE, find_machine, machine_names
     from flea_sim_driver.scenario.library import scenario_names
 
-    say("scenarios:")
-    for name in scenario_names():
+    machine = find_machine(named or DEFAULT_MACHINE)
+    say("machines:")
+    for name in machine_names():
+        say(f"  {name:8} {find_machine(name).description}")
+    say(f"scenarios of {machine.name}:")
+    for name in scenario_names(named):
         say(f"  {name}")
     say("faults (default size, limits, place, approach; each with onset_s, growth_s, on_s, off_s):")
-    for row in CATALOGUE.values():
+    for row in catalogue(machine).values():
         say(
             f"  {row.id:28} {row.default_size:g} ({row.minimum:g} to {row.maximum:g}) "
             f"{row.size_unit}; {' or '.join(row.places)}; {row.approach}"
         )
+    if machine.name != DEFAULT_MACHINE:
+        return
     say("failure modes of the paper's Table 1, and their simulation on this stand:")
     for mode in FAILURE_MODES:
         shown = f"{' or '.join(mode.faults)}: {mode.how}" if mode.faults else f"not: {mode.reason}"

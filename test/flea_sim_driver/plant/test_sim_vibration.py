@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from support.stand_runs import Array, fault, records, scans, vibration
 
-from flea_sim_driver.plant.structure import Structure, StructureSpread
+from flea_sim_driver.machine.library import find_machine
+from flea_sim_driver.plant.structure import StructureSpread
 
 RATE_HZ = 20000.0
+NOMINAL = find_machine("flea").structure
 LEAD_M, PITCH_M, BALL_M = 3.175e-3, 9.9e-3, 1.588e-3
 TRIANGLE = {"kind": "triangle", "amplitude_m": 0.035, "frequency_hz": 0.25, "centre_m": 0.05}
 
@@ -180,12 +182,12 @@ def test_each_unit_has_resonances_of_its_own() -> None:
 
 def test_a_structure_draws_within_its_spread() -> None:
     spread = StructureSpread(resonance=0.2, damping=0.15, background=0.3)
-    units = [spread.draw(np.random.default_rng(seed)) for seed in range(300)]
+    units = [spread.draw(NOMINAL, np.random.default_rng(seed)) for seed in range(300)]
     shift = np.array([unit.modes[1][1].frequency_hz / 4200.0 - 1.0 for unit in units])
     assert np.abs(shift).max() <= 0.2
     assert np.std(shift) == pytest.approx(0.2 / math.sqrt(3.0), rel=0.08)  # uniform
     assert np.std([math.log(u.background[0]) for u in units]) == pytest.approx(0.3, rel=0.15)
-    assert StructureSpread(0.0, 0.0, 0.0).draw(np.random.default_rng(1)) == Structure()
+    assert StructureSpread(0.0, 0.0, 0.0).draw(NOMINAL, np.random.default_rng(1)) == NOMINAL
 
 
 @pytest.mark.parametrize("rate_hz", [2000.0, 20000.0, 64000.0])

@@ -15,6 +15,7 @@ from support.places import ROOT
 from support.stand_runs import scenario
 
 from flea_diag.errors import ConfigurationError
+from flea_sim_driver.machine.library import find_machine
 from flea_sim_driver.scenario.flight import read_flight
 from flea_sim_driver.scenario.library import find_scenario, scenario_names
 from flea_sim_driver.scenario.profile import commanded, peaks
@@ -23,10 +24,10 @@ from flea_sim_driver.scenario.scenario_file import (
     scenario_from_mapping,
     scenario_to_mapping,
 )
-from flea_sim_driver.scenario.settings import LOAD_LIMIT_N
 from flea_sim_driver.scenario.table4 import CampaignRow, Shared, draw, table4
 from flea_sim_driver.stand import SimulatedStand
 
+LIMITS = find_machine("flea").limits
 REFUSED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "jerk": (
         {"motion": {"kind": "triangle", "amplitude_m": 0.006, "frequency_hz": 5.0}},
@@ -244,7 +245,7 @@ def test_a_flight_has_no_jumps_in_speed_and_passes_through_its_rows(tmp_path: Pa
     rows = [(0.1 * k, 0.05 + 0.004 * np.sin(0.3 * k), 10.0 * k % 70.0) for k in range(100)]
     path = tmp_path / "flight.csv"
     path.write_text("time_s,position_m,load_N\n" + "\n".join(f"{a},{b},{c}" for a, b, c in rows))
-    flight = read_flight(path)
+    flight = read_flight(path, LIMITS)
     position, _ = flight.at(np.array([row[0] for row in rows]))
     np.testing.assert_allclose(position, [row[1] for row in rows], atol=1e-12)
     fine = np.arange(0.0, 9.8, 1e-4)
@@ -258,11 +259,11 @@ def test_a_flight_that_turns_too_hard_is_refused_with_its_row(tmp_path: Path) ->
     rows = [f"{0.02 * k:.2f},{0.05 + 0.002 * (-1) ** k},0" for k in range(5)]
     path.write_text("time_s,position_m,load_N\n" + "\n".join(rows))
     with pytest.raises(ConfigurationError, match=r"speed in m/s = 0\.2"):
-        read_flight(path)
+        read_flight(path, LIMITS)
     rows = [f"{0.04 * k:.2f},{0.05 + 0.002 * (-1) ** k},0" for k in range(5)]
     path.write_text("time_s,position_m,load_N\n" + "\n".join(rows))
     with pytest.raises(ConfigurationError, match=r"row \d.*acceleration in m/s\^2 = .*3\.0"):
-        read_flight(path)
+        read_flight(path, LIMITS)
 
 
 def test_a_ladder_takes_each_size_with_every_motion() -> None:
@@ -297,5 +298,5 @@ def test_small_sizes_are_drawn_as_finely_as_large_ones() -> None:
 
 def test_the_largest_loads_are_not_rounded_beyond_what_the_stand_can_push() -> None:
     loads = [abs(s.load.constant_n) for _, s in draw((CampaignRow("Nominal", "", 48),), seed=121)]
-    assert max(loads) == pytest.approx(LOAD_LIMIT_N, abs=0.05)
-    assert max(loads) <= LOAD_LIMIT_N
+    assert max(loads) == pytest.approx(LIMITS.load_n, abs=0.05)
+    assert max(loads) <= LIMITS.load_n

@@ -1,0 +1,1 @@
+"""What a simulated machine is: values of its parts, read from a file of its own."""

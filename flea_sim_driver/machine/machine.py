@@ -1,0 +1,148 @@
+"""A simulated machine: motor, drive, gear, screw, load side, heat, sensors, limits and faults.
+
+This is the truth of a simulation. No stage of a diagnosis reads it; the description of a stand
+holds what an engineer knows of the same machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from flea_sim_driver.plant.disturbance import Catches
+from flea_sim_driver.plant.quantity import positive
+from flea_sim_driver.plant.structure import Structure, StructureSpread
+from flea_sim_driver.plant.thermal import Heat
+from flea_sim_driver.plant.unit import Bench, SimulatedUnit
+from flea_sim_driver.plant.vibration import Sources
+
+BLOCK_S = 0.1
+"""Span of one block of the simulation."""
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """One channel: standard deviation, resolution and range in the channel's unit.
+
+    ``running_noise`` is the relative increase of noise while the motor's PWM runs;
+    ``spike_share`` of the samples are outliers of scale ``spike``. Between stands the noise
+    differs by a log-normal ``noise_spread``, the gain by a normal ``gain_spread``.
+    """
+
+    channel: str
+    unit: str
+    noise: float
+    resolution: float
+    minimum: float
+    maximum: float
+    running_noise: float = 0.0
+    spike_share: float = 0.0
+    spike: float = 0.0
+    noise_spread: float = 0.0
+    gain_spread: float = 0.0
+    mount: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """The DAQ: its rate, encoder, position sensors and offsets."""
+
+    scan_rate_hz: float = positive()
+    encoder_counts: float = positive()
+    """Of one turn of the motor."""
+    load_current_offset_a: float
+    homing_error_m: float
+    potentiometer_wave_m: float
+    potentiometer_wave_length_m: float = positive()
+    potentiometer_gain_error: float
+    pwm_runs_v: float = positive()
+    """Voltage at which the noise of the PWM is fully developed."""
+    defective_reading: float
+    """What a channel shows that is bad from the first sample."""
+    defective_noise: float
+
+    @property
+    def scan_s(self) -> float:
+        """Scan period in s."""
+        return 1.0 / self.scan_rate_hz
+
+    @property
+    def scan_ns(self) -> int:
+        """Scan period in ns."""
+        return round(1e9 / self.scan_rate_hz)
+
+    @property
+    def scans(self) -> int:
+        """Scans in one block."""
+        return round(self.scan_rate_hz * BLOCK_S)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the machine can be asked for, and what it is asked for by default."""
+
+    stroke_m: float = positive()
+    load_n: float = positive()
+    speed_m_s: float = positive()
+    acceleration_m_s2: float = positive()
+    jerk_m_s3: float = positive()
+    flight_speed_m_s: float = positive()
+    flight_acceleration_m_s2: float = positive()
+    flight_margin_m: float
+    amplitude_m: float
+    """Of the motion of a scenario that gives none."""
+    centre_m: float
+
+
+@dataclass(frozen=True)
+class DrawnMotion:
+    """Ranges, lowest and highest, from which a campaign draws its motions."""
+
+    amplitude_m: tuple[float, float]
+    centre_m: tuple[float, float]
+    frequency_hz: tuple[float, float]
+    trapezoid_hz: tuple[float, float]
+    rise_s: float = positive()
+    sweep_from_hz: float = positive()
+    speed_m_s: float = positive()
+    """The frequency is lowered until the peak speed is no higher."""
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """Everything that a simulation needs to know of one machine.
+
+    ``spread`` is one standard deviation of parameters between units, relative, at
+    ``unit_spread`` 1. ``faults`` and ``sensor_faults`` hold the numbers of the rows that
+    ``flea_sim_driver.faults.catalogue`` makes.
+    """
+
+    name: str
+    description: str
+    unit: SimulatedUnit
+    spread: Mapping[str, float]
+    bench: Bench
+    heat: Heat
+    catches: Catches
+    structure: Structure
+    structure_spread: StructureSpread
+    vibration: Sources
+    sampling: Sampling
+    instruments: tuple[Instrument, ...]
+    limits: Limits
+    drawn: DrawnMotion
+    faults: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    sensor_faults: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the slow channels, in the order of a scan."""
+        return tuple(row.channel for row in self.instruments)
+
+    @cached_property
+    def column(self) -> dict[str, int]:
+        """Name of each channel -> its place in a scan."""
+        return {channel: place for place, channel in enumerate(self.channels)}
