@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 import yaml
-from support.places import CONFIG, FLEA_STAND
+from support.places import CONFIG, FLEA_STAND, SHIPPED_STANDS
 
 from flea_diag.configuration.files import config_path, found_file, given_file, load_yaml
 from flea_diag.configuration.stand import load_stand, shipped_stands
 from flea_diag.errors import ConfigurationError
 
+KNOWN = ", ".join(SHIPPED_STANDS)
 SHIPPED = {
     "schema_version": 1,
     "name": "flea",
@@ -38,7 +39,8 @@ def folder_of(parent: Path, place: str = "mine", /, **changes: object) -> Path:
 
 def test_the_flea_is_shipped_as_a_folder() -> None:
     assert yaml.safe_load((FLEA_STAND / "stand.yaml").read_text()) == SHIPPED
-    assert shipped_stands() == {"flea": FLEA_STAND}
+    assert shipped_stands() == SHIPPED_STANDS
+    assert SHIPPED_STANDS["flea"] == FLEA_STAND
     stand = load_stand()
     assert stand == load_stand("flea")
     assert stand == load_stand(FLEA_STAND)
@@ -119,12 +121,12 @@ def test_a_path_has_a_separator_and_a_bare_name_is_shipped(here: Path) -> None:
     assert load_stand("./flea").name == "not the shipped one"
     with pytest.raises(
         ConfigurationError,
-        match=r"^stand 'mine' is not shipped, known are flea; the folder here is \./mine$",
+        match=rf"^stand 'mine' is not shipped, known are {KNOWN}; the folder here is \./mine$",
     ):
         load_stand("mine")
     with pytest.raises(
         ConfigurationError,
-        match=r"^stand 'else' is not shipped, known are flea; a folder of your own is \./else$",
+        match=rf"^stand 'else' is not shipped, known are {KNOWN}; a folder of your own is \./else$",
     ):
         load_stand("else")
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from support.live import ROOT, Process, environment
+from support.places import SHIPPED_STANDS
 
 from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.wire.topics import TOPICS
@@ -147,7 +148,7 @@ def test_an_executable_finds_the_stand_that_is_installed_with_it(
             text=True,
         )
         assert done.returncode == status, done.stderr
-    assert "stand 'none' is not shipped, known are flea" in done.stderr
+    assert f"stand 'none' is not shipped, known are {', '.join(SHIPPED_STANDS)}" in done.stderr
 
 
 def test_what_ros_tools_look_for_is_there(prefix: Path) -> None:

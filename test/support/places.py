@@ -8,6 +8,11 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "config"
 FLEA_STAND = CONFIG / "stands" / "flea"
+SHIPPED_STANDS = {
+    path.name: path
+    for path in sorted((CONFIG / "stands").iterdir())
+    if (path / "stand.yaml").exists()
+}
 DATA = Path(os.environ.get("FLEA_DATA_DIR") or ROOT.parent / "shared" / "data")
 """Real recordings, which are not part of the project: tests on them are skipped without."""
 FLEA = DATA / "flea"

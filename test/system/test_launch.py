@@ -55,7 +55,7 @@ def gone(pid: int) -> bool:
         ("stand.launch.py", ["fault:=foo"], ["fault:=foo", "unknown fault", "jam"]),
         ("stand.launch.py", ["scenario:=nosuch"], ["scenario:=nosuch", "neither", "nominal"]),
         ("stand.launch.py", ["calibration:=no.yaml"], ["calibration:=no.yaml", "no such"]),
-        ("stand.launch.py", ["stand:=no"], ["stand:=no: ", "not shipped, known are flea", "./no"]),
+        ("stand.launch.py", ["stand:=no"], ["stand:=no: ", "not shipped, known are", "./no"]),
         ("stand.launch.py", ["stand:=./no"], ["stand:=./no: stand './no': no such folder"]),
         ("stand.launch.py", ["stand:=false"], ["stand:=false is no stand", "simulated:=false"]),
         ("stand.launch.py", ["duration_s:=abc"], ["duration_s:=abc", "not a finite number"]),

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
-from support.places import CONFIG, FLEA_STAND, ROOT
+from support.places import CONFIG, FLEA_STAND, ROOT, SHIPPED_STANDS
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
@@ -86,7 +86,8 @@ def test_a_stand_of_your_own_is_a_path(mine: Path, capsys: pytest.CaptureFixture
     assert replayed(mine.parent, "--stand", "./mine") == digest()
     said = refused(capsys, "replay", str(BAG), "--stand", "mine")
     assert said == (
-        "flea: stand 'mine' is not shipped, known are flea; the folder here is ./mine\n"
+        f"flea: stand 'mine' is not shipped, known are {', '.join(SHIPPED_STANDS)}; "
+        "the folder here is ./mine\n"
     )
 
 
