@@ -74,7 +74,18 @@ def verdict(state: OperatorState, now_ns: int) -> Panel:
     if group.detected_stamp_ns != NEVER_NS:
         by = f" by {group.opened_by}" if group.opened_by else ""
         lines.append(Line(f"detected at {clock(group.detected_stamp_ns)} UTC{by}"))
+        lines += _promise(group)
     return Panel("verdict", title, (*lines, *_stand_says(state)))
+
+
+def _promise(group: AmbiguityGroup) -> tuple[Line, ...]:
+    """How often a healthy actuator may raise an alarm: as stated, and as far as recordings show."""
+    stated, supported = group.stated_false_alarms_per_hour, group.supported_false_alarms_per_hour
+    if math.isnan(stated):
+        return ()
+    bound = "no rate" if math.isinf(supported) else f"at most {supported:.2g}"
+    words = f"false alarms per hour: {stated:g} stated, {bound} supported by the calibration"
+    return (Line(words),)
 
 
 def _stand_says(state: OperatorState) -> tuple[Line, ...]:

@@ -7,6 +7,7 @@ epoch, at the acquisition of the data; values are SI (REP-103, temperatures in d
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 from functools import cache
 
@@ -293,6 +294,8 @@ class AmbiguityGroup:
     """The verdict: possible faults, ranked, and faults ruled out, each with its reason.
 
     ``offsets`` are the unit offsets of the observer, from which a restarted observer resumes;
+    ``stated_false_alarms_per_hour`` is the rate that the limits were set for and
+    ``supported_false_alarms_per_hour`` the bound that the nominal recordings give;
     ``counters`` are the data errors so far, such as ``sensors/slow/lost``. A ``summary`` names all
     members, gives the reason for the first of them, and counts what ``Hypotheses`` hold besides.
     """
@@ -319,6 +322,8 @@ class AmbiguityGroup:
     summary: bool = False
     dropped_count: int = 0
     not_observable_count: int = 0
+    stated_false_alarms_per_hour: float = math.nan
+    supported_false_alarms_per_hour: float = math.nan
 
     @property
     def verdict(self) -> Verdict:

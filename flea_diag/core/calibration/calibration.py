@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.calibration.promise import FalseAlarmPromise
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.frozen import Frozen
@@ -97,6 +98,12 @@ class Calibration(Frozen):
         """The same including the heating rates, in the order of ``UNIT_DIFFERENCES``."""
         rates = len(UNIT_DIFFERENCES) - len(UNIT_PARAMETERS)
         return (*self.tolerances(), *(self.tolerance.thermal_rate_k_per_s,) * rates)
+
+    @property
+    def promise(self) -> FalseAlarmPromise:
+        """Stated rate of false alarms, and what the recordings support."""
+        hours = self.nominal_s / 3600.0
+        return FalseAlarmPromise(self.false_alarms_per_hour, len(self.sources), hours)
 
     def limit(self, residual: str) -> ResidualLimit | None:
         """Limits of one residual, None if this stand cannot form it."""

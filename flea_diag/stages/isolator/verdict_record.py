@@ -48,6 +48,7 @@ class VerdictRecord:
             (name, UNDETECTABLE)
             for name in undetectable(knowledge.faults, self._models, knowledge.calibration)
         )
+        self._promise = knowledge.calibration.promise
         self._rules = OutcomeRules(knowledge, parameters, self._models, quantified)
         self._advice = Advice(knowledge, parameters, self._models)
 
@@ -82,6 +83,8 @@ class VerdictRecord:
             next_tests=self._next_tests(stamp_ns, outcome, stand, episode),
             offsets=stand.offsets,
             counters=stand.counters,
+            stated_false_alarms_per_hour=self._promise.stated_per_hour,
+            supported_false_alarms_per_hour=self._promise.supported_per_hour,
         )
 
     def _without_episode(
@@ -103,6 +106,8 @@ class VerdictRecord:
             features_available=self._features_available(stand),
             offsets=stand.offsets,
             counters=stand.counters,
+            stated_false_alarms_per_hour=self._promise.stated_per_hour,
+            supported_false_alarms_per_hour=self._promise.supported_per_hour,
         )
 
     def _features_available(self, stand: StandStatus) -> int:

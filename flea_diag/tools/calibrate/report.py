@@ -20,12 +20,21 @@ def words(calibration: Calibration) -> str:
     lines += _parameters(c)
     lines += _correlations(c)
     lines += ["", f"limits for {c.false_alarms_per_hour} false alarms per hour, all tests together"]
+    lines += _promise(c)
     lines += _limits(c)
     if c.bad_stretches:
         lines += ["", "stretches excluded as implausible"]
     for bad in c.bad_stretches:
         lines.append(f"{bad.run}: {bad.channel} from {bad.start_s:.2f} to {bad.end_s:.2f} s")
     return "\n".join(lines)
+
+
+def _promise(c: Calibration) -> Iterator[str]:
+    """The rate that the recordings support, and what would support the stated one."""
+    yield c.promise.words()
+    needed = c.promise.needed_hours
+    if c.promise.supported_per_hour > c.promise.stated_per_hour:
+        yield f"{needed:.3g} h without a false alarm would support the stated rate"
 
 
 def _parameters(c: Calibration) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -62,6 +63,7 @@ def summarise(records: Iterable[Record | Block]) -> dict[str, Any]:
         **{key: first[key] for key in quiet},
         "episodes": episodes,
         "not_observable": _not_observable(last),
+        "false_alarms_per_hour": _promise(last),
         "features_computed": _features(known),
         "data_quality": _data_quality(known, start_ns),
         "digest": digest(known),
@@ -156,6 +158,15 @@ def _not_observable(last: AmbiguityGroup | None) -> list[dict[str, str]]:
     ]
 
 
+def _promise(last: AmbiguityGroup | None) -> dict[str, float | None]:
+    """Rates that the calibration states and supports; None where unknown or without a bound."""
+    rates = {"stated": math.nan, "supported": math.nan}
+    if last is not None:
+        rates["stated"] = last.stated_false_alarms_per_hour
+        rates["supported"] = last.supported_false_alarms_per_hour
+    return {name: rate if math.isfinite(rate) else None for name, rate in rates.items()}
+
+
 def _features(records: Sequence[Record]) -> list[str]:
     """Features that were answered, and those on which a verdict is based."""
     names: dict[str, None] = {}
@@ -193,6 +204,8 @@ def in_words(summary: dict[str, Any]) -> str:
     lines = [f"{summary['bag']}: {summary['outcome'] or 'no verdict'}"]
     for episode in summary["episodes"]:
         lines.append(_episode_words(episode))
+    if summary["episodes"]:
+        lines += _promise_words(summary["false_alarms_per_hour"])
     for channel, state in summary["data_quality"].items():
         for stretch in state["stretches"]:
             end = "the end" if stretch["to_s"] is None else f"{stretch['to_s']:.2f} s"
@@ -205,6 +218,14 @@ def in_words(summary: dict[str, Any]) -> str:
         reasons.setdefault(entry["reason"], []).append(entry["fault"])
     lines += [f"  not observable: {', '.join(faults)} ({why})" for why, faults in reasons.items()]
     return "\n".join(lines)
+
+
+def _promise_words(rates: dict[str, float | None]) -> list[str]:
+    if rates["stated"] is None:
+        return []
+    bound = "no rate" if rates["supported"] is None else f"at most {rates['supported']:.2g}"
+    stated = f"{rates['stated']:g} stated"
+    return [f"  false alarms per hour: {stated}, {bound} supported by the calibration"]
 
 
 def _episode_words(episode: dict[str, Any]) -> str:

@@ -68,10 +68,12 @@ def test_scans_are_summarised_by_their_stamps_alone() -> None:
 
 
 def test_a_quiet_run() -> None:
+    rates = {"stated_false_alarms_per_hour": 0.1, "supported_false_alarms_per_hour": 12.0}
+    spall = ("spall", "no accelerometer")
     records = [
         scan(0.0),
         group(0.0, Outcome.NOT_OBSERVABLE, episode=0),
-        group(3.0, Outcome.NOMINAL, episode=0, not_observable=(("spall", "no accelerometer"),)),
+        group(3.0, Outcome.NOMINAL, episode=0, not_observable=(spall,), **rates),
         scan(29.99),
     ]
     summary = summarise(records)
@@ -83,6 +85,7 @@ def test_a_quiet_run() -> None:
         "ambiguity_group": [],
         "episodes": [],
         "not_observable": [{"fault": "spall", "reason": "no accelerometer"}],
+        "false_alarms_per_hour": {"stated": 0.1, "supported": 12.0},
         "features_computed": [],
         "data_quality": {},
         "digest": digest(records),

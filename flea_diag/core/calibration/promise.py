@@ -1,0 +1,54 @@
+"""What a calibration can promise: the rate of false alarms that its recordings support.
+
+``n`` false alarms in ``T`` hours of nominal recordings bound the rate of a Poisson process from
+above by ``gammaincinv(n + 1, confidence) / T`` (Garwood 1936; with no alarm and 95 % this is
+3.0 / T, the rule of three). The stated rate is what the limits were set for; what lies between the
+two is extrapolated.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from scipy.special import gammaincinv
+
+CONFIDENCE = 0.95
+LEAST_RECORDINGS = 3
+"""Fewer cannot be judged by limits that were learned without them."""
+
+
+@dataclass(frozen=True, slots=True)
+class FalseAlarmPromise:
+    """Stated rate, and the recordings that it rests on: their number, hours and false alarms."""
+
+    stated_per_hour: float
+    recordings: int
+    hours: float
+    alarms: int = 0
+
+    @property
+    def supported_per_hour(self) -> float:
+        """Upper bound of the rate; infinity where there are too few recordings to state one."""
+        if self.recordings < LEAST_RECORDINGS or not self.hours > 0.0:
+            return math.inf
+        return float(gammaincinv(self.alarms + 1, CONFIDENCE)) / self.hours
+
+    @property
+    def needed_hours(self) -> float:
+        """Hours without a false alarm that would support the stated rate."""
+        return float(gammaincinv(1, CONFIDENCE)) / self.stated_per_hour
+
+    def words(self) -> str:
+        """Stated and supported rate with their ground."""
+        stated = f"{self.stated_per_hour:g} false alarms per hour stated"
+        if math.isinf(self.supported_per_hour):
+            return (
+                f"{stated}, no rate supported: {self.recordings} nominal recordings, at least "
+                f"{LEAST_RECORDINGS} needed"
+            )
+        seen = f"{self.alarms or 'no'} false alarm{'s' if self.alarms > 1 else ''}"
+        return (
+            f"{stated}, at most {self.supported_per_hour:.2g} supported ({CONFIDENCE:.0%}, {seen} "
+            f"in {self.hours:.2g} h of nominal recordings)"
+        )
