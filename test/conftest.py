@@ -85,6 +85,7 @@ def newcomer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         for name in [name for name in os.environ if name.startswith(STEERING)]:
             patch.delenv(name)
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        patch.setenv("FLEA_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
         patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("log")))
         patch.setenv("PYTHONPATH", str(ROOT))
         yield

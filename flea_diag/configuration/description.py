@@ -9,8 +9,10 @@ from dataclasses import fields, replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from flea_diag.configuration import signature_entry
+from flea_diag.configuration.disk_cache import kept
 from flea_diag.configuration.files import found_file, load_yaml, parsed, text_of
 from flea_diag.core.bond_graph.actuator import Actuator
 from flea_diag.core.bond_graph.actuator import actuator as read_actuator
@@ -164,7 +166,12 @@ def _signatures(
     model = whole.with_sensors([name for name in channels if name in whole.sensors])
     rows = _catalogue(actuator, faults, channels)
     names = tuple(name for name, spec in model.residuals.items() if spec.signs)
-    tables = {
-        quadrant: signature_table(model, rows, names, quadrant, period_s) for quadrant in QUADRANTS
-    }
+
+    def derived() -> dict[str, Any]:
+        made = (signature_table(model, rows, names, q, period_s) for q in QUADRANTS)
+        return signature_entry.plain(tuple(made))
+
+    inputs = (actuator.text, faults.text, *channels, repr(period_s))
+    content = kept("signatures", inputs, derived)
+    tables = signature_entry.tables(content, QUADRANTS, rows, names, period_s)
     return rows, MappingProxyType(tables)

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from flea_diag.configuration.disk_cache import kept
 from flea_diag.errors import ConfigurationError
 from flea_diag.wire.regular_file import read_text
 from flea_diag.wire.yaml_text import parse_yaml
@@ -109,7 +111,7 @@ def load_yaml(name_or_path: str | Path) -> Any:
 def parsed(text: str, path: Path) -> Any:
     """Content of a YAML text; ``path`` is named where it is none."""
     try:
-        return parse_yaml(text)
+        return kept("yaml", (text,), partial(parse_yaml, text))
     except ValueError as error:
         raise ConfigurationError(f"{path}: not a YAML file: {error}") from error
 

@@ -37,6 +37,14 @@ def chosen(backend: str) -> str:
 
 
 @cache
+def library_versions() -> str:
+    """Versions of the numeric libraries, whether they are imported or not."""
+    from importlib.metadata import version
+
+    return f"numpy {version('numpy')}, scipy {version('scipy')}"
+
+
+@cache
 def compiled(function: Callable[..., Any], *parts: Callable[..., Any]) -> Callable[..., Any]:
     """A module's plain function of loops, compiled by numba on first call, cached on disk.
 

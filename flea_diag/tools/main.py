@@ -8,33 +8,35 @@ responds at once.
 from __future__ import annotations
 
 import argparse
+import atexit
+import gc
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from flea_diag import __version__
 from flea_diag.errors import FleaError, line_of
 from flea_diag.wire.command_budget import begin_command
 
-MODULES = (
-    "model.model",
-    "calibrate.calibrate",
-    "stand.simulate",
-    "stand.scenarios",
-    "stand.realism",
-    "stand.warm_up",
-    "features.features",
-    "recordings.importer",
-    "replay.replay",
-    "evaluate.evaluate",
-    "score.diff",
-    "replay.trend",
-    "replay.events",
-    "bags.check",
-    "bags.recover",
-)
+MODULES = {
+    "model": "model.model",
+    "calibrate": "calibrate.calibrate",
+    "simulate": "stand.simulate",
+    "scenarios": "stand.scenarios",
+    "realism": "stand.realism",
+    "warm-up": "stand.warm_up",
+    "features": "features.features",
+    "import": "recordings.importer",
+    "replay": "replay.replay",
+    "evaluate": "evaluate.evaluate",
+    "diff": "score.diff",
+    "trend": "replay.trend",
+    "events": "replay.events",
+    "bag": "bags.check",
+    "recover": "bags.recover",
+}
 """Modules of the subcommands, in the order of ``flea --help``."""
 
 DESCRIPTION = "Fault diagnosis of electro-mechanical actuators: model, calibrate, replay, inspect."
@@ -46,14 +48,16 @@ examples:
   flea model signatures                        show the signature of each fault
 """
 
+GARBAGE_AFTER = 50_000
+"""Objects made before a search for garbage, 700 by default: a start makes some hundred thousand,
+none of them garbage, and would be searched again and again, for a quarter of its time."""
 USAGE_ERROR = 2
 INTERRUPTED = 130
 
 
-def commands() -> dict[str, Any]:
-    """Import all subcommands, by name."""
-    modules = [importlib.import_module(f"{__package__}.{name}") for name in MODULES]
-    return {module.NAME: module for module in modules}
+def commands(names: Iterable[str] = MODULES) -> dict[str, Any]:
+    """Import these subcommands, all by default."""
+    return {name: importlib.import_module(f"{__package__}.{MODULES[name]}") for name in names}
 
 
 def parser_of(known: dict[str, Any]) -> argparse.ArgumentParser:
@@ -80,9 +84,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand; 0 success, 1 partial success, 2 refused, 130 interrupted."""
     # BLAS threads only slow down matrices of this size; numpy reads the setting at its import.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    known = commands()
+    gc.set_threshold(GARBAGE_AFTER, *gc.get_threshold()[1:])
+    atexit.register(gc.freeze)  # nor is there a reason to search what an exit drops
+    given = sys.argv[1:] if arguments is None else arguments
+    known = commands(name for name in given[:1] if name in MODULES) or commands()
     begin_command()
-    parsed = parser_of(known).parse_args(arguments)
+    parsed = parser_of(known).parse_args(given)
     try:
         status = int(known[parsed.command].run(parsed))
         sys.stdout.flush()

@@ -38,7 +38,7 @@ def test_every_tool_is_listed() -> None:
         for path in folder.rglob("*.py")
         if "\nNAME = " in path.read_text(encoding="utf-8")
     }
-    assert found == set(MODULES)
+    assert found == set(MODULES.values())
 
 
 def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
@@ -50,6 +50,15 @@ def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
         main(["replay", "--help"])
     assert explained.value.code == 0
     assert "examples:" in capsys.readouterr().out
+
+
+def test_help_imports_nothing_slow() -> None:
+    program = (
+        "import sys\nfrom flea_diag.tools.main import commands\ncommands()\n"
+        "print(sorted({'numpy', 'scipy', 'yaml', 'flea_diag.wire.records'} & sys.modules.keys()))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout == "[]\n"
 
 
 @pytest.mark.parametrize("arguments", [[], ["dance"], ["import"], ["replay", "--colour"]])

@@ -29,6 +29,8 @@ __all__ = [
     "Variant",
     "compatible",
     "signature_table",
+    "table_of",
+    "ways",
 ]
 
 
@@ -126,10 +128,26 @@ def signature_table(
     variants = {
         name: tuple(
             Variant(group, {s.name: columns.cell(s, each, group) for s in specs}, each.onset)
-            for group in fault.alternatives
-            for each in fault.onsets
+            for group, each in ways(fault)
         )
         for name, fault in faults.items()
     }
+    return table_of(quadrant, residuals, variants, period_s or 0.0)
+
+
+def ways(fault: Fault) -> Iterator[tuple[Alternative, Fault]]:
+    """Each alternative of a fault with each of its onsets: the variants of its row, in order."""
+    for group in fault.alternatives:
+        for each in fault.onsets:
+            yield group, each
+
+
+def table_of(
+    quadrant: Quadrant,
+    residuals: Sequence[str],
+    variants: Mapping[str, tuple[Variant, ...]],
+    period_s: float,
+) -> SignatureTable:
+    """Table of these variants, with the row of each fault."""
     rows = {name: merged([v.row for v in found], residuals) for name, found in variants.items()}
-    return SignatureTable(quadrant, tuple(residuals), variants, rows, period_s or 0.0)
+    return SignatureTable(quadrant, tuple(residuals), variants, rows, period_s)

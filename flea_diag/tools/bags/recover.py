@@ -3,20 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
-from flea_diag.errors import RecordingError
 from flea_diag.tools.terminal import IN_PART, say, warn
-from flea_diag.wire.bags import bag_layout as layout
-from flea_diag.wire.bags.bag_layout import TopicEntry
-from flea_diag.wire.bags.bag_segment import BagSegment
-from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, McapScan
-from flea_diag.wire.yaml_text import parse_yaml
 
 NAME = "recover"
 SUMMARY = "copy a truncated bag to a new one with summary, index and metadata.yaml"
@@ -37,6 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Recover one bag."""
+    from flea_diag.tools.bags.recovery import recover
+
     source: Path = arguments.bag
     target = arguments.output or source.with_name(f"{source.stem}_recovered")
     recovered = recover(source, target)
@@ -44,131 +35,3 @@ def run(arguments: argparse.Namespace) -> int:
         warn(loss)
     say(f"{target}: {recovered.messages} messages on {recovered.topics} topics")
     return IN_PART if any("no footer" not in loss for loss in recovered.losses) else 0
-
-
-@dataclass(frozen=True)
-class Recovered:
-    """Recovered messages, and descriptions of the losses."""
-
-    messages: int
-    topics: int
-    losses: tuple[str, ...]
-
-
-def recover(source: Path, target: Path) -> Recovered:
-    """Copy every intact message of a bag, of any recorder, to a new bag.
-
-    Raises
-    ------
-    RecordingError
-        There is no MCAP file or no intact message, or the target is in use.
-    """
-    scans = [McapScan(file) for file in mcap_files(source)]
-    with _Copy(target) as copy:
-        for message in merged(scans):
-            copy.write(message)
-        if not copy.counts:
-            raise RecordingError(f"{source}: no intact message, nothing to recover")
-        for scan in scans:
-            for name, data in scan.attachments.items():
-                copy.attach(name, data)
-        copy.finish()
-    losses = tuple(loss for scan in scans for loss in scan.losses)
-    return Recovered(sum(copy.counts.values()), len(copy.counts), losses)
-
-
-def mcap_files(source: Path) -> list[Path]:
-    """MCAP files of a bag, or the one file given.
-
-    Raises
-    ------
-    RecordingError
-        There is none.
-    """
-    layout.refuse_closed(source)
-    files = [source] if source.is_file() else sorted(source.glob("*.mcap"))
-    if not files:
-        why = "no .mcap file in this folder" if source.exists() else "does not exist"
-        raise RecordingError(f"{source}: {why}")
-    return files
-
-
-def merged(scans: list[McapScan]) -> Iterator[McapMessage]:
-    """Messages of all files in order of log time."""
-    import heapq
-
-    return heapq.merge(*(scan.messages() for scan in scans), key=lambda message: message.log_ns)
-
-
-class _Copy:
-    """A new bag, created with its first message so that no empty bag is left."""
-
-    def __init__(self, directory: Path) -> None:
-        self._directory = directory
-        self._topics: dict[str, TopicEntry] = {}
-        self._segment: BagSegment | None = None
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Messages copied so far, by topic."""
-        return {} if self._segment is None else self._segment.span.counts
-
-    def _opened(self) -> BagSegment:
-        if self._segment is None:
-            self._directory.mkdir(parents=True, exist_ok=True)
-            if any(self._directory.iterdir()):
-                raise RecordingError(f"{self._directory} is not empty: choose another with -o")
-            name = f"{self._directory.resolve().name}_0.mcap"
-            self._segment = BagSegment(self._directory / name)
-        return self._segment
-
-    def write(self, message: McapMessage) -> None:
-        """Copy one message."""
-        if message.channel.topic not in self._topics:
-            self._topics[message.channel.topic] = _entry(message.channel)
-        with self._writing():
-            self._opened().copy(message)
-
-    def attach(self, name: str, data: bytes) -> None:
-        """Copy one attachment."""
-        with self._writing():
-            self._opened().attach(name, data)
-
-    def finish(self) -> None:
-        """Write summary, index and metadata.yaml."""
-        with self._writing():
-            segment = self._opened()
-            content = layout.metadata([(segment.path.name, segment.span)], self._topics)
-            segment.finish(yaml.safe_dump(content, sort_keys=False))
-            layout.replace_metadata(self._directory, content)
-
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            words = error.strerror or error
-            raise RecordingError(f"cannot write bag {self._directory}: {words}") from error
-
-    def __enter__(self) -> _Copy:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._segment is not None:
-            self._segment.close()
-
-
-def _entry(channel: Channel) -> TopicEntry:
-    """QoS and type hash of a channel as recorded, else those of the topic table."""
-    known = dict(channel.metadata)
-    ours = layout.split_name(channel.topic)
-    if ours is not None and ours[1].message == channel.message:
-        entry = layout.entry_of(ours[1])
-    else:
-        entry = TopicEntry(channel.message, "", [])
-    try:
-        profiles = parse_yaml(known.get("offered_qos_profiles", ""))
-    except ValueError:
-        profiles = None
-    qos = profiles if isinstance(profiles, list) else entry.qos
-    return TopicEntry(channel.message, known.get("topic_type_hash", entry.type_hash), qos)

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
-from flea_diag.tools.calibrate import plots as calibration_plots
 from flea_diag.tools.calibrate import report as calibration_report
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording, check_alike, read_nominal
 from flea_diag.tools.extra import require
@@ -91,7 +90,9 @@ def run(arguments: argparse.Namespace) -> int:
     calibration = found.calibration
     write_calibration(arguments.output, calibration)
     if arguments.plots is not None:
-        calibration_plots.draw(calibration, found.traces, arguments.plots, arguments.plot_format)
+        from flea_diag.tools.calibrate import plots
+
+        plots.draw(calibration, found.traces, arguments.plots, arguments.plot_format)
     report = json.dumps(calibration.to_mapping(), indent=2) if arguments.json else None
     say(report or calibration_report.words(calibration))
     if refused:

@@ -12,7 +12,7 @@ from support.decisions import BAGS, NAMES
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.residuals.residual_rows import CHANNELS, UNITS, unit_refusal
-from flea_diag.tools.bags.check import check
+from flea_diag.tools.bags.findings import check
 from flea_diag.wire.bags.bag import BagWriter, read_bag
 from flea_diag.wire.records import ChannelInfo, ChannelTable, Outcome, Scan
 

@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 from flea_diag.errors import RecordingError
-from flea_diag.tools.bags.check import check
-from flea_diag.tools.bags.recover import recover
+from flea_diag.tools.bags.findings import check
+from flea_diag.tools.bags.recovery import recover
 from flea_diag.tools.main import main
 from flea_diag.wire import records as r
 from flea_diag.wire.bags.bag import BagReader, BagWriter, read_bag
