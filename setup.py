@@ -50,6 +50,7 @@ EXTRAS = {
     "classifier": ["scikit-learn>=1.3"],
     "evaluate": ["Jinja2>=3.1", "tqdm>=4.65"],
     "dask": ["distributed>=2024.1"],
+    "parquet": ["pyarrow>=15"],
     "web": ["nicegui>=3.0"],
     "docs": DOCS,
     # Coverage-guided fuzzing, by hand alone: scripts/fuzz --atheris.

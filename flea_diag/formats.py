@@ -100,6 +100,7 @@ _EVALUATE = "evaluate again"
 FORMATS: Mapping[str, Format] = {
     # What the diagnosis rests on.
     "stand": Format(1, "write it anew after config/stands/flea/stand.yaml"),
+    "channel mapping": Format(1, "write it anew as docs/your_stand.md says"),
     "actuator description": Format(1, "write it anew after config/stands/flea/actuator.yaml"),
     "fault catalogue": Format(1, "write it anew after config/stands/flea/faults.yaml"),
     "feature table": Format(

@@ -25,7 +25,13 @@ STAND_FILE = "stand.yaml"
 FILES = ("actuator", "faults", "calibration", "features")
 """Keys of ``stand.yaml`` that name files: description, fault catalogue, calibration, and fault
 feature table."""
-KEYS: Keys = {"name": (str, REQUIRED), **dict.fromkeys(FILES, (str, REQUIRED))}
+CHANNELS = "channels"
+"""Key of the file that says where channels come from, for stands whose recordings are imported."""
+KEYS: Keys = {
+    "name": (str, REQUIRED),
+    **dict.fromkeys(FILES, (str, REQUIRED)),
+    CHANNELS: (str, ""),
+}
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,8 @@ class Stand:
         Parameters, noise and limits from nominal recordings.
     features
         Fault feature table.
+    channels
+        Where its channels come from; None where it sends them itself.
     """
 
     name: str
@@ -54,6 +62,7 @@ class Stand:
     faults: Path
     calibration: Path
     features: Path
+    channels: Path | None = None
 
     def texts(self) -> dict[str, str]:
         """Name of each file -> its text, to be stored in a recording.
@@ -65,6 +74,8 @@ class Stand:
         """
         paths = {STAND_FILE: self.folder / STAND_FILE}
         paths |= {f"{key}.yaml": getattr(self, key) for key in FILES}
+        if self.channels is not None:
+            paths[f"{CHANNELS}.yaml"] = self.channels
         return {name: text_of(found_file(path)) for name, path in paths.items()}
 
 
@@ -95,7 +106,8 @@ def stand_from_mapping(content: object, folder: Path) -> Stand:
     values = read(migrated("stand", content, where), where, KEYS)
     if not values["name"].strip() or not values["name"].isprintable():
         raise ConfigurationError(f"{where}: name = {shown(values['name'])} is no name; give one")
-    files = {key: folder / _inside(values[key], f"{where}: {key}") for key in FILES}
+    given = (*FILES, CHANNELS) if values[CHANNELS] else FILES
+    files = {key: folder / _inside(values[key], f"{where}: {key}") for key in given}
     return Stand(values["name"], folder, **files)
 
 

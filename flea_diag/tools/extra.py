@@ -11,6 +11,7 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "classifier": ("sklearn",),
     "evaluate": ("jinja2", "tqdm"),
     "dask": ("distributed",),
+    "parquet": ("pyarrow",),
 }
 """Extra of setup.py -> modules that come with it."""
 

@@ -22,6 +22,7 @@ SHIPPED = {
     "faults": "faults.yaml",
     "calibration": "calibration_simulated_stand.yaml",
     "features": "feature_table.yaml",
+    "channels": "channels.yaml",
 }
 
 
@@ -44,7 +45,7 @@ def test_the_flea_is_shipped_as_a_folder() -> None:
     stand = load_stand()
     assert stand == load_stand("flea")
     assert stand == load_stand(FLEA_STAND)
-    named = {stand.actuator, stand.faults, stand.calibration, stand.features}
+    named = {stand.actuator, stand.faults, stand.calibration, stand.features, stand.channels}
     beside = {path for path in FLEA_STAND.iterdir() if path.name != "stand.yaml"}
     assert named == beside
 
@@ -57,6 +58,7 @@ def test_texts_are_those_of_all_its_files() -> None:
         "faults.yaml": (FLEA_STAND / "faults.yaml").read_text(encoding="utf-8"),
         "calibration.yaml": (FLEA_STAND / SHIPPED["calibration"]).read_text(encoding="utf-8"),
         "features.yaml": (FLEA_STAND / "feature_table.yaml").read_text(encoding="utf-8"),
+        "channels.yaml": (FLEA_STAND / "channels.yaml").read_text(encoding="utf-8"),
     }
 
 
@@ -91,7 +93,9 @@ def test_an_entry_is_refused_in_one_line(
     assert text.isprintable()
 
 
-@pytest.mark.parametrize("key", [key for key in SHIPPED if key != "schema_version"])
+@pytest.mark.parametrize(
+    "key", [key for key in SHIPPED if key not in ("schema_version", "channels")]
+)
 def test_every_entry_is_needed(tmp_path: Path, key: str) -> None:
     folder = folder_of(tmp_path)
     content = {name: value for name, value in SHIPPED.items() if name != key}

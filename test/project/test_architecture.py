@@ -29,6 +29,7 @@ ROS = (
     "launch",
 )  # fmt: skip
 BAGS = ("mcap", "rosbags", "zstandard", "lz4", "yaml")
+TABLES = ("pyarrow",)
 PAGES = ("jinja2", "markupsafe")
 BATCH = ("tqdm", "distributed")
 SCIENCE = ("numpy", "scipy", "numba", "pywt")
@@ -112,7 +113,7 @@ ROOMS = (
             "flea_diag.errors",
             "flea_sim_driver",
         ),
-        (*SCIENCE, *BAGS, "matplotlib", "sklearn", "threadpoolctl", *PAGES, *BATCH),
+        (*SCIENCE, *BAGS, *TABLES, "matplotlib", "sklearn", "threadpoolctl", *PAGES, *BATCH),
     ),
     Room(
         "flea_diag.configuration",
@@ -173,6 +174,7 @@ ARROWS = {
     "flea_diag.wire": {
         "": (),
         "messages": (),
+        "sources": (),
         "bags": ("messages",),
         "bus": ("messages",),
     },

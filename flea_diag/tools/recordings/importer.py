@@ -1,24 +1,30 @@
-"""``flea import``: recordings of NASA's FLEA stand to bags, in SI units and our sign convention."""
+"""``flea import``: recordings of any make to bags, in SI units and our sign convention."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import shutil
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flea_diag.errors import FleaError, RecordingError
+from flea_diag.errors import ConfigurationError, FleaError, RecordingError
+from flea_diag.tools.stand_option import add_stand
 from flea_diag.tools.terminal import IN_PART, progress, say, warn
 
 if TYPE_CHECKING:
     from flea_diag.tools.recordings.flea_run import FleaRun
+    from flea_diag.tools.recordings.mapped_recording import MappedRecording
+    from flea_diag.wire.sources.mapping import SourceMapping
 
 NAME = "import"
-SUMMARY = "convert FLEA .data recordings to bags (SI units, truth on a topic of its own)"
+SUMMARY = "convert recordings of a stand to bags (SI units, truth on a topic of its own)"
 EXAMPLES = """\
 examples:
+  flea import --stand ./mine runs/*.csv.gz -o bags  tables, by the stand's channels.yaml
+  flea import --stand ./mine joint_bag -o bags     a bag of ROS 2 or ROS 1 with topics of your own
   flea import FLEA/*.data -o bags                  one bag per run, below bags/
   flea import run_Low.data -o bags --force         replace the bag of an earlier import
   flea import FLEA/*_Jam_* -o bags --serial X-1    with the serial number, for `flea trend`
@@ -33,18 +39,24 @@ class Imported:
     bag: str
     scans: int
     duration_s: float
-    test_actuator: str
     fault: str | None
     onset_s: float | None
-    dropped_lines: int
-    duplicate_stamps: int
-    backward_stamps: int
     warnings: tuple[str, ...]
+    test_actuator: str = ""
+    dropped_lines: int = 0
+    duplicate_stamps: int = 0
+    backward_stamps: int = 0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("files", nargs="+", type=Path, metavar="RUN.data", help="FLEA recordings")
+    parser.add_argument(
+        "files",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="CSV (.csv, .csv.gz), NPZ, Parquet, bag of ROS 2 or ROS 1; FLEA text by default",
+    )
     parser.add_argument(
         "-o", "--output", required=True, type=Path, metavar="BAGDIR", help="folder for the bags"
     )
@@ -54,6 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="serial number of the test actuator (not in the recordings); `flea trend` groups "
         "bags by it",
     )
+    add_stand(parser)
     parser.add_argument("--force", action="store_true", help="replace existing bags")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
 
@@ -62,16 +75,21 @@ def run(arguments: argparse.Namespace) -> int:
     """Import all files; a refused file does not stop the others."""
     done: list[Imported] = []
     refused: list[str] = []
+    mapping = _mapping(arguments.stand)
+    if mapping is not None and arguments.serial:
+        raise ConfigurationError(
+            f"--serial {arguments.serial}: serials of this stand are in {mapping.where} (serial)"
+        )
     for number, file in enumerate(arguments.files, 1):
         progress(number, len(arguments.files), file.name)
         try:
-            done.append(import_run(file, arguments.output, arguments.force, arguments.serial))
+            for imported in _imports(file, mapping, arguments):
+                done.append(imported)
+                for warning in imported.warnings:
+                    warn(warning)
         except FleaError as error:
             refused.append(str(error))
             warn(str(error))
-        else:
-            for warning in done[-1].warnings:
-                warn(warning)
     _report(done, arguments.json)
     incomplete = sum(1 for each in done if each.dropped_lines)
     if not refused and not incomplete:
@@ -81,6 +99,35 @@ def run(arguments: argparse.Namespace) -> int:
         f"{incomplete} with lines dropped"
     )
     return IN_PART
+
+
+def _mapping(stand: str) -> SourceMapping | None:
+    """Mapping of the stand; None where its recordings are the FLEA's text files."""
+    if not stand:
+        return None
+    from flea_diag.configuration.channels import channel_sources
+    from flea_diag.configuration.stand import load_stand
+    from flea_diag.wire.sources.mapping import FLEA_TEXT
+
+    found = channel_sources(load_stand(stand))
+    return None if found.format == FLEA_TEXT else found
+
+
+def _imports(
+    file: Path, mapping: SourceMapping | None, arguments: argparse.Namespace
+) -> Iterator[Imported]:
+    """Write the bags of one file."""
+    if mapping is None:
+        yield import_run(file, arguments.output, arguments.force, arguments.serial)
+        return
+    from flea_diag.tools.recordings.mapped_recording import mapped_recordings
+
+    # All of them, so that nothing is written of a file that is refused.
+    for recording in list(mapped_recordings(file, mapping)):
+        directory = arguments.output / recording.name
+        _make_room(directory, arguments.force)
+        _write(recording, directory, mapping.stand)
+        yield _mapped(file, recording, directory)
 
 
 def import_run(file: Path, output: Path, force: bool = False, serial: str = "") -> Imported:
@@ -97,7 +144,7 @@ def import_run(file: Path, output: Path, force: bool = False, serial: str = "") 
     flea_run = FleaRun.of(read_flea_data(file), serial)
     directory = output / file.name.removesuffix(".data")
     _make_room(directory, force)
-    _write(flea_run, directory)
+    _write(flea_run, directory, "flea")
     return _imported(flea_run, directory)
 
 
@@ -115,19 +162,33 @@ def _make_room(directory: Path, force: bool) -> None:
     shutil.rmtree(directory)
 
 
-def _write(flea_run: FleaRun, directory: Path) -> None:
+def _write(recording: FleaRun | MappedRecording, directory: Path, stand: str) -> None:
     """Write all records; log times never decrease, so that the order of the file is kept."""
     from flea_diag.wire.bags.bag import BagWriter
 
-    with BagWriter(directory, stand="flea", whole_every_s=None) as bag:
-        bag.write(flea_run.channel_table())
-        truth = flea_run.truth()
+    with BagWriter(directory, stand=stand, whole_every_s=None) as bag:
+        bag.write(recording.channel_table())
+        truth = recording.truth()
         if truth is not None:
             bag.write(truth)
         log_ns = 0
-        for scan in flea_run.scans():
+        for scan in recording.scans():
             log_ns = max(log_ns, scan.stamp_ns)
             bag.write(scan, log_ns)
+
+
+def _mapped(file: Path, recording: MappedRecording, directory: Path) -> Imported:
+    scans, truth = recording.scans(), recording.truth()
+    fault = truth.fault if truth else None
+    return Imported(
+        file=str(file),
+        bag=str(directory),
+        scans=len(scans),
+        duration_s=round((scans[-1].stamp_ns - scans[0].stamp_ns) * 1e-9, 6),
+        fault=fault,
+        onset_s=None if fault in (None, "nominal") else 0.0,
+        warnings=recording.warnings,
+    )
 
 
 def _imported(flea_run: FleaRun, directory: Path) -> Imported:
@@ -160,4 +221,5 @@ def _report(done: list[Imported], as_json: bool) -> None:
         return
     for each in done:
         onset = "" if each.onset_s is None else f" from {each.onset_s:.2f} s"
-        say(f"{each.bag}: {each.scans} scans, {each.duration_s:.2f} s, {each.fault}{onset}")
+        fault = each.fault or "no truth"
+        say(f"{each.bag}: {each.scans} scans, {each.duration_s:.2f} s, {fault}{onset}")

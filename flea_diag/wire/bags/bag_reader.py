@@ -53,7 +53,7 @@ class BagReader:
         self.path = Path(directory)
         self.losses: list[str] = []
         self._unreadable: dict[str, int] = {}
-        self._sources = _sources(self.path, self.losses)
+        self._sources = sources_of(self.path, self.losses)
         self.topics: dict[str, str] = {}
         for source in self._sources:
             channels = source.channels.values()
@@ -221,7 +221,8 @@ def read_bag(
         losses += reader.losses
 
 
-def _sources(path: Path, losses: list[str]) -> list[Any]:
+def sources_of(path: Path, losses: list[str]) -> list[Any]:
+    """Files of a bag, each with its channels and messages; losses are appended."""
     if path.exists() and not path.is_dir():
         return [McapScan(path)]
     if not path.exists():

@@ -1,0 +1,97 @@
+"""Readings held against their mapping before anything is written: ranges and rates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.symbolic.converted_unit import CONVERTED
+from flea_diag.errors import RecordingError
+from flea_diag.wire.records import Scan
+from flea_diag.wire.sources.mapping import ChannelMapping, SourceMapping
+
+MOST_OUTSIDE = 0.01
+"""Share of the readings of a channel that may lie outside its range: spikes."""
+MOST_DRIFT = 0.05
+"""Deviation of a rate from the declared one."""
+PIECE_S = 10.0
+"""Length over which a rate is measured."""
+FEWEST = 10
+"""Readings without which a rate is not measured."""
+
+
+def check_ranges(where: str, mapping: SourceMapping, scans: Sequence[Scan]) -> None:
+    """Refuse a channel of which more than ``MOST_OUTSIDE`` lies outside its declared range.
+
+    Raises
+    ------
+    RecordingError
+        Names the channel, a value, the range, and the unit that would fit.
+    """
+    values = np.array([scan.values for scan in scans])
+    for column, row in enumerate(mapping.channels):
+        read = values[:, column][np.isfinite(values[:, column])]
+        if not len(read):
+            raise RecordingError(
+                f"{where}: {row.channel} ({row.terms[0].words}) has no usable reading; leave the "
+                f"channel out of {mapping.where}, or raise its age_s ({row.age_s:g} s)"
+            )
+        outside = read[(read < row.minimum) | (read > row.maximum)]
+        if len(outside) > MOST_OUTSIDE * len(read):
+            odd = outside[np.argmax(np.abs(outside))]
+            raise RecordingError(
+                f"{where}: {row.channel} reads {odd:.6g} {row.unit}, "
+                f"{len(outside) / len(read):.0%} of its readings are outside its range of "
+                f"{row.minimum:g} to {row.maximum:g} {row.unit}: {_remedy(row, read)} in "
+                f"{mapping.where}"
+            )
+
+
+def _remedy(row: ChannelMapping, read: npt.NDArray[np.float64]) -> str:
+    """The unit with which the readings would lie inside, if there is one."""
+    own = CONVERTED.get(row.written, (row.unit, 1.0, 0.0))
+    raw = (read - own[2]) / own[1]
+    fits = {
+        factor: unit
+        for unit, (si, factor, offset) in CONVERTED.items()
+        if si == row.unit and unit != row.written and _lies_inside(row, factor * raw + offset)
+    }
+    if fits:
+        unit = fits[max(fits)]
+        return f"its unit is {row.written}, should it be {unit}? correct unit, or range,"
+    return "correct unit, sign, scale or range"
+
+
+def _lies_inside(row: ChannelMapping, values: npt.NDArray[np.float64]) -> bool:
+    outside = (values < row.minimum) | (values > row.maximum)
+    return float(np.mean(outside)) <= MOST_OUTSIDE
+
+
+def check_rate(
+    where: str, mapping: SourceMapping, declared_hz: float, stamps_ns: npt.NDArray[np.int64]
+) -> None:
+    """Refuse readings that come at another rate than declared, throughout or for a while.
+
+    Lost readings do not change the median of the intervals by which the rate is measured.
+
+    Raises
+    ------
+    RecordingError
+        Names the rate, where it was measured, and the declared one.
+    """
+    length = max(FEWEST, round(declared_hz * PIECE_S))
+    for start in range(0, len(stamps_ns), length):
+        piece = stamps_ns[start : start + length + 1]
+        if len(piece) <= FEWEST:
+            continue
+        median_s = float(np.median(np.diff(piece))) * 1e-9
+        rate_hz = 1.0 / median_s if median_s > 0.0 else np.inf
+        if not abs(rate_hz - declared_hz) <= MOST_DRIFT * declared_hz:
+            at_s = (piece[0] - stamps_ns[0]) * 1e-9
+            raise RecordingError(
+                f"{where}: readings come at {rate_hz:.4g} Hz from {at_s:.4g} s on, declared are "
+                f"{declared_hz:g} Hz within {MOST_DRIFT:.0%}: correct rate_hz in {mapping.where}, "
+                "or the clock that stamps them"
+            )

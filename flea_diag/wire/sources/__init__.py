@@ -1,0 +1,1 @@
+"""Channels of a stand from topics and tables of any make: one mapping, live and recorded."""

@@ -1,0 +1,131 @@
+"""A mapping says where each channel of a stand comes from; ``channels.yaml`` holds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from itertools import chain
+
+from flea_diag.wire.records import ChannelInfo, ChannelTable
+from flea_diag.wire.sources.field_path import FieldPath
+
+HOLD, INTERPOLATE = "hold", "interpolate"
+RESAMPLINGS = (INTERPOLATE, HOLD)
+"""How readings become the value at the time of a scan: on the line between the readings before and
+after it, or the reading before it."""
+MAPPED, FLEA_TEXT = "mapped", "flea_text"
+FORMATS = (MAPPED, FLEA_TEXT)
+"""Formats of recordings: as ``channels`` say, or the FLEA's text files, whose columns are fixed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """One number of a source: a field of a topic, or a column of a table.
+
+    ``weight`` is its factor in the sum of the channel; ``topic`` has no leading slash.
+    """
+
+    weight: float = 1.0
+    topic: str = ""
+    message: str = ""
+    path: FieldPath | None = None
+    column: str = ""
+
+    @property
+    def words(self) -> str:
+        """The place as people name it."""
+        return f"column {self.column}" if self.column else f"{self.topic} {self.path}"
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelMapping:
+    """One channel: ``factor`` times the sum of its terms, plus ``offset``, in ``unit`` (SI).
+
+    ``minimum`` and ``maximum`` are in the same unit; ``rate_hz`` is that of the readings. A reading
+    is used for at most ``age_s``.
+    """
+
+    channel: str
+    unit: str
+    terms: tuple[Term, ...]
+    factor: float
+    offset: float
+    minimum: float
+    maximum: float
+    rate_hz: float
+    resample: str
+    age_s: float
+    written: str
+    serial: str = ""
+    mount: str = ""
+    sampling: str = "mean"
+    note: str = ""
+
+    def info(self, rate_hz: float) -> ChannelInfo:
+        """Row of the channel table."""
+        return ChannelInfo(
+            self.channel,
+            self.unit,
+            self.minimum,
+            self.maximum,
+            rate_hz,
+            serial=self.serial,
+            mount=self.mount,
+            sampling=self.sampling,
+            note=self.note,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class TableTime:
+    """Time of the rows of a table: a column, in seconds times ``factor``, from ``start_ns`` on.
+
+    Without a column the rows are as far apart as scans.
+    """
+
+    column: str = ""
+    factor: float = 1.0
+    start_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SourceMapping:
+    """All channels of a stand, the rate of its scans, and how its files are cut and labelled.
+
+    ``truth`` holds patterns of names of recordings, each with the fault that they show.
+    """
+
+    where: str
+    stand: str
+    format: str
+    rate_hz: float
+    channels: tuple[ChannelMapping, ...]
+    time: TableTime = TableTime()
+    split_by: tuple[str, ...] = ()
+    truth: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def period_ns(self) -> int:
+        """Time between two scans."""
+        return round(1e9 / self.rate_hz)
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Terms of all channels, in order."""
+        return tuple(chain.from_iterable(row.terms for row in self.channels))
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Message type of each topic."""
+        return {term.topic: term.message for term in self.terms if term.topic}
+
+    def channel_table(self, stamp_ns: int) -> ChannelTable:
+        """Units, ranges and rates as the diagnosis reads them."""
+        rows = tuple(row.info(self.rate_hz) for row in self.channels)
+        return ChannelTable(stamp_ns, self.stand, rows)
+
+    def fault_of(self, recording: str) -> str | None:
+        """Fault that a recording of this name shows, if the mapping says so."""
+        return next(
+            (fault for pattern, fault in self.truth if fnmatchcase(recording, pattern)), None
+        )

@@ -1,0 +1,49 @@
+"""What the messages of mapped topics hold for the channels of a stand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flea_diag.wire.sources.mapping import SourceMapping, Term
+
+_NS = 1_000_000_000
+
+
+class MessageTerms:
+    """Reads the terms of a mapping off messages.
+
+    Attributes
+    ----------
+    found
+        Numbers of the terms that a message had.
+    """
+
+    def __init__(self, mapping: SourceMapping) -> None:
+        self.found: set[int] = set()
+        self._terms: dict[str, list[tuple[int, Term]]] = {}
+        for number, term in enumerate(mapping.terms):
+            self._terms.setdefault(term.topic, []).append((number, term))
+
+    def read(self, topic: str, message: Any) -> list[tuple[int, float]]:
+        """Number and value of each term in a message of a topic.
+
+        Raises
+        ------
+        WireError
+            A field is missing or no number.
+        """
+        values = []
+        for number, term in self._terms[topic]:
+            value = None if term.path is None else term.path.read(message)
+            if value is not None:
+                values.append((number, value))
+                self.found.add(number)
+        return values
+
+
+def stamp_of(message: Any, received_ns: int) -> int:
+    """Stamp of the header; without one, or with a stamp of 0, the time of receipt."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is None:
+        return received_ns
+    return int(stamp.sec) * _NS + int(stamp.nanosec) or received_ns

@@ -1,0 +1,132 @@
+"""Readings of several rates become scans of one rate.
+
+A scan is made when all readings that it takes have come: by stamps alone, so that a recording
+gives the scans that its live stream gave. It waits ``WAIT_NS`` for other topics, and for the
+reading after it of a channel that is interpolated, but no longer than that channel's age limit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
+
+from flea_diag.wire.records import Scan
+from flea_diag.wire.sources.mapping import INTERPOLATE, ChannelMapping, SourceMapping
+
+WAIT_NS = 20_000_000
+"""Topics of one instant arrive in any order within this time."""
+LEAP_BACK_NS, LEAP_AHEAD_NS = 1_000_000_000, 10_000_000_000
+LEAPS = 10
+"""So many readings in a row whose stamps leap begin a new stream; fewer are errors."""
+MOST_READINGS = 10_000
+"""Readings of one term that may wait for their scans."""
+
+
+class _Readings:
+    """Recent readings of one term, as stamps and values."""
+
+    def __init__(self, row: ChannelMapping) -> None:
+        self.interpolates = row.resample == INTERPOLATE
+        self.age_ns = round(row.age_s * 1e9)
+        self.kept: deque[tuple[int, float]] = deque(maxlen=MOST_READINGS)
+
+    @property
+    def newest_ns(self) -> int:
+        return self.kept[-1][0] if self.kept else -1
+
+    def at(self, time_ns: int) -> float:
+        """Value at the time of a scan; older readings are forgotten."""
+        kept = self.kept
+        while len(kept) > 1 and kept[1][0] <= time_ns:
+            kept.popleft()
+        if not kept or kept[0][0] > time_ns:
+            return math.nan
+        before_ns, value = kept[0]
+        if not self.interpolates or before_ns == time_ns:
+            return value if time_ns - before_ns <= self.age_ns else math.nan
+        if len(kept) < 2 or kept[1][0] - before_ns > self.age_ns:
+            return math.nan
+        after_ns, after = kept[1]
+        return value + (after - value) * ((time_ns - before_ns) / (after_ns - before_ns))
+
+
+class ScanGrid:
+    """Makes scans of readings.
+
+    Attributes
+    ----------
+    counts
+        Readings that were left out: ``disordered`` (not newer than the one before) and
+        ``leaping``; and those that came ``late`` for a scan.
+    """
+
+    def __init__(self, mapping: SourceMapping) -> None:
+        self.counts: Counter[str] = Counter()
+        self._rows = mapping.channels
+        self._names = tuple(row.channel for row in mapping.channels)
+        self._period_ns = mapping.period_ns
+        self._readings = [_Readings(row) for row in mapping.channels for _ in row.terms]
+        self._weights = [term.weight for row in mapping.channels for term in row.terms]
+        self._awaited = [each for each in self._readings if each.interpolates]
+        self._begin()
+
+    def _begin(self) -> None:
+        self._next_ns = self._newest_ns = -1
+        self._leaps = 0
+        for each in self._readings:
+            each.kept.clear()
+
+    def push(self, stamp_ns: int, values: Iterable[tuple[int, float]]) -> Iterator[Scan]:
+        """Take readings of one instant, as number of the term and value; scans that are complete.
+
+        A leap of the stamps ends the scans so far and begins new ones.
+        """
+        if self._newest_ns >= 0 and not (
+            self._newest_ns - LEAP_BACK_NS <= stamp_ns <= self._newest_ns + LEAP_AHEAD_NS
+        ):
+            self._leaps += 1
+            if self._leaps < LEAPS:
+                self.counts["leaping"] += 1
+                return
+            yield from self.finish()
+            self._begin()
+        self._leaps = 0
+        if self._next_ns < 0:
+            self._next_ns = stamp_ns
+        self.counts["late"] += stamp_ns < self._next_ns - self._period_ns
+        for number, value in values:
+            readings = self._readings[number]
+            if stamp_ns <= readings.newest_ns:
+                self.counts["disordered"] += 1
+            elif math.isfinite(value):
+                readings.kept.append((stamp_ns, value))
+        self._newest_ns = max(self._newest_ns, stamp_ns)
+        yield from self._made(self._complete_ns())
+
+    def finish(self) -> Iterator[Scan]:
+        """Scans up to the last reading, complete or not."""
+        yield from self._made(self._newest_ns)
+
+    def _complete_ns(self) -> int:
+        """Time up to which scans are complete."""
+        newest = self._newest_ns
+        waits = (max(each.newest_ns, newest - each.age_ns) for each in self._awaited)
+        return min(newest - WAIT_NS, min(waits, default=newest))
+
+    def _made(self, until_ns: int) -> Iterator[Scan]:
+        while 0 <= self._next_ns <= until_ns:
+            yield Scan(self._next_ns, self._names, self._values(self._next_ns))
+            self._next_ns += self._period_ns
+
+    def _values(self, time_ns: int) -> tuple[float, ...]:
+        parts = [
+            weight * each.at(time_ns)
+            for weight, each in zip(self._weights, self._readings, strict=True)
+        ]
+        values, place = [], 0
+        for row in self._rows:
+            end = place + len(row.terms)
+            values.append(row.factor * sum(parts[place:end]) + row.offset)
+            place = end
+        return tuple(values)
