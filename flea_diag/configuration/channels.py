@@ -21,8 +21,8 @@ from flea_diag.wire.sources.mapping import (
     RESAMPLINGS,
     ChannelMapping,
     SourceMapping,
+    SourceTerm,
     TableTime,
-    Term,
 )
 
 KEYS: Keys = {
@@ -146,7 +146,7 @@ def _channel(
     )
 
 
-def _terms(values: Mapping[str, Any], where: str) -> tuple[Term, ...]:
+def _terms(values: Mapping[str, Any], where: str) -> tuple[SourceTerm, ...]:
     """The sum of a channel, or its one place."""
     if not values["sum"]:
         return (_term(values, 1.0, where),)
@@ -160,7 +160,7 @@ def _terms(values: Mapping[str, Any], where: str) -> tuple[Term, ...]:
     return tuple(made)
 
 
-def _term(values: Mapping[str, Any], weight: float, where: str) -> Term:
+def _term(values: Mapping[str, Any], weight: float, where: str) -> SourceTerm:
     column, topic = values["column"], values["topic"].lstrip("/")
     if bool(column) == bool(topic):
         raise ConfigurationError(
@@ -168,7 +168,7 @@ def _term(values: Mapping[str, Any], weight: float, where: str) -> Term:
             "column, or topic with type and field"
         )
     if column:
-        return Term(weight, column=column)
+        return SourceTerm(weight, column=column)
     for key in ("type", "field"):
         if not values[key]:
             example = "sensor_msgs/msg/JointState" if key == "type" else "effort[elbow]"
@@ -180,7 +180,7 @@ def _term(values: Mapping[str, Any], weight: float, where: str) -> Term:
             "sensor_msgs/msg/JointState"
         )
     path = FieldPath.parsed(values["field"], where)
-    return Term(weight, topic, f"{package}/msg/{name}", path)
+    return SourceTerm(weight, topic, f"{package}/msg/{name}", path)
 
 
 def _sign(value: int, where: str) -> float:

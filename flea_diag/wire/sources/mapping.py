@@ -19,7 +19,7 @@ FORMATS = (MAPPED, FLEA_TEXT)
 
 
 @dataclass(frozen=True, slots=True)
-class Term:
+class SourceTerm:
     """One number of a source: a field of a topic, or a column of a table.
 
     ``weight`` is its factor in the sum of the channel; ``topic`` has no leading slash.
@@ -47,7 +47,7 @@ class ChannelMapping:
 
     channel: str
     unit: str
-    terms: tuple[Term, ...]
+    terms: tuple[SourceTerm, ...]
     factor: float
     offset: float
     minimum: float
@@ -110,7 +110,7 @@ class SourceMapping:
         return round(1e9 / self.rate_hz)
 
     @property
-    def terms(self) -> tuple[Term, ...]:
+    def terms(self) -> tuple[SourceTerm, ...]:
         """Terms of all channels, in order."""
         return tuple(chain.from_iterable(row.terms for row in self.channels))
 

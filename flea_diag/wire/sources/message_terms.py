@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flea_diag.wire.sources.mapping import SourceMapping, Term
+from flea_diag.wire.sources.mapping import SourceMapping, SourceTerm
 
 _NS = 1_000_000_000
 
@@ -20,7 +20,7 @@ class MessageTerms:
 
     def __init__(self, mapping: SourceMapping) -> None:
         self.found: set[int] = set()
-        self._terms: dict[str, list[tuple[int, Term]]] = {}
+        self._terms: dict[str, list[tuple[int, SourceTerm]]] = {}
         for number, term in enumerate(mapping.terms):
             self._terms.setdefault(term.topic, []).append((number, term))
 

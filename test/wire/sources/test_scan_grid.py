@@ -11,7 +11,13 @@ import pytest
 from flea_diag.errors import ConfigurationError, WireError
 from flea_diag.wire.records import Scan
 from flea_diag.wire.sources.field_path import FieldPath
-from flea_diag.wire.sources.mapping import HOLD, INTERPOLATE, ChannelMapping, SourceMapping, Term
+from flea_diag.wire.sources.mapping import (
+    HOLD,
+    INTERPOLATE,
+    ChannelMapping,
+    SourceMapping,
+    SourceTerm,
+)
 from flea_diag.wire.sources.scan_grid import ScanGrid
 
 MS = 1_000_000
@@ -19,7 +25,7 @@ START_NS = 1_600_000_000_000 * MS
 
 
 def channel(name: str, resample: str, age_s: float, terms: int = 1) -> ChannelMapping:
-    parts = tuple(Term(1.0 - 2.0 * k, column=f"{name}{k}") for k in range(terms))
+    parts = tuple(SourceTerm(1.0 - 2.0 * k, column=f"{name}{k}") for k in range(terms))
     return ChannelMapping(name, "m", parts, 2.0, 1.0, -9.0, 9.0, 10.0, resample, age_s, "m")
 
 
