@@ -6,9 +6,10 @@ Each is the ``type`` of an argument; what is refused is named with its option an
 from __future__ import annotations
 
 import math
-from argparse import ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError
 
 MOST = 1_000_000
+MOST_JOBS = 1024
 
 
 def count(text: str) -> int:
@@ -16,6 +17,25 @@ def count(text: str) -> int:
     number = int(text) if text.isdecimal() else 0
     if not 1 <= number <= MOST:
         raise ArgumentTypeError(f"{text!r} must be a whole number from 1 to {MOST}")
+    return number
+
+
+def add_jobs(parser: ArgumentParser) -> None:
+    """Declare ``-j``, for commands that work on one file after the other."""
+    parser.add_argument(
+        "-j",
+        "--jobs",
+        type=_jobs,
+        default=1,
+        metavar="N",
+        help="processes that share the work; results are the same (default %(default)s)",
+    )
+
+
+def _jobs(text: str) -> int:
+    number = int(text) if text.isdecimal() else 0
+    if not 1 <= number <= MOST_JOBS:
+        raise ArgumentTypeError(f"{text!r} must be a whole number from 1 to {MOST_JOBS}")
     return number
 
 

@@ -8,8 +8,6 @@ responds at once.
 from __future__ import annotations
 
 import argparse
-import atexit
-import gc
 import importlib
 import os
 import sys
@@ -18,6 +16,7 @@ from typing import Any
 
 from flea_diag import __version__
 from flea_diag.errors import FleaError, line_of
+from flea_diag.tools.garbage import search_less
 from flea_diag.wire.command_budget import begin_command
 
 MODULES = {
@@ -48,9 +47,6 @@ examples:
   flea model signatures                        show the signature of each fault
 """
 
-GARBAGE_AFTER = 50_000
-"""Objects made before a search for garbage, 700 by default: a start makes some hundred thousand,
-none of them garbage, and would be searched again and again, for a quarter of its time."""
 USAGE_ERROR = 2
 INTERRUPTED = 130
 
@@ -84,8 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand; 0 success, 1 partial success, 2 refused, 130 interrupted."""
     # BLAS threads only slow down matrices of this size; numpy reads the setting at its import.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.set_threshold(GARBAGE_AFTER, *gc.get_threshold()[1:])
-    atexit.register(gc.freeze)  # nor is there a reason to search what an exit drops
+    search_less()
     given = sys.argv[1:] if arguments is None else arguments
     known = commands(name for name in given[:1] if name in MODULES) or commands()
     begin_command()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,11 +28,25 @@ def warn(words: str) -> None:
     print(f"{clear}flea: {line_of(words)}", file=sys.stderr)
 
 
-def progress(number: int, count: int, name: str) -> None:
-    """Show the progress of a batch, on a terminal only."""
+def progress(number: int, count: int, name: str, began_s: float | None = None) -> None:
+    """Show the progress of a batch, on a terminal only.
+
+    ``began_s``: reading of ``time.monotonic`` when the first one began; the time left is then
+    that of the others at the mean rate so far.
+    """
     if sys.stderr.isatty():
         end = "\n" if number == count else ""
-        print(f"\r\x1b[K[{number}/{count}] {line_of(name)}", end=end, file=sys.stderr, flush=True)
+        left = "" if began_s is None else _left(time.monotonic() - began_s, number - 1, count)
+        line = f"[{number}/{count}{left}] {line_of(name)}"
+        print(f"\r\x1b[K{line}", end=end, file=sys.stderr, flush=True)
+
+
+def _left(spent_s: float, done: int, count: int) -> str:
+    """Time left in words, once one is done."""
+    if not done:
+        return ""
+    left_s = round(spent_s / done * (count - done))
+    return f", {left_s // 60} min {left_s % 60} s left" if left_s >= 60 else f", {left_s} s left"
 
 
 @contextmanager

@@ -1,15 +1,75 @@
-"""Pool of worker processes that end with their parent."""
+"""Worker processes that end with their parent, and work shared among them."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
 import signal
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from threading import Thread
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
+from flea_diag.errors import FleaError
+from flea_diag.tools.garbage import search_less
 from flea_diag.wire.command_budget import begin_command, shared_sums
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+DIED = "the process died: killed, out of memory, or a crash in a library"
+
+
+class Refused(NamedTuple):
+    """In place of a result: why there is none."""
+
+    words: str
+
+
+def in_order(
+    work: Callable[[Item], Result], items: Sequence[Item], jobs: int = 1
+) -> Iterator[Result | Refused]:
+    """Results in the order of the items, from so many processes; with one, from this one.
+
+    ``work`` and what it returns must be picklable. If a process dies, the next item that has no
+    result is worked on alone, then the rest as before: it ends its own item and no other.
+    """
+    if min(jobs, len(items)) <= 1:
+        yield from map(work, items)
+        return
+    done = 0
+    while done < len(items):
+        for result in _until_it_breaks(work, items[done:], jobs):
+            yield result
+            done += 1
+        if done < len(items):
+            alone = _until_it_breaks(work, items[done : done + 1], 1)
+            yield next(alone, Refused(f"{items[done]}: {DIED}"))
+            done += 1
+
+
+def _until_it_breaks(
+    work: Callable[[Item], Result], items: Sequence[Item], jobs: int
+) -> Iterator[Result]:
+    """Results until a process dies."""
+    with worker_pool(min(jobs, len(items))) as pool:
+        try:
+            yield from pool.map(work, items)
+        except BrokenProcessPool:
+            return
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
+
+
+def refusing(work: Callable[[], Result]) -> Result | Refused:
+    """What the work returns, or the words of the error with which it refuses its input."""
+    try:
+        return work()
+    except FleaError as error:
+        return Refused(str(error))
 
 
 def worker_pool(jobs: int) -> ProcessPoolExecutor:
@@ -30,6 +90,7 @@ def _serve(sums: Any) -> None:
     if sums is not None:
         begin_command(sums)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    search_less()
     Thread(target=_end_with_parent, daemon=True).start()
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,7 @@ from support.places import ROOT
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.main import main
-from flea_diag.tools.terminal import make_folder, write_json, write_text
+from flea_diag.tools.terminal import make_folder, progress, write_json, write_text
 
 
 def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path) -> None:
@@ -59,3 +61,14 @@ def test_bags_of_one_name_do_not_overwrite_each_other(
     bags = [str(tmp_path / place / "run") for place in "ab"]
     assert main(["replay", *bags, "--json", f"{tmp_path}/results/"]) == 2
     assert "2 bags are named 'run' and would share one file" in capsys.readouterr().err
+
+
+def test_progress_tells_the_time_left(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    for now_s, number in ((100.0, 1), (130.0, 3), (190.0, 10)):
+        monkeypatch.setattr(time, "monotonic", lambda now_s=now_s: now_s)
+        progress(number, 10, "bag", began_s=100.0)
+    told = capsys.readouterr().err.split("\r\x1b[K")
+    assert told == ["", "[1/10] bag", "[3/10, 2 min 0 s left] bag", "[10/10, 10 s left] bag\n"]

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+
+import pytest
+
+from flea_diag.tools.workers import DIED, Refused, in_order
 
 PROGRAM = """
 import os, sys, threading
@@ -24,3 +30,23 @@ def test_idle_workers_end_with_a_parent_that_is_killed() -> None:
         process.kill()
         rest, _ = process.communicate(timeout=60.0)  # the pipe ends with the last that holds it
         assert rest == ""
+
+
+def in_own_process(number: int) -> int:
+    """The square; some numbers end their process."""
+    if number in DEADLY:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number * number
+
+
+DEADLY = (3, 4)
+
+
+def test_results_come_in_order_and_a_death_ends_its_own_item_alone() -> None:
+    found = list(in_order(in_own_process, range(8), jobs=2))
+    assert found == [n * n if n not in DEADLY else Refused(f"{n}: {DIED}") for n in range(8)]
+
+
+def test_an_error_ends_the_work() -> None:
+    with pytest.raises(ZeroDivisionError):
+        list(in_order((1).__truediv__, [1, 0, 1], jobs=2))

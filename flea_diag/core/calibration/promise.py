@@ -11,8 +11,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from scipy.special import gammaincinv
-
 CONFIDENCE = 0.95
 LEAST_RECORDINGS = 3
 """Fewer cannot be judged by limits that were learned without them."""
@@ -32,12 +30,12 @@ class FalseAlarmPromise:
         """Upper bound of the rate; infinity where there are too few recordings to state one."""
         if self.recordings < LEAST_RECORDINGS or not self.hours > 0.0:
             return math.inf
-        return float(gammaincinv(self.alarms + 1, CONFIDENCE)) / self.hours
+        return _most_expected(self.alarms) / self.hours
 
     @property
     def needed_hours(self) -> float:
         """Hours without a false alarm that would support the stated rate."""
-        return float(gammaincinv(1, CONFIDENCE)) / self.stated_per_hour
+        return _most_expected(0) / self.stated_per_hour
 
     def words(self) -> str:
         """Stated and supported rate with their ground."""
@@ -52,3 +50,10 @@ class FalseAlarmPromise:
             f"{stated}, at most {self.supported_per_hour:.2g} supported ({CONFIDENCE:.0%}, {seen} "
             f"in {self.hours:.2g} h of nominal recordings)"
         )
+
+
+def _most_expected(alarms: int) -> float:
+    """Upper bound of the expected number of alarms where so many were seen."""
+    from scipy.special import gammaincinv  # takes longer to import than a calibration to read
+
+    return float(gammaincinv(alarms + 1, CONFIDENCE))

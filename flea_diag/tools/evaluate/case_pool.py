@@ -17,10 +17,9 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.tools.campaign.case import Case
 from flea_diag.tools.campaign.run_result import RunResult
 from flea_diag.tools.extra import require
-from flea_diag.tools.workers import worker_pool
+from flea_diag.tools.workers import DIED, worker_pool
 
 Work = Callable[[Case], RunResult]
-DIED = "the process died: killed, out of memory, or a crash in a library"
 
 
 def run_all(cases: Iterable[Case], work: Work, jobs: int) -> Iterator[RunResult]:

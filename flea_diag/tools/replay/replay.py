@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flea_diag.errors import ConfigurationError, FleaError, RecordingError, shown
+from flea_diag.errors import ConfigurationError, RecordingError, shown
+from flea_diag.tools.argument import add_jobs
 from flea_diag.tools.numeric_backend import numeric_backend
 from flea_diag.tools.stand_option import add_calibration, add_stand, chosen_stand
 from flea_diag.tools.terminal import IN_PART, make_folder, progress, say, warn, write_json
+from flea_diag.tools.workers import Refused, in_order, refusing
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
@@ -28,7 +31,7 @@ examples:
   flea replay bags/run                              print the verdict
   flea replay bags/run --calibration cal.yaml --json -
   flea replay bags/run --stand ./mine               on a stand of your own
-  flea replay bags/* --json results/ -q             write one JSON file per bag
+  flea replay bags/* --json results/ -q -j 4        write one JSON file per bag, 4 processes
 """
 
 
@@ -44,39 +47,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "list",
     )
     parser.add_argument("--namespace", help="namespace of the stand, if a bag contains several")
+    add_jobs(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="do not print the verdict")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Replay all bags; a refused bag does not stop the others."""
-    from flea_diag.configuration.component import make_pipeline
-
     _check_names(arguments.json, arguments.bags)
     stand = chosen_stand(arguments, "calibration")
-    # The first pipeline is built before any bag is read: a wrong calibration is refused at once.
-    fresh = chain((make_pipeline(stand),), _pipelines(stand))
     summaries: list[dict[str, Any]] = []
-    refused = 0
-    for number, (bag, pipeline) in enumerate(zip(arguments.bags, fresh, strict=False), 1):
-        progress(number, len(arguments.bags), bag.name)
-        try:
-            summary = replay(bag, pipeline, arguments.namespace)
-        except FleaError as error:
-            refused += 1
-            warn(str(error))
-            continue
-        summaries.append(summary)
-        _say(summary, arguments)
+    bags, began_s = arguments.bags, time.monotonic()
+    work = partial(_replayed, stand=stand, namespace=arguments.namespace)
+    progress(1, len(bags), bags[0].name)
+    for number, summary in enumerate(in_order(work, bags, arguments.jobs), 2):
+        if isinstance(summary, Refused):
+            warn(summary.words)
+        else:
+            summaries.append(summary)
+            _say(summary, arguments)
+        if number <= len(bags):
+            progress(number, len(bags), bags[number - 1].name, began_s)
     if arguments.json:
-        _write(arguments.json, summaries, several=len(arguments.bags) > 1)
-    return _status(summaries, refused, len(arguments.bags))
+        _write(arguments.json, summaries, several=len(bags) > 1)
+    return _status(summaries, len(bags) - len(summaries), len(bags))
 
 
-def _pipelines(stand: Stand) -> Iterator[Pipeline]:
+def _replayed(bag: Path, stand: Stand, namespace: str | None) -> dict[str, Any] | Refused:
+    """Summary of a bag; a wrong calibration is refused before any bag is read."""
     from flea_diag.configuration.component import make_pipeline
 
-    while True:
-        yield make_pipeline(stand)
+    pipeline = make_pipeline(stand)
+    return refusing(partial(replay, bag, pipeline, namespace))
 
 
 def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[str, Any]:

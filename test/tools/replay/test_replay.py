@@ -268,10 +268,13 @@ def test_the_command_goes_on_past_bad_bags(
     bags = [str(good), str(tmp_path / "empty"), str(short)]
     assert main(["replay", *bags, "--json", "-", "-q"]) == 1
     told = capsys.readouterr()
-    assert [each["bag"] for each in json.loads(told.out)] == [str(good), str(short)]
+    summaries = json.loads(told.out)
+    assert [each["bag"] for each in summaries] == [str(good), str(short)]
     assert told.err.splitlines()[-1] == "flea: 2 of 3 bags replayed, 1 refused, 1 incomplete"
-    assert main(["replay", str(good), str(short), "--json", f"{tmp_path}/out/", "-q"]) == 1
+    assert main(["replay", *bags, "--json", f"{tmp_path}/out/", "-q", "-j", "2"]) == 1
+    assert capsys.readouterr().err == told.err
     results = [json.loads((tmp_path / "out" / f"{n}.json").read_text()) for n in ("good", "short")]
+    assert results == summaries
     assert results[0]["digest"] == results[1]["digest"]
     assert results[0]["outcome"] is not None
 
@@ -280,5 +283,9 @@ def test_a_wrong_calibration_is_refused_before_any_bag(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     missing = tmp_path / "none.yaml"
-    assert main(["replay", str(tmp_path), "--calibration", str(missing)]) == 2
-    assert "none.yaml" in capsys.readouterr().err
+    for jobs in ("1", "2"):
+        bags = [str(tmp_path), str(tmp_path)]
+        assert main(["replay", *bags, "--calibration", str(missing), "-j", jobs]) == 2
+        told = capsys.readouterr().err
+        assert "none.yaml" in told
+        assert told.count("\n") == 1
