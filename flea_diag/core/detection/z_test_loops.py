@@ -38,7 +38,8 @@ def sum_loops(store: Array, at: int, lengths: Counts, sums: Array) -> None:
     """Sums recomputed from the rows up to ``at``."""
     for w in range(len(lengths)):
         first = at + 1 - lengths[w]
-        sums[w] = store[first]
+        for c in range(len(sums[w])):
+            sums[w, c] = store[first, c]
         for k in range(first + 1, at + 1):
             for c in range(len(sums[w])):
                 sums[w, c] += store[k, c]

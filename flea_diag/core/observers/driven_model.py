@@ -22,7 +22,13 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.observers.motion_step import MotionCoefficients, motion_step, moved
+from flea_diag.core.observers.motion_step import (
+    MotionCoefficients,
+    motion_step,
+    moved,
+    put,
+    put_loops,
+)
 from flea_diag.core.observers.observer_model import difference_jacobian
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.resampling_loops import exp_loops
@@ -64,7 +70,6 @@ class DrivenModel(Frozen):
     """Voltage sampled as raw PWM, hence a measurement and no input."""
     winding_degc: float
     """Temperature at which the resistance is taken."""
-    backend: str = "numpy"
 
     states = STATES
     channels = CHANNELS
@@ -174,13 +179,13 @@ class DrivenModel(Frozen):
     @cached_property
     def record(self) -> Any:
         """The parameters as compiled code takes them: the first entry of a sequence."""
-        return as_record(self.parameters) if self.backend == "numba" else (self.parameters,)
+        return as_record(self.parameters)
 
     def transition(self, x: Array, u: Array) -> Array:
         """(4, N) and (2,) -> (4, N); NaN inputs: voltage held, load in balance."""
         new = np.empty_like(x)
-        step = step_of(self.equations, self.backend)
-        step(x, u, self.pwm, self.coefficients, self.record, new)
+        step = step_of(self.equations)
+        step(x, u, self.pwm, self.coefficients, (self.parameters,), new)
         return new
 
     def jacobian(self, x: Array, u: Array) -> Array:
@@ -189,29 +194,27 @@ class DrivenModel(Frozen):
 
 
 @lru_cache(maxsize=8)
-def step_of(equations: DrivenEquations, backend: str) -> Callable[..., None]:
-    """``motion_step`` with the friction of these equations."""
-    if backend != "numba":
-        return _bound_step(equations.functions["friction"])[0]
-    made: Callable[..., None] = backends.compiled(*_numba_step(equations))
-    return made
+def step_of(equations: DrivenEquations) -> Callable[..., None]:
+    """``motion_step`` with the friction of these equations, in numpy."""
+    return _bound_step(equations.functions["friction"], put)[0]
 
 
-def _bound_step(friction: Callable[..., Any]) -> tuple[Callable[..., Any], ...]:
-    parts: dict[str, Any] = {"friction": friction}
+def _bound_step(friction: Callable[..., Any], put: Callable[..., Any]) -> list[Callable[..., Any]]:
+    parts: dict[str, Any] = {"friction": friction, "put": put}
     parts["moved"] = backends.bound(moved, **parts)
-    return backends.bound(motion_step, **parts), parts["moved"], friction
+    return [backends.bound(motion_step, **parts), parts["moved"], friction]
 
 
-def _numba_step(equations: DrivenEquations) -> tuple[Callable[..., Any], ...]:
+def step_parts(equations: DrivenEquations) -> tuple[Callable[..., Any], ...]:
+    """``motion_step`` of these equations for numba, and what it calls."""
     friction = backends.bound(equations.functions["friction"], fabs=np.abs, **TANH)
-    return (*_bound_step(friction), *TANH.values(), exp_loops)
+    return (*_bound_step(friction, put_loops), *TANH.values(), exp_loops, put_loops)
 
 
 @lru_cache(maxsize=8)
 def track_of(equations: DrivenEquations) -> Callable[..., tuple[int, int]]:
     """``track_loops`` with the step of these equations, compiled."""
-    step = _numba_step(equations)
+    step = step_parts(equations)
     heats = backends.bound(equations.functions["supplies"], fabs=np.abs)
     loop = backends.bound(track_loops, motion_step=step[0], supplies=heats)
     made: Callable[..., tuple[int, int]] = backends.compiled(loop, *step, *TRACK, heats)

@@ -55,6 +55,17 @@ class MotionCoefficients(NamedTuple):
         return cls(period_s, amperes, pushes, per_volt, at_rest, *step)
 
 
+def put(row: Array, values: Array) -> None:
+    """Values into a row."""
+    row[:] = values
+
+
+def put_loops(row: Array, values: Array) -> None:
+    """``put`` for numba, which compiles the words of an error of shapes into an assignment."""
+    for k in range(len(row)):
+        row[k] = values[k]
+
+
 def friction(p: Any, x: Any) -> Any:
     """In place of the function that only a set of relations has: see ``driven_model``."""
     raise AssertionError("the step runs with the friction of a relation set")
@@ -69,7 +80,7 @@ def motion_step(
     with what the motor does.
     """
     p, speed = parameters[0], x[2]
-    new[0] = x[0]
+    put(new[0], x[0])
     if not pwm and not math.isnan(u[0]):
         new[0] = u[0]
     # A load of each particle in either case: compiled code has one form of what follows.
@@ -90,6 +101,6 @@ def moved(x: Array, load: Array, c: MotionCoefficients, p: Any, new: Array) -> N
     first = drive + friction(p, (speed, load))[0]
     half = c.decay * speed + c.gained * first
     second = drive + friction(p, (half, load))[0] - first
-    new[1] = c.kept * speed + c.averaged * (first + 0.5 * second)
-    new[2] = half + c.averaged * second
-    new[3] = x[3] + c.period_s * new[1]
+    put(new[1], c.kept * speed + c.averaged * (first + 0.5 * second))
+    put(new[2], half + c.averaged * second)
+    put(new[3], x[3] + c.period_s * new[1])

@@ -197,12 +197,14 @@ class ParticleFilter:
         motion: tuple[Any, ...],
         heat: tuple[Any, ...],
         frozen: bool,
+        begun: bool,
         out: Array,
     ) -> tuple[int, int]:
         """``predict`` and ``update`` from scan ``first`` on, in one compiled call.
 
         For the optimal proposal with numba on a ``DrivenModel``, whose ``track``, ``motion`` and
-        ``heat`` these are.
+        ``heat`` these are. Particles that have ``begun`` with scan ``first`` stand where they are
+        in it: there is no ``predict``.
 
         Returns
         -------
@@ -212,7 +214,7 @@ class ParticleFilter:
         done, end = 0, 0
         while not done:
             if self._tracked is None:
-                self._tracked = self._prepared(*(part[first] for part in scans[:3]))
+                self._tracked = self._prepared(begun, *(part[first] for part in scans[:3]))
             done, end = track(
                 self._x,
                 self._cloud,
@@ -225,9 +227,10 @@ class ParticleFilter:
                 motion,
                 heat,
                 frozen,
+                begun,
                 out,
             )
-            if not done:
+            if begun or not done:
                 self._tracked = None
         self._bits.used(done)
         self._row = out[first + done - 1, : self._width]
@@ -240,10 +243,10 @@ class ParticleFilter:
         return lost
 
     def _prepared(
-        self, u: Array, y: Array, held: Array
+        self, begun: bool, u: Array, y: Array, held: Array
     ) -> tuple[Flags, Array | Views, Array | Views]:
         """Input of ``track_loops`` for scans with the missing channels of this one."""
-        noise = self._model.process_noise(u)
+        noise = self._noise if begun else self._model.process_noise(u)
         if noise is not self._noise:
             self._heed(noise)
         self._pattern = self._patterned(y)

@@ -135,9 +135,7 @@ class StateObserver:
         self._kind = kind
         self.backend = "numpy" if kind == "kalman" else backends.chosen(backend)
         pwm = voltage_sampling == "instant_pwm"
-        self._model = DrivenModel(
-            driven_equations(known), parameters, period_s, noise, pwm, cold, self.backend
-        )
+        self._model = DrivenModel(driven_equations(known), parameters, period_s, noise, pwm, cold)
         self._compiled = self.backend == "numba" and kind == "optimal"
         self._filter: Filter | None = None
 
@@ -164,14 +162,8 @@ class StateObserver:
         raw, lost = np.empty((len(rows), RAW)), np.empty(len(rows), dtype=bool)
         done = 0
         while done < len(rows):
-            if self._compiled and isinstance(self._filter, ParticleFilter):
-                particles = self._filter
-                taken = self._track(particles, scans, done, frozen, raw)
-                nis = raw[taken, WARM - 2].tolist()
-                lost[taken] = particles.diverged
-                if not frozen:
-                    lost[taken] = particles.watch(nis, measured[taken].tolist())
-                done = taken.stop
+            if self._compiled:
+                done = self._track(scans, done, frozen, raw, measured, lost)
             else:
                 self._one(scans, done, frozen, raw[done], lost)
                 done += 1
@@ -193,26 +185,44 @@ class StateObserver:
         return scans, measured
 
     def _track(
-        self, particles: ParticleFilter, scans: Scans, first: int, frozen: bool, raw: Array
-    ) -> slice:
-        """Scans from ``first`` on in one compiled call; which it took."""
-        model = self._model
+        self,
+        scans: Scans,
+        first: int,
+        frozen: bool,
+        raw: Array,
+        measured: npt.NDArray[np.int64],
+        lost: Flags,
+    ) -> int:
+        """Scans from ``first`` on in one compiled call; the first that it has not taken."""
+        begun = self._filter is None
+        particles, model = self._filter or self._start(scans, first), self._model
+        assert isinstance(particles, ParticleFilter)
         motion = model.pwm, model.coefficients, model.record
         heat = self._stores, (self._winding, model.winding_degc, WARMED_K)
         track = track_of(model.equations)
-        done, end = particles.track(track, tuple(scans), first, motion, heat, frozen, raw)
+        done, end = particles.track(track, tuple(scans), first, motion, heat, frozen, begun, raw)
+        taken = slice(first, first + done)
+        lost[taken] = particles.diverged
+        if not frozen:
+            compared = [0] if begun else measured[taken].tolist()
+            lost[taken] = particles.watch(raw[taken, WARM - 2].tolist(), compared)
         self._end(end)
-        return slice(first, first + done)
+        return first + done
+
+    def _start(self, scans: Scans, k: int) -> Filter:
+        """A filter at scan k, whose readings are where it starts: nothing predicts them."""
+        self._filter = self._started(scans.y[k], scans.u[k])
+        scans.y[k] = scans.held[k] = math.nan
+        return self._filter
 
     def _one(self, scans: Scans, k: int, frozen: bool, raw: Array, lost: Flags) -> None:
         """One scan of the loop in Python; ``track_loops`` does the same."""
-        y = scans.y[k]
-        if self._filter is None:
-            # Its readings are where it starts: there is no prediction to hold them against.
-            self._filter, y = self._started(y, scans.u[k]), np.full(len(y), math.nan)
+        estimate = self._filter
+        if estimate is None:
+            estimate = self._start(scans, k)
         else:
-            self._filter.predict(scans.u[k])
-        moved = self._filter.update(y, frozen=frozen)
+            estimate.predict(scans.u[k])
+        moved = estimate.update(scans.y[k], frozen=frozen)
         raw[:WARM], lost[k] = moved.row, moved.diverged
         model = self._model
         estimated = (*moved.mean.tolist()[:2], model.winding_degc)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.observers.motion_step import MotionCoefficients, motion_step
+from flea_diag.core.observers.motion_step import MotionCoefficients, motion_step, put_loops
 from flea_diag.core.observers.normal_table import Indices
 from flea_diag.core.observers.particle_kernel import Array
 from flea_diag.core.observers.particle_loops import STEP, step_loops
@@ -43,25 +43,17 @@ def supplies(p: Any, x: Any) -> Any:
 
 
 def track_loops(
-    x: Array,
-    cloud: Array,
-    scans: tuple[Array, Array, Array, Array],
-    first: int,
-    pattern: tuple[Flags, Array, Array],
-    bits: tuple[Array, Indices],
-    table: Array,
-    threshold: float,
-    motion: tuple[bool, MotionCoefficients, Any],
-    heat: tuple[Array, tuple[int, float, float]],
-    frozen: bool,
-    out: Array,
-) -> tuple[int, int]:
+    x: Array, cloud: Array, scans: tuple[Array, Array, Array, Array], first: int,
+    pattern: tuple[Flags, Array, Array], bits: tuple[Array, Indices], table: Array,
+    threshold: float, motion: tuple[bool, MotionCoefficients, Any],
+    heat: tuple[Array, tuple[int, float, float]], frozen: bool, begun: bool, out: Array,
+) -> tuple[int, int]:  # fmt: skip
     """Scan after scan until one needs what is not compiled; see ``observer_block``.
 
     Particles, cloud and stores are renewed in place; ``heat`` are the stores, and which of them is
     the winding (-1: none), the temperature that its resistance is taken at, and by how much it may
-    change. With a scan whose missing inputs or
-    channels are not those of ``pattern`` nothing has been done.
+    change. Particles that have ``begun`` with the first of the scans are not moved in it. With a
+    scan whose missing inputs or channels are not those of ``pattern`` nothing has been done.
 
     Returns
     -------
@@ -82,15 +74,19 @@ def track_loops(
         for b in range(len(u)):
             if math.isnan(u[b]) == known[b]:
                 return done, 0
-        motion_step(x, u, pwm, coefficients, parameters, moved)
-        apart[:] = cloud
+        if begun and not done:
+            put_loops(moved.reshape(-1), x.reshape(-1))
+        else:
+            motion_step(x, u, pwm, coefficients, parameters, moved)
+        put_loops(apart.reshape(-1), cloud.reshape(-1))
         weights = apart if frozen else cloud
         if not step_loops(moved, weights, x, Y[k], u, flat, seed, drawn, table, threshold, told):
             return done, 0
         if frozen:
             # Compared with all, moved by what drives it alone.
             step_loops(moved, cloud, x, held[k], u, idle, seed, drawn, table, threshold, spare)
-            told[3 * p : -2] = spare[3 * p : -2]
+            for c in range(3 * p, at - 2):
+                told[c] = spare[c]
         flows = supplies(parameters[0], (told[3 * p], told[3 * p + 1], degc))
         for j in range(len(stores)):
             end = at + 4 * (j + 1)
@@ -105,5 +101,5 @@ def track_loops(
 
 TANH = {"tanh": tanh_loops}
 """Shapes that vectorise, by the names in generated code."""
-TRACK = (*STEP, exp_loops, heat_loops)
-"""What ``track_loops`` calls beside what a set of relations brings in."""
+TRACK = (*STEP, heat_loops)
+"""What ``track_loops`` calls beside the step of a set of relations."""

@@ -174,6 +174,7 @@ def bank_loops(
         if LAYOUT.winding >= 0:
             x[LAYOUT.winding] = degc
         motion[i, 0], motion[i, 1] = speed, way
-        signals[i] = x
+        for k in range(len(x)):
+            signals[i, k] = x[k]
         parity_loops(p, x, way, values[i], spread[i])
     return still

@@ -37,5 +37,6 @@ def glance_loops(
         steady &= same < most
         before = raw[i]
     if steady:
-        last[:] = before
+        for c in range(len(last)):
+            last[c] = before[c]
     return steady
