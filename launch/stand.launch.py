@@ -20,6 +20,7 @@ ARGUMENTS = (
     ("namespace", "", str, "namespace of the stand, for example of a second stand"),
     ("stand", "flea", str, "name of a shipped stand, or the folder of one as a path (./mine)"),
     ("simulated", "true", bool, "start the simulated stand"),
+    ("machine", "", str, "simulated machine; empty: that of the stand's name"),
     ("scenario", "nominal", str, "scenario of the simulated stand: name or YAML file"),
     ("fault", "", str, "fault to inject in addition to those of the scenario"),
     ("fault_onset_s", "8.0", float, "onset of that fault [s]"),
@@ -31,7 +32,7 @@ ARGUMENTS = (
     ("console", "true", bool, "print the verdict in this terminal"),
 )
 
-DAQ = ("scenario", "fault", "fault_onset_s", "duration_s")
+DAQ = ("scenario", "machine", "fault", "fault_onset_s", "duration_s")
 """Arguments that are parameters of the simulated stand."""
 
 
@@ -48,6 +49,8 @@ def nodes(context):
         started.add("console", {}, needed=False)
     if given["simulated"]:
         waits = (*diagnosis, "recorder") if given["record"] else diagnosis
+        if given["stand"] != "flea" and not os.path.splitext(given["scenario"])[1]:
+            given["machine"] = given["machine"] or os.path.basename(given["stand"])
         daq = {name: given[name] for name in DAQ}
         started.add("daq", {**daq, "wait_for": ",".join(waits)})
     return started.actions()

@@ -18,7 +18,7 @@ from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.nodes.run.children import Children
 from flea_diag.nodes.run.domain import reserved_domain
-from flea_diag.nodes.run.live_run import main, parsed
+from flea_diag.nodes.run.live_run import machine_of, main, parsed
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan, Truth
 
@@ -170,3 +170,19 @@ def test_two_reserved_domains_differ_and_come_back(
         assert one != two
     with reserved_domain() as again:
         assert again == one
+
+
+@pytest.mark.parametrize(
+    ("arguments", "machine"),
+    [
+        ((), ""),
+        (("--stand", "ema"), "ema"),
+        (("--stand", "./stands/ema"), "ema"),
+        (("--stand", "ema", "--machine", "./mine.yaml"), "./mine.yaml"),
+        (("--stand", "ema", "--scenario", "./mine.yaml"), ""),
+    ],
+)
+def test_the_machine_of_the_stands_name_is_simulated(
+    arguments: tuple[str, ...], machine: str
+) -> None:
+    assert machine_of(parsed(arguments)) == machine

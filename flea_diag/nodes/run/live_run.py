@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from flea_diag.configuration.files import config_path
+from flea_diag.configuration.files import DEFAULT_STAND, config_path
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError, line_of, visible
 from flea_diag.nodes.executables import EXECUTABLES
 from flea_diag.nodes.operator.web import PORT
@@ -91,15 +91,16 @@ class LiveRun:
         return f"{fault} at {self._options.at:g} s, for {self._options.duration:g} s"
 
     def _parameters(self, name: str) -> dict[str, str]:
+        stand = {"stand": self._options.stand}
         if name == "recorder":
-            return {"directory": str(self._options.bag)}
+            return {"directory": str(self._options.bag), **stand}
         # A journal of its own: alarms of the run before are of another stand.
         journal = str(self._options.bag.with_name(f"{self._options.bag.name}.alarms.sqlite"))
         if name == "console":
             return {"style": "lines" if self._plain() else "auto", "journal": journal}
         if name == "web":
-            return {"journal": journal}
-        return {}
+            return {"journal": journal, **stand}
+        return stand
 
     def _plain(self) -> bool:
         """Whether the console prints lines: headless, or no terminal."""
@@ -112,12 +113,13 @@ class LiveRun:
         first = self._options.bag
         named = (first.with_name(f"{first.name}_{number}") for number in itertools.count(2))
         self.bags.append(next(bag for bag in named if not bag.exists()))
-        return {"directory": str(self.bags[-1])}
+        return {"directory": str(self.bags[-1]), "stand": self._options.stand}
 
     def _daq_parameters(self) -> dict[str, str]:
         fault = self._options.fault
         return {
             "scenario": self._options.scenario,
+            "machine": machine_of(self._options),
             "duration_s": repr(self._options.duration),
             "wait_for": ",".join(self._listeners),
             **({"seed": str(self._options.seed)} if self._options.seed is not None else {}),
@@ -127,6 +129,16 @@ class LiveRun:
                 else {}
             ),
         }
+
+
+def machine_of(options: argparse.Namespace) -> str:
+    """The simulated machine: that of the stand's name where nothing else is asked for.
+
+    A scenario that is given as a file names its own.
+    """
+    if options.machine or options.stand == DEFAULT_STAND or Path(options.scenario).suffix:
+        return str(options.machine)
+    return Path(options.stand).name
 
 
 def say(text: str) -> None:
@@ -154,6 +166,18 @@ def parsed(argv: Sequence[str] | None) -> argparse.Namespace:
         default=30.0,
         metavar="S",
         help="duration of the run, s (default: 30)",
+    )
+    parser.add_argument(
+        "--stand",
+        default=DEFAULT_STAND,
+        metavar="DIR",
+        help="stand to diagnose: name of a shipped one, or a folder as a path (default: flea)",
+    )
+    parser.add_argument(
+        "--machine",
+        default="",
+        metavar="NAME|YAML",
+        help="machine to simulate (default: that of the stand's name)",
     )
     parser.add_argument(
         "--headless", action="store_true", help="print one line per change, no full-screen console"
