@@ -129,7 +129,7 @@ class Acquisition:
         return {
             "motor_speed": self._encoder_speed(block),
             "actuator_position": block.mean("position") + self._panel.homing_error_m,
-            "load_position": self._panel.potentiometer(self._load_reading(block)),
+            **self._load_side(block),
             "load_force": block.mean("force"),
         }
 
@@ -144,13 +144,14 @@ class Acquisition:
         self._counts = float(read[-1])
         return np.asarray(turned * (2.0 * np.pi / counts / self._sampling.scan_s))
 
-    def _load_reading(self, block: Block) -> Array:
-        """Position of the load side in m, or the angle of its crank in rad."""
+    def _load_side(self, block: Block) -> dict[str, Array]:
+        """Position of the load side in m, or of what its crank turns in rad."""
         position = block.mean("load_position")
         if self._bench.crank_radius_m == 0.0:
-            return position
+            return {"load_position": self._panel.potentiometer(position)}
         sine = (position - self._bench.load_centre_m) / self._bench.crank_radius_m
-        return np.asarray(np.arcsin(np.clip(sine, -1.0, 1.0)))
+        angle = np.asarray(np.arcsin(np.clip(sine, -1.0, 1.0)))
+        return {"surface_angle": self._panel.potentiometer(angle)}
 
     def _falsify(self, values: Array, block: Block) -> None:
         """Sensor faults, on the digital values."""
