@@ -173,7 +173,6 @@ def test_no_default_takes_a_file_of_the_working_directory() -> None:
     for path in (stand.actuator, stand.faults, stand.calibration, stand.features):
         assert path.parent == FLEA_STAND
     assert load_yaml("actuator.yaml")["name"] == "flea"
-    assert load_yaml("actuator_wing.yaml")["name"] == "wing"
     assert found_file("faults.yaml") == FLEA_STAND / "faults.yaml"
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "config"
 FLEA_STAND = CONFIG / "stands" / "flea"
+WING = CONFIG / "stands" / "wing" / "actuator.yaml"
+"""Description of another machine than the FLEA."""
 SHIPPED_STANDS = {
     path.name: path
     for path in sorted((CONFIG / "stands").iterdir())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.models import ema_oracle as oracle
+from support.places import WING
 
 from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
@@ -200,7 +201,7 @@ def test_substeps_follow_the_stiffness_of_friction(flea: Actuator) -> None:
 
 
 def test_second_actuator_goes_through_the_same_code() -> None:
-    wing = actuator(load_yaml("actuator_wing.yaml"))
+    wing = actuator(load_yaml(WING))
     model = wing.state_space("driven")
     values = operating_values(wing, QUADRANTS[0])
     x = np.array([values[n] for n in model.states])

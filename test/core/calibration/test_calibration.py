@@ -9,6 +9,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import stands
+from support.places import WING
 
 from flea_diag.configuration import calibrations, files, knowledge
 from flea_diag.configuration.stand import load_stand
@@ -249,6 +250,6 @@ def test_the_digest_is_of_the_content_and_not_of_the_layout(tmp_path):
 
 def test_a_calibration_of_another_actuator_is_refused_by_both_names():
     with pytest.raises(
-        CalibrationError, match=r"for actuator 'flea' .*actuator_wing\.yaml describes 'wing'"
+        CalibrationError, match=r"for actuator 'flea' .*wing/actuator\.yaml describes 'wing'"
     ):
-        knowledge.knowledge(load_stand(actuator="actuator_wing.yaml"), stands.calibration())
+        knowledge.knowledge(load_stand(actuator=WING), stands.calibration())

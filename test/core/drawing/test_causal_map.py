@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
+from support.places import WING
 
 from flea_diag.configuration.files import load_yaml
 from flea_diag.configuration.screens import load_causal_map
@@ -13,7 +14,7 @@ from flea_diag.core.causal_graph.operating_point import QUADRANTS, operating_val
 from flea_diag.core.causal_graph.propagation import propagate_backward
 from flea_diag.core.causal_graph.temporal_causal_graph import temporal_causal_graph
 
-FILES = ("actuator.yaml", "actuator_wing.yaml")
+FILES = ("actuator.yaml", str(WING))
 
 
 @pytest.mark.parametrize("file", FILES)

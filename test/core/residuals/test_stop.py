@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
+from support.places import WING
 
 from flea_diag.configuration.description import compiled_relations, described
 from flea_diag.core.residuals.residual import RELATIONS
@@ -22,7 +23,7 @@ def test_the_balance_of_forces_holds_the_reaction_and_nothing_else_does() -> Non
 
 def test_the_reaction_is_seen_through_a_gear_and_a_screw() -> None:
     """The other actuator: its balance is at the screw's shaft, divided by the screw's ratio."""
-    stop = compiled_relations("actuator_wing.yaml").stop
+    stop = compiled_relations(WING).stop
     assert dict(stop.reactions) == {"parity_mechanical": pytest.approx(-1.0)}
     assert stop.channels == ("actuator_position",)
 

@@ -14,7 +14,7 @@ import pytest
 import yaml
 from support import stands
 from support.models import linear_ema as ema
-from support.places import FLEA_STAND
+from support.places import FLEA_STAND, WING
 
 from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.core.calibration.thresholds import Trace
@@ -210,7 +210,7 @@ def test_a_bag_that_cannot_serve_is_left_out_and_the_status_says_so(bags, tmp_pa
 
 def test_bags_of_another_actuator_than_described_are_refused(bags, tmp_path, capsys):
     target = tmp_path / "calibration.yaml"
-    arguments = [*map(str, bags[:2]), "-o", str(target), "--actuator", "actuator_wing.yaml"]
+    arguments = [*map(str, bags[:2]), "-o", str(target), "--actuator", str(WING)]
     assert main(["calibrate", *arguments]) == 2
     told = capsys.readouterr().err
     assert "is not a sensor of actuator" in told

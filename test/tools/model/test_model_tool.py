@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
+from support.places import WING
 
 from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.configuration.files import load_yaml
@@ -34,14 +35,14 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return captured.err
 
 
-@pytest.mark.parametrize("actuator", ["actuator.yaml", "actuator_wing.yaml"])
+@pytest.mark.parametrize("stand", ["flea", "wing"])
 @pytest.mark.parametrize("view", tool.VIEWS)
 def test_every_view_of_every_actuator(
-    capsys: pytest.CaptureFixture[str], view: str, actuator: str
+    capsys: pytest.CaptureFixture[str], view: str, stand: str
 ) -> None:
-    text = shown(capsys, view, "--actuator", actuator, *ONE)
+    text = shown(capsys, view, "--stand", stand, *ONE)
     assert len(text.splitlines()) > 3
-    content = json.loads(shown(capsys, view, "--actuator", actuator, *ONE, "--json"))
+    content = json.loads(shown(capsys, view, "--stand", stand, *ONE, "--json"))
     assert content
 
 
@@ -53,11 +54,14 @@ def test_show_says_the_causality(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_equations_say_where_the_stops_are_or_what_follows_where_nobody_says(
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     text = shown(capsys, "equations")
     assert "Travel: 0 to 0.1 m at nut; contact with a stop voids parity_mechanical" in text
-    text = shown(capsys, "equations", "--actuator", "actuator_wing.yaml")
+    content = yaml.safe_load(WING.read_text(encoding="utf-8"))
+    del content["travel"]
+    (tmp_path / "actuator.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    text = shown(capsys, "equations", "--actuator", str(tmp_path / "actuator.yaml"))
     assert "Travel: not stated, taken from the range of actuator_position" in text
     assert "a run into a stop is taken for a fault" in text
 
@@ -96,9 +100,9 @@ def test_relations_without_a_calibration_have_the_description_s_numbers(
 
 def test_a_calibration_of_another_actuator_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     calibration = ("--calibration", "calibration_simulated_stand.yaml")
-    said = refused(capsys, "equations", "--actuator", "actuator_wing.yaml", *calibration)
+    said = refused(capsys, "equations", "--actuator", str(WING), *calibration)
     assert "made for actuator 'flea' (sha256 " in said
-    assert "actuator_wing.yaml describes 'wing' (sha256 " in said
+    assert "stands/wing/actuator.yaml describes 'wing' (sha256 " in said
     assert ": give stand flea, or calibrate again with flea calibrate --actuator " in said
 
 
