@@ -2,7 +2,7 @@
 
     ros2 launch flea_diag stand.launch.py fault:=winding_short fault_onset_s:=5.0
     ros2 launch flea_diag stand.launch.py namespace:=stand_2 simulated:=false record:=false
-    ros2 launch flea_diag stand.launch.py stand:=./mine simulated:=false
+    ros2 launch flea_diag stand.launch.py stand:=./mine simulated:=false bridge:=true
 
 Ends when the scenario is over and the last verdict has been said. With simulated:=false the nodes
 wait for the DAQ of a real stand.
@@ -21,6 +21,7 @@ ARGUMENTS = (
     ("stand", "flea", str, "name of a shipped stand, or the folder of one as a path (./mine)"),
     ("simulated", "true", bool, "start the simulated stand"),
     ("machine", "", str, "simulated machine; empty: that of the stand's name"),
+    ("bridge", "false", bool, "bridge the topics of the stand's channels.yaml; not with simulated"),
     ("scenario", "nominal", str, "scenario of the simulated stand: name or YAML file"),
     ("fault", "", str, "fault to inject in addition to those of the scenario"),
     ("fault_onset_s", "8.0", float, "onset of that fault [s]"),
@@ -47,6 +48,8 @@ def nodes(context):
         started.add("recorder", {"directory": given["bag"], **stand}, needed=False)
     if given["console"]:
         started.add("console", {}, needed=False)
+    if given["bridge"]:
+        started.add("bridge", {"stand": given["stand"]})
     if given["simulated"]:
         waits = (*diagnosis, "recorder") if given["record"] else diagnosis
         if given["stand"] != "flea" and not os.path.splitext(given["scenario"])[1]:

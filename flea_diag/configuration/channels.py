@@ -161,7 +161,7 @@ def _terms(values: Mapping[str, Any], where: str) -> tuple[SourceTerm, ...]:
 
 
 def _term(values: Mapping[str, Any], weight: float, where: str) -> SourceTerm:
-    column, topic = values["column"], values["topic"].lstrip("/")
+    column, topic = values["column"], values["topic"]
     if bool(column) == bool(topic):
         raise ConfigurationError(
             f"{where}: it names {'both a column and a topic' if column else 'no source'}; give "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 EXECUTABLES = {
+    "bridge": "flea_diag.nodes.bridge",
     "console": "flea_diag.nodes.operator.console",
     "daq": "flea_sim_driver.daq_node",
     "diagnoser": "flea_diag.nodes.diagnoser",

@@ -84,7 +84,8 @@ OF_ALL = {"~/state", "~/transition_event"}
 WAITED_FOR = {
     f"{name}/state" for name in ("diagnoser", "observer", "isolator", "extractor", "recorder")
 }
-SOURCES = ("daq", "player")
+WAITING = ("daq", "player")
+SOURCES = (*WAITING, "bridge")
 LIFE_CYCLE = (
     "change_state", "get_state", "get_available_states", "get_available_transitions",
     "get_transition_graph",
@@ -113,7 +114,7 @@ def test_the_policies_allow_what_each_node_declares_and_no_more() -> None:
         standard = {"/parameter_events", "/rosout", "/clock"}
         writes = {topics[t] for t in declared.publishes} | OF_ALL
         reads = {topics[t] for t in declared.subscribes}
-        reads |= WAITED_FOR if name in SOURCES else set()
+        reads |= WAITED_FOR if name in WAITING else set()
         assert named(profile, "publish") - standard == writes
         assert named(profile, "subscribe") - standard == reads
 

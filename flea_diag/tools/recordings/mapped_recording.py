@@ -158,7 +158,9 @@ def _of_bag(path: Path, mapping: SourceMapping) -> MappedRecording:
     scans: list[Scan] = []
     stamps: dict[str, list[int]] = {topic: [] for topic in wanted}
     last: dict[str, object] = {}
-    for topic, log_ns, content in bag.messages(wanted):
+    written = {topic.lstrip("/"): topic for topic in wanted}
+    for plain, log_ns, content in bag.messages(written):
+        topic = written[plain]
         stamp_ns = stamp_of(content, log_ns)
         try:
             values = terms.read(topic, content)
@@ -185,15 +187,16 @@ def _check_topic(
     path: Path, topic: str, kind: str, known: dict[str, str], mapping: SourceMapping
 ) -> None:
     channel = next(r.channel for r in mapping.channels for t in r.terms if t.topic == topic)
-    if topic not in known:
-        has = ", ".join(f"{name} ({known[name]})" for name in sorted(known)[:20])
+    name = topic.lstrip("/")
+    if name not in known:
+        has = ", ".join(f"{has} ({known[has]})" for has in sorted(known)[:20])
         raise RecordingError(
             f"{path} has no topic {topic}, the source of {channel} in {mapping.where}; it has "
             f"{has or 'none'}"
         )
-    if known[topic] != kind:
+    if known[name] != kind:
         raise RecordingError(
-            f"{path}: {topic} is of type {shown(known[topic])[1:-1]}, {mapping.where} says {kind}; "
+            f"{path}: {topic} is of type {shown(known[name])[1:-1]}, {mapping.where} says {kind}; "
             "correct the type there"
         )
 

@@ -15,6 +15,7 @@ from typing import Any, Generic, TypeVar
 from flea_diag.errors import FleaError, InputError, WireError
 from flea_diag.wire.bus.context_end import unless_ended
 from flea_diag.wire.bus.declared import Declared
+from flea_diag.wire.bus.foreign_topic import subscribe_foreign
 from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
 from flea_diag.wire.bus.node_log import NodeLog
 from flea_diag.wire.bus.node_states import NodeStates
@@ -226,6 +227,15 @@ class Bus(NodeLog, Generic[P]):
             raw=True,
         )
         return stream
+
+    def subscribe_foreign(self, topic: str, message: str, take: Callable[[Any], None]) -> None:
+        """Call ``take`` with each message of a topic of any installed type, while active."""
+
+        def received(content: Any) -> None:
+            if self.working:
+                take(content)
+
+        subscribe_foreign(self._node, topic, message, received)
 
     # -- timers, services
 

@@ -22,7 +22,7 @@ FORMATS = (MAPPED, FLEA_TEXT)
 class SourceTerm:
     """One number of a source: a field of a topic, or a column of a table.
 
-    ``weight`` is its factor in the sum of the channel; ``topic`` has no leading slash.
+    ``weight`` is its factor in the sum of the channel.
     """
 
     weight: float = 1.0

@@ -102,19 +102,19 @@ ELBOW = {
 }
 REFUSED = {
     "a topic that is not there": (
-        {}, without(arm.WRENCH), r"has no topic arm/wrench, the source of load_force in ",
+        {}, without(arm.WRENCH), r"has no topic /arm/wrench, the source of load_force in ",
     ),
     "a type that is another": (
         {"motor_voltage": {"type": "std_msgs/msg/Float32"}}, iter,
-        "arm/voltage is of type std_msgs/msg/Float64, .* says std_msgs/msg/Float32",
+        "/arm/voltage is of type std_msgs/msg/Float64, .* says std_msgs/msg/Float32",
     ),
     "a field that is not there": (
         {"load_force": {"field": "wrench.torc.z"}}, iter,
-        "arm/wrench: no field 'torc' in 'wrench.torc.z', it has force, torque",
+        "/arm/wrench: no field 'torc' in 'wrench.torc.z', it has force, torque",
     ),
     "a joint that is not there": (
         {k: {"field": f"{f}[wrist]"} for k, f in ELBOW.items()}, iter,
-        r"arm/joint_states has no element effort\[wrist\]: its elements are shoulder, elbow",
+        r"/arm/joint_states has no element effort\[wrist\]: its elements are shoulder, elbow",
     ),
     "an array without an element": (
         {"motor_current": {"field": "effort"}}, iter, r"effort is an array: choose one element",
@@ -127,7 +127,7 @@ REFUSED = {
         {"motor_current": {"range": [0.0, 60.0]}}, iter, "motor_current reads -.* A, .*%",
     ),
     "a rate that drifts": (
-        {}, slower, "arm/wrench: readings come at 50 Hz from 1.* s on, declared are 100 Hz within",
+        {}, slower, "/arm/wrench: readings come at 50 Hz from 1.* s on, declared are 100 Hz within",
     ),
     "an unknown unit": (
         {"load_force": {"unit": "pounds"}}, iter, "load_force: unit: unit 'pounds' is unknown; use",
@@ -135,7 +135,7 @@ REFUSED = {
     "a unit of another quantity": (
         {"load_force": {"unit": "mm"}}, iter, "unit 'mm' cannot be converted to N; use N or kN",
     ),
-    "no type": ({"motor_voltage": {"type": ""}}, iter, "topic arm/voltage has no type; give"),
+    "no type": ({"motor_voltage": {"type": ""}}, iter, "topic /arm/voltage has no type; give"),
     "no source": (
         {"motor_voltage": {"topic": ""}}, iter, "names no source; give column, or topic",
     ),

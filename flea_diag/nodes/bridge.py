@@ -1,0 +1,148 @@
+"""``ros2 run flea_diag bridge``: a stand with topics of its own, as channels of ours."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from flea_diag.configuration.channels import channel_sources
+from flea_diag.configuration.files import DEFAULT_STAND
+from flea_diag.configuration.stand import load_stand
+from flea_diag.errors import ConfigurationError, WireError
+from flea_diag.wire.bus import Bus, Program, run
+from flea_diag.wire.bus.foreign_topic import check_interface
+from flea_diag.wire.parameters import parameter
+from flea_diag.wire.records import ChannelTable, Health, Level, Scan
+from flea_diag.wire.sources.mapping import SourceMapping
+from flea_diag.wire.sources.message_terms import MessageTerms, stamp_of
+from flea_diag.wire.sources.scan_grid import ScanGrid
+
+HEALTH_S = 1.0
+
+
+@dataclass(frozen=True)
+class BridgeParameters:
+    """Parameters of the bridge."""
+
+    stand: str = parameter(
+        DEFAULT_STAND,
+        "name of a shipped stand, or the folder of one as a path (./mine); its channels.yaml names "
+        "the topics",
+        read_only=True,
+    )
+
+
+class Bridge:
+    """Reads the mapped topics and publishes their channels at the rate of the scans.
+
+    Parameters
+    ----------
+    bus
+        Bus of the node.
+    mapping
+        Topics and channels of the stand.
+    """
+
+    def __init__(self, bus: Bus[BridgeParameters], mapping: SourceMapping) -> None:
+        self._bus, self._mapping = bus, mapping
+        self._terms, self._grid = MessageTerms(mapping), ScanGrid(mapping)
+        self._received: Counter[str] = Counter()
+        self._before: Counter[str] = Counter()
+        self._unreadable: Counter[str] = Counter()
+        self._scans = 0
+        bus.advertise(ChannelTable, Scan, Health)
+        for topic, message in mapping.topics.items():
+            bus.subscribe_foreign(topic, message, partial(self._take, topic))
+        bus.every(HEALTH_S, self._report)
+
+    def _take(self, topic: str, message: Any) -> None:
+        stamp_ns = stamp_of(message, self._bus.now_ns())
+        try:
+            values = self._terms.read(topic, message)
+        except WireError as error:
+            self._unreadable[topic] += 1
+            self._bus.warn(f"{topic}: message skipped: {error}")
+            return
+        if not values:
+            return
+        if not self._received:
+            self._bus.publish(self._mapping.channel_table(stamp_ns))
+        self._received[topic] += 1
+        for scan in self._grid.push(stamp_ns, values):
+            self._bus.publish(scan)
+            self._scans += 1
+
+    def _report(self) -> None:
+        """Publish the health: which topics are silent, and what was left out."""
+        silent = [t for t in self._mapping.topics if self._received[t] == self._before[t]]
+        self._before = self._received.copy()
+        level, words = Level.OK, "bridging"
+        if silent:
+            level = Level.STALE if len(silent) == len(self._mapping.topics) else Level.WARN
+            words = f"no readings from {', '.join(silent)}"
+        counts = {f"{topic}/received": n for topic, n in sorted(self._received.items())}
+        counts |= {f"{topic}/unreadable": n for topic, n in sorted(self._unreadable.items())}
+        counts |= {name: n for name, n in self._grid.counts.items() if n}
+        values = tuple((name, str(n)) for name, n in {"scans": self._scans, **counts}.items())
+        report = Health(
+            self._bus.now_ns(), self._bus.name, level, words, (("state", self._bus.state), *values)
+        )
+        self._bus.publish(report)
+
+
+def live_sources(parameters: BridgeParameters) -> SourceMapping:
+    """Mapping of the stand.
+
+    Raises
+    ------
+    ConfigurationError
+        It is refused, or names columns of tables.
+    """
+    mapping = channel_sources(load_stand(parameters.stand))
+    if not mapping.topics or "" in mapping.topics:
+        raise ConfigurationError(
+            f"{mapping.where} names no topics, so there is nothing to bridge: give stand the "
+            "folder of a stand whose channels come from topics (stand:=./mine)"
+        )
+    return mapping
+
+
+def start(bus: Bus[Any], parameters: BridgeParameters) -> None:
+    """Bridge as soon as the node is active."""
+    mapping = live_sources(parameters)
+    Bridge(bus, mapping)
+    topics = ", ".join(mapping.topics)
+    bus.info(f"bridging {topics} to {len(mapping.channels)} channels at {mapping.rate_hz:g} Hz")
+
+
+def check(parameters: BridgeParameters) -> None:
+    """Refuse a mapping that cannot be bridged, and types that are not installed."""
+    for message in live_sources(parameters).topics.values():
+        check_interface(message)
+
+
+def program() -> Program:
+    """Description of this node."""
+    return Program(
+        "bridge",
+        "Publishes the channels of a stand with topics of its own, by the channels.yaml of its "
+        "folder: any installed message type, on one grid of scans.",
+        BridgeParameters,
+        start,
+        publishes=(ChannelTable, Scan, Health),
+        examples=("ros2 run flea_diag bridge --ros-args -p stand:=./mine",),
+        check=check,
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run until SIGINT or SIGTERM; return the exit status."""
+    return run(program, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,48 @@
+"""Subscription to a topic of any message type that is installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from flea_diag.wire.bus.remote_service import interface
+
+DEPTH = 100
+"""Queue length: a driver's burst is taken whole."""
+
+
+def check_interface(message: str) -> None:
+    """Refuse a message type that is not installed.
+
+    Raises
+    ------
+    ConfigurationError
+        Names the type and its package.
+    """
+    interface(message)
+
+
+def subscribe_foreign(ros_node: Any, topic: str, message: str, take: Callable[[Any], None]) -> None:
+    """Call ``take`` with each message.
+
+    Best effort, as for sensor data: that is compatible with every publisher.
+
+    Raises
+    ------
+    ConfigurationError
+        The type is not installed.
+    """
+    from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+    from rclpy.qos_overriding_options import QoSOverridingOptions
+
+    ros_node.create_subscription(
+        interface(message),
+        topic,
+        take,
+        QoSProfile(
+            history=HistoryPolicy.KEEP_LAST,
+            depth=DEPTH,
+            reliability=ReliabilityPolicy.BEST_EFFORT,
+        ),
+        qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+    )
