@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -29,6 +30,7 @@ NUMERIC = ("OPENBLAS_CORETYPE", "GLIBC_TUNABLES", "NPY_DISABLE_CPU_FEATURES")
 LARGEST_BYTES = 8 << 20
 MOST_ENTRIES = 64
 """Entries that are kept; the oldest are deleted."""
+ENTRY = re.compile(r"[a-z_]+-[0-9a-f]{32}\.json")
 DIGEST = 64
 """Characters of a SHA-256, which every entry begins with."""
 
@@ -122,6 +124,8 @@ def _write(place: Path, content: Any) -> None:
 
 
 def _prune(folder: Path) -> None:
-    entries = sorted(folder.iterdir(), key=lambda entry: entry.stat().st_mtime)
+    """Delete the oldest entries; whatever else lies in the folder is somebody's own."""
+    ours = (entry for entry in folder.iterdir() if ENTRY.fullmatch(entry.name))
+    entries = sorted(ours, key=lambda entry: entry.stat().st_mtime)
     for entry in entries[:-MOST_ENTRIES]:
         entry.unlink()

@@ -90,10 +90,14 @@ def test_entries_depend_on_the_sources(tmp_path: Path, monkeypatch: pytest.Monke
     disk_cache._surroundings.cache_clear()
 
 
-def test_only_the_newest_entries_stay(folder: Path) -> None:
+def test_only_the_newest_entries_stay_and_what_is_not_ours(folder: Path) -> None:
+    folder.mkdir()
+    (folder / "thesis.json").write_text("{}")
+    os.utime(folder / "thesis.json", (0, 0))
     for number in range(disk_cache.MOST_ENTRIES + 3):
         made(str(number))
-    assert len(list(folder.iterdir())) == disk_cache.MOST_ENTRIES
+    assert (folder / "thesis.json").exists()
+    assert len(list(folder.iterdir())) == disk_cache.MOST_ENTRIES + 1
 
 
 @pytest.fixture
