@@ -18,7 +18,7 @@ help any further.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -26,7 +26,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.likelihood.basis import Basis
+from flea_diag.core.likelihood.bounded_systems import BoundedSystems
 from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.model_stack import ModelStack
 from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES, Unit
 
 Array = npt.NDArray[np.float64]
@@ -143,41 +145,61 @@ class NormalEquations:
         unit = Unit.of(tolerance)
         if baseline is not None:
             known = weight * [name in baseline_residuals for name in self.residuals]
-            unit = unit.shown(*baseline._normal(None, 0, known, Unit.unknown())[:2])
-        weight = weight / self._dispersion(models, weight, unit)
-        nominal, _, _ = self._solve(None, weight, unit)
+            shown = baseline._stack((None,)).systems(known, Unit.unknown())
+            unit = unit.shown(shown.A[0], shown.b[0])
+        stacks = [self._stack(alike) for alike in _of_equal_size(models)]
+        weight = weight / self._dispersion(stacks, weight, unit)
+        square = float(weight @ self._square)
+        nominal = self._stack((None,)).systems(weight, unit).misfit(0, square)
         moved = {term.residual for model in models for term in model.terms}
         counts = self.samples / self._spacing * [name in moved for name in self.residuals]
         independent = max(float(counts.sum()), 2.0)
-        return tuple(self._fit(model, nominal, weight, unit, independent) for model in models)
+        fits = (self._fits(stack, nominal, weight, unit, independent) for stack in stacks)
+        found = {model: fit for pairs in fits for model, fit in pairs}
+        return tuple(found[model] for model in models)
 
-    def _dispersion(self, models: Sequence[FaultModel], weight: Array, unit: Unit) -> Array:
+    def _stack(self, models: Sequence[FaultModel | None]) -> ModelStack:
+        """Models of equal numbers of sizes, on the sums so far."""
+        count = 0 if models[0] is None else len(models[0].sizes)
+        designs = np.stack([_designs(m, self.residuals, count, self.basis) for m in models])
+        return ModelStack(models, designs, np.matmul(self._gram, designs), self._cross)
+
+    def _dispersion(self, stacks: Sequence[ModelStack], weight: Array, unit: Unit) -> Array:
         """Excess scatter of each residual over noise, under the model that fits it best.
 
         Where even that leaves a misfit of phi > 1 for each independent sample, the variance of
         this residual is scaled by phi (quasi-likelihood); other residuals are not affected.
         """
         least = np.full(len(self.residuals), np.inf)
-        for model in models:
-            least = np.minimum(least, self._misfits(model, weight, unit))
+        for stack in stacks:
+            misfits = self._misfits(stack, weight, unit)
+            least = np.minimum(least, np.minimum.reduce(misfits, axis=0))
         independent = np.maximum(self.samples / self._spacing, 1.0)
         return np.maximum(1.0, np.where(np.isfinite(least), least, 0.0) / independent)
 
-    def _fit(
-        self,
-        model: FaultModel,
-        nominal: float,
-        weight: Array,
-        unit: Unit,
-        independent: float,
-    ) -> Fit:
-        misfit, sizes, sigmas = self._solve(model, weight, unit)
-        gain = 0.5 * (nominal - misfit)
-        if model.roughness > 0.0:
-            rough, loss = self._roughened(model, sizes, weight)
-            misfit, sizes, sigmas = self._solve(model, rough, unit)
-            gain = 0.5 * (nominal - misfit) - loss
-        return Fit(model.fault, float(gain - _penalty(sizes, independent)), sizes, sigmas)
+    def _fits(
+        self, stack: ModelStack, nominal: float, weight: Array, unit: Unit, independent: float
+    ) -> Iterator[tuple[FaultModel, Fit]]:
+        """Fits of all models of a stack, in any order."""
+        systems, square = stack.systems(weight, unit), float(weight @ self._square)
+        rough = [k for k, model in enumerate(stack.faults) if model.roughness > 0.0]
+        smooth = [k for k in range(len(stack.faults)) if k not in rough]
+        for k, errors in zip(smooth, systems.errors(smooth), strict=True):
+            gain = 0.5 * (nominal - systems.misfit(k, square))
+            yield stack.faults[k], _fit(stack.faults[k], gain, systems, k, errors, independent)
+        if not rough:
+            return
+        weights, losses = zip(
+            *(self._roughened(stack.faults[k], systems.sizes(k), weight) for k in rough),
+            strict=True,
+        )
+        part = stack.part(rough)
+        systems = part.systems(np.stack(weights), unit)
+        every = systems.errors(range(len(rough)))
+        for k, (model, errors) in enumerate(zip(part.faults, every, strict=True)):
+            misfit = systems.misfit(k, float(weights[k] @ self._square))
+            gain = 0.5 * (nominal - misfit) - losses[k]
+            yield model, _fit(model, gain, systems, k, errors, independent)
 
     def _roughened(
         self, model: FaultModel, sizes: Sequence[float], weight: Array
@@ -198,40 +220,33 @@ class NormalEquations:
                 loss += 0.5 * self.samples[index] / self._spacing[index] * np.log(growth)
         return rough, loss
 
-    def _solve(
-        self, model: FaultModel | None, weight: Array, unit: Unit
-    ) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
-        """Smallest misfit, sizes and their standard errors, sizes held to their bounds."""
-        count = 0 if model is None else len(model.sizes)
-        A, b, c = self._normal(model, count, weight, unit)
-        x = _bounded(model, A, b)
-        misfit = float(c - 2.0 * b @ x + x @ A @ x)
-        return misfit, tuple(map(float, x[:count])), tuple(map(float, _errors(A)[:count]))
-
-    def _misfits(self, model: FaultModel, weight: Array, unit: Unit) -> Array:
-        """Misfit of each residual at the joint optimum, weighted."""
-        A, b, _ = self._normal(model, len(model.sizes), weight, unit)
-        effect = _designs(model, self.residuals, len(model.sizes), self.basis) @ _bounded(
-            model, A, b
-        )
-        quadratic = (effect * np.matmul(self._gram, effect[:, :, None])[:, :, 0]).sum(axis=1)
-        crossed = (effect * self._cross).sum(axis=1)
+    def _misfits(self, stack: ModelStack, weight: Array, unit: Unit) -> Array:
+        """Misfits at the joint optimum of each model, weighted, shape (models, residuals)."""
+        effect = stack.effects(stack.systems(weight, unit).solutions)
+        quadratic = (effect * np.matmul(self._gram, effect[..., None])[..., 0]).sum(axis=-1)
+        crossed = (effect * self._cross).sum(axis=-1)
         return np.asarray((self._square - 2.0 * crossed + quadratic) * weight)
 
-    def _normal(
-        self,
-        model: FaultModel | None,
-        count: int,
-        weight: Array,
-        unit: Unit,
-    ) -> tuple[Array, Array, float]:
-        design = _designs(model, self.residuals, count, self.basis)
-        weighed = design.transpose(0, 2, 1) * weight[:, None, None]
-        A = np.matmul(weighed, np.matmul(self._gram, design)).sum(axis=0)
-        b = np.matmul(weighed, self._cross[:, :, None])[:, :, 0].sum(axis=0)
-        A[count:, count:] += unit.information
-        b[count:] += unit.vector
-        return A, b, float(weight @ self._square)
+
+def _of_equal_size(models: Sequence[FaultModel]) -> list[tuple[FaultModel, ...]]:
+    """Models in groups of equal numbers of sizes."""
+    groups: dict[int, dict[FaultModel, None]] = {}
+    for model in models:
+        groups.setdefault(len(model.sizes), {})[model] = None
+    return [tuple(group) for group in groups.values()]
+
+
+def _fit(
+    model: FaultModel,
+    gain: float,
+    systems: BoundedSystems,
+    k: int,
+    errors: Array,
+    independent: float,
+) -> Fit:
+    sizes = systems.sizes(k)
+    nats = float(gain - _penalty(sizes, independent))
+    return Fit(model.fault, nats, sizes, tuple(map(float, errors)))
 
 
 def _effect(model: FaultModel, residual: str, sizes: Sequence[float], basis: Basis) -> Array:
@@ -264,20 +279,6 @@ def _design(model: FaultModel | None, residual: str, count: int, basis: Basis) -
     return design
 
 
-def _bounded(model: FaultModel | None, A: Array, b: Array) -> Array:
-    """Minimise x' A x - 2 b' x with the sizes held to their bounds, one after the other."""
-    free = np.ones(len(b), dtype=bool)
-    x = np.zeros(len(b))
-    for _ in range(1 + (0 if model is None else len(model.sizes))):
-        x[free] = _least(A[np.ix_(free, free)], (b - A @ np.where(free, 0.0, x))[free])
-        outside = _outside(model, x, free)
-        if outside is None:
-            break
-        index, bound = outside
-        free[index], x[index] = False, bound
-    return x
-
-
 def _penalty(sizes: Sequence[float], independent: float) -> float:
     """BIC: half a logarithm of the sample count for each size that is not 0.
 
@@ -286,34 +287,3 @@ def _penalty(sizes: Sequence[float], independent: float) -> float:
     """
     fitted = sum(map(bool, sizes))
     return 0.5 * fitted * float(np.log(independent))
-
-
-def _least(A: Array, b: Array) -> Array:
-    scaled, scale = _scaled(A)
-    return np.asarray(np.linalg.lstsq(scaled, b / scale, rcond=1e-12)[0] / scale)
-
-
-def _errors(A: Array) -> Array:
-    """Standard errors of what the normal equations A give."""
-    scaled, scale = _scaled(A)
-    return np.asarray(np.sqrt(np.clip(np.diag(np.linalg.pinv(scaled)), 0.0, None)) / scale)
-
-
-def _scaled(A: Array) -> tuple[Array, Array]:
-    """Normal equations scaled to a unit diagonal, and the scale of each parameter.
-
-    In SI units a viscous drag would fall below the rank tolerance beside the rate of a temperature.
-    """
-    scale = np.sqrt(np.diag(A))
-    scale[scale == 0.0] = 1.0
-    return A / scale / scale[:, None], scale
-
-
-def _outside(
-    model: FaultModel | None, x: Array, free: npt.NDArray[np.bool_]
-) -> tuple[int, float] | None:
-    """The first free size outside its bounds, and the bound at which to hold it."""
-    for index, size in enumerate(() if model is None else model.sizes):
-        if free[index] and not size.low <= x[index] <= size.high:
-            return index, float(np.clip(x[index], size.low, size.high))
-    return None

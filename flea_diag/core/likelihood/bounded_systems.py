@@ -1,0 +1,114 @@
+"""Small systems of normal equations side by side, solved with some unknowns held to bounds.
+
+Each has the bits that it would have alone: what numpy does to a stack, it does matrix by matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.likelihood.fault_models import FaultModel, Size
+
+Array = npt.NDArray[np.float64]
+
+RANK = 1e-12
+"""Singular values below this share of the largest one count as zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoundedSystems:
+    """Minimise x' A x - 2 b' x in each of m systems: A, shape (m, n, n), and b, shape (m, n).
+
+    ``models`` are the faults whose sizes come first among the unknowns, all of the same number.
+    """
+
+    models: Sequence[FaultModel | None]
+    A: Array
+    b: Array
+
+    @property
+    def count(self) -> int:
+        """Sizes in each system."""
+        return len(_sizes(self.models[0]))
+
+    @cached_property
+    def _scaled(self) -> tuple[Array, Array]:
+        return scaled(self.A)
+
+    @cached_property
+    def solutions(self) -> Array:
+        """Solutions with the sizes held to their bounds, one after the other, shape (m, n)."""
+        A, scale = self._scaled
+        b = self.b / scale
+        x = np.array([_least(A[k], b[k]) for k in range(len(A))]) / scale
+        for k, model in enumerate(self.models):
+            outside = _outside(_sizes(model), x[k], np.ones(x.shape[1], dtype=bool))
+            if outside is not None:
+                x[k] = _held(_sizes(model), self.A[k], self.b[k], x[k], outside)
+        return x
+
+    def errors(self, which: Sequence[int]) -> Array:
+        """Standard errors of the sizes in these systems, shape (len(which), sizes)."""
+        A, scale = (of[list(which)] for of in self._scaled)
+        if not self.count or not len(which):
+            return np.empty((len(which), self.count))
+        variances = np.diagonal(np.linalg.pinv(A), axis1=-2, axis2=-1)
+        return np.asarray((np.sqrt(np.clip(variances, 0.0, None)) / scale)[:, : self.count])
+
+    def sizes(self, k: int) -> tuple[float, ...]:
+        """Sizes of one system."""
+        return tuple(map(float, self.solutions[k, : self.count]))
+
+    def misfit(self, k: int, square: float) -> float:
+        """Smallest sum of squares of one system; ``square`` is that without unknowns."""
+        x, A, b = self.solutions[k], self.A[k], self.b[k]
+        return float(square - 2.0 * b @ x + x @ A @ x)
+
+
+def scaled(A: Array) -> tuple[Array, Array]:
+    """Normal equations scaled to a unit diagonal, and the scale of each unknown.
+
+    In SI units a viscous drag would fall below the rank tolerance beside the rate of a temperature.
+    """
+    scale = np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
+    scale[scale == 0.0] = 1.0
+    return A / scale[..., None, :] / scale[..., :, None], scale
+
+
+def _sizes(model: FaultModel | None) -> tuple[Size, ...]:
+    return () if model is None else model.sizes
+
+
+def _least(A: Array, b: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(A, b, rcond=RANK)[0])
+
+
+def _held(
+    sizes: Sequence[Size], A: Array, b: Array, x: Array, outside: tuple[int, float] | None
+) -> Array:
+    """The solution with sizes held to their bounds, beginning with the one that is ``outside``."""
+    free = np.ones(len(b), dtype=bool)
+    for _ in sizes:
+        if outside is None:
+            break
+        index, bound = outside
+        free[index], x[index] = False, bound
+        part, scale = scaled(A[np.ix_(free, free)])
+        x[free] = _least(part, (b - A @ np.where(free, 0.0, x))[free] / scale) / scale
+        outside = _outside(sizes, x, free)
+    return x
+
+
+def _outside(
+    sizes: Sequence[Size], x: Array, free: npt.NDArray[np.bool_]
+) -> tuple[int, float] | None:
+    """The first free size outside its bounds, and the bound at which to hold it."""
+    for index, size in enumerate(sizes):
+        if free[index] and not size.low <= x[index] <= size.high:
+            return index, float(np.clip(x[index], size.low, size.high))
+    return None
