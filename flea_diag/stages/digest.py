@@ -19,7 +19,8 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import asdict
+from dataclasses import fields, is_dataclass
+from functools import cache
 from typing import Any
 
 from flea_diag.wire.records import (
@@ -111,35 +112,41 @@ def decision_digest(records: Iterable[Record]) -> str:
 
 def canonical(record: Record) -> str:
     """Canonical JSON of a decision: sorted keys, no blanks, numbers as ``repr`` writes them."""
-    content = asdict(record)
-    for name in LEFT_OUT[type(record)]:
-        del content[name]
-    return _line(record, content)
+    left_out = LEFT_OUT[type(record)]
+    return _line(record, [name for name in _names(type(record)) if name not in left_out])
 
 
 def decided(record: Record) -> str:
     """Canonical JSON of what was decided, without the words it was said in."""
-    whole = asdict(record)
-    content = {name: whole[name] for name in DECIDED[type(record)]}
-    if isinstance(record, AmbiguityGroup):
-        content["members"] = [
-            {name: member[name] for name in OF_A_MEMBER} for member in whole["members"]
-        ]
-        content["not_observable"] = [fault for fault, _ in record.not_observable]
-    return _line(record, content)
+    names = DECIDED[type(record)]
+    if not isinstance(record, AmbiguityGroup):
+        return _line(record, names)
+    members = [{name: getattr(m, name) for name in OF_A_MEMBER} for m in record.members]
+    hidden = [fault for fault, _ in record.not_observable]
+    return _line(record, names, members=members, not_observable=hidden)
 
 
-def _line(record: Record, content: dict[str, Any]) -> str:
-    content["record"] = type(record).__name__
+def _line(record: Record, names: Iterable[str], **derived: Any) -> str:
+    content = {name: getattr(record, name) for name in names}
+    content |= {**derived, "record": type(record).__name__}
     return json.dumps(_plain(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
+@cache
+def _names(kind: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind))
+
+
 def _plain(value: Any) -> Any:
-    """JSON knows no NaN and no infinities: they go as words."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return repr(float(value))
+    """Records as mappings; JSON knows no NaN and no infinities: they go as words."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else repr(float(value))
+    if isinstance(value, (str, int)):
+        return value
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (tuple, list)):
         return [_plain(item) for item in value]
+    if is_dataclass(value):
+        return {name: _plain(getattr(value, name)) for name in _names(type(value))}
     return value
