@@ -20,7 +20,6 @@ import json
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import fields, is_dataclass
-from functools import cache
 from typing import Any
 
 from flea_diag.wire.records import (
@@ -113,7 +112,7 @@ def decision_digest(records: Iterable[Record]) -> str:
 def canonical(record: Record) -> str:
     """Canonical JSON of a decision: sorted keys, no blanks, numbers as ``repr`` writes them."""
     left_out = LEFT_OUT[type(record)]
-    return _line(record, [name for name in _names(type(record)) if name not in left_out])
+    return _line(record, [field.name for field in fields(record) if field.name not in left_out])
 
 
 def decided(record: Record) -> str:
@@ -132,11 +131,6 @@ def _line(record: Record, names: Iterable[str], **derived: Any) -> str:
     return json.dumps(_plain(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
-@cache
-def _names(kind: Any) -> tuple[str, ...]:
-    return tuple(field.name for field in fields(kind))
-
-
 def _plain(value: Any) -> Any:
     """Records as mappings; JSON knows no NaN and no infinities: they go as words."""
     if isinstance(value, float):
@@ -148,5 +142,5 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (tuple, list)):
         return [_plain(item) for item in value]
     if is_dataclass(value):
-        return {name: _plain(getattr(value, name)) for name in _names(type(value))}
+        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
     return value

@@ -22,18 +22,20 @@ RANK = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class BoundedSystems:
-    """Minimise x' A x - 2 b' x in each of m systems: A, shape (m, n, n), and b, shape (m, n).
+    """Minimise x' A x - 2 b' x for each of m models: A, shape (d, n, n), and b, shape (d, n).
 
-    ``models`` are the faults whose sizes come first among the unknowns, all of the same number.
+    ``models`` are the faults whose sizes come first among the unknowns, all of the same number, and
+    ``places`` says which system is theirs: several may share one and differ in their bounds.
     """
 
     models: Sequence[FaultModel | None]
+    places: list[int]
     A: Array
     b: Array
 
     @property
     def count(self) -> int:
-        """Sizes in each system."""
+        """Sizes of each model."""
         return len(_sizes(self.models[0]))
 
     @cached_property
@@ -45,28 +47,32 @@ class BoundedSystems:
         """Solutions with the sizes held to their bounds, one after the other, shape (m, n)."""
         A, scale = self._scaled
         b = self.b / scale
-        x = np.array([_least(A[k], b[k]) for k in range(len(A))]) / scale
-        for k, model in enumerate(self.models):
+        free = np.array([_least(A[k], b[k]) for k in range(len(A))]) / scale
+        x: Array = free[self.places]
+        for k, (model, own) in enumerate(zip(self.models, self.places, strict=True)):
             outside = _outside(_sizes(model), x[k], np.ones(x.shape[1], dtype=bool))
             if outside is not None:
-                x[k] = _held(_sizes(model), self.A[k], self.b[k], x[k], outside)
+                x[k] = _held(_sizes(model), self.A[own], self.b[own], x[k], outside)
         return x
 
     def errors(self, which: Sequence[int]) -> Array:
-        """Standard errors of the sizes in these systems, shape (len(which), sizes)."""
-        A, scale = (of[list(which)] for of in self._scaled)
+        """Standard errors of the sizes of these models, shape (len(which), sizes)."""
         if not self.count or not len(which):
             return np.empty((len(which), self.count))
+        needed, places = np.unique([self.places[k] for k in which], return_inverse=True)
+        A, scale = (of[needed] for of in self._scaled)
         variances = np.diagonal(np.linalg.pinv(A), axis1=-2, axis2=-1)
-        return np.asarray((np.sqrt(np.clip(variances, 0.0, None)) / scale)[:, : self.count])
+        errors = np.sqrt(np.clip(variances, 0.0, None)) / scale
+        return np.asarray(errors[places, : self.count])
 
     def sizes(self, k: int) -> tuple[float, ...]:
-        """Sizes of one system."""
+        """Sizes of one model."""
         return tuple(map(float, self.solutions[k, : self.count]))
 
     def misfit(self, k: int, square: float) -> float:
-        """Smallest sum of squares of one system; ``square`` is that without unknowns."""
-        x, A, b = self.solutions[k], self.A[k], self.b[k]
+        """Smallest sum of squares of one model; ``square`` is that without unknowns."""
+        own = self.places[k]
+        x, A, b = self.solutions[k], self.A[own], self.b[own]
         return float(square - 2.0 * b @ x + x @ A @ x)
 
 

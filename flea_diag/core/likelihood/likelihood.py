@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.bounded_systems import BoundedSystems
-from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.fault_models import FaultModel, Term
 from flea_diag.core.likelihood.model_stack import ModelStack
 from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES, Unit
 
@@ -148,40 +148,59 @@ class NormalEquations:
             shown = baseline._stack((None,)).systems(known, Unit.unknown())
             unit = unit.shown(shown.A[0], shown.b[0])
         stacks = [self._stack(alike) for alike in _of_equal_size(models)]
-        weight = weight / self._dispersion(stacks, weight, unit)
+        systems = [stack.systems(weight, unit) for stack in stacks]
+        dispersion = self._dispersion(stacks, systems, weight)
+        if (dispersion != 1.0).any():
+            weight = weight / dispersion
+            systems = [stack.systems(weight, unit) for stack in stacks]
         square = float(weight @ self._square)
         nominal = self._stack((None,)).systems(weight, unit).misfit(0, square)
         moved = {term.residual for model in models for term in model.terms}
         counts = self.samples / self._spacing * [name in moved for name in self.residuals]
         independent = max(float(counts.sum()), 2.0)
-        fits = (self._fits(stack, nominal, weight, unit, independent) for stack in stacks)
-        found = {model: fit for pairs in fits for model, fit in pairs}
-        return tuple(found[model] for model in models)
+        found: dict[int, Fit] = {}
+        for stack, solved in zip(stacks, systems, strict=True):
+            fits = self._fits(stack, solved, nominal, weight, unit, independent)
+            found |= {id(model): fit for model, fit in fits}
+        return tuple(found[id(model)] for model in models)
 
     def _stack(self, models: Sequence[FaultModel | None]) -> ModelStack:
         """Models of equal numbers of sizes, on the sums so far."""
         count = 0 if models[0] is None else len(models[0].sizes)
-        designs = np.stack([_designs(m, self.residuals, count, self.basis) for m in models])
-        return ModelStack(models, designs, np.matmul(self._gram, designs), self._cross)
+        terms = [() if model is None else model.terms for model in models]
+        made = [_designs(each, self.residuals, count, self.basis) for each in terms]
+        distinct = {id(design): design for design in made}
+        order = {key: place for place, key in enumerate(distinct)}
+        designs = np.stack([*distinct.values()])
+        places = [order[id(design)] for design in made]
+        return ModelStack(models, places, designs, np.matmul(self._gram, designs), self._cross)
 
-    def _dispersion(self, stacks: Sequence[ModelStack], weight: Array, unit: Unit) -> Array:
+    def _dispersion(
+        self, stacks: Sequence[ModelStack], systems: Sequence[BoundedSystems], weight: Array
+    ) -> Array:
         """Excess scatter of each residual over noise, under the model that fits it best.
 
         Where even that leaves a misfit of phi > 1 for each independent sample, the variance of
         this residual is scaled by phi (quasi-likelihood); other residuals are not affected.
         """
         least = np.full(len(self.residuals), np.inf)
-        for stack in stacks:
-            misfits = self._misfits(stack, weight, unit)
+        for stack, solved in zip(stacks, systems, strict=True):
+            misfits = self._misfits(stack, solved.solutions, weight)
             least = np.minimum(least, np.minimum.reduce(misfits, axis=0))
         independent = np.maximum(self.samples / self._spacing, 1.0)
         return np.maximum(1.0, np.where(np.isfinite(least), least, 0.0) / independent)
 
     def _fits(
-        self, stack: ModelStack, nominal: float, weight: Array, unit: Unit, independent: float
+        self,
+        stack: ModelStack,
+        systems: BoundedSystems,
+        nominal: float,
+        weight: Array,
+        unit: Unit,
+        independent: float,
     ) -> Iterator[tuple[FaultModel, Fit]]:
         """Fits of all models of a stack, in any order."""
-        systems, square = stack.systems(weight, unit), float(weight @ self._square)
+        square = float(weight @ self._square)
         rough = [k for k, model in enumerate(stack.faults) if model.roughness > 0.0]
         smooth = [k for k in range(len(stack.faults)) if k not in rough]
         for k, errors in zip(smooth, systems.errors(smooth), strict=True):
@@ -220,9 +239,9 @@ class NormalEquations:
                 loss += 0.5 * self.samples[index] / self._spacing[index] * np.log(growth)
         return rough, loss
 
-    def _misfits(self, stack: ModelStack, weight: Array, unit: Unit) -> Array:
+    def _misfits(self, stack: ModelStack, unknowns: Array, weight: Array) -> Array:
         """Misfits at the joint optimum of each model, weighted, shape (models, residuals)."""
-        effect = stack.effects(stack.systems(weight, unit).solutions)
+        effect = stack.effects(unknowns)
         quadratic = (effect * np.matmul(self._gram, effect[..., None])[..., 0]).sum(axis=-1)
         crossed = (effect * self._cross).sum(axis=-1)
         return np.asarray((self._square - 2.0 * crossed + quadratic) * weight)
@@ -230,9 +249,9 @@ class NormalEquations:
 
 def _of_equal_size(models: Sequence[FaultModel]) -> list[tuple[FaultModel, ...]]:
     """Models in groups of equal numbers of sizes."""
-    groups: dict[int, dict[FaultModel, None]] = {}
+    groups: dict[int, list[FaultModel]] = {}
     for model in models:
-        groups.setdefault(len(model.sizes), {})[model] = None
+        groups.setdefault(len(model.sizes), []).append(model)
     return [tuple(group) for group in groups.values()]
 
 
@@ -260,16 +279,16 @@ def _effect(model: FaultModel, residual: str, sizes: Sequence[float], basis: Bas
 
 @lru_cache(maxsize=1024)
 def _designs(
-    model: FaultModel | None, residuals: tuple[str, ...], count: int, basis: Basis
+    terms: tuple[Term, ...], residuals: tuple[str, ...], count: int, basis: Basis
 ) -> Array:
     """Designs of all residuals, shape (residuals, signals, parameters); not to be changed."""
-    return np.stack([_design(model, name, count, basis) for name in residuals])
+    return np.stack([_design(terms, name, count, basis) for name in residuals])
 
 
-def _design(model: FaultModel | None, residual: str, count: int, basis: Basis) -> Array:
+def _design(terms: tuple[Term, ...], residual: str, count: int, basis: Basis) -> Array:
     """How sizes and unit parameters enter one residual, shape (signals, parameters)."""
     design = np.zeros((len(basis.names), count + len(UNIT_DIFFERENCES)))
-    for term in () if model is None else model.terms:
+    for term in terms:
         if term.residual == residual:
             design[basis.column[term.regressor], term.index] += term.gain
     for own in basis.unit_terms:

@@ -34,19 +34,27 @@ class Ambiguity:
         self._models = models
         self._quantified = tuple(quantified)
         self._chooser = FeatureChooser(table, "information")
+        self._known: dict[tuple[tuple[str, ...], tuple[str, ...]], bool] = {}
 
     def reason(self, stand: StandStatus, episode: FaultEpisode, alive: list[Hypothesis]) -> str:
         """Why the faults left are not isolated; where possible, what would isolate them."""
         names = [h.name for h in alive]
         if episode.query.computed:
             return BY_EVIDENCE
-        if not isolable(self._models, names, self._quantified):
+        if not self._isolable(names, self._quantified):
             return self._vibration(stand, episode, alive)
         left = computable(self._quantified, stand.bad)
-        if len(left) < len(self._quantified) and not isolable(self._models, names, left):
+        if len(left) < len(self._quantified) and not self._isolable(names, left):
             lost = ", ".join(channel for channel in stand.bad if self._is_required(channel))
             return f"not isolable without {lost}, {BY_DESIGN}; valid readings would isolate them"
         return BY_EVIDENCE
+
+    def _isolable(self, faults: Sequence[str], residuals: tuple[str, ...]) -> bool:
+        """``isolable``, remembered: it depends on nothing that is measured."""
+        key = tuple(faults), residuals
+        if key not in self._known:
+            self._known[key] = isolable(self._models, faults, residuals)
+        return self._known[key]
 
     def _vibration(self, stand: StandStatus, episode: FaultEpisode, alive: list[Hypothesis]) -> str:
         """The same for faults that no residual isolates: whether vibration would."""
