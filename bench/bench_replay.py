@@ -2,14 +2,22 @@
 
 Simulated recordings at 100 Hz without vibration, healthy and with a jam. ``singly`` processes
 record by record instead of blocks. Both are measured in turns, in CPU time.
+
+Then the command as typed, with its start: the same bags through one ``flea replay``, with ``-j 2``,
+a single bag, and ``flea --help``; beside them the replay function alone, in this process. Of other
+recordings with ``--bags BAG... --calibration FILE``.
 """
 
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from bench_scan import KINDS, pipeline, recording
@@ -18,7 +26,10 @@ from summary import Figure, bench_parser, write_summary
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 SECONDS = 120
 TURNS = 3
+TYPED_BAGS, TYPED_TURNS = 24, 5
+TYPED_SECONDS = 30
 PERIOD_S = 0.01
+FLEA = (sys.executable, "-m", "flea_diag.tools.main")
 
 
 def in_blocks(bag: Path, kind: str, backend: str) -> tuple[float, str, int]:
@@ -59,9 +70,92 @@ def compared(bag: Path, kind: str, backend: str) -> tuple[float, float]:
     return count * PERIOD_S / float(quick), count * PERIOD_S / float(slow)
 
 
+class Spent(NamedTuple):
+    """CPU time and time on the clock, s."""
+
+    cpu: float
+    wall: float
+
+
+def typed(*arguments: str) -> Spent:
+    """Of one ``flea`` command in a process of its own, with those that it starts."""
+    begin, before = time.monotonic(), os.times()
+    subprocess.run([*FLEA, *arguments], check=False, stdout=subprocess.DEVNULL)
+    after = os.times()
+    cpu = after.children_user + after.children_system - before.children_user
+    return Spent(cpu - before.children_system, time.monotonic() - begin)
+
+
+def inside(bags: Sequence[str], calibration: str) -> tuple[Spent, float]:
+    """Of the replay function on all bags, in this process; the duration of the recordings, s."""
+    from flea_diag.configuration.component import make_pipeline
+    from flea_diag.configuration.stand import load_stand
+    from flea_diag.tools.replay.replay import replay
+
+    stand = load_stand("", calibration=calibration)
+    begin, clock = time.process_time(), time.monotonic()
+    seconds = sum(replay(Path(bag), make_pipeline(stand))["duration_s"] for bag in bags)
+    return Spent(time.process_time() - begin, time.monotonic() - clock), seconds
+
+
+def simulated(folder: Path) -> list[str]:
+    """Recordings of different units, every third with a jam from half way."""
+    jam = ("--fault", "jam", "--at", str(TYPED_SECONDS // 2))
+    return [
+        str(recording(folder, TYPED_SECONDS, *(jam if seed % 3 == 0 else ()), "--seed", str(seed)))
+        for seed in range(100, 100 + TYPED_BAGS)
+    ]
+
+
+def as_typed(bags: Sequence[str], calibration: str) -> list[Figure]:
+    """The command against the function inside it, medians of interleaved turns."""
+    option = ("--calibration", calibration, "-q")
+    inside(bags[:2], calibration)  # what is loaded once is not part of it
+    rows = []
+    for _ in range(TYPED_TURNS):
+        own, seconds = inside(bags, calibration)
+        one, two = typed("replay", *bags, *option), typed("replay", *bags, *option, "-j", "2")
+        single, explained = typed("replay", bags[0], *option), typed("--help")
+        rows.append((
+            seconds / own.cpu, seconds / one.cpu, own.cpu / one.cpu, one.wall / two.wall,
+            single.cpu, single.wall, explained.cpu,
+        ))  # fmt: skip
+    count = f"{len(bags)} bags"
+    names = (
+        (f"{count}, inside", "x real time", ""),
+        (f"{count}, as typed", "x real time", ""),
+        (f"{count}, as typed, of the rate inside", "x", "the replay function alone"),
+        (f"{count}, as typed with -j 2", "x", "one process, on the clock"),
+        ("one bag, as typed, CPU time", "s", ""),
+        ("one bag, as typed, on the clock", "s", ""),
+        ("flea --help, CPU time", "s", ""),
+    )
+    figures = []
+    for (name, unit, against), column in zip(names, np.transpose(rows), strict=True):
+        low, middle, high = np.min(column), np.median(column), np.max(column)
+        print(f"{name:48s}{middle:8.2f} {unit:12s}({low:.2f} to {high:.2f})")
+        ends = {"low": float(low), "high": float(high), "against": against}
+        figures.append(Figure(name, float(middle), unit, TYPED_TURNS, **ends))
+    print(f"load average {os.getloadavg()[0]:.1f}")
+    return figures
+
+
 def main() -> None:
-    """Print times real time of both recordings, with each state observer."""
-    arguments, figures = bench_parser(__doc__).parse_args(), []
+    """Print times real time of both recordings, with each state observer, and as typed."""
+    parser = bench_parser(__doc__)
+    parser.add_argument("--bags", nargs="+", metavar="BAG", help="measure as typed on these alone")
+    parser.add_argument("--calibration", default="", metavar="FILE", help="for --bags")
+    arguments = parser.parse_args()
+    if arguments.bags:
+        figures = as_typed(arguments.bags, arguments.calibration)
+    else:
+        figures = of_simulated_bags()
+    write_summary("replay", figures, arguments.json)
+
+
+def of_simulated_bags() -> list[Figure]:
+    """All figures on recordings that are simulated here."""
+    figures = []
     with tempfile.TemporaryDirectory() as folder:
         runs = {
             "nominal": recording(Path(folder), SECONDS),
@@ -78,7 +172,7 @@ def main() -> None:
                     Figure(f"{name}, {what}", quick / slow, "x", TURNS, seed="21",
                            against="the same scan by scan"),
                 ]  # fmt: skip
-    write_summary("replay", figures, arguments.json)
+        return figures + as_typed(simulated(Path(folder)), "")
 
 
 if __name__ == "__main__":
