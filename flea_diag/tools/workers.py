@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from threading import Thread
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from flea_diag.errors import FleaError
 from flea_diag.tools.garbage import search_less
 from flea_diag.wire.command_budget import begin_command, shared_sums
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -52,6 +52,9 @@ def _until_it_breaks(
     work: Callable[[Item], Result], items: Sequence[Item], jobs: int
 ) -> Iterator[Result]:
     """Results until a process dies."""
+    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing import active_children
+
     with worker_pool(min(jobs, len(items))) as pool:
         try:
             yield from pool.map(work, items)
@@ -59,7 +62,7 @@ def _until_it_breaks(
             return
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
-            for worker in multiprocessing.active_children():
+            for worker in active_children():
                 worker.terminate()
             raise
 
@@ -74,6 +77,9 @@ def refusing(work: Callable[[], Result]) -> Result | Refused:
 
 def worker_pool(jobs: int) -> ProcessPoolExecutor:
     """Pool of new interpreters: forking after numpy or numba have started threads can hang."""
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+
     return ProcessPoolExecutor(
         jobs,
         mp_context=multiprocessing.get_context("spawn"),
@@ -95,7 +101,9 @@ def _serve(sums: Any) -> None:
 
 
 def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
+    from multiprocessing import parent_process
+
+    parent = parent_process()
     if parent is not None:
         parent.join()
         os._exit(1)
