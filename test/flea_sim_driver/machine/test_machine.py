@@ -19,6 +19,7 @@ from flea_sim_driver.machine.library import find_machine, machine_names
 from flea_sim_driver.machine.machine_file import load_machine, machine_from_mapping
 from flea_sim_driver.scenario.library import find_scenario, scenario_names
 from flea_sim_driver.scenario.scenario_file import overridden
+from flea_sim_driver.scenario.table4 import CampaignRow, Shared, draw
 from flea_sim_driver.stand import SimulatedStand
 
 MACHINES = ROOT / "config" / "machines"
@@ -58,6 +59,14 @@ def test_every_fault_that_a_machine_can_have_acts_on_it(name: str) -> None:
         if np.array_equal(readings(list(SimulatedStand(run))), healthy):
             silent.append(fault)
     assert silent == []
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_a_machine_follows_every_motion_that_campaigns_draw_for_it(name: str) -> None:
+    drawn = draw((CampaignRow("Nominal", "", 80),), 5, Shared(machine=name))
+    made = [scenario for _, scenario in drawn]
+    assert {scenario.motion.kind for scenario in made} == {"sine", "trapezoid", "triangle", "sweep"}
+    assert {scenario.machine.name for scenario in made} == {name}
 
 
 def readings(run: list[Record]) -> Any:
