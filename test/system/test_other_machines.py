@@ -1,0 +1,35 @@
+"""Machines that are not the FLEA: simulated by their files, diagnosed by their own descriptions."""
+
+from __future__ import annotations
+
+import pytest
+
+from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.stand import load_stand
+from flea_diag.wire.records import AmbiguityGroup, Outcome
+from flea_sim_driver.scenario.library import find_scenario
+from flea_sim_driver.scenario.scenario_file import overridden
+from flea_sim_driver.stand import SimulatedStand
+
+
+@pytest.mark.parametrize(
+    ("machine", "fault", "fellow"),
+    [
+        ("ema", "magnet_loss", "winding_short"),
+        ("wing", "winding_resistance_rise", "winding_short"),
+    ],
+)
+def test_a_fault_of_another_machine_is_found_by_its_description(
+    machine: str, fault: str, fellow: str
+) -> None:
+    """On a unit of the calibration (201), 12 s of healthy running before the fault."""
+    drawn = overridden(find_scenario(fault, machine), fault, {"duration_s": 26.0, "unit_seed": 201})
+    pipeline, groups = make_pipeline(load_stand(machine)), []
+    for record in SimulatedStand(drawn):
+        groups += [r for r in pipeline.handle(record) if isinstance(r, AmbiguityGroup)]
+    onset_ns = round((drawn.run.start_s + drawn.faults[0].onset_s) * 1e9)
+    last = groups[-1]
+    assert last.detected_stamp_ns > onset_ns
+    assert {member.fault for member in last.members} <= {fault, fellow}
+    assert fault in {member.fault for member in last.members}
+    assert last.outcome in (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE)
