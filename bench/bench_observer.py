@@ -30,7 +30,8 @@ from flea_diag.core.observers.observer_model import LinearModel, NoiseLevels, li
 from flea_diag.core.observers.particle_filter import ParticleFilter
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 PERIOD_S = 0.01
 STEPS = 1500
@@ -223,7 +224,7 @@ def compared(model: LinearModel, seed: int) -> dict[str, tuple[float, float]]:
 def observer_steps() -> dict[str, float]:
     """Median time of one scan of ``StateObserver`` at N = 200, all channels, in seconds."""
     draw = np.random.default_rng(0)
-    rows = np.zeros((2000, len(CHANNELS)))
+    rows = np.zeros((2000, len(FLEA.channels)))
     for channel, level, sigma in (
         ("motor_current", 0.0, 0.05),
         ("actuator_position", 0.05, 6e-5),
@@ -231,7 +232,7 @@ def observer_steps() -> dict[str, float]:
         ("nut_temperature", 25.0, 1.0),
         ("ambient_temperature", 24.0, 0.0),
     ):
-        rows[:, INDEX[channel]] = level + sigma * draw.normal(size=len(rows))
+        rows[:, FLEA.index[channel]] = level + sigma * draw.normal(size=len(rows))
     found, relations = {}, compiled_relations("actuator.yaml", None, False)
     for backend in BACKENDS:
         observer = StateObserver(

@@ -19,10 +19,14 @@ from flea_diag.core.bond_graph.actuator import actuator as read_actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
 from flea_diag.core.faults.fault import Fault, catalogue, of_sensors
 from flea_diag.core.likelihood.effect_set import EffectSet, effect_set
-from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
 from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.residuals.relation_set import RelationSet, relation_set
-from flea_diag.core.residuals.residual import RELATIONS, UNIT_PARAMETERS
+from flea_diag.core.residuals.residual_set import (
+    encoder_of,
+    relation_names,
+    residual_set,
+)
 from flea_diag.core.signatures.signature import SignatureTable, signature_table
 from flea_diag.errors import ConfigurationError, ModelError, shown
 from flea_diag.formats import migrated
@@ -60,9 +64,8 @@ def require_relations(actuator: str | Path) -> None:
         return
     model, why = described(actuator), "none is named under residuals"
     try:
-        for spec in model.residuals.values():
-            if spec.name in RELATIONS:
-                parity_relation(model, spec)
+        for name in relation_names(model):
+            parity_relation(model, model.residuals[name])
     except ModelError as error:
         why = str(error)
     raise ConfigurationError(f"{actuator}: its sensors close no relation: {why}")
@@ -123,14 +126,17 @@ def _compiled(
 ) -> RelationSet:
     model = _described(path, text)
     known = [name for name in model.sensors if channels is None or name in channels]
-    fitted = [name for name in known if has_encoder or name != "motor_speed"]
+    fitted = [name for name in known if has_encoder or name != encoder_of(model)]
     held = [entry.name for entry in fields(ActuatorParameters)]
     every = None if channels is None else _compiled(path, text, None, has_encoder)
     unread = {name for name in model.inputs if channels is not None and name not in channels}
-    rows = model.residuals
-    names = [n for n in RELATIONS if n in rows and rows[n].reference not in unread]
-    made = relation_set(model.with_sensors(fitted), names, held, UNIT_PARAMETERS)
-    return replace(made, every=every)
+    names, fit = relation_names(model), model.with_sensors(fitted)
+    made = relation_set(fit, names, held, UNIT_PARAMETERS, unread)
+    if channels is None and has_encoder:
+        residuals = residual_set(model, made)
+    else:
+        residuals = _compiled(path, text, None, True).residuals
+    return replace(made, every=every, residuals=residuals)
 
 
 @lru_cache(maxsize=8)

@@ -18,7 +18,7 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.errors import ConfigurationError
+from flea_diag.errors import ConfigurationError, shown
 from flea_diag.stages.isolator.isolator import Knowledge
 
 
@@ -69,4 +69,12 @@ def relations(stand: Stand, calibration: Calibration) -> RelationSet:
                 "identified; draw it and name it under base_parameters, as "
                 "config/stands/flea/actuator.yaml does"
             )
-    return compiled_relations(stand.actuator, calibration.channels, has_encoder)
+    known = compiled_relations(stand.actuator, calibration.channels, has_encoder)
+    limits = (*calibration.limits, *calibration.shifts)
+    for name in dict.fromkeys(limit.name for limit in limits):
+        if name not in known.residuals.place:
+            raise ConfigurationError(
+                f"{stand.actuator}: the calibration holds limits of {shown(name)}, which is no "
+                "residual of this description; repeat 'flea calibrate'"
+            )
+    return known

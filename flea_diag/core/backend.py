@@ -94,6 +94,9 @@ def bound(function: Callable[..., Any], **names: Any) -> FunctionType:
     made = FunctionType(function.__code__, scope, function.__name__)
     made.__module__, made.__qualname__ = function.__module__, function.__qualname__
     made.__dict__.update(function.__dict__)  # the source of generated code
+    fixed = {name: value for name, value in names.items() if not callable(value)}
+    if fixed:
+        made.__dict__["constants"] = f"{getattr(function, 'constants', '')}{fixed!r}"
     return made
 
 
@@ -117,14 +120,15 @@ def _compiled(
 
 
 def _named(function: Callable[..., Any], parts: tuple[Callable[..., Any], ...]) -> FunctionType:
-    """The function under a name that contains a digest of its parts' sources.
+    """The function under a name that contains a digest of its parts' sources, and of constants.
 
     The cache on disk is keyed by name and checks the function's own file only.
     """
     generated = sorted({part.source for part in parts if hasattr(part, "source")})
     modules = sorted({part.__module__ for part in parts if not hasattr(part, "source")})
     sources = [*generated, *(inspect.getsource(sys.modules[module]) for module in modules)]
-    digest = zlib.crc32("".join(sources).encode())
+    constants = [getattr(part, "constants", "") for part in (function, *parts)]
+    digest = zlib.crc32("".join((*sources, *constants)).encode())
     named = FunctionType(function.__code__, function.__globals__, function.__name__)
     named.__qualname__ = f"{function.__qualname__}_{digest:08x}"
     return named

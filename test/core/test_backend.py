@@ -15,15 +15,16 @@ pytestmark = pytest.mark.skipif(
 ESTIMATES = """
 import numpy as np
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.configuration.description import compiled_relations
+
+FLEA = compiled_relations("actuator.yaml").residuals
 RELATIONS = compiled_relations("actuator.yaml", None, False)
 draw = np.random.default_rng(2)
-rows = np.zeros((100, len(CHANNELS)))
-rows[:, INDEX["motor_current"]] = draw.normal(0.0, 0.5, 100)
-rows[:, INDEX["motor_voltage"]] = draw.normal(0.0, 3.0, 100)
-rows[:, INDEX["actuator_position"]] = draw.normal(0.05, 6e-5, 100)
+rows = np.zeros((100, len(FLEA.channels)))
+rows[:, FLEA.index["motor_current"]] = draw.normal(0.0, 0.5, 100)
+rows[:, FLEA.index["motor_voltage"]] = draw.normal(0.0, 3.0, 100)
+rows[:, FLEA.index["actuator_position"]] = draw.normal(0.05, 6e-5, 100)
 p, generator = ActuatorParameters(), np.random.default_rng(0)
 observer = StateObserver(p, RELATIONS, 0.01, generator, 200, "numba")
 print(observer.follow(rows).table.tobytes().hex())

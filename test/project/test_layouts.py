@@ -12,12 +12,14 @@ import pytest
 import yaml
 from support.live import ROOT
 
-from flea_diag.core.residuals.residual_rows import RESIDUALS
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.messages.joint_state import KURTOSIS
 from flea_diag.wire.records import ChannelTable, Scan
 from flea_diag.wire.topics import TOPIC_NAMED
 from flea_sim_driver.acquisition.sensors import ACCELEROMETER_AXES
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 LAYOUTS = ROOT / "config" / "layouts"
 FOXGLOVE = json.loads((LAYOUTS / "foxglove.json").read_text(encoding="utf-8"))
@@ -33,7 +35,7 @@ def wire_names() -> dict[str, tuple[str, ...]]:
     assert isinstance(table, ChannelTable)
     axes = [row.name for row in table.channels if row.name.startswith("accelerometer")]
     assert tuple(axes) == ACCELEROMETER_AXES
-    parts = tuple(f"{row.name}{part}" for row in RESIDUALS for part in ("", "/z", "/threshold"))
+    parts = tuple(f"{row.name}{part}" for row in FLEA.rows for part in ("", "/z", "/threshold"))
     level = (*axes, *(axis + KURTOSIS for axis in axes))
     return {"sensors/slow": scan.channels, "residual": parts, "vibration_level": level}
 

@@ -8,9 +8,11 @@ from functools import cache
 
 import numpy as np
 
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 P = ActuatorParameters(
     voltage_offset_v=1.5,
@@ -26,13 +28,13 @@ BACKENDS = ["numpy", *(["numba"] if HAVE_NUMBA else [])]
 
 @cache
 def recording(scans: int = 1200, seed: int = 0, friction: float = 50.0) -> np.ndarray:
-    """Rows of CHANNELS: Newton, Ohm and heat by steps of 0.1 ms, readings averaged or at the end.
+    """Rows of readings: Newton, Ohm and heat by steps of 0.1 ms, readings averaged or at the end.
 
     The voltage is what a position loop would give, the load a sine.
     """
     draw = np.random.default_rng(seed)
     speed, position, motor, nut, dt, parts = 0.0, 0.05, 28.0, 26.0, 1e-4, 100
-    rows = np.full((scans, len(CHANNELS)), np.nan)
+    rows = np.full((scans, len(FLEA.channels)), np.nan)
     for k in range(scans):
         volts = 12.0 * math.sin(math.pi * 0.01 * k)
         load = 150.0 * math.sin(0.4 * math.pi * 0.01 * k) + 40.0 * draw.normal()
@@ -57,6 +59,6 @@ def recording(scans: int = 1200, seed: int = 0, friction: float = 50.0) -> np.nd
             "nut_temperature": nut + 1.1 * draw.normal(),
             "ambient_temperature": 24.0,
         }
-        rows[k, [INDEX[name] for name in given]] = list(given.values())
+        rows[k, [FLEA.index[name] for name in given]] = list(given.values())
     rows.setflags(write=False)
     return rows

@@ -10,8 +10,8 @@ import numpy as np
 from flea_diag.configuration import knowledge as of_stand
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import Calibration, NominalRun
+from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import UNITS
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters

@@ -11,6 +11,7 @@ from support.places import FLEA
 
 from flea_diag.configuration import calibrations
 from flea_diag.configuration import knowledge as of_stand
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage, Knowledge
@@ -93,7 +94,7 @@ Said = (AmbiguityGroup, DataQuality, Detection)
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("flea")
     bags = [Path(import_run(file, folder / "bags").bag) for file in LEARNED]
-    recordings, refused = read_nominal(bags)
+    recordings, refused = read_nominal(bags, compiled_relations("actuator.yaml").residuals)
     assert not refused
     tool.write_calibration(
         folder / "calibration.yaml", tool.calibrate(recordings, "actuator.yaml", 0.1)

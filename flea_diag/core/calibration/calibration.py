@@ -21,10 +21,12 @@ from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.observers.observer_noise import ObserverNoise
-from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
-from flea_diag.core.residuals.residual import UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import RESIDUALS
-from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES
+from flea_diag.core.residuals.parameters import (
+    UNIT_PARAMETERS,
+    ActuatorParameters,
+    UnitTolerance,
+)
+from flea_diag.core.residuals.residual_rows import WINDOWS
 from flea_diag.core.sensors.sensor_limits import SensorLimit
 from flea_diag.errors import CalibrationError, shown
 from flea_diag.formats import migrated, stamped
@@ -34,7 +36,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NominalRun:
-    """One nominal recording: rows of ``residual_rows.CHANNELS``, shape (scans, channels)."""
+    """One nominal recording: rows of ``ResidualSet.channels``, shape (scans, channels)."""
 
     name: str
     rows: Array
@@ -94,9 +96,9 @@ class Calibration(Frozen):
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
         return tuple(getattr(self.tolerance, name) for name in UNIT_PARAMETERS)
 
-    def differences(self) -> tuple[float, ...]:
-        """The same including the heating rates, in the order of ``UNIT_DIFFERENCES``."""
-        rates = len(UNIT_DIFFERENCES) - len(UNIT_PARAMETERS)
+    def differences(self, names: Collection[str]) -> tuple[float, ...]:
+        """The same including the heating rates, in the order of ``unit_differences``."""
+        rates = len(names) - len(UNIT_PARAMETERS)
         return (*self.tolerances(), *(self.tolerance.thermal_rate_k_per_s,) * rates)
 
     @property
@@ -233,15 +235,10 @@ def _limits(value: Any) -> tuple[ResidualLimit, ...]:
 
 def _limit(value: Any) -> ResidualLimit:
     name = _text(value["name"])
-    row = next((row for row in RESIDUALS if row.name == name), None)
-    if row is None:
-        raise ValueError(f"{shown(name)} is no residual of this version")
     windows = tuple(_window_limit(window) for window in _list(value["windows"]))
-    known = [limit.window for limit in windows if limit.window in row.windows]
+    known = [limit.window for limit in windows if limit.window in WINDOWS]
     if not windows or len(known) != len(windows) or len(set(known)) != len(known):
-        raise ValueError(
-            f"{name}: windows {shown([w.window for w in windows])}, known {row.windows}"
-        )
+        raise ValueError(f"{name}: windows {shown([w.window for w in windows])}, known {WINDOWS}")
     return ResidualLimit(
         name,
         windows,

@@ -24,7 +24,6 @@ from flea_diag.core.calibration.relation_fit import Regression
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.prediction import Prediction
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import INDEX
 from flea_diag.core.symbolic.expression import (
     Expression,
     Variable,
@@ -80,7 +79,9 @@ def identify(
     for store in relations.predictions:
         unknown = [n for n in symbols(store.supply) if n not in {*balanced, *relations.signals}]
         if unknown or store.exchange:
-            _Store(store, tuple(unknown), signals).identify(runs, period_s, result)
+            _Store(store, tuple(unknown), signals, relations.residuals.index).identify(
+                runs, period_s, result
+            )
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,7 @@ class _Store:
     row: Prediction
     unknown: tuple[str, ...]
     signals: NominalSignals
+    index: Mapping[str, int]
 
     def identify(self, runs: Sequence[NominalRun], period_s: float, result: Result) -> None:
         supplied: dict[str, Expression] = {name: Variable(name) for name in self.unknown}
@@ -120,10 +122,10 @@ class _Store:
         self, number: int, run: NominalRun, period_s: float, p: ActuatorParameters
     ) -> tuple[float, ...] | None:
         """Mean of each supply, differences from the neighbours, and slope of one recording."""
-        measured = run.rows[:, INDEX[self.row.channel]]
+        measured = run.rows[:, self.index[self.row.channel]]
         middle = np.nanmedian(measured) if np.isfinite(measured).any() else np.nan
         use = np.isfinite(measured) & (np.abs(measured - middle) < FAR_K)
-        around = [run.rows[:, INDEX[name]] for name in self.row.exchange]
+        around = [run.rows[:, self.index[name]] for name in self.row.exchange]
         if use.sum() < LEAST_SCANS or not all(np.isfinite(each).any() for each in around):
             return None
         time_s = np.arange(len(run.rows)) * period_s

@@ -26,7 +26,7 @@ from flea_diag.core.calibration.relation_fit import Regression, regression
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.parity import channel_of
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import INDEX
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.smoothing import hann_kernels
 from flea_diag.core.symbolic.expression import evaluate
 from flea_diag.errors import CalibrationError
@@ -65,8 +65,12 @@ class Identified:
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Smoothed columns of all runs, concatenated; ``run`` is the recording of each row."""
+    """Smoothed columns of all runs, concatenated; ``run`` is the recording of each row.
 
+    ``rows`` says which column is which channel.
+    """
+
+    rows: ResidualSet
     value: Array
     first: Array
     second: Array
@@ -74,10 +78,18 @@ class Smoothed:
 
     def column(self, channel: str) -> Array:
         """Smoothed values of one channel."""
-        return self.value[:, INDEX[channel]]
+        return self.of_order(0, channel)
+
+    def of_order(self, order: int, channel: str) -> Array:
+        """Smoothed derivative of one channel; NaN where the stand lacks it."""
+        column = self.rows.channel(channel)
+        table = (self.value, self.first, self.second)[order]
+        return table[:, column] if column >= 0 else np.full(len(table), np.nan)
 
 
-def smooth(runs: Sequence[NominalRun], kernel_length: int, period_s: float) -> Smoothed:
+def smooth(
+    runs: Sequence[NominalRun], rows: ResidualSet, kernel_length: int, period_s: float
+) -> Smoothed:
     """All runs, smoothed with the kernel of the diagnoser."""
     kernels = hann_kernels(kernel_length, period_s)
     parts: list[list[Array]] = [[], [], []]
@@ -92,7 +104,7 @@ def smooth(runs: Sequence[NominalRun], kernel_length: int, period_s: float) -> S
     if not numbers:
         raise CalibrationError("no recording is as long as the smoothing window")
     value, first, second = (np.concatenate(part) for part in parts)
-    return Smoothed(value, first, second, np.concatenate(numbers))
+    return Smoothed(rows, value, first, second, np.concatenate(numbers))
 
 
 def robust_fit(
@@ -140,7 +152,7 @@ def identify(
     CalibrationError
         The recordings contain too little motion to identify the actuator.
     """
-    data = smooth(runs, kernel_length, period_s)
+    data = smooth(runs, relations_of(True).residuals, kernel_length, period_s)
     result = Identified(ActuatorParameters())
     result.missing(["winding_inductance_h"], "L/R is far below the scan period; an assumption")
     result.missing(["stribeck_speed_m_s"], "width of the smooth sign of friction; an assumption")
@@ -201,7 +213,6 @@ def _signals(
     data: Smoothed, relations: RelationSet, parameters: ActuatorParameters
 ) -> dict[str, Array]:
     """Columns of the signals of the relations, shapes with the parameters as assumed."""
-    orders = (data.value, data.first, data.second)
     found: dict[str, Array] = {}
     for name in relations.signals:
         channel, order = channel_of(name)
@@ -210,7 +221,7 @@ def _signals(
             warm = data.column(relations.predicted[name])
             found[name] = np.where(np.isnan(warm), relations.reference[name], warm)
         elif name not in relations.shapes:
-            found[name] = orders[order][:, INDEX[channel]]
+            found[name] = data.of_order(order, channel)
     for name, shape in relations.shapes.items():
         found[name] = np.asarray(evaluate(shape, {**asdict(parameters), **found}))
     return found
@@ -219,13 +230,13 @@ def _signals(
 def _speed(data: Smoothed, result: Identified) -> Array:
     lead = result.parameters.encoder_m_per_rad
     if lead:
-        return np.asarray(lead * data.column("motor_speed"))
-    return np.asarray(data.first[:, INDEX["actuator_position"]])
+        return np.asarray(lead * data.column(data.rows.encoder))
+    return data.of_order(1, data.rows.position)
 
 
 def _have(data: Smoothed, *channels: str) -> npt.NDArray[np.bool_]:
-    finite = np.isfinite(data.value[:, [INDEX[channel] for channel in channels]])
-    return np.asarray(finite.all(axis=1), dtype=np.bool_)
+    finite = np.isfinite([data.column(channel) for channel in channels])
+    return np.asarray(finite.all(axis=0), dtype=np.bool_)
 
 
 def _encoder(data: Smoothed, relations: RelationSet, result: Identified) -> None:

@@ -15,16 +15,20 @@ import numpy.typing as npt
 from flea_diag.core.calibration import noise_identification
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.observers.innovation_residual import normalised
+from flea_diag.core.observers.observer_block import innovated_places
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.state_observer import StateObserver
-from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
+from flea_diag.core.residuals.parameters import (
+    UNIT_PARAMETERS,
+    ActuatorParameters,
+    UnitTolerance,
+)
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual import UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import INNOVATION_INDEX
 
 Array = npt.NDArray[np.float64]
-MakeObserver = Callable[[ActuatorParameters], StateObserver]
-"""A new observer of an actuator with these parameters; the seed is fixed."""
+Trace = Callable[[ActuatorParameters, Array], Array]
+"""Innovation residuals of a whole recording by an observer of an actuator with these parameters,
+shape (scans, innovations); the seed is fixed."""
 
 SEED = 1
 PIECES = 4
@@ -54,11 +58,17 @@ def learn(
 ) -> ObserverStatistics:
     """Fit noise levels, then compute residuals with them; unreliable voltage in ``runs`` is NaN.
 
+    Nothing is learned for a stand whose description allows no state observer.
+
     Raises
     ------
     CalibrationError
         No recording is long enough.
     """
+    tested = innovated_places(relations.residuals)
+    if not tested:
+        nothing = tuple(np.empty((len(run.rows), 0)) for run in runs)
+        return ObserverStatistics(ObserverNoise(), nothing, {})
     noise = noise_identification.fitted(runs, parameters, relations, period_s, voltage_sampling)
 
     def make(tried: ActuatorParameters) -> StateObserver:
@@ -67,22 +77,22 @@ def learn(
             tried, relations, period_s, generator, noise=noise, voltage_sampling=voltage_sampling
         )
 
+    def trace(tried: ActuatorParameters, rows: Array) -> Array:
+        return normalised(make(tried).follow(rows), tested)
+
     rows = [run.rows for run in runs]
-    residuals = tuple(trace(make(parameters), each) for each in rows)
-    return ObserverStatistics(noise, residuals, unit_spread(rows, parameters, tolerance, make))
-
-
-def trace(observer: StateObserver, rows: Array) -> Array:
-    """Innovation residuals of a whole recording, shape (scans, columns)."""
-    return normalised(observer.follow(rows))
+    residuals = tuple(trace(parameters, each) for each in rows)
+    spread = unit_spread(rows, parameters, tolerance, trace)
+    named = zip(relations.residuals.innovations, spread.tolist(), strict=True)
+    return ObserverStatistics(noise, residuals, {name: tuple(row) for name, row in named})
 
 
 def unit_spread(
     recordings: Sequence[Array],
     parameters: ActuatorParameters,
     tolerance: UnitTolerance,
-    make: MakeObserver,
-) -> Mapping[str, tuple[float, ...]]:
+    trace: Trace,
+) -> Array:
     """Sensitivity of each innovation residual to each parameter that varies between units.
 
     Parameters
@@ -92,24 +102,23 @@ def unit_spread(
 
     Returns
     -------
-    Residual -> root mean square sensitivities, order of ``UNIT_PARAMETERS``.
+    shape (innovations, unit parameters)
+        Root mean square sensitivities, order of ``UNIT_PARAMETERS``.
     """
     chosen = recordings[:: max(1, len(recordings) // PIECES)][:PIECES]
     pieces = [rows[:PIECE_SCANS] for rows in chosen]
-    nominal = [trace(make(parameters), rows) for rows in pieces]
-    spread = np.zeros((len(INNOVATION_INDEX), len(UNIT_PARAMETERS)))
+    nominal = [trace(parameters, rows) for rows in pieces]
+    spread = np.zeros((nominal[0].shape[1], len(UNIT_PARAMETERS)))
     for k, name in enumerate(UNIT_PARAMETERS):
         step = getattr(tolerance, name)
         other = replace(parameters, **{name: getattr(parameters, name) + step})
-        moved = [
-            trace(make(other), rows) - before for rows, before in zip(pieces, nominal, strict=True)
-        ]
+        moved = [trace(other, rows) - before for rows, before in zip(pieces, nominal, strict=True)]
         # Equal seeds: any difference left after smoothing over a window is due to the parameter.
         changes = [_smoothed(each[SETTLE_SCANS:]) for each in moved]
         seen = np.concatenate([each for each in changes if len(each)] or [spread[None, :, 0]])
         square = np.nansum(seen**2, axis=0) / np.maximum(np.isfinite(seen).sum(axis=0), 1)
         spread[:, k] = np.sqrt(square) / step
-    return {name: tuple(row.tolist()) for name, row in zip(INNOVATION_INDEX, spread, strict=True)}
+    return spread
 
 
 def _smoothed(values: Array, window: int = 100) -> Array:

@@ -19,9 +19,10 @@ import numpy.typing as npt
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.state_observer import StateObserver
+from flea_diag.core.residuals.channel_units import VOLTAGE
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import INDEX
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.smoothing import hann_kernels
 from flea_diag.errors import CalibrationError
 
@@ -62,7 +63,7 @@ def fitted(
         No recording is long enough.
     """
     pieces = _pieces(runs)
-    noise = replace(ObserverNoise(), **_read_off(runs, period_s))
+    noise = replace(ObserverNoise(), **_read_off(runs, relations.residuals, period_s))
 
     @cache
     def cost(tried: ObserverNoise) -> float:
@@ -94,11 +95,13 @@ def _pieces(runs: Sequence[NominalRun]) -> list[Array]:
     return [rows[at : at + PIECE_SCANS] for rows, at in zip(chosen, starts, strict=True)]
 
 
-def _read_off(runs: Sequence[NominalRun], period_s: float) -> dict[str, float]:
+def _read_off(runs: Sequence[NominalRun], rows: ResidualSet, period_s: float) -> dict[str, float]:
     known = {field.name for field in fields(ObserverNoise)}
     found = {}
     for name, channel in READINGS.items():
-        columns = [run.rows[:, INDEX[channel]] for run in runs]
+        if channel not in rows.index:
+            continue
+        columns = [run.rows[:, rows.index[channel]] for run in runs]
         scatter = np.concatenate([np.abs(np.diff(column, 3)) for column in columns])
         scatter = scatter[np.isfinite(scatter)]
         if len(scatter) and name in known:
@@ -107,7 +110,7 @@ def _read_off(runs: Sequence[NominalRun], period_s: float) -> dict[str, float]:
     kernel = hann_kernels(31, period_s)[0]
     apart = [
         column[15:-15] - np.convolve(column, kernel, mode="valid")
-        for column in (run.rows[:, INDEX["motor_voltage"]] for run in runs)
+        for column in (run.rows[:, rows.index[VOLTAGE]] for run in runs)
         if len(column) > 31
     ]
     voltage = np.concatenate(apart) if apart else np.empty(0)

@@ -18,18 +18,12 @@ import numpy.typing as npt
 from flea_diag.core.calibration.calibration import BadStretch, NominalRun
 from flea_diag.core.calibration.identification import Identified
 from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanShiftLimit, limit_of
-from flea_diag.core.detection.mean_shift_test import SHIFTING
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
+from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
 from flea_diag.core.residuals.plausibility import ENTER_SAMPLES, usable
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
-from flea_diag.core.residuals.residual_rows import (
-    INDEX,
-    INNOVATION_INDEX,
-    RESIDUAL_INDEX,
-    RESIDUALS,
-    ResidualRow,
-)
+from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualSet
 from flea_diag.core.sensors.sensor_limits import SENSOR_SHARE
 
 Array = npt.NDArray[np.float64]
@@ -39,14 +33,14 @@ PIECE_S = 10.0
 SHIFT_SHARE = 0.1
 """Share of the false-alarm rate allotted to mean-shift tests."""
 REGIONS = len(SPEED_REGIONS_M_S) + 1
-NEED_VOLTAGE = np.array(["motor_voltage" in row.needs for row in RESIDUALS])
 
 
 @dataclass(frozen=True)
 class Trace:
-    """Residuals of one nominal recording; values shape (scans, residuals)."""
+    """Residuals of one nominal recording; values shape (scans, residuals), order of ``rows``."""
 
     name: str
+    rows: ResidualSet
     values: Array
     speed_m_s: Array
     moving: npt.NDArray[np.bool_]
@@ -67,12 +61,15 @@ def trace(
     residuals = bank.step(run.rows, frozen=False)
     values = residuals.values
     good = np.ones(len(values), dtype=bool)
-    if not np.isfinite(run.rows[:, INDEX["commanded_voltage"]]).any():
-        column = values[:, RESIDUAL_INDEX["parity_electrical"]]
-        good = usable(column, identified.voltage_limit_v)
-        values[~good[:, None] & NEED_VOLTAGE] = np.nan
+    rows = relations.residuals
+    command, circuit = rows.channel(COMMAND), rows.column(rows.circuit)
+    corroborated = command >= 0 and np.isfinite(run.rows[:, command]).any()
+    if circuit >= 0 and not corroborated:
+        good = usable(values[:, circuit], identified.voltage_limit_v)
+        _leave_out(values, good, rows)
     return Trace(
         run.name,
+        rows,
         values,
         np.abs(residuals.speed_m_s),
         residuals.moving,
@@ -80,11 +77,17 @@ def trace(
     )
 
 
+def _leave_out(values: Array, good: npt.NDArray[np.bool_], rows: ResidualSet) -> None:
+    """Drop what needs the voltage where that is not good."""
+    for column in rows.needing(VOLTAGE):
+        values[~good, column] = np.nan
+
+
 def with_innovations(traced: Trace, innovations: Array) -> Trace:
     """The same trace with the observer's residuals added, shape (scans, innovations)."""
     values = traced.values.copy()
-    values[:, list(INNOVATION_INDEX.values())] = innovations
-    values[~traced.voltage_usable[:, None] & NEED_VOLTAGE] = np.nan
+    values[:, traced.rows.innovation_columns] = innovations
+    _leave_out(values, traced.voltage_usable, traced.rows)
     return replace(traced, values=values)
 
 
@@ -92,7 +95,7 @@ def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
     """Intervals of bad voltage of one recording, in seconds from its start."""
     bad = np.flatnonzero(np.diff(np.concatenate(([False], ~traced.voltage_usable, [False]))))
     return [
-        BadStretch(traced.name, "motor_voltage", float(a * period_s), float(b * period_s))
+        BadStretch(traced.name, VOLTAGE, float(a * period_s), float(b * period_s))
         for a, b in bad.reshape(-1, 2)
         if b - a >= ENTER_SAMPLES
     ]
@@ -108,10 +111,12 @@ def limits(
 
     ``spread`` holds d r / d theta of healthy units for residuals without an analytical one.
     """
-    found = []
-    tests = sum(row.gate != "sensor" for row in RESIDUALS)
+    if not traces:
+        return ()
+    found, rows = [], traces[0].rows.rows
+    tests = sum(row.gate != "sensor" for row in rows)
     rate = (1.0 - SENSOR_SHARE - SHIFT_SHARE) * false_alarms_per_hour / tests
-    for index, row in enumerate(RESIDUALS):
+    for index, row in enumerate(rows):
         if row.gate == "sensor":
             continue
         columns = [_gated(row, index, entry) for entry in traces]
@@ -131,12 +136,13 @@ def shift_limits(
 
     They share ``SHIFT_SHARE`` of the false-alarm rate.
     """
-    rate = SHIFT_SHARE * false_alarms_per_hour / (len(SHIFTING) * len(SHIFT_WINDOWS))
+    rows = traces[0].rows
+    rate = SHIFT_SHARE * false_alarms_per_hour / (max(len(rows.spreading), 1) * len(SHIFT_WINDOWS))
     pieces = sum(len(entry.values) for entry in traces) * period_s / PIECE_S
     found = []
-    for name in SHIFTING:
-        column = RESIDUAL_INDEX[name]
-        shifts = [_shifts(RESIDUALS[column], column, entry) for entry in traces]
+    for column in rows.spreading:
+        name = rows.rows[column].name
+        shifts = [_shifts(rows.rows[column], column, entry) for entry in traces]
         for index, window in enumerate(SHIFT_WINDOWS):
             k = _student(rate * window * period_s / 3600.0, max(pieces - 1.0, 2.0))
             found.append(limit_of(name, window, [each[:, index] for each in shifts], k, GUARD))

@@ -7,15 +7,15 @@ and from what the relations read, not from their names.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from flea_diag.core.conditions.contact import LONGEST_S, TAKES_BACK_S
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual import PARITIES, SPEED, STALL
-from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS
+from flea_diag.core.residuals.residual import STALL
+from flea_diag.core.residuals.residual_rows import SPEED
 
-Columns = tuple[int, ...]
+Columns = list[int]
 
 
 @dataclass(frozen=True)
@@ -39,21 +39,16 @@ class Condition:
 
 def _with_reaction(known: RelationSet) -> Columns:
     """Balances that hold the reaction of a stop."""
-    return _named(row.name for row in PARITIES if row.relation in known.stop.reactions)
+    return known.residuals.of_relations(known.stop.reactions)
 
 
 def _reading(*channels: str) -> Callable[[RelationSet], Columns]:
     """Residuals that need all of these channels."""
-    columns = _named(row.name for row in RESIDUALS if set(channels) <= set(row.needs))
-    return lambda _: columns
+    return lambda known: known.residuals.needing(*channels)
 
 
 def _nothing(_: RelationSet) -> Columns:
-    return ()
-
-
-def _named(names: Iterable[str]) -> Columns:
-    return tuple(RESIDUAL_INDEX[name] for name in names)
+    return []
 
 
 CONDITIONS: tuple[Condition, ...] = (

@@ -9,9 +9,10 @@ import numpy.typing as npt
 
 from flea_diag.core.conditions.arrival import LOOKS_BACK, arrived, still
 from flea_diag.core.conditions.contact import Contact, Signs, following, missing_force
+from flea_diag.core.residuals.channel_units import CURRENT
 from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import INDEX, RESIDUAL_INDEX, ResidualRows
+from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.residuals.stop import Stop
 from flea_diag.core.row_ring import RowRing
 
@@ -24,9 +25,6 @@ STILL_SCANS = 10
 """Scans over which a part in contact stands, but for a quarter of the width of its end."""
 SIGMAS = 3.0
 """Sigmas of another unit's winding beyond which the back-EMF contradicts a standstill."""
-_ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
-_ENCODER = INDEX["motor_speed"]
-_CURRENT = "motor_current"
 
 
 class EndOfTravel:
@@ -44,8 +42,10 @@ class EndOfTravel:
         period_s: float,
         settle_s: float,
     ) -> None:
+        rows = self._rows = known.residuals
+        self._electrical, self._encoder = rows.column(rows.circuit), rows.channel(rows.encoder)
         self._drag = known.functions["drag"]
-        self._current = known.signals.index(_CURRENT) if _CURRENT in known.signals else None
+        self._current = known.signals.index(CURRENT) if CURRENT in known.signals else None
         self._tolerance, self._noise_v = tolerance, noise_v
         self._period_s, self._settle_s = period_s, settle_s
         self.contact = Contact.FREE
@@ -59,10 +59,10 @@ class EndOfTravel:
         """Watch the ends of this travel."""
         self.stop = stop
         self._bounds = stop.low_m, stop.high_m, stop.within_m
-        self._columns = [INDEX[name] for name in stop.channels if name in INDEX]
+        self._columns = [self._rows.index[n] for n in stop.channels if n in self._rows.index]
         fixed = ((name, gain) for name, gain in stop.reactions.items() if math.isfinite(gain))
         relation, gain = next(fixed, ("", math.nan))
-        self._gain, self._balance = gain, RESIDUAL_INDEX.get(relation, -1)
+        self._gain, self._balance = gain, self._rows.column(relation)
         self._watches = stop.known and self._balance >= 0 and bool(self._columns)
         self._recent = RowRing(len(self._columns) + 1, (MOST_SCANS + LOOKS_BACK,))
         self.interrupt()
@@ -82,7 +82,8 @@ class EndOfTravel:
         start = self._recent.place(count)
         taken = self._recent.store[start : start + count]
         taken[:, :-1] = readings
-        taken[:, -1] = rows[:, _ENCODER] * (p.encoder_m_per_rad or math.nan)
+        lead = p.encoder_m_per_rad or math.nan
+        taken[:, -1] = rows[:, self._encoder] * lead if self._encoder >= 0 else math.nan
         if self.contact is Contact.FREE and not self._doubted and not self._any_near(readings):
             self._elapsed += count
             return count
@@ -123,7 +124,8 @@ class EndOfTravel:
         signals = residuals.signals[k].tolist()
         _, dry_n = self._drag(p, signals)
         current = math.nan if self._current is None else signals[self._current]
-        electrical = float(residuals.values[k, _ELECTRICAL])
+        circuit = self._electrical
+        electrical = float(residuals.values[k, circuit]) if circuit >= 0 else math.nan
         bound = SIGMAS * math.hypot(
             self._tolerance.voltage_offset_v,
             self._tolerance.winding_resistance_ohm * (current - p.current_offset_a),

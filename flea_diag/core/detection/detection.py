@@ -21,14 +21,10 @@ from flea_diag.core import backend as backends
 from flea_diag.core.detection.symbols import Test
 from flea_diag.core.detection.window_limit import ResidualLimit
 from flea_diag.core.detection.z_test import ZTests
-from flea_diag.core.residuals.residual_rows import RESIDUALS, ResidualRows
+from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
 
 Array = npt.NDArray[np.float64]
-
-
-_UNTESTED = np.full((3, 1, len(RESIDUALS)), np.nan)
-_UNTESTED[2] = 0.0
 
 
 class TestResults:
@@ -50,9 +46,11 @@ class TestResults:
         self.void = False
 
     @classmethod
-    def untested(cls, scans: int = 1) -> TestResults:
-        """Results before any test."""
-        return cls(_UNTESTED.repeat(scans, axis=1))
+    def untested(cls, residuals: int, scans: int = 1) -> TestResults:
+        """Results of so many residuals before any test."""
+        table = np.full((3, scans, residuals), np.nan)
+        table[2] = 0.0
+        return cls(table)
 
     def deviating(self) -> npt.NDArray[np.bool_]:
         """Which residuals exceed their limits; an untested one does not."""
@@ -71,13 +69,14 @@ class TestResults:
 
 
 class Detector:
-    """Runs every test of ``RESIDUALS`` on a stream of residuals, constant memory.
+    """Runs every test of a residual set on a stream of residuals, constant memory.
 
     Numpy and numba, which ``backend`` chooses between, give the same bits.
     """
 
     def __init__(
         self,
+        known: ResidualSet,
         limits: Sequence[ResidualLimit],
         tolerance: Sequence[float],
         thermal_rate_k_per_s: float,
@@ -86,14 +85,15 @@ class Detector:
         extra = (thermal_rate_k_per_s * CORRECTION_S) ** 2
         named = {limit.name: limit for limit in limits}
         compiled = backends.chosen(backend) == "numba"
+        self._count = len(known.rows)
         self._groups = tuple(
-            ZTests(gate, named, np.array(tolerance), extra, compiled)
+            ZTests(known, gate, named, np.array(tolerance), extra, compiled)
             for gate in ("moving", "always")
         )
 
     def step(self, rows: ResidualRows) -> TestResults:
         """Results after each of these rows."""
-        results = TestResults.untested(len(rows))
+        results = TestResults.untested(self._count, len(rows))
         speeds = np.ascontiguousarray(rows.speed_m_s)
         for group in self._groups:
             group.step(rows, speeds, results.table)
@@ -114,4 +114,4 @@ class Detector:
 
     def clear(self) -> None:
         """Empty every window (re-arming)."""
-        self.forget(range(len(RESIDUALS)))
+        self.forget(range(self._count))

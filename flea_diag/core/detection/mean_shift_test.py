@@ -18,32 +18,34 @@ from flea_diag.core import backend as backends
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanShiftLimit
 from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS
-from flea_diag.core.residuals.residual_rows import (
-    RESIDUAL_INDEX,
-    RESIDUALS,
-    SPREAD_ROWS,
-    ResidualRows,
-)
+from flea_diag.core.residuals.channel_units import VOLTAGE
+from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
-MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
-CIRCUIT = {ELECTRICAL, RESIDUAL_INDEX["parity_electrical_dn"]}
-"""Relations of the winding; not used for a drag that may come with a change of unit."""
 WITNESS = 2.0
 """Least deviation of the mechanical relation, in sigmas, that makes it a witness."""
-SHIFTING = tuple(RESIDUALS[j].name for j in SPREAD_ROWS)
-"""Residuals in which units differ: the run's own level is a better reference than calibration."""
 
 
 class MeanShiftTest:
-    """Runs every test that the calibration has a limit for."""
+    """Runs every test that the calibration has a limit for.
+
+    They are of residuals in which units differ: the run's own level is a better reference than the
+    calibration.
+    """
 
     def __init__(
-        self, limits: Sequence[MeanShiftLimit], tolerance: Sequence[float], backend: str = "auto"
+        self,
+        known: ResidualSet,
+        limits: Sequence[MeanShiftLimit],
+        tolerance: Sequence[float],
+        backend: str = "auto",
     ) -> None:
+        self._electrical, self._mechanical = map(known.column, (known.circuit, known.friction))
+        # Not used for a drag that may come with a change of unit.
+        self._circuit = set(known.of_relation(known.circuit))
+        self._need_voltage = set(known.needing(VOLTAGE))
         self._compiled = backends.chosen(backend) == "numba"
         self._change = np.zeros(len(tolerance))
         self._tolerance = np.array(tolerance)
@@ -52,9 +54,9 @@ class MeanShiftTest:
         self._openers: list[int] = []
         """Columns whose shift has just exceeded its limit, and those that opened the episode."""
         names = list(dict.fromkeys(limit.name for limit in limits))
-        self._columns = np.array([RESIDUAL_INDEX[name] for name in names], dtype=int)
-        self._places = np.array([SPREAD_ROWS.index(RESIDUAL_INDEX[n]) for n in names], dtype=int)
-        self._gated = np.array([RESIDUALS[j].gate == "moving" for j in self._columns], dtype=bool)
+        self._columns = np.array(known.columns(names), dtype=int)
+        self._places = np.array([known.spreading.index(j) for j in self._columns], dtype=int)
+        self._gated = np.array([known.named[n].gate == "moving" for n in names], dtype=bool)
         self._level = MeanShift(self._gated.tolist(), 1 + len(tolerance))
         # A NaN limit is never exceeded.
         self._variance, self._k = np.full((2, len(names), len(SHIFT_WINDOWS)), np.nan)
@@ -83,19 +85,20 @@ class MeanShiftTest:
         self._fired = []
         if self._open and not self._openers:
             return
+        circuit = self._circuit
         z, shifts, beyond = (self._follow if self._compiled else self._z)(rows)
         if not beyond and not alone.any():
             return
         for test, column in enumerate(self._columns.tolist()):
-            if self._open and column in CIRCUIT and CIRCUIT.isdisjoint(self._openers):
+            if self._open and column in circuit and circuit.isdisjoint(self._openers):
                 continue
             here = z[:, test]
-            if "motor_voltage" in RESIDUALS[column].needs and alone.any():
+            if column in self._need_voltage and alone.any():
                 here = np.where(alone[:, None], self._witnessed(here, column, results), here)
             counts = self._judge(here, column, self._k[test], results, shifts[:, test])
             if counts[-1]:
                 self._fired.append(column)
-            if column == ELECTRICAL:
+            if column == self._electrical:
                 self._call_witness(counts & alone, results)
 
     def _follow(self, rows: ResidualRows) -> tuple[Array, Array, bool]:
@@ -130,11 +133,11 @@ class MeanShiftTest:
 
     def _witnessed(self, z: Array, column: int, results: TestResults) -> Array:
         """What the shift of a voltage that stands alone amounts to, NaN where to nothing."""
-        if column == ELECTRICAL and column in self._openers:
+        if column == self._electrical and column in self._openers:
             return z
-        if column != ELECTRICAL or self._open:
+        if column != self._electrical or self._open or self._mechanical < 0:
             return np.full_like(z, np.nan)
-        force = results.z[:, MECHANICAL, None]
+        force = results.z[:, self._mechanical, None]
         speaks = (np.abs(force) > WITNESS) & (force * z < 0.0)
         added = np.minimum(np.abs(force), np.abs(z))
         return np.where(speaks, np.copysign(np.hypot(z, added), z), np.nan)
@@ -143,9 +146,10 @@ class MeanShiftTest:
         """What opens an episode with a witness is a deviation of both relations."""
         if self._open or not beyond.any():
             return
-        called = beyond & ~(np.abs(results.z[:, MECHANICAL]) > results.k[:, MECHANICAL])
-        both, k = results.z[called, ELECTRICAL], results.k[called, ELECTRICAL]
-        results.z[called, MECHANICAL], results.k[called, MECHANICAL] = -both, k
+        circuit, forces = self._electrical, self._mechanical
+        called = beyond & ~(np.abs(results.z[:, forces]) > results.k[:, forces])
+        both, k = results.z[called, circuit], results.k[called, circuit]
+        results.z[called, forces], results.k[called, forces] = -both, k
 
     @staticmethod
     def _judge(z: Array, column: int, k: Array, results: TestResults, shifts: Array) -> Flags:

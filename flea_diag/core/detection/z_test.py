@@ -10,19 +10,12 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit
 from flea_diag.core.detection.z_test_loops import Z_TEST_LOOPS
-from flea_diag.core.residuals.residual_rows import (
-    RESIDUALS,
-    SPREAD_ROWS,
-    ResidualRow,
-    ResidualRows,
-    together,
-)
+from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualRows, ResidualSet
 from flea_diag.core.running_mean import WindowedMeans
 
 Array = npt.NDArray[np.float64]
 
 REGION_EDGES = np.array(SPEED_REGIONS_M_S)
-THERMAL = ("motor_temperature", "nut_temperature", "ambient_temperature")
 
 
 class ZTests:
@@ -34,6 +27,7 @@ class ZTests:
 
     def __init__(
         self,
+        known: ResidualSet,
         gate: str,
         limits: dict[str, ResidualLimit],
         tolerance: Array,
@@ -41,17 +35,19 @@ class ZTests:
         compiled: bool,
     ) -> None:
         self._gated, self._compiled = gate == "moving", compiled
-        columns = [j for j, row in enumerate(RESIDUALS) if row.gate == gate and row.name in limits]
-        rows = [RESIDUALS[j] for j in columns]
+        every = enumerate(known.rows)
+        columns = [j for j, row in every if row.gate == gate and row.name in limits]
+        rows = [known.rows[j] for j in columns]
         self._columns = np.array(columns, dtype=int)
         self._windows = sorted({window for row in rows for window in row.windows}) or [1]
         # Where healthy units differ: their columns here, and their places in a row's spread.
-        self._spread = [c for c, j in enumerate(columns) if j in SPREAD_ROWS]
-        self._spreading = together(self._spread)
-        self._places = np.array([SPREAD_ROWS.index(columns[c]) for c in self._spread], dtype=int)
+        differing = known.spreading
+        self._spread = [c for c, j in enumerate(columns) if j in differing]
+        self._spreading = _together(self._spread)
+        self._places = np.array([differing.index(columns[c]) for c in self._spread], dtype=int)
         self._tolerance = tolerance
         self._fixed = np.zeros((len(rows), len(tolerance)))
-        self._extra = np.array([thermal_variance * (row.name in THERMAL) for row in rows])
+        self._extra = np.array([thermal_variance * (row.name in known.predictions) for row in rows])
         self._bound(rows, limits)
         self._based()
         self._lengths = np.array(self._windows)
@@ -84,7 +80,7 @@ class ZTests:
     def step(self, rows: ResidualRows, speeds: Array, results: Array) -> None:
         """Take rows; the test of each residual nearest to its limit goes into ``results``.
 
-        ``speeds`` has shape (n,), ``results`` (3, n, ``RESIDUALS``).
+        ``speeds`` has shape (n,), ``results`` (3, n, residuals).
         """
         if not len(self._columns):
             return
@@ -171,3 +167,10 @@ class ZTests:
         mine = [int(np.flatnonzero(self._columns == c)[0]) for c in columns if c in self._columns]
         self._means.clear(mine)
         self._held[0, mine] = np.nan
+
+
+def _together(columns: list[int]) -> slice:
+    """Columns that lie side by side, as those of one kind do, as a slice."""
+    start = columns[0] if columns else 0
+    assert columns == list(range(start, start + len(columns)))
+    return slice(start, start + len(columns))

@@ -12,14 +12,18 @@ from collections.abc import Mapping, Sequence
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.faults.fault import Fault
-from flea_diag.core.isolation.isolation import JUMP_MODES, JUMP_RESIDUALS, OWN_TESTS
+from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
+from flea_diag.core.isolation.isolation import JUMP_MODES, OWN_TESTS
 from flea_diag.core.likelihood.fault_models import FaultModel
 
 CONSTANT = "one"
 
 
 def undetectable(
-    faults: Mapping[str, Fault], models: Sequence[FaultModel], calibration: Calibration
+    faults: Mapping[str, Fault],
+    models: Sequence[FaultModel],
+    calibration: Calibration,
+    sensors: SensorSymptoms,
 ) -> tuple[str, ...]:
     """Sensor faults of the calibrated stand that none of its tests can detect."""
     reach = smallest_detectable_offsets(calibration)
@@ -27,7 +31,7 @@ def undetectable(
         name
         for name, fault in faults.items()
         if fault.channel in calibration.channels
-        and not _tested_alone(fault)
+        and not _tested_alone(fault, sensors)
         and not any(_is_detectable(model, reach) for model in models if model.fault == name)
     )
 
@@ -42,9 +46,9 @@ def smallest_detectable_offsets(calibration: Calibration) -> dict[str, float]:
     return found
 
 
-def _tested_alone(fault: Fault) -> bool:
+def _tested_alone(fault: Fault, sensors: SensorSymptoms) -> bool:
     """Whether a test of the sensor alone detects this mode."""
-    steps = fault.channel in JUMP_RESIDUALS and fault.mode in JUMP_MODES
+    steps = fault.channel in sensors.positions and fault.mode in JUMP_MODES
     return steps or any(fault.mode in modes for modes in OWN_TESTS.values())
 
 

@@ -16,19 +16,13 @@ from dataclasses import dataclass, field
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.faults.fault_signature import UNAFFECTED, FaultSignature, compatible
+from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.likelihood.likelihood import Fit
 from flea_diag.core.signatures.signature import SignatureTable
 
-OWN_RESIDUALS = {
-    "ambient_temperature": ("ambient_temperature",),
-    "parity_speed": ("motor_speed", "actuator_position"),
-}
-"""Residuals that only faults of these sensors can move: one compares the sensor with its own past,
-the other compares two sensors with each other."""
-JUMP_RESIDUALS = ("actuator_position", "load_position")
-"""Innovations over three samples. The position of a mass cannot jump: no fault of the plant
-has an effect of order 0 on it, so only the sensor's own faults move these."""
 JUMP_MODES = ("bias", "scaling", "dead", "dropout", "noise")
+"""Modes that step. The position of a mass cannot jump: no fault of the plant has an effect of order
+0 on it, so only the sensor's own faults move the residual that is its step."""
 OWN_TESTS: Mapping[str, Mapping[str, str]] = {
     "noise": {"noise": "+", "dropout": "*", "dead": "-"},
     "stuck": {"dead": "+"},
@@ -44,10 +38,6 @@ DEFINED_BY = {
 IMMEDIATE_MODES = ("noise", "dropout")
 """Modes that the sensor's own test detects no later than any mean of a relation does; loss of noise
 and held readings take longer."""
-TWINS = ("parity_speed", "parity_kinematic")
-"""Relations between two sensors of one motion: faults of either show here before its own test."""
-MOTION_TELLS = ("actuator_position", "load_position", "motor_speed")
-"""Channels of motion: one whose reading still follows the motion is not dead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +90,12 @@ class Isolation:
     """Hypotheses of one episode."""
 
     def __init__(
-        self, faults: Mapping[str, Fault], tables: Mapping[Quadrant, SignatureTable]
+        self,
+        faults: Mapping[str, Fault],
+        tables: Mapping[Quadrant, SignatureTable],
+        sensors: SensorSymptoms,
     ) -> None:
-        self._tables = tables
+        self._tables, self._sensors = tables, sensors
         self.hypotheses = {name: Hypothesis(fault) for name, fault in faults.items()}
 
     def alive(self) -> list[Hypothesis]:
@@ -175,11 +168,11 @@ class Isolation:
         if test in OWN_TESTS:
             yield _own(fault, (channel,), OWN_TESTS[test].get(fault.mode, "0"), test)
             return
-        if residual in JUMP_RESIDUALS:
+        if residual in self._sensors.positions:
             yield _own(fault, (residual,), "*" if fault.mode in JUMP_MODES else "0", "jump")
             return
-        if residual in OWN_RESIDUALS:
-            yield _own(fault, OWN_RESIDUALS[residual], "*", "level")
+        if residual in self._sensors.own:
+            yield _own(fault, self._sensors.own[residual], "*", "level")
             return
         for quadrant in visited:
             table = self._tables[quadrant]
@@ -205,18 +198,28 @@ class Isolation:
             defining = DEFINED_BY.get(fault.mode, ())
             tests = [f"{fault.channel}_{test}" for test, _ in defining]
             source, seen = (tests or [""])[0], [symbols.get(test, "0") for test in tests]
-            if fault.mode == "dead" and fault.channel in MOTION_TELLS:
+            if fault.mode == "dead" and fault.channel in self._sensors.motion:
+                # A channel whose reading still follows the motion is not dead.
                 source, words = fault.channel, f"{fault.channel} still follows the motion"
                 ruled_out = fault.channel in moved
             else:
                 words = f"{fault.channel} shows no symptom of {fault.mode}"
                 wanted = [symbol for _, symbol in defining]
-                timely = settled or _shows_at_once(fault, symbols)
+                timely = settled or self._shows_at_once(fault, symbols)
                 ruled_out = timely and bool(defining) and not any(map(str.__eq__, seen, wanted))
             if ruled_out:
                 found = ConsistencyCheck(stamp_ns, source, "".join(seen[:1]), "", False, words)
                 hypothesis.add(found)
         self.normalise()
+
+    def _shows_at_once(self, fault: Fault, symbols: Collection[str]) -> bool:
+        """Whether the sensor's own test responds first: neither its jump nor a twin has deviated.
+
+        Twins read one motion: faults of either show in their difference before its own test.
+        """
+        jumped = fault.channel in self._sensors.positions and fault.channel in symbols
+        twins = any(name in symbols for name in self._sensors.twins)
+        return fault.mode in IMMEDIATE_MODES and not jumped and not twins
 
     def apply_likelihoods(self, stamp_ns: int, fits: Sequence[Fit], drop_nats: float) -> None:
         """Apply likelihoods; drop faults that are ``drop_nats`` below the most likely one.
@@ -265,12 +268,6 @@ class Isolation:
         weights = [math.exp(each - best) for each in evidence]
         for hypothesis, weight in zip(alive, weights, strict=True):
             hypothesis.probability = weight / sum(weights)
-
-
-def _shows_at_once(fault: Fault, symbols: Collection[str]) -> bool:
-    """Whether the sensor's own test responds first: neither its jump nor a twin has deviated."""
-    jumped = fault.channel in JUMP_RESIDUALS and fault.channel in symbols
-    return fault.mode in IMMEDIATE_MODES and not jumped and not any(t in symbols for t in TWINS)
 
 
 def _own(fault: Fault, channels: Collection[str], symbol: str, what: str) -> FaultSignature:

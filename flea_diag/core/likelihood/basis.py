@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,10 +21,14 @@ class UnitTerm:
 
 @dataclass(frozen=True, eq=False)
 class Basis(Frozen):
-    """Names of the basis signals, in the order of every row of regressors, and the unit terms."""
+    """Names of the basis signals, in the order of every row of regressors, and the unit terms.
+
+    ``differences`` is what healthy units differ by, in the order of every tolerance.
+    """
 
     names: tuple[str, ...]
     unit_terms: tuple[UnitTerm, ...] = ()
+    differences: tuple[str, ...] = UNIT_PARAMETERS
 
     @cached_property
     def column(self) -> dict[str, int]:

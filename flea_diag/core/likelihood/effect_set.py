@@ -22,9 +22,13 @@ from flea_diag.core.likelihood.sensor_models import ELAPSED, expected, sensor_mo
 from flea_diag.core.likelihood.symbolic_model import SymbolicModel
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
-from flea_diag.core.residuals.residual_rows import TEMPERATURES
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
-from flea_diag.core.residuals.unit_difference import WEIGHED_PARAMETERS, heating_rate
+from flea_diag.core.residuals.unit_difference import (
+    WEIGHED_PARAMETERS,
+    heating_rate,
+    unit_differences,
+)
 from flea_diag.core.symbolic.expression import (
     ONE,
     Constant,
@@ -68,6 +72,21 @@ class EffectSet(Frozen):
         """Faults that move a relation."""
         return frozenset(model.fault for model in self.models if model.effects)
 
+    @property
+    def residuals(self) -> ResidualSet:
+        """The residuals of the stand."""
+        return self.relations.residuals
+
+    @property
+    def temperatures(self) -> tuple[str, ...]:
+        """Channels that are predicted, in the order of the residuals by prediction."""
+        return tuple(self.residuals.predictions.values())
+
+    @property
+    def differences(self) -> tuple[str, ...]:
+        """What healthy units differ by, in the order of their tolerances."""
+        return unit_differences(self.residuals.predictions)
+
     @cached_property
     def signals(self) -> tuple[str, ...]:
         """What ``columns`` takes as ``x``.
@@ -75,7 +94,7 @@ class EffectSet(Frozen):
         Signals of the relations, expected temperatures, shapes, and what this stand lacks.
         """
         lacking = [name for name in MOTION if name not in self.relations.signals]
-        temperatures = [expected(name).name for name in TEMPERATURES]
+        temperatures = [expected(name).name for name in self.temperatures]
         return (*self.relations.signals, *temperatures, *self.shapes, *lacking)
 
     @cached_property
@@ -111,7 +130,7 @@ class EffectSet(Frozen):
             UnitTerm(e.residual, difference, name_of(e.basis), float(evaluate(e.gain, values)))
             for difference, e in self.units
         ]
-        return Basis(self.names, tuple(found))
+        return Basis(self.names, tuple(found), self.differences)
 
 
 ZERO_AT_FIRST: dict[Expression, Expression] = {ELAPSED: Constant(0.0)}
@@ -133,7 +152,7 @@ def effect_set(relations: RelationSet, faults: Iterable[Fault]) -> EffectSet:
             sensor_models(fault, rules, relations) if fault.channel else plant_models(fault, rules)
         )
     ]
-    units = (*_of_parameters(rules), *_of_temperatures())
+    units = (*_of_parameters(rules), *_of_temperatures(relations.residuals.predictions))
     used = [effect.basis for model in models for effect in model.effects]
     used += [effect.basis for _, effect in units]
     basis = dict.fromkeys((ONE, ELAPSED, *map(Variable, MOTION), *used))
@@ -148,12 +167,12 @@ def _of_parameters(rules: EffectRules) -> tuple[tuple[str, FaultEffect], ...]:
     )
 
 
-def _of_temperatures() -> Iterable[tuple[str, FaultEffect]]:
+def _of_temperatures(predicted: Iterable[str]) -> Iterable[tuple[str, FaultEffect]]:
     """A part that heats up faster than its node by 1 K/s.
 
     The estimate that is frozen at the detection has lagged behind by its time of correction.
     """
-    for name in TEMPERATURES:
+    for name in predicted:
         rate = heating_rate(name)
         yield rate, FaultEffect(name, ONE, Constant(CORRECTION_S))
         yield rate, FaultEffect(name, ELAPSED, ONE)

@@ -14,22 +14,18 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.likelihood.fault_models import FaultModel
-from flea_diag.core.residuals.residual import PARITY_NAMED
+from flea_diag.core.residuals.residual_rows import ResidualSet
 
 Array = npt.NDArray[np.float64]
 Effects = dict[tuple[str, str, int], float]
 """Residual, regressor and number of the size -> gain."""
 
 
-def required_channels(residual: str) -> tuple[str, ...]:
-    """Channels without which a residual that is weighed cannot be formed."""
-    parity = PARITY_NAMED.get(residual)
-    return parity.needs if parity is not None else (residual,)
-
-
-def computable(residuals: Iterable[str], bad: Collection[str]) -> tuple[str, ...]:
+def computable(
+    known: ResidualSet, residuals: Iterable[str], bad: Collection[str]
+) -> tuple[str, ...]:
     """Of these residuals those that are left without the channels that are bad."""
-    return tuple(name for name in residuals if not set(required_channels(name)) & set(bad))
+    return tuple(name for name in residuals if not set(known.named[name].needs) & set(bad))
 
 
 def isolable(

@@ -29,7 +29,7 @@ from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.bounded_systems import BoundedSystems
 from flea_diag.core.likelihood.fault_models import FaultModel, Term
 from flea_diag.core.likelihood.model_stack import ModelStack
-from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES, Unit
+from flea_diag.core.residuals.unit_difference import Unit
 
 Array = npt.NDArray[np.float64]
 
@@ -136,7 +136,7 @@ class NormalEquations:
         """Fits of all ``models``, in their order.
 
         ``sigma`` is the nominal scatter of each residual and ``correlation`` the samples to
-        one independent sample; ``tolerance`` is in the order of ``UNIT_DIFFERENCES``. The
+        one independent sample; ``tolerance`` is in the order of the basis's differences. The
         unit's ``baseline``, in the residuals ``baseline_residuals``, narrows that tolerance.
         """
         self._fold()
@@ -145,7 +145,7 @@ class NormalEquations:
         unit = Unit.of(tolerance)
         if baseline is not None:
             known = weight * [name in baseline_residuals for name in self.residuals]
-            shown = baseline._stack((None,)).systems(known, Unit.unknown())
+            shown = baseline._stack((None,)).systems(known, Unit.unknown(len(tolerance)))
             unit = unit.shown(shown.A[0], shown.b[0])
         stacks = [self._stack(alike) for alike in _of_equal_size(models)]
         systems = [stack.systems(weight, unit) for stack in stacks]
@@ -287,13 +287,13 @@ def _designs(
 
 def _design(terms: tuple[Term, ...], residual: str, count: int, basis: Basis) -> Array:
     """How sizes and unit parameters enter one residual, shape (signals, parameters)."""
-    design = np.zeros((len(basis.names), count + len(UNIT_DIFFERENCES)))
+    design = np.zeros((len(basis.names), count + len(basis.differences)))
     for term in terms:
         if term.residual == residual:
             design[basis.column[term.regressor], term.index] += term.gain
     for own in basis.unit_terms:
         if own.residual == residual:
-            place = count + UNIT_DIFFERENCES.index(own.difference)
+            place = count + basis.differences.index(own.difference)
             design[basis.column[own.regressor], place] += own.gain
     return design
 

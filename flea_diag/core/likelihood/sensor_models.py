@@ -18,7 +18,6 @@ from flea_diag.core.likelihood.effects import EffectRules, Effects, FaultEffect,
 from flea_diag.core.likelihood.symbolic_model import SymbolicModel
 from flea_diag.core.residuals.parity import rate_symbol
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import TEMPERATURES
 from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.core.symbolic.expression import ONE, ZERO, Constant, Expression, Variable, symbols
 
@@ -71,13 +70,13 @@ def sensor_models(
     the tests of single sensors judge.
     """
     rule = _MODES.get(fault.mode)
-    known = fault.channel in (*TEMPERATURES, *relations.units_of)
+    known = fault.channel in (*relations.residuals.predictions.values(), *relations.units_of)
     return () if rule is None or not known else rule(_error(fault, rules, relations))
 
 
 def _error(fault: Fault, rules: EffectRules, relations: RelationSet) -> ReadingError:
     channel, low, high = fault.channel, *fault.errors.factors
-    if channel in TEMPERATURES:
+    if channel in relations.residuals.predictions.values():
         reading: Signal = ((expected(channel), ONE),)
         shares = low - 1.0, high - 1.0
         gains, drift = _of_prediction(channel, relations), fault.errors.drift

@@ -12,37 +12,35 @@ numpy it is ``stages.state_estimate.StateEstimate`` with ``normalised``.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core import backend as backends
 from flea_diag.core.observers.driven_model import STATES
-from flea_diag.core.observers.observer_block import ALL, PREDICTED, Innovations
-from flea_diag.core.residuals.residual_rows import (
-    INNOVATION_CHANNELS,
-    INNOVATION_COLUMNS,
-    INNOVATION_INDEX,
-)
+from flea_diag.core.observers.observer_block import ALL, Innovations
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-TESTED = np.array([PREDICTED.index(channel) for channel in INNOVATION_CHANNELS])
-"""Places of the channels whose innovations are tested."""
 SPEED = STATES.index("speed_m_s")
-_FIRST = INNOVATION_COLUMNS.start
+TESTED, FIRST = (0,), 0
+"""In place of those of a stand: see ``output_of``."""
 
 
-def normalised(told: Innovations) -> Array:
+def normalised(told: Innovations, tested: tuple[int, ...]) -> Array:
     """Innovations over their sigmas, each as it is and times the sign of the estimated speed.
 
-    Shape (scans, columns), order of ``INNOVATION_INDEX``; NaN where nothing was measured.
+    Shape (scans, columns), order of ``ResidualSet.innovations``; NaN where nothing was measured.
+    ``tested`` are the places of the channels whose innovations are tested.
     """
-    sigma = told.sigmas.take(TESTED, axis=1)
+    sigma = told.sigmas.take(tested, axis=1)
     sigma[~(sigma > 0.0)] = math.nan
-    found = np.empty((len(sigma), len(INNOVATION_INDEX)))
-    np.divide(told.residuals.take(TESTED, axis=1), sigma, out=found[:, ::2])
+    found = np.empty((len(sigma), 2 * len(tested)))
+    np.divide(told.residuals.take(tested, axis=1), sigma, out=found[:, ::2])
     sign = np.copysign(1.0, told.means[:, SPEED, None])
     np.multiply(found[:, ::2], sign, out=found[:, 1::2])
     return found
@@ -71,5 +69,13 @@ def output_loops(
             sigma, found = row[2 * ALL + TESTED[k]], math.nan
             if testable[i] and not frozen and sigma > 0.0:
                 found = row[ALL + TESTED[k]] / sigma
-            values[i, _FIRST + 2 * k] = found
-            values[i, _FIRST + 2 * k + 1] = found * sign
+            values[i, FIRST + 2 * k] = found
+            values[i, FIRST + 2 * k + 1] = found * sign
+
+
+@lru_cache(maxsize=8)
+def output_of(tested: tuple[int, ...], first: int) -> Callable[..., None]:
+    """``output_loops``, compiled; ``first`` is the column of the first innovation."""
+    loop = backends.bound(output_loops, TESTED=tested, FIRST=first)
+    made: Callable[..., None] = backends.exact(loop)
+    return made

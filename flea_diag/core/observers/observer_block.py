@@ -17,7 +17,7 @@ from flea_diag.core.observers.state_filter import Innovation
 from flea_diag.core.residuals.driven_equations import CHANNELS as MOVED
 from flea_diag.core.residuals.driven_equations import COMMAND as COMMANDED
 from flea_diag.core.residuals.driven_equations import HEATED
-from flea_diag.core.residuals.residual_rows import INDEX
+from flea_diag.core.residuals.residual_rows import ResidualSet
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -29,10 +29,6 @@ ABSURD = 1.0e6
 TEMPERATURES = (*HEATED, "ambient_temperature")
 """Readings that heated stores may exchange heat with, those of their own first."""
 
-MOTION = np.array([INDEX[name] for name in MOVED])
-INPUTS = np.array([INDEX[name] for name in DRIVEN_BY])
-COMMAND = INDEX[COMMANDED]
-DEGC = np.array([INDEX[name] for name in TEMPERATURES])
 
 P, ALL = len(MOVED), len(PREDICTED)
 WARM = 3 * P + len(STATES) + 2
@@ -50,6 +46,35 @@ ORDER = np.concatenate(
 )
 
 
+class ReadingColumns(NamedTuple):
+    """Where a row of readings holds what the filter takes, -1 where the stand lacks a channel."""
+
+    motion: tuple[int, ...]
+    inputs: tuple[int, ...]
+    command: int
+    degc: tuple[int, ...]
+
+    @classmethod
+    def of(cls, rows: ResidualSet) -> ReadingColumns:
+        """Of one stand."""
+        motion, inputs, degc = (
+            tuple(map(rows.channel, names)) for names in (MOVED, DRIVEN_BY, TEMPERATURES)
+        )
+        return cls(motion, inputs, rows.channel(COMMANDED), degc)
+
+
+def innovated_places(rows: ResidualSet) -> tuple[int, ...]:
+    """Places in ``PREDICTED`` of the channels whose innovations are tested."""
+    return tuple(PREDICTED.index(channel) for channel in rows.innovated)
+
+
+def _taken(rows: Array, columns: tuple[int, ...]) -> Array:
+    """These columns, NaN for one that is lacking."""
+    found = rows.take(columns, axis=1)
+    found[:, np.array(columns) < 0] = np.nan
+    return found
+
+
 class Scans(NamedTuple):
     """Readings of n scans as the filter takes them, NaN = not measured.
 
@@ -65,22 +90,26 @@ class Scans(NamedTuple):
     @classmethod
     def empty(cls, count: int) -> Scans:
         """Uninitialised arrays for ``count`` scans."""
-        y, held = np.empty((2, count, len(MOTION)))
-        return cls(np.empty((count, len(INPUTS))), y, held, np.empty((count, len(DEGC))))
+        y, held = np.empty((2, count, P))
+        return cls(np.empty((count, len(DRIVEN_BY))), y, held, np.empty((count, len(TEMPERATURES))))
 
     @classmethod
     def read(
-        cls, rows: Array, absent: Flags, command: tuple[float, float], driving: Flags
+        cls,
+        rows: Array,
+        columns: ReadingColumns,
+        absent: Flags,
+        command: tuple[float, float],
+        driving: Flags,
     ) -> Scans:
-        """From rows of ``CHANNELS``; without a voltage ``command`` (offset, gain) gives it."""
+        """From rows of readings; without a voltage ``command`` (offset, gain) gives it."""
         rows = np.where(np.abs(rows) < ABSURD, rows, np.nan)
-        y = rows.take(MOTION, axis=1)
+        y, u = _taken(rows, columns.motion), _taken(rows, columns.inputs)
         y[:, absent] = np.nan
-        u = rows.take(INPUTS, axis=1)
         lost = np.isnan(u[:, 0])
-        if lost.any():
-            u[lost, 0] = command[0] + command[1] * rows[lost, COMMAND]
-        return cls(u, y, np.where(driving, y, np.nan), rows.take(DEGC, axis=1))
+        if lost.any() and columns.command >= 0:
+            u[lost, 0] = command[0] + command[1] * rows[lost, columns.command]
+        return cls(u, y, np.where(driving, y, np.nan), _taken(rows, columns.degc))
 
 
 class Innovations(NamedTuple):

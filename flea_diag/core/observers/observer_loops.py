@@ -6,28 +6,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.observers.observer_block import (
-    ABSURD,
-    ALL,
-    COMMAND,
-    DEGC,
-    INPUTS,
-    MOTION,
-    ORDER,
-    P,
-)
+from flea_diag.core import backend as backends
+from flea_diag.core.observers.observer_block import ABSURD, ALL, ORDER, P, ReadingColumns
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 
-def sane_loops(value: float) -> float:
+COLUMNS = ReadingColumns((), (), -1, ())
+"""In place of those of a stand: see ``read_of``."""
+
+
+def sane_loops(row: Array, column: int) -> float:
     """A reading, NaN where it is none."""
+    if column < 0:
+        return math.nan
+    value: float = row[column]
     return value if abs(value) < ABSURD else math.nan
 
 
@@ -39,16 +40,16 @@ def read_loops(
     u, y, held, degc = scans
     for i in range(len(rows)):
         measured[i] = 0
-        for k in range(len(MOTION)):
-            y[i, k] = math.nan if absent[k] else sane_loops(rows[i, MOTION[k]])
+        for k in range(len(COLUMNS.motion)):
+            y[i, k] = math.nan if absent[k] else sane_loops(rows[i], COLUMNS.motion[k])
             held[i, k] = y[i, k] if driving[k] else math.nan
             measured[i] += not math.isnan(y[i, k])
-        for k in range(len(INPUTS)):
-            u[i, k] = sane_loops(rows[i, INPUTS[k]])
+        for k in range(len(COLUMNS.inputs)):
+            u[i, k] = sane_loops(rows[i], COLUMNS.inputs[k])
         if math.isnan(u[i, 0]):
-            u[i, 0] = command[0] + command[1] * sane_loops(rows[i, COMMAND])
-        for k in range(len(DEGC)):
-            degc[i, k] = sane_loops(rows[i, DEGC[k]])
+            u[i, 0] = command[0] + command[1] * sane_loops(rows[i], COLUMNS.command)
+        for k in range(len(COLUMNS.degc)):
+            degc[i, k] = sane_loops(rows[i], COLUMNS.degc[k])
 
 
 def join_loops(raw: Array, measured: Counts, table: Array) -> None:
@@ -65,5 +66,9 @@ def join_loops(raw: Array, measured: Counts, table: Array) -> None:
         table[i, -2] += total
 
 
-READ = (read_loops, sane_loops)
-"""What ``backend.exact`` takes: the function, and what it calls."""
+@lru_cache(maxsize=8)
+def read_of(columns: ReadingColumns) -> Callable[..., None]:
+    """``read_loops`` of one stand, compiled."""
+    loop = backends.bound(read_loops, COLUMNS=columns)
+    made: Callable[..., None] = backends.exact(loop, sane_loops)
+    return made

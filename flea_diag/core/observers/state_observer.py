@@ -25,9 +25,10 @@ from flea_diag.core.observers.observer_block import (
     TEMPERATURES,
     WARM,
     Innovations,
+    ReadingColumns,
     Scans,
 )
-from flea_diag.core.observers.observer_loops import READ, join_loops
+from flea_diag.core.observers.observer_loops import join_loops, read_of
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.particle_filter import ParticleFilter
 from flea_diag.core.observers.state_filter import Filter, Innovation
@@ -116,6 +117,7 @@ class StateObserver:
         noise = ObserverNoise() if noise is None else noise
         # What no sensor of this stand reads is predicted, too.
         known = relations.every or relations
+        self._columns = ReadingColumns.of(relations.residuals)
         self._stores = np.array(
             [
                 thermal_filter(
@@ -154,7 +156,7 @@ class StateObserver:
         Parameters
         ----------
         rows : shape (n, channels)
-            Order of ``residual_rows.CHANNELS``, NaN = not measured.
+            Order of ``ResidualSet.channels``, NaN = not measured.
         frozen : bool
             Compare, but correct nothing.
         """
@@ -178,10 +180,10 @@ class StateObserver:
         model = self._model
         absent, command, driving = model.absent, model.command, model.driving
         if not self._compiled:
-            read = Scans.read(rows, absent, command, driving)
+            read = Scans.read(rows, self._columns, absent, command, driving)
             return read, np.isfinite(read.y).sum(axis=1)
         scans, measured = Scans.empty(len(rows)), np.empty(len(rows), dtype=np.int64)
-        backends.exact(*READ)(rows, absent, command, driving, tuple(scans), measured)
+        read_of(self._columns)(rows, absent, command, driving, tuple(scans), measured)
         return scans, measured
 
     def _track(

@@ -16,29 +16,28 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.residuals.parity import channel_of
 from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
-from flea_diag.core.residuals.residual import PARITIES, STALL, Parity
-from flea_diag.core.residuals.residual_rows import INDEX
+from flea_diag.core.residuals.residual import STALL
+from flea_diag.core.residuals.residual_rows import Parity
 from flea_diag.core.residuals.thermal import ESTIMATE, RESIDUAL, PredictedStores, advance
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Rows = tuple[tuple[int, int, int], ...]
 
-_CURRENT, _ENCODER = INDEX["motor_current"], INDEX["motor_speed"]
-_POSITION = INDEX["actuator_position"]
-_MOTOR, _NUT = INDEX["motor_temperature"], INDEX["nut_temperature"]
-
 
 class SignalLayout(NamedTuple):
     """Where the functions of a relation set find their signals, and where their values go.
 
     ``places``: order of derivative and channel of each signal, -1 for what is no channel;
+    ``position`` and ``encoder``: channels whose slope, or value, is the speed, -1 without one.
     ``winding`` and ``direction``: indices of these two signals, -1 if no relation has them.
     ``values``: parity row, its relation, whether it is normalised; ``spreads``: row of the
     spreads, its relation among those that differ, the same.
     """
 
     places: tuple[tuple[int, int], ...]
+    position: int
+    encoder: int
     winding: int
     direction: int
     values: Rows
@@ -47,16 +46,18 @@ class SignalLayout(NamedTuple):
 
 def layout(known: RelationSet) -> SignalLayout:
     """Of one set of relations."""
+    rows, index = known.residuals.parities, known.residuals.index
     orders = [channel_of(name) for name in known.signals]
-    places = [(order, INDEX[name]) if name in INDEX else (-1, -1) for name, order in orders]
+    places = [(order, index[name]) if name in index else (-1, -1) for name, order in orders]
     winding = next(iter(known.predicted), "")
-    differing = [row for row in PARITIES if row.differs]
     return SignalLayout(
         tuple(places),
+        known.residuals.channel(known.residuals.position),
+        known.residuals.channel(known.residuals.encoder),
         known.signals.index(winding) if winding in known.signals else -1,
         known.signals.index(DIRECTION) if DIRECTION in known.signals else -1,
-        _rows(PARITIES, known.names),
-        _rows(differing, known.differing),
+        _rows(rows, known.names),
+        _rows([row for row in rows if row.differs], known.differing),
     )
 
 
@@ -101,7 +102,7 @@ def _unbound(p: Any, x: Array) -> Any:
 
 
 relations = spreads = drag = supplies = _unbound
-LAYOUT = SignalLayout((), -1, -1, (), ())
+LAYOUT = SignalLayout((), -1, -1, -1, -1, (), ())
 
 
 def parity_loops(p: Any, x: Array, direction: float, values: Array, spread: Array) -> None:
@@ -158,9 +159,10 @@ def bank_loops(
                 x[k] = smooth[i, order, channel]
         for k in range(len(shapes)):
             x[measured + k] = shapes[k, i]
-        speed, rate = first[_POSITION], first[_POSITION]
-        if p.encoder_m_per_rad != 0.0:
-            speed = value[_ENCODER] * p.encoder_m_per_rad
+        rate = first[LAYOUT.position] if LAYOUT.position >= 0 else math.nan
+        speed = rate
+        if LAYOUT.encoder >= 0 and p.encoder_m_per_rad != 0.0:
+            speed = value[LAYOUT.encoder] * p.encoder_m_per_rad
         moves = abs(speed) > moving_m_s or abs(rate) > moving_m_s
         still = still + 1 if not moves and abs(speed) <= moving_m_s else 0
         push, dry = drag(p, x)

@@ -64,3 +64,9 @@ class UnitTolerance:
     voltage_offset_v: float = 0.5
     current_offset_a: float = 0.15
     thermal_rate_k_per_s: float = 0.03
+
+
+UNIT_PARAMETERS = tuple(
+    entry.name for entry in fields(UnitTolerance) if entry.name != "thermal_rate_k_per_s"
+)
+"""Parameters in which healthy units of one design differ."""

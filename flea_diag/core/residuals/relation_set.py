@@ -25,6 +25,7 @@ from flea_diag.core.bond_graph.base_parameters import in_base, rewritten_in
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.residuals.prediction import Prediction, prediction
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.residuals.stop import Stop, stop_of
 from flea_diag.core.symbolic.collect import divided
 from flea_diag.core.symbolic.expression import (
@@ -66,7 +67,8 @@ class RelationSet(Frozen):
     Attributes
     ----------
     relations
-        In the order of the description.
+        Balances with friction first, then other balances, differences from a command, others; each
+        in the order of the description.
     signals
         What the functions take as ``x``, in this order; shapes come last.
     shapes
@@ -94,6 +96,8 @@ class RelationSet(Frozen):
         The same for every sensor of the description, fitted or not; None if these are.
     stop
         Ends of travel, and the relations that the reaction of a stop enters.
+    residuals
+        Of the description, whatever sensors are fitted.
     """
 
     relations: tuple[CompiledRelation, ...]
@@ -111,6 +115,7 @@ class RelationSet(Frozen):
     predictions: tuple[Prediction, ...] = ()
     every: RelationSet | None = None
     stop: Stop = field(default_factory=Stop)
+    residuals: ResidualSet = field(default_factory=lambda: ResidualSet({}, ()))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -191,7 +196,11 @@ class RelationSet(Frozen):
 
 
 def relation_set(
-    actuator: Actuator, names: Iterable[str], held: Collection[str], units: Sequence[str]
+    actuator: Actuator,
+    names: Iterable[str],
+    held: Collection[str],
+    units: Sequence[str],
+    unread: Collection[str] = (),
 ) -> RelationSet:
     """Compile those of the named residuals that the sensors of the actuator close.
 
@@ -201,19 +210,24 @@ def relation_set(
         Base parameters that a calibration holds; of all others the description's value counts.
     units
         Base parameters in which healthy units differ.
+    unread
+        Inputs that no channel reads.
     """
     rows, shapes = [], dict[Function, str]()
     push: Expression = ZERO
     dry: Expression = ZERO
     base = _Base.of(actuator, held)
     for name in names:
-        spec = actuator.residuals.get(name)
-        if spec is None or spec.normalised:
-            continue  # the bank multiplies by the direction
+        if name not in actuator.residuals:
+            continue
+        # The bank multiplies by the direction.
+        spec = replace(actuator.residuals[name], normalised=False)
         try:
             relation = parity_relation(actuator, spec)
         except ModelError:
             continue  # some sensor that it needs is not there
+        if set(relation.channels) & set(unread):
+            continue
         shaped = rewritten(base.form(relation.expression), lambda node: _shape(node, shapes))
         varying = {*relation.arguments, *actuator.predicted, *shapes.values()}
         read = tuple(symbol for symbol in symbols(shaped) if symbol in varying)
@@ -221,6 +235,7 @@ def relation_set(
         if DIRECTION in read and push == ZERO and spec.kind == "junction":
             bare = parity_relation(actuator, _without_friction(actuator, spec))
             push, dry = base.form(bare.expression), -derivative(shaped, DIRECTION)
+    rows.sort(key=lambda row: _rank(actuator, row))
     predictions = _predictions(actuator, base, shapes)
     named = MappingProxyType({name: shape for shape, name in shapes.items()})
     inside = [name for shape in shapes for name in symbols(shape)]
@@ -243,6 +258,13 @@ def relation_set(
         predictions,
         stop=stop_of(actuator, [row.name for row in rows]),
     )
+
+
+def _rank(actuator: Actuator, row: CompiledRelation) -> int:
+    """Place of a relation among those of other kinds."""
+    if row.kind != "difference":
+        return 0 if DIRECTION in row.signals else 1
+    return 3 if actuator.residuals[row.name].reference in actuator.sensors else 2
 
 
 def _predictions(

@@ -1,6 +1,6 @@
 """Residual bank: parity relations and thermal models evaluated on a stream of scans.
 
-``residual_rows.RESIDUALS`` is the whole set. The bank keeps the state that streaming needs (last
+``ResidualSet.rows`` is the whole set. The bank keeps the state that streaming needs (last
 rows, thermal states), none of detection. One row or many, in Python or compiled, give the same
 bits.
 """
@@ -16,22 +16,14 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.residuals.bank_loops import bank_of, layout, winding_of
-from flea_diag.core.residuals.parameters import ActuatorParameters, as_record
-from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual import (
-    STALL,
+from flea_diag.core.residuals.parameters import (
     UNIT_PARAMETERS,
-    Value,
-    direction,
+    ActuatorParameters,
+    as_record,
 )
-from flea_diag.core.residuals.residual_rows import (
-    CHANNELS,
-    INDEX,
-    RESIDUAL_INDEX,
-    RESIDUALS,
-    SPREAD_ROWS,
-    ResidualRows,
-)
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual import STALL, Value, direction
+from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.residuals.thermal import PredictedStores
 from flea_diag.core.smoothing import Smoother
 from flea_diag.core.symbolic.expression import FUNCTIONS, symbols
@@ -68,23 +60,25 @@ class ResidualBank:
         ]
         # numba knows no empty tuple of results.
         self._compiled = backends.chosen(backend) == "numba" and bool(relations.differing)
-        self._stores = PredictedStores.of(relations, INDEX, RESIDUAL_INDEX, start_samples)
+        rows = relations.residuals
+        self._stores = PredictedStores.of(relations, rows.index, rows.place, start_samples)
+        self._width, self._spreading = len(rows.rows), len(rows.spreading)
         self.adopt(parameters)
         self._period_s = period_s
         self._moving_m_s = moving_m_s
         self._kernel_length = kernel_length
         self._still = 0
-        self._smoother = Smoother(len(CHANNELS), kernel_length, period_s)
-        self.has_encoder = parameters.encoder_m_per_rad != 0.0
+        self._smoother = Smoother(len(rows.channels), kernel_length, period_s)
+        self.has_encoder = bool(rows.encoder) and parameters.encoder_m_per_rad != 0.0
 
     def step(self, rows: Array, frozen: bool) -> ResidualRows:
-        """Residuals of n >= 1 rows of ``CHANNELS``, one after the other; shape (n, channels).
+        """Residuals of n >= 1 rows of readings, one after the other; shape (n, channels).
 
         ``frozen`` stops every correction.
         """
         _, smooth = self._smoother.push(rows)
-        values = np.full((len(rows), len(RESIDUALS)), np.nan)
-        spread = np.zeros((len(rows), len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
+        values = np.full((len(rows), self._width), np.nan)
+        spread = np.zeros((len(rows), self._spreading, len(UNIT_PARAMETERS)))
         if self._compiled:
             return self._follow(rows, smooth, frozen, values, spread)
         x, motion, moving = self._signals(rows, smooth, frozen, values)
@@ -119,9 +113,10 @@ class ResidualBank:
         if self._layout.direction >= 0:
             row: Array = shapes[self._layout.direction - len(self._places)]
             return row
-        speeds = smooth[:, 1, INDEX["actuator_position"]]
+        position, encoder = self._layout.position, self._layout.encoder
+        speeds = smooth[:, 1, position] if position >= 0 else np.full(len(smooth), math.nan)
         if self.has_encoder:
-            speeds = smooth[:, 0, INDEX["motor_speed"]] * self._p.encoder_m_per_rad
+            speeds = smooth[:, 0, encoder] * self._p.encoder_m_per_rad
         return np.asarray(direction(self._p, speeds))
 
     def _measured(self, columns: Any) -> list[Value]:
@@ -156,11 +151,9 @@ class ResidualBank:
         columns = value, first, _ = _columns(smooth)
         x = self._measured(columns)
         x[len(x) - len(self._relations.shapes) :] = self._shapes(x)
-        position, encoder = INDEX["actuator_position"], INDEX["motor_speed"]
         # The encoder where there is one: then a position fault does not touch the speed.
-        lead = self._p.encoder_m_per_rad
-        speed = value[encoder] * lead if self.has_encoder else first[position]
-        way, moving = self._way(len(rows), x, (speed, first[position]))
+        speed, rate = self._speeds(value, first)
+        way, moving = self._way(len(rows), x, (speed, rate))
         if self._layout.direction >= 0:
             x[self._layout.direction] = way
         supplies = self._relations.functions["supplies"](self._p, x)
@@ -168,6 +161,12 @@ class ResidualBank:
         if self._layout.winding >= 0:
             x[self._layout.winding] = self._warm(before)
         return x, (speed, way), moving
+
+    def _speeds(self, value: Any, first: Any) -> tuple[Value, Value]:
+        """Speed, and slope of the position; numbers of one scan, else columns."""
+        position, encoder = self._layout.position, self._layout.encoder
+        rate = first[position] if position >= 0 else math.nan * first[0]
+        return value[encoder] * self._p.encoder_m_per_rad if self.has_encoder else rate, rate
 
     def _way(
         self, count: int, x: list[Value], speeds_m_s: tuple[Value, Value]

@@ -1,68 +1,29 @@
-"""All residuals, one row each, and the table of their values.
+"""The residuals of one stand, a row each, and the table of their values.
 
-A new residual is a row of ``RESIDUALS`` here and, for a parity relation, a row in
-``residual.PARITIES`` and in the description. ``residual_bank`` computes them; rows of single
-sensors are filled by ``sensor_tests``.
+What a stand has follows from its description (``residual_set``). ``residual_bank`` computes parity
+relations and predictions, ``sensor_tests`` the rows of single sensors, ``state_observer`` the
+innovations; this is their common order, and what all else looks up about a residual.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.residual import PARITIES, SPEED, Parity
-from flea_diag.core.sensors.sensor_tests import NAMES as SENSOR_TESTS
-from flea_diag.core.sensors.sensor_tests import channel_of
-from flea_diag.errors import shown
+from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
+from flea_diag.core.frozen import Frozen
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-CHANNELS = (
-    "motor_current",
-    "motor_voltage",
-    "commanded_voltage",
-    "motor_speed",
-    "actuator_position",
-    "load_position",
-    "load_force",
-    "motor_temperature",
-    "nut_temperature",
-    "ambient_temperature",
-)
-"""Channels that the diagnosis reads, in the order of every row in this module."""
-UNITS = {
-    "motor_current": "A",
-    "motor_voltage": "V",
-    "commanded_voltage": "V",
-    "motor_speed": "rad/s",
-    "actuator_position": "m",
-    "load_position": "m",
-    "load_force": "N",
-    "motor_temperature": "degC",
-    "nut_temperature": "degC",
-    "ambient_temperature": "degC",
-}
-"""Unit that the diagnosis takes each of these channels to be in."""
-ACCELEROMETER, ACCELERATION = "accelerometer_", "m/s^2"
-"""First part of the name of each axis of vibration, and its unit."""
-SPELLINGS = {
-    "A": ("ampere", "amperes"),
-    "V": ("volt", "volts"),
-    "rad/s": ("rad*s^-1", "rad s^-1"),
-    "m": ("meter", "meters", "metre", "metres"),
-    "N": ("newton", "newtons"),
-    "degC": ("C", "°C", "℃", "celsius", "Celsius"),
-    "m/s^2": ("m/s²", "m/s2", "m/s**2", "m*s^-2"),
-}
-"""Other spellings of the same unit."""
-INDEX = {name: index for index, name in enumerate(CHANNELS)}
-TEMPERATURES = ("motor_temperature", "nut_temperature", "ambient_temperature")
-
-INNOVATION_CHANNELS = ("motor_current", "motor_speed", "actuator_position")
-"""Channels whose prediction by the state observer is tested."""
+SPEED = "speed"
+"""Stands for the channel the speed comes from: the encoder, or the slope of the position."""
+WINDOWS = (50, 100, 400)
+"""Samples over which a residual is averaged before a test, but for tests of single sensors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,59 +39,208 @@ class ResidualRow:
     unit: str
     needs: tuple[str, ...]
     gate: str
-    windows: tuple[int, ...]
+    windows: tuple[int, ...] = WINDOWS
     isolates: bool = True
 
 
-def unit_refusal(channel: str, unit: str) -> str:
-    """Why a channel in this unit cannot be used; empty where it can, or its unit is unknown.
+@dataclass(frozen=True, slots=True)
+class Parity:
+    """One residual that is the value of a parity relation.
 
-    Values are not converted: a factor that is right for one channel hides a wrong one of another.
+    ``needs`` names the channels without which there is no residual, ``relation`` the relation that
+    it is the value of; ``gated`` says whether it needs motion, ``differs`` whether healthy units
+    differ in it, ``isolates`` whether it makes symbols.
     """
-    needed = ACCELERATION if channel.startswith(ACCELEROMETER) else UNITS.get(channel, "")
-    if not needed or unit in ("", needed, *SPELLINGS[needed]):
-        return ""
-    return f"{channel} is in {shown(unit)}, must be in {needed!r}: convert it at the source"
+
+    name: str
+    unit: str
+    needs: tuple[str, ...]
+    gated: bool
+    normalised: bool
+    relation: str
+    differs: bool
+    isolates: bool = True
+
+    @property
+    def row(self) -> ResidualRow:
+        """The same as a residual."""
+        gate = "moving" if self.gated else "always"
+        return ResidualRow(self.name, self.unit, self.needs, gate, isolates=self.isolates)
 
 
-PARITY_WINDOWS = (50, 100, 400)
-THERMAL_WINDOWS = (50, 100, 400)
+@dataclass(frozen=True, eq=False)
+class ResidualSet(Frozen):
+    """All residuals of one stand, in their order, and the channels that they read.
 
+    Attributes
+    ----------
+    units
+        Channel -> unit, in the order of the columns of a row of readings.
+    parities
+        Residuals by parity relations.
+    predictions
+        Residuals by prediction of a slow store, such as a temperature -> the channel predicted.
+    sensor_rows
+        Tests of single sensors, in the order in which ``sensor_tests`` fills them.
+    innovation_rows
+        Pairs of one channel predicted by the state observer, raw and direction-normalised; empty
+        where the description allows no state observer.
+    innovated
+        These channels.
+    positions
+        Channels that read a displacement.
+    encoder
+        Channel of the shaft's speed; empty: none.
+    friction
+        Relation that holds the friction, and with it the direction of motion; empty: none.
+    circuit
+        Balance of the motor circuit; empty: none.
+    zeros
+        Relation -> the offset of a unit's sensor that it fixes at the start of a stream.
+    twins
+        Differences between two sensors of one motion.
+    of_one_speed
+        Those of them between two speeds: sensors agree better than any interpolation of lost scans.
+    own
+        Residual that is in no signature table -> sensors whose faults alone move it.
+    """
 
-def _parity_row(row: Parity) -> ResidualRow:
-    gate = "moving" if row.gated else "always"
-    return ResidualRow(row.name, row.unit, row.needs, gate, PARITY_WINDOWS)
+    units: Mapping[str, str]
+    parities: tuple[Parity, ...]
+    predictions: Mapping[str, str] = field(default_factory=dict)
+    sensor_rows: tuple[ResidualRow, ...] = ()
+    innovation_rows: tuple[ResidualRow, ...] = ()
+    innovated: tuple[str, ...] = ()
+    positions: tuple[str, ...] = ()
+    encoder: str = ""
+    friction: str = ""
+    circuit: str = ""
+    zeros: Mapping[str, str] = field(default_factory=dict)
+    twins: tuple[str, ...] = ()
+    of_one_speed: tuple[str, ...] = ()
+    own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Channels that the diagnosis reads, in the order of the columns of every row."""
+        return tuple(self.units)
 
-def _innovation_rows(channel: str) -> tuple[ResidualRow, ResidualRow]:
-    needs = (channel, "motor_voltage", SPEED)
-    raw = ResidualRow(f"innovation_{channel}", "1", needs, "moving", PARITY_WINDOWS, False)
-    return raw, ResidualRow(f"{raw.name}_dn", "1", needs, "moving", PARITY_WINDOWS, False)
+    @cached_property
+    def index(self) -> Mapping[str, int]:
+        """Column of each channel."""
+        return {name: column for column, name in enumerate(self.channels)}
 
+    @cached_property
+    def motion(self) -> tuple[str, ...]:
+        """Channels of the motion: positions and encoder."""
+        return (*self.positions, *((self.encoder,) if self.encoder else ()))
 
-def together(columns: list[int]) -> slice:
-    """Columns that lie side by side, as those of one kind do, as a slice."""
-    start = columns[0] if columns else 0
-    assert columns == list(range(start, start + len(columns)))
-    return slice(start, start + len(columns))
+    @cached_property
+    def symptoms(self) -> SensorSymptoms:
+        """What isolation looks up about sensors."""
+        return SensorSymptoms(self.positions, self.motion, self.twins, self.own)
 
+    @property
+    def position(self) -> str:
+        """Channel whose slope is the speed without an encoder; empty: none."""
+        return next(iter(self.positions), "")
 
-RESIDUALS: tuple[ResidualRow, ...] = (
-    *(_parity_row(row) for row in PARITIES),
-    ResidualRow("motor_temperature", "K", ("motor_temperature",), "always", THERMAL_WINDOWS),
-    ResidualRow("nut_temperature", "K", ("nut_temperature",), "always", THERMAL_WINDOWS),
-    ResidualRow("ambient_temperature", "K", ("ambient_temperature",), "always", THERMAL_WINDOWS),
-    *(ResidualRow(name, "1", (channel_of(name),), "sensor", (1,)) for name in SENSOR_TESTS),
-    *(row for channel in INNOVATION_CHANNELS for row in _innovation_rows(channel)),
-)
-RESIDUAL_INDEX = {row.name: index for index, row in enumerate(RESIDUALS)}
-SENSOR_COLUMNS = together([j for j, row in enumerate(RESIDUALS) if row.gate == "sensor"])
-"""Filled by ``sensor_tests``, in its own order."""
-INNOVATION_INDEX = {name: at for name, at in RESIDUAL_INDEX.items() if name.startswith("innov")}
-"""Filled by the state observer, not by the bank."""
-INNOVATION_COLUMNS = together(list(INNOVATION_INDEX.values()))
-SPREAD_ROWS = tuple(RESIDUAL_INDEX[row.name] for row in PARITIES if row.differs)
-"""Residuals in which healthy units differ, in the order of ``ResidualRows.spread``."""
+    @cached_property
+    def rows(self) -> tuple[ResidualRow, ...]:
+        """All residuals."""
+        thermal = (ResidualRow(n, "K", (c,), "always") for n, c in self.predictions.items())
+        parities = (row.row for row in self.parities)
+        return (*parities, *thermal, *self.sensor_rows, *self.innovation_rows)
+
+    @cached_property
+    def place(self) -> Mapping[str, int]:
+        """Column of each residual."""
+        return {row.name: column for column, row in enumerate(self.rows)}
+
+    @cached_property
+    def named(self) -> Mapping[str, ResidualRow]:
+        """Residuals by name."""
+        return {row.name: row for row in self.rows}
+
+    @cached_property
+    def relations(self) -> tuple[str, ...]:
+        """Parity relations, in their order."""
+        return tuple(dict.fromkeys(row.relation for row in self.parities))
+
+    @cached_property
+    def weighed(self) -> tuple[str, ...]:
+        """Residuals that quantitative fault models explain: relations and predictions."""
+        return (*self.relations, *self.predictions)
+
+    @cached_property
+    def _relation(self) -> Mapping[str, str]:
+        return {row.name: row.relation for row in self.parities}
+
+    def relation(self, residual: str) -> str:
+        """The relation of a residual, normalised or not; any other is its own."""
+        return self._relation.get(residual, residual)
+
+    @cached_property
+    def required(self) -> tuple[str, ...]:
+        """Channels without which nothing can be diagnosed: those of the relation with friction."""
+        needs = self.named[self.friction].needs if self.friction else ()
+        speed = (self.position,) if SPEED in needs and self.position else ()
+        return (*(name for name in needs if name != SPEED), *speed)
+
+    @cached_property
+    def spreading(self) -> tuple[int, ...]:
+        """Columns in which healthy units differ, in the order of ``ResidualRows.spread``."""
+        return tuple(self.place[row.name] for row in self.parities if row.differs)
+
+    @cached_property
+    def sensor_columns(self) -> slice:
+        """Columns of the tests of single sensors."""
+        start = len(self.parities) + len(self.predictions)
+        return slice(start, start + len(self.sensor_rows))
+
+    @cached_property
+    def innovation_columns(self) -> slice:
+        """Columns of the innovations."""
+        return slice(self.sensor_columns.stop, len(self.rows))
+
+    @cached_property
+    def innovations(self) -> tuple[str, ...]:
+        """Names of the innovations."""
+        return tuple(row.name for row in self.innovation_rows)
+
+    @cached_property
+    def predicted_columns(self) -> list[int]:
+        """Columns of residuals by prediction."""
+        return [self.place[name] for name in self.predictions]
+
+    @cached_property
+    def isolating(self) -> Flags:
+        """Which residuals make symbols, shape (residuals,)."""
+        return np.array([row.isolates for row in self.rows], dtype=bool)
+
+    def column(self, residual: str) -> int:
+        """Column of a residual; -1 where the stand lacks it."""
+        return self.place.get(residual, -1)
+
+    def channel(self, name: str) -> int:
+        """Column of a channel; -1 where the stand lacks it."""
+        return self.index.get(name, -1)
+
+    def of_relation(self, relation: str) -> list[int]:
+        """Columns of the values of one relation, normalised or not."""
+        return self.of_relations((relation,))
+
+    def of_relations(self, relations: Collection[str]) -> list[int]:
+        """Columns of the values of these relations."""
+        return [self.place[row.name] for row in self.parities if row.relation in relations]
+
+    def needing(self, *channels: str) -> list[int]:
+        """Columns of the residuals that need all of these channels."""
+        return [j for j, row in enumerate(self.rows) if set(channels) <= set(row.needs)]
+
+    def columns(self, names: Iterable[str]) -> list[int]:
+        """Columns of these residuals."""
+        return [self.place[name] for name in names]
 
 
 @dataclass(slots=True)
@@ -139,12 +249,12 @@ class ResidualRows:
 
     Not frozen: cross-checks of channels drop unusable values.
 
-    ``values`` has shape (n, residuals), order of ``RESIDUALS``, and ``spread`` (n, ``SPREAD_ROWS``,
-    unit parameters): d r / d theta of healthy units. ``signals``, shape (n, signals), are those of
-    the relations, in their order, smoothed, NaN where a channel is absent or bad. ``motion``, shape
-    (n, 2), is the speed at the nut, m/s, and the smooth sign of the motion, or of the push where
-    the actuator is stalled. ``moving``, (n,), includes a standstill under a force that moves any
-    healthy unit.
+    ``values`` has shape (n, residuals), order of ``ResidualSet.rows``, and ``spread`` (n,
+    ``ResidualSet.spreading``, unit parameters): d r / d theta of healthy units. ``signals``, shape
+    (n, signals), are those of the relations, in their order, smoothed, NaN where a channel is
+    absent or bad. ``motion``, shape (n, 2), is the speed at the nut, m/s, and the smooth sign of
+    the motion, or of the push where the actuator is stalled. ``moving``, (n,), includes a
+    standstill under a force that moves any healthy unit.
     """
 
     values: Array

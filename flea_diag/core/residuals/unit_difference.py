@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.residual import UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import TEMPERATURES
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 
 Array = npt.NDArray[np.float64]
 
@@ -29,15 +28,16 @@ def heating_rate(temperature: str) -> str:
     return f"{temperature}_rate_k_per_s"
 
 
-UNIT_DIFFERENCES = (*UNIT_PARAMETERS, *map(heating_rate, TEMPERATURES))
-"""What healthy units differ by: their parameters, and how they heat up."""
+def unit_differences(temperatures: Iterable[str]) -> tuple[str, ...]:
+    """What healthy units differ by: their parameters, and how their parts heat up."""
+    return (*UNIT_PARAMETERS, *map(heating_rate, temperatures))
 
 
 @dataclass(frozen=True, slots=True)
 class Unit:
     """What is known of a unit's own parameters, as a Gaussian in information form.
 
-    ``information`` has shape (differences, differences), order of ``UNIT_DIFFERENCES``, and
+    ``information`` has shape (differences, differences), order of ``unit_differences``, and
     ``vector`` is information times mean.
     """
 
@@ -50,9 +50,9 @@ class Unit:
         return cls(np.diag(1.0 / np.square(tolerance)), np.zeros(len(tolerance)))
 
     @classmethod
-    def unknown(cls) -> Unit:
-        """Nothing is known."""
-        return cls.of([np.inf] * len(UNIT_DIFFERENCES))
+    def unknown(cls, count: int) -> Unit:
+        """Nothing is known of so many differences."""
+        return cls.of([np.inf] * count)
 
     def shown(self, information: Array, vector: Array) -> Unit:
         """The same unit, after it has shown so much of itself."""

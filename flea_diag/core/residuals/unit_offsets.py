@@ -12,8 +12,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.parameters import UnitTolerance
-from flea_diag.core.residuals.residual import UNIT_PARAMETERS
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitTolerance
 
 Array = npt.NDArray[np.float64]
 
@@ -25,8 +24,6 @@ _WIDE = {
     "winding_resistance_ohm": 1.0,
     "back_emf_v_s_per_m": 30.0,
 }
-_CURRENT = UNIT_PARAMETERS.index("current_offset_a")
-_VOLTAGE = UNIT_PARAMETERS.index("voltage_offset_v")
 
 
 class OffsetLearning:

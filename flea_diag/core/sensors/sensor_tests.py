@@ -44,7 +44,7 @@ class SensorTestResults:
     """Results for a block of n rows.
 
     ``usable``: readings without the withheld ones, shape (n, channels). ``z``: test statistics,
-    shape (n, len(NAMES)), NaN where there is no test; ``k``: their limits, shape (len(NAMES),).
+    shape (n, tests), NaN where there is no test; ``k``: their limits, shape (tests,).
     """
 
     usable: Array
@@ -59,10 +59,15 @@ class SensorTests:
     ----------
     limits : nominal behaviour; a channel without one is not tested
     channels : names of the columns of a row
+    names : tests to be filled in, in the order of ``SensorTestResults.z``
     """
 
     def __init__(
-        self, limits: Sequence[SensorLimit], channels: Sequence[str], backend: str = "auto"
+        self,
+        limits: Sequence[SensorLimit],
+        channels: Sequence[str],
+        backend: str = "auto",
+        names: Sequence[str] = NAMES,
     ) -> None:
         self._compiled = backends.chosen(backend) == "numba"
         self._limits = tuple(limit for limit in limits if limit.channel in channels)
@@ -81,22 +86,22 @@ class SensorTests:
         self.stuck = dict.fromkeys(self._names, 0)
         """Number of readings of each channel held longer than chance allows."""
         self._places = {
-            test: np.array([NAMES.index(f"{name}_{test}") for name in self._names], dtype=int)
+            test: np.array([names.index(f"{name}_{test}") for name in self._names], dtype=int)
             for test in TESTS
         }
         self._steps = [
-            (NAMES.index(limit.channel), index)
+            (names.index(limit.channel), index)
             for index, limit in enumerate(self._limits)
             if limit.step > 0.0
         ]
         self._step_places = np.array([place for place, _ in self._steps], dtype=int)
         self._stepping = np.array([index for _, index in self._steps], dtype=int)
         self._sizes = np.array([self._limits[index].step for _, index in self._steps])
-        self.k = self._all_limits()
+        self.k = self._all_limits(len(names))
         self._calm = np.where(np.isnan(self.k), np.nan, 0.0)
 
-    def _all_limits(self) -> Array:
-        k = np.full(len(NAMES), np.nan)
+    def _all_limits(self, count: int) -> Array:
+        k = np.full(count, np.nan)
         for limit, noise, stuck, dropout in zip(
             self._limits, *(self._places[test] for test in TESTS), strict=True
         ):

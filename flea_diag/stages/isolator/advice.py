@@ -38,7 +38,7 @@ class Advice:
             models,
             {limit.name: limit.sigma[0] for limit in limits},
             {limit.name: limit.correlation_samples for limit in limits},
-            knowledge.calibration.differences(),
+            knowledge.calibration.differences(knowledge.effects.differences),
             parameters.drop_nats,
         )
         for motion in MOTIONS:  # cached now, so that no verdict waits for it

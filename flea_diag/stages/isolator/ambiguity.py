@@ -8,7 +8,8 @@ from flea_diag.core.choice.feature_choice import FeatureChooser
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
-from flea_diag.core.likelihood.isolability import computable, isolable, required_channels
+from flea_diag.core.likelihood.isolability import computable, isolable
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.stand_status import StandStatus
 from flea_diag.wire.records import BY_DESIGN
@@ -30,8 +31,9 @@ class Ambiguity:
         table: FaultFeatureTable,
         models: Sequence[FaultModel],
         quantified: Collection[str],
+        residuals: ResidualSet,
     ) -> None:
-        self._models = models
+        self._models, self._residuals = models, residuals
         self._quantified = tuple(quantified)
         self._chooser = FeatureChooser(table, "information")
         self._known: dict[tuple[tuple[str, ...], tuple[str, ...]], bool] = {}
@@ -43,7 +45,7 @@ class Ambiguity:
             return BY_EVIDENCE
         if not self._isolable(names, self._quantified):
             return self._vibration(stand, episode, alive)
-        left = computable(self._quantified, stand.bad)
+        left = computable(self._residuals, self._quantified, stand.bad)
         if len(left) < len(self._quantified) and not self._isolable(names, left):
             lost = ", ".join(channel for channel in stand.bad if self._is_required(channel))
             return f"not isolable without {lost}, {BY_DESIGN}; valid readings would isolate them"
@@ -68,4 +70,4 @@ class Ambiguity:
 
     def _is_required(self, channel: str) -> bool:
         """Whether a residual of the fault models needs this channel."""
-        return any(channel in required_channels(residual) for residual in self._quantified)
+        return any(channel in self._residuals.named[name].needs for name in self._quantified)

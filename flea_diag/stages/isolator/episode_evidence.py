@@ -16,7 +16,6 @@ Array = npt.NDArray[np.float64]
 
 MOTION_CHANNELS = {"actuator_position": "d_actuator_position", "motor_speed": "motor_speed"}
 """Channels of motion, and the signals that are their speeds."""
-MOTION_ONLY = ("parity_mechanical",)
 MOVING_M_S = 0.010
 MOVED_SAMPLES = 50
 """Scans in motion since the detection after which a channel counts as alive."""
@@ -31,6 +30,7 @@ class EpisodeEvidence:
     detected_ns : stamp of the detection
     onset_ns : time after it in which scans are left out (smoothing transient)
     encoder_m_per_rad : travel of the nut by the angle that the encoder reads
+    friction : the residual with friction, evidence in motion alone
     """
 
     def __init__(
@@ -40,7 +40,9 @@ class EpisodeEvidence:
         detected_ns: int,
         onset_ns: int,
         encoder_m_per_rad: float,
+        friction: str,
     ) -> None:
+        self._friction = friction
         self.equations = NormalEquations(residuals, basis)
         self._basis = basis
         self._per_unit = np.array([1.0, encoder_m_per_rad])
@@ -59,7 +61,7 @@ class EpisodeEvidence:
         for column, name in enumerate(self.equations.residuals):
             if name in block.names:
                 values[:, column] = block.values[late, block.names.index(name)]
-                if name in MOTION_ONLY:
+                if name == self._friction:
                     values[~moving, column] = np.nan
         places = self._basis.column
         regressors = block.regressors[late, : len(places)]

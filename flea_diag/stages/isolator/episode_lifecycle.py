@@ -138,13 +138,15 @@ class EpisodeLifecycle:
         self._quantitative.interrupt_baseline()
         self.current = FaultEpisode(
             shared,
-            Isolation(self._k.faults, self._k.signatures),
+            self._k.effects.residuals,
+            Isolation(self._k.faults, self._k.signatures, self._k.effects.residuals.symptoms),
             EpisodeEvidence(
                 self._quantitative.names,
                 self._quantitative.basis,
                 shared.detected_ns,
                 self._onset_ns,
                 self._k.calibration.parameters.encoder_m_per_rad,
+                self._k.effects.residuals.friction,
             ),
             FeatureQuery(shared.detected_ns, self._window_ns, self._windows),
         )

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.isolation.isolation import Isolation
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.isolator.episode_evidence import EpisodeEvidence
 from flea_diag.stages.isolator.feature_query import FeatureQuery
 from flea_diag.wire.records import Detection, Symbols
 
-CIRCUIT = "parity_electrical"
 CONCLUSIVE_SAMPLES = 50
 """Scans of evidence before likelihoods or absent symptoms may drop a fault."""
 BOTH_WAYS_SAMPLES = 30
@@ -28,6 +28,7 @@ class FaultEpisode:
     """
 
     shared: Episode
+    residuals: ResidualSet
     isolation: Isolation
     evidence: EpisodeEvidence
     query: FeatureQuery
@@ -69,6 +70,7 @@ class FaultEpisode:
     def _is_unit_shift(self, residual: str) -> bool:
         """Whether this residual has only left its earlier level, in an episode vibration opened."""
         shared = self.shared
+        relation = self.residuals.relation
         return shared.opened_by_vibration and relation(residual) == relation(shared.opening_shift)
 
     @property
@@ -78,7 +80,7 @@ class FaultEpisode:
         A unit exchanged for another has another winding, and may have a fault of its screw.
         """
         deviating = (self.shared.opening_shift, *(residual for residual, _, _ in self.symbols))
-        return not self.shared.opened_by_vibration and all(map(_is_circuit, deviating))
+        return not self.shared.opened_by_vibration and all(map(self._is_circuit, deviating))
 
     @property
     def is_vibration_only(self) -> bool:
@@ -98,16 +100,11 @@ class FaultEpisode:
         well, which no drag causes.
         """
         seen = self.magnitudes()
-        if any(residual.startswith("parity_mech") for residual in seen) and CIRCUIT not in seen:
+        relations = {self.residuals.relation(residual) for residual in seen}
+        if self.residuals.friction in relations and self.residuals.circuit not in seen:
             return self.evidence.least_one_way >= BOTH_WAYS_SAMPLES
         return self.evidence.scans >= CONCLUSIVE_SAMPLES
 
-
-def relation(residual: str) -> str:
-    """The relation of a residual, with or without normalisation by the direction of motion."""
-    return residual.removesuffix("_dn")
-
-
-def _is_circuit(residual: str) -> bool:
-    """Whether this residual is of the relation of the winding."""
-    return relation(residual) == CIRCUIT
+    def _is_circuit(self, residual: str) -> bool:
+        """Whether this residual is of the relation of the winding."""
+        return bool(residual) and self.residuals.relation(residual) == self.residuals.circuit

@@ -54,7 +54,7 @@ class IsolatorStage:
     )
 
     def __init__(self, knowledge: Knowledge, parameters: IsolatorParameters) -> None:
-        self._calibration = knowledge.calibration
+        self._calibration, self._residuals = knowledge.calibration, knowledge.effects.residuals
         self._gating = parameters.gating
         self._merge = merge = Merge(
             Residual, round(parameters.watermark_s * 1e9), round(parameters.answer_limit_s * 1e9)
@@ -167,5 +167,5 @@ class IsolatorStage:
         return ()
 
     def _channel_table(self, record: ChannelTable) -> Records:
-        self._stand.take_table(record, mismatch(self._calibration, record))
+        self._stand.take_table(record, mismatch(self._calibration, record, self._residuals))
         return ()

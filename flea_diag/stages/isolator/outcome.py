@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.stages.isolator.ambiguity import Ambiguity
-from flea_diag.stages.isolator.fault_episode import FaultEpisode, relation
+from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
 from flea_diag.stages.isolator.stand_status import SEEN_MOVING, StandStatus, diverged, rested
 from flea_diag.wire.records import DRIVER_DEAD, STARVING, STREAM, Outcome
@@ -21,8 +21,6 @@ Decision = tuple[Outcome, str]
 
 EARLY_NS = 8_000_000_000
 """A deviation this soon after the start of the stream counts as present since the start."""
-NEEDED = ("motor_current", "load_force", "actuator_position")
-"""Without these channels nothing can be diagnosed."""
 DIVERGED = (
     "state observer diverged and no residual isolates a cause: the calibration does not fit this "
     "actuator, calibrate on its own recordings"
@@ -47,7 +45,8 @@ class OutcomeRules:
         self._explain_nats = parameters.explain_nats
         self._patience_ns = round(parameters.feature_patience_s * 1e9)
         self._rest_ns = parameters.rest_s * 1e9
-        self._ambiguity = Ambiguity(knowledge.features, models, quantified)
+        self._residuals = knowledge.effects.residuals
+        self._ambiguity = Ambiguity(knowledge.features, models, quantified, self._residuals)
 
     def decide(self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode | None) -> Decision:
         """Outcome and its words."""
@@ -86,7 +85,7 @@ class OutcomeRules:
 
     def _is_unexplained(self, episode: FaultEpisode, alive: list[Hypothesis]) -> bool:
         """Whether no quantified hypothesis explains the residuals better than 'no fault' does."""
-        deviating = {relation(residual) for residual, _, _ in episode.symbols}
+        deviating = {self._residuals.relation(name) for name, _, _ in episode.symbols}
         if not deviating or not deviating <= self._quantified:
             return False
         if any(h.fit is None for h in alive):
@@ -94,7 +93,7 @@ class OutcomeRules:
         return max(h.log_likelihood for h in alive) < self._explain_nats
 
     def _quiet(self, stamp_ns: int, stand: StandStatus) -> Decision:
-        bad = [channel for channel in NEEDED if channel in stand.bad]
+        bad = [channel for channel in self._residuals.required if channel in stand.bad]
         if STREAM in stand.bad:
             return Outcome.DATA_UNUSABLE, DRIVER_DEAD if bad else STARVING
         if bad:

@@ -12,29 +12,11 @@ from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.likelihood import Fit
 from flea_diag.core.likelihood.unit_baseline import UnitBaseline
-from flea_diag.stages.isolator.episode_evidence import MOTION_ONLY
-from flea_diag.stages.isolator.fault_episode import FaultEpisode, relation
+from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.wire.blocks import ResidualBlock, block_of
 from flea_diag.wire.records import Residual
 
 Array = npt.NDArray[np.float64]
-
-QUANTIFIED = (
-    "parity_mechanical",
-    "parity_electrical",
-    "parity_drive",
-    "parity_kinematic",
-    "parity_speed",
-    "motor_temperature",
-    "nut_temperature",
-    "ambient_temperature",
-)
-"""Residuals that the quantitative fault models explain."""
-BASELINE = ("parity_electrical",)
-"""Relations used for the baseline of the unit. Not the one with friction: a drag already present at
-start would be learned as baseline."""
-BASELINE_BEFORE_SHIFT = (*BASELINE, *MOTION_ONLY)
-"""Where the relation with friction left its earlier level, the drag began within the run."""
 
 
 class QuantitativeIsolation:
@@ -52,11 +34,17 @@ class QuantitativeIsolation:
 
     def __init__(self, calibration: Calibration, effects: EffectSet) -> None:
         limits, fitted = calibration.limits, calibration.parameters
-        self._tolerances = calibration.differences()
+        residuals = effects.residuals
+        self._friction = residuals.friction
+        # Not the relation with friction: a drag already present at start would be learned.
+        self._baseline_residuals = (residuals.circuit,)
+        # Where that relation left its earlier level, the drag began within the run.
+        self._before_shift = residuals.circuit, residuals.friction
+        self._tolerances = calibration.differences(effects.differences)
         self._sigma = {limit.name: limit.sigma[0] for limit in limits}
-        self._own_sigma = self._sigma | _own_sigma(calibration)
+        self._own_sigma = self._sigma | _own_sigma(calibration, self._before_shift)
         self._correlation = {limit.name: limit.correlation_samples for limit in limits}
-        self.names = tuple(name for name in QUANTIFIED if name in self._sigma)
+        self.names = tuple(name for name in residuals.weighed if name in self._sigma)
         self.basis = effects.basis_of(fitted)
         self.models = self._of_stand(effects.bound(fitted))
         self._of_vibration = self._of_stand(effects.bound(fitted, is_vibration_only=True))
@@ -102,9 +90,9 @@ class QuantitativeIsolation:
         values = np.full((len(block), len(self.names)), np.nan)
         resting = block.regressors[:, -1] <= 0.5
         for column, name in enumerate(self.names):
-            if name in BASELINE_BEFORE_SHIFT and name in block.names:
+            if name in self._before_shift and name in block.names:
                 values[:, column] = block.values[:, block.names.index(name)]
-                if name in MOTION_ONLY:
+                if name == self._friction:
                     values[resting, column] = np.nan
         return values, block.regressors[:, : len(self.basis.names)]
 
@@ -122,7 +110,9 @@ class QuantitativeIsolation:
             return ()
         baseline = self._baseline.evidence
         mechanical_shift = (
-            relation(shared.opening_shift) in MOTION_ONLY and not shared.opened_by_vibration
+            bool(shared.opening_shift)
+            and episode.residuals.relation(shared.opening_shift) == self._friction
+            and not shared.opened_by_vibration
         )
         own = baseline is not None and (mechanical_shift or vibration_only)
         return episode.evidence.equations.fit(
@@ -131,11 +121,11 @@ class QuantitativeIsolation:
             self._correlation,
             self._tolerances,
             baseline,
-            BASELINE_BEFORE_SHIFT if own else BASELINE,
+            self._before_shift if own else self._baseline_residuals,
         )
 
 
-def _own_sigma(calibration: Calibration) -> dict[str, float]:
+def _own_sigma(calibration: Calibration, residuals: tuple[str, ...]) -> dict[str, float]:
     """Scatter of the relations about the level of one unit, from the limits of their shift tests.
 
     The scatter over all recordings includes the variation between units.
@@ -143,7 +133,7 @@ def _own_sigma(calibration: Calibration) -> dict[str, float]:
     found = {}
     for shift in calibration.shifts:  # of one relation, the longest window comes last
         limit = calibration.limit(shift.name)
-        if shift.name in BASELINE_BEFORE_SHIFT and limit is not None:
+        if shift.name in residuals and limit is not None:
             independent = shift.window / limit.correlation_samples
             found[shift.name] = min(shift.sigma * math.sqrt(independent), limit.sigma[0])
     return found

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.residuals.residual_rows import unit_refusal
+from flea_diag.core.residuals.channel_units import unit_refusal
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.errors import shown
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
@@ -158,12 +159,12 @@ def diverged(stamp_ns: Any, lost_ns: Any) -> Any:
     return (lost_ns != NEVER_NS) & (stamp_ns - lost_ns >= LOST_NS)
 
 
-def mismatch(calibration: Calibration, table: ChannelTable) -> str:
+def mismatch(calibration: Calibration, table: ChannelTable, known: ResidualSet) -> str:
     """Why a calibration does not fit a stand with this channel table; empty where it does.
 
     A unit that is not that of the model comes first: no calibration fits such a stand.
     """
-    units = (unit_refusal(row.name, row.unit) for row in table.channels)
+    units = (unit_refusal(row.name, row.unit, known.units) for row in table.channels)
     if wrong := next(filter(None, units), ""):
         return wrong
     here = {row.name for row in table.channels}

@@ -46,7 +46,12 @@ class VerdictRecord:
         self._models = tuple(models)
         self._undetectable = tuple(
             (name, UNDETECTABLE)
-            for name in undetectable(knowledge.faults, self._models, knowledge.calibration)
+            for name in undetectable(
+                knowledge.faults,
+                self._models,
+                knowledge.calibration,
+                knowledge.effects.residuals.symptoms,
+            )
         )
         self._promise = knowledge.calibration.promise
         self._rules = OutcomeRules(knowledge, parameters, self._models, quantified)

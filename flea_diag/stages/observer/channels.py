@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
+from flea_diag.core.residuals.channel_units import VOLTAGE
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.sensors.channel_loops import glance_loops
 from flea_diag.core.sensors.quality import BEYOND_BOUNDS, ChannelMonitor
 from flea_diag.core.sensors.stale_rows import LEAST_CHANNELS, StaleRows
@@ -20,16 +21,16 @@ from flea_diag.wire.records import ChannelQuality, ChannelTable, Quality
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-VOLTAGE = INDEX["motor_voltage"]
 SENSOR_DEAD = "sensor dead, other channels valid: "
 """Prefix of the reason where one channel fails while others deliver values."""
 
 
 class ChannelReadings(NamedTuple):
-    """Readings of n scans in the order of ``CHANNELS``, shape (n, channels), NaN = not measured.
+    """Readings of n scans, shape (n, channels), NaN = not measured.
 
-    ``raw``: as received. ``usable``: also NaN where a value is out of range. ``steady``: whether a
-    value leaves the state of its channel unchanged; None where all of them do.
+    In the order of ``ResidualSet.channels``. ``raw``: as received. ``usable``: also NaN where a
+    value is out of range. ``steady``: whether a value leaves the state of its channel unchanged;
+    None where all of them do.
     """
 
     raw: Array
@@ -44,15 +45,19 @@ class Channels:
     something changes.
     """
 
-    def __init__(self, known: Iterable[str], distrust: str, backend: str = "auto") -> None:
+    def __init__(
+        self, rows: ResidualSet, known: Collection[str], distrust: str, backend: str = "auto"
+    ) -> None:
+        self._index, self._width = rows.index, len(rows.channels)
+        self._voltage = rows.channel(VOLTAGE)
         self._compiled = backends.chosen(backend) == "numba"
         self._distrust = distrust
-        self._monitors = {INDEX[name]: ChannelMonitor(name) for name in CHANNELS if name in known}
+        self._monitors = {k: ChannelMonitor(n) for n, k in rows.index.items() if n in known}
         self._layout: tuple[str, ...] = ()
         self._from = self._to = np.empty(0, dtype=int)
         self._said: tuple[str, ...] = ()
         self._steady_scans = 0
-        self._stale = StaleRows(len(CHANNELS))
+        self._stale = StaleRows(self._width)
         self._look()
 
     def take_ranges(self, table: ChannelTable) -> None:
@@ -67,12 +72,13 @@ class Channels:
         """Readings of n scans; a scan that repeats the one before in all channels has none."""
         layout = block.channels
         if layout != self._layout:
-            places = {INDEX[name]: k for k, name in enumerate(layout) if name in INDEX}
+            index = self._index
+            places = {index[name]: k for k, name in enumerate(layout) if name in index}
             to = [column for column in places if column in self._monitors]
             self._to = np.array(to, dtype=int)
             self._from = np.array([places[column] for column in to], dtype=int)
             self._layout = layout
-        raw = np.empty((len(block), len(CHANNELS)))
+        raw = np.empty((len(block), self._width))
         if self._compiled and self._glance(block.values, raw):
             return ChannelReadings(raw, raw, None)
         raw.fill(np.nan)
@@ -115,16 +121,17 @@ class Channels:
             self._steady_scans += len(rows)
             return len(rows)
         self._count()
-        as_before: Flags = np.ones(len(CHANNELS), dtype=bool)
+        as_before: Flags = np.ones(self._width, dtype=bool)
         if steady is not None:
             as_before = np.all(steady, axis=0)
-        as_before[VOLTAGE] &= believed
+        if self._voltage >= 0:
+            as_before[self._voltage] &= believed
         first = len(rows) if self._said else 0
         for column, monitor in self._monitors.items():
             if as_before[column]:
                 monitor.pass_over(len(rows))
             else:
-                doubted = trusted if column == VOLTAGE else np.ones_like(trusted)
+                doubted = trusted if column == self._voltage else np.ones_like(trusted)
                 first = min(first, self._step(monitor, stamps_ns, rows[:, column], doubted))
         self._look()
         self._said = tuple(monitor.state.quality for monitor in self._monitors.values())
@@ -155,9 +162,9 @@ class Channels:
 
     def _look(self) -> None:
         """Update the bounds within which a value leaves its channel's state unchanged."""
-        self._least, self._most = np.full((2, len(CHANNELS)), np.nan)
-        self._low, self._high = np.full((2, len(CHANNELS)), np.nan)
-        self._lacking = np.array([column not in self._monitors for column in range(len(CHANNELS))])
+        self._least, self._most = np.full((2, self._width), np.nan)
+        self._low, self._high = np.full((2, self._width), np.nan)
+        self._lacking = np.array([column not in self._monitors for column in range(self._width)])
         for column, monitor in self._monitors.items():
             self._least[column] = max(monitor.minimum, -BEYOND_BOUNDS)
             self._most[column] = min(monitor.maximum, BEYOND_BOUNDS)

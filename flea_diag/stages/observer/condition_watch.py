@@ -18,14 +18,10 @@ from flea_diag.core.conditions.condition import NAMED
 from flea_diag.core.conditions.contact import LONGEST_S, Contact
 from flea_diag.core.conditions.end_of_travel import EndOfTravel
 from flea_diag.core.conditions.lingering import Lingering
+from flea_diag.core.residuals.channel_units import COMMAND
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import (
-    INDEX,
-    INNOVATION_INDEX,
-    RESIDUALS,
-    ResidualRows,
-)
+from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
@@ -39,7 +35,6 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
 
-_COMMAND = INDEX["commanded_voltage"]
 SIDES = {-1: "lower", 1: "upper"}
 SAID = (Contact.HELD, Contact.LEAVING, Contact.OVERDUE)
 """States that are reported once there was contact."""
@@ -75,9 +70,11 @@ class ConditionWatch:
 
     def __init__(self, calibration: Calibration, relations: RelationSet) -> None:
         c = calibration
-        limit = c.limit("parity_electrical")
+        self._rows = relations.residuals
+        limit = c.limit(self._rows.circuit)
+        self._commanded = self._rows.channel(COMMAND)
         self._stop = relations.stop
-        self._columns = list(NAMED[END_OF_TRAVEL].columns(relations))
+        self._columns = NAMED[END_OF_TRAVEL].columns(relations)
         self._travel = EndOfTravel(
             relations,
             c.tolerance,
@@ -85,7 +82,7 @@ class ConditionWatch:
             c.period_s,
             KERNEL_LENGTH * c.period_s,
         )
-        self._command = list(NAMED["saturated_drive"].columns(relations))
+        self._command = NAMED["saturated_drive"].columns(relations)
         self._saturated = Lingering(KERNEL_LENGTH)
         self._range = -math.inf, math.inf
         self._void_drive: Flags | None = None
@@ -102,7 +99,7 @@ class ConditionWatch:
         stop = self._stop.within(ranges)
         if stop != self._travel.stop:
             self._travel.use(stop)
-        self._range = ranges.get("commanded_voltage", self._range)
+        self._range = ranges.get(COMMAND, self._range)
 
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
@@ -117,7 +114,9 @@ class ConditionWatch:
         voltage_usable: Flags,
     ) -> int:
         """Take n scans; the first that changes the state, or n."""
-        self._void_drive = self._saturated.step(at_limit(rows[:, _COMMAND], *self._range))
+        if self._commanded >= 0:
+            at_end = at_limit(rows[:, self._commanded], *self._range)
+            self._void_drive = self._saturated.step(at_end)
         turn = self._travel.step(p, rows, residuals, voltage_usable)
         contact, said = self._travel.contact, self._since_ns
         self.begins = None
@@ -157,7 +156,7 @@ class ConditionWatch:
         if self._travel.contact is Contact.OVERDUE:
             words += f" for more than {LONGEST_S:g} s: all relations tested again"
         else:
-            names = ", ".join(RESIDUALS[j].name for j in self._columns)
+            names = ", ".join(self._rows.rows[j].name for j in self._columns)
             words += f": {names} and the state observer not tested"
         return (ChannelQuality(END_OF_TRAVEL, Quality.SATURATED, self._since_ns, words),)
 
@@ -169,5 +168,5 @@ class ConditionWatch:
 
     def _contact(self) -> Voided:
         """What contact voids: the balances of the stopped part, and the state observer."""
-        columns = frozenset((*self._columns, *INNOVATION_INDEX.values()))
+        columns = frozenset((*self._columns, *self._rows.columns(self._rows.innovations)))
         return Voided(self._place(), columns, NAMED[END_OF_TRAVEL].takes_back_s)

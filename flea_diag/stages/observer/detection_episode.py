@@ -13,7 +13,7 @@ import numpy.typing as npt
 from flea_diag.core.detection import symbols
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.detection.symbols import SLOPE_S, UNKNOWN, SymbolState
-from flea_diag.core.residuals.residual_rows import RESIDUALS
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.stages.episode import Episode
 from flea_diag.stages.observer.condition_watch import Voided
 from flea_diag.wire.records import (
@@ -30,7 +30,6 @@ from flea_diag.wire.records import (
 Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
 
-ISOLATING = np.array([row.isolates for row in RESIDUALS])
 QUIET = 0.7
 """A test below this share of its limit is quiet."""
 
@@ -38,7 +37,8 @@ QUIET = 0.7
 class DetectionEpisode:
     """The open episode, if any: its symbols, and for how long all tests have been quiet."""
 
-    def __init__(self, rearm_after_s: float) -> None:
+    def __init__(self, known: ResidualSet, rearm_after_s: float) -> None:
+        self._rows, self._isolating = known.rows, known.isolating
         self._wait_ns = rearm_after_s * 1e9
         self._last_number = 0
         self.forget()
@@ -74,7 +74,7 @@ class DetectionEpisode:
         happens = results.deviating()
         if self.episode is None:
             return _first(np.any(happens, axis=1))
-        happens &= ISOLATING
+        happens &= self._isolating
         happens[:, list(self._symbols)] = False
         event = np.any(happens, axis=1)
         if self.episode.taken_over:
@@ -96,7 +96,7 @@ class DetectionEpisode:
         if self.episode is None:
             return self._open(stamp_ns, results, deviating) if deviating.any() else ()
         before = dict(self._symbols)
-        for j in np.flatnonzero(deviating & ISOLATING).tolist():
+        for j in np.flatnonzero(deviating & self._isolating).tolist():
             self._symbols.setdefault(j, symbols.crossed(*results.test(j), stamp_ns))
         if not self.episode.taken_over:
             for j, state in self._symbols.items():
@@ -125,7 +125,7 @@ class DetectionEpisode:
         z, k, shift = results.z[0], results.k[0], results.shift[0]
         self._symbols = {
             j: symbols.crossed(*results.test(j), stamp_ns)
-            for j in np.flatnonzero(deviating & ISOLATING).tolist()
+            for j in np.flatnonzero(deviating & self._isolating).tolist()
         }
         self._opened_by = frozenset(np.flatnonzero(deviating).tolist())
         # A shift and its witness deviate together: the shift is reported.
@@ -138,10 +138,10 @@ class DetectionEpisode:
                 stamp_ns,
                 self._last_number + 1,
                 True,
-                RESIDUALS[first].name,
+                self._rows[first].name,
                 float(z[first]),
                 float(k[first]),
-                _test(int(results.window[0, first]), float(shift[first]), RESIDUALS[first].unit),
+                _test(int(results.window[0, first]), float(shift[first]), self._rows[first].unit),
             )
         )
         # An innovation has no symbol: symbols follow once a relation deviates.
@@ -149,7 +149,7 @@ class DetectionEpisode:
 
     def _symbol_record(self, stamp_ns: int) -> Symbols:
         rows = (
-            Symbol(RESIDUALS[j].name, state.magnitude, state.slope, state.since_ns)
+            Symbol(self._rows[j].name, state.magnitude, state.slope, state.since_ns)
             for j, state in sorted(self._symbols.items(), key=lambda item: item[1].since_ns)
         )
         return Symbols(stamp_ns, self._last_number, tuple(rows))
@@ -161,7 +161,7 @@ class DetectionEpisode:
             return ()
         if stamp_ns - self.episode.detected_ns > voided.takes_back_s * 1e9:
             return ()
-        names = ", ".join(RESIDUALS[j].name for j in sorted(rests_on))
+        names = ", ".join(self._rows[j].name for j in sorted(rests_on))
         return (self.close(stamp_ns, f"{TAKEN_BACK}: {names} void {voided.words}"),)
 
     def close(self, stamp_ns: int, why: str) -> Detection:

@@ -11,21 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.residual import PARITIES
-from flea_diag.core.residuals.residual_rows import (
-    INNOVATION_INDEX,
-    RESIDUAL_INDEX,
-    TEMPERATURES,
-    ResidualRows,
-)
+from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.smoothing import KERNEL_LENGTH
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-FINE_COLUMNS = [RESIDUAL_INDEX["parity_speed"]]
-SPARSE_COLUMNS = [*(RESIDUAL_INDEX[row.name] for row in PARITIES), *INNOVATION_INDEX.values()]
-THERMAL_COLUMNS = [RESIDUAL_INDEX[name] for name in TEMPERATURES]
 MOST_FILLED = KERNEL_LENGTH // 2
 """Most lost scans in a kernel; beyond, it averages less noise than the limits assume."""
 
@@ -33,7 +24,10 @@ MOST_FILLED = KERNEL_LENGTH // 2
 class LostScans:
     """Interpolation between the last scans before a loss and the first after it."""
 
-    def __init__(self) -> None:
+    def __init__(self, known: ResidualSet) -> None:
+        parities = known.columns(row.name for row in known.parities)
+        self._sparse = [*parities, *known.columns(known.innovations)]
+        self._thermal, self._fine = known.predicted_columns, known.columns(known.of_one_speed)
         self._wait = 0
         self._filled: Flags = np.zeros(KERNEL_LENGTH - 1, dtype=bool)
         self.interrupt()
@@ -71,10 +65,10 @@ class LostScans:
         self._filled = filled[scans:]
         inside = np.lib.stride_tricks.sliding_window_view(filled, KERNEL_LENGTH).sum(axis=1)
         starved = inside > MOST_FILLED
-        residuals.leave_out(starved, SPARSE_COLUMNS)
-        residuals.leave_out(filled[-scans:], THERMAL_COLUMNS)
+        residuals.leave_out(starved, self._sparse)
+        residuals.leave_out(filled[-scans:], self._thermal)
         wrong = np.arange(scans) < self._wait
-        residuals.leave_out(wrong, FINE_COLUMNS)
+        residuals.leave_out(wrong, self._fine)
         self._wait -= int(np.count_nonzero(wrong))
         return bool(starved[-1])
 

@@ -42,7 +42,9 @@ class ObserverStage:
     ) -> None:
         self._chain = ObserverChain(calibration, effects, parameters)
         self._replay = BlockReplay()
-        self._records = ResidualRecords(calibration, self._chain.stream.regressor_names)
+        self._records = ResidualRecords(
+            effects.residuals, calibration, self._chain.stream.regressor_names
+        )
         self._table: ChannelTable | None = None
         self._verdict: AmbiguityGroup | None = None
 

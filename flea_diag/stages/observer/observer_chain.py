@@ -11,7 +11,6 @@ import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.likelihood.effect_set import EffectSet
-from flea_diag.core.residuals.residual_rows import INDEX, TEMPERATURES
 from flea_diag.core.sensors.unit_change import UnitChange
 from flea_diag.stages.observer.channels import ChannelReadings, Channels
 from flea_diag.stages.observer.detection_episode import DetectionEpisode
@@ -21,8 +20,6 @@ from flea_diag.stages.observer.state_estimate import StateEstimate
 from flea_diag.stages.observer.stream_order import StreamOrder
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import ChannelTable
-
-TEMPERATURE_COLUMNS = np.array([INDEX[name] for name in TEMPERATURES])
 
 
 class ObserverChain:
@@ -35,7 +32,9 @@ class ObserverChain:
         self._effects = effects
         self._parameters = parameters
         self.order = StreamOrder(round(calibration.period_s * 1e9), parameters.gap_scans)
-        self.episode = DetectionEpisode(parameters.rearm_after_s)
+        rows = effects.residuals
+        self._temperatures = np.array([rows.index[name] for name in effects.temperatures], int)
+        self.episode = DetectionEpisode(rows, parameters.rearm_after_s)
         self._unit = UnitChange()
         self.begin(0, None)
 
@@ -43,7 +42,7 @@ class ObserverChain:
         """Start a new stream; only counters of the stream order are kept."""
         c, p = self._calibration, self._parameters
         distrust = f"disagrees with current and motion by more than {c.voltage_limit_v:.1f} V"
-        self.channels = Channels(c.channels, distrust, p.observer_backend)
+        self.channels = Channels(self._effects.residuals, c.channels, distrust, p.observer_backend)
         estimate = StateEstimate(
             c, self._effects.relations, p.state_observer, p.observer_seed, p.observer_backend
         )
@@ -76,7 +75,7 @@ class ObserverChain:
 
     def other_unit(self, reading: ChannelReadings) -> int:
         """The first scan at which another unit is in use, or n."""
-        return self._unit.follow(reading.usable.take(TEMPERATURE_COLUMNS, axis=1))
+        return self._unit.follow(reading.usable.take(self._temperatures, axis=1))
 
     def examine(self, block: ScanBlock, reading: ChannelReadings) -> tuple[int, StreamOutput]:
         """The first scan at which a channel changes its state, or n; residuals and tests of all."""

@@ -11,20 +11,13 @@ import numpy.typing as npt
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION
-from flea_diag.core.residuals.residual_rows import (
-    INDEX,
-    RESIDUAL_INDEX,
-    TEMPERATURES,
-    ResidualRows,
-)
+from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.symbolic.expression import FUNCTIONS
 
 Array = npt.NDArray[np.float64]
 
 MOTION_NAMES = ("speed_m_s", "moving")
 """Columns behind those of the basis: speed at the nut, and 1 where it moves or is stalled."""
-_READ = np.array([INDEX[name] for name in TEMPERATURES])
-_APART = np.array([RESIDUAL_INDEX[name] for name in TEMPERATURES])
 
 
 class RegressorTable:
@@ -35,8 +28,11 @@ class RegressorTable:
         self._p = parameters
         self._columns, self._arguments = (effects.functions[k] for k in ("columns", "shapes"))
         self._shapes = [FUNCTIONS[shape.name] for shape in effects.shapes.values()]
+        rows, temperatures = effects.residuals, effects.temperatures
+        self._read = np.array([rows.index[name] for name in temperatures], dtype=int)
+        self._apart = np.array(rows.predicted_columns, dtype=int)
         self._signals = len(effects.relations.signals)
-        self._lacking = effects.signals[self._signals + len(TEMPERATURES) + len(self._shapes) :]
+        self._lacking = effects.signals[self._signals + len(temperatures) + len(self._shapes) :]
 
     def adopt(self, parameters: ActuatorParameters) -> None:
         """Use other parameters from now on."""
@@ -45,7 +41,7 @@ class RegressorTable:
     def rows(self, rows: Array, residuals: ResidualRows) -> Array:
         """Columns of ``names``, shape (n, names)."""
         # What each temperature should read; the reading itself shares the residual's noise.
-        told = rows.take(_READ, axis=1) - residuals.values.take(_APART, axis=1)
+        told = rows.take(self._read, axis=1) - residuals.values.take(self._apart, axis=1)
         if len(rows) == 1:
             x = residuals.signals[0].tolist() + told[0].tolist()
             speed, way = residuals.motion[0].tolist()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.residuals.residual_rows import RESIDUALS, ResidualRow
+from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualSet
 from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 
@@ -13,12 +13,13 @@ from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 class ResidualRecords:
     """Makes the records of one stand."""
 
-    def __init__(self, calibration: Calibration, regressor_names: tuple[str, ...]) -> None:
-        self._columns = np.array(
-            [j for j, row in enumerate(RESIDUALS) if _is_tested(row, calibration)]
-        )
+    def __init__(
+        self, known: ResidualSet, calibration: Calibration, regressor_names: tuple[str, ...]
+    ) -> None:
+        tested = [row.name for row in known.rows if _is_tested(row, calibration)]
+        self._columns = np.array(known.columns(tested), dtype=int)
         self._regressor_names = regressor_names
-        self._names = tuple(RESIDUALS[j].name for j in self._columns)
+        self._names = tuple(tested)
 
     def block(self, scans: ScanBlock, output: StreamOutput) -> ResidualBlock:
         """One record for each of these scans."""

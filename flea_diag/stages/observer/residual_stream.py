@@ -15,8 +15,9 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.observers.observer_block import PREDICTED
+from flea_diag.core.residuals.channel_units import COMMAND
 from flea_diag.core.residuals.residual_bank import ResidualBank
-from flea_diag.core.residuals.residual_rows import CHANNELS, SENSOR_COLUMNS, ResidualRows
+from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.stages.observer.condition_watch import ConditionWatch
 from flea_diag.stages.observer.lost_scans import LostScans
@@ -25,16 +26,12 @@ from flea_diag.stages.observer.residual_tests import ResidualTests
 from flea_diag.stages.observer.sensor_validation import SensorValidation
 from flea_diag.stages.observer.speed_trust import SpeedTrust
 from flea_diag.stages.observer.state_estimate import ObserverOutput, StateEstimate
-from flea_diag.stages.observer.voltage_trust import VOLTAGE_COLUMNS, VoltageTrust, VoltageVerdict
+from flea_diag.stages.observer.voltage_trust import VoltageTrust, VoltageVerdict
 from flea_diag.stages.observer.warm_up import Offsets, WarmUp
 from flea_diag.wire.records import ChannelTable, UnitOffset
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
-
-COMMAND = "commanded_voltage"
-"""Corroborates the measured voltage, where the stand has it."""
-_IS_PREDICTED = np.array([name in PREDICTED for name in CHANNELS])
 
 
 @dataclass(slots=True)
@@ -64,7 +61,9 @@ class ResidualStream:
         start_ns: int,
         backend: str,
     ) -> None:
-        c, relations = calibration, effects.relations
+        c, relations, known = calibration, effects.relations, effects.residuals
+        self._sensor_columns = known.sensor_columns
+        self._is_predicted = np.array([name in PREDICTED for name in known.channels], dtype=bool)
         self._p = c.parameters
         self._bank = ResidualBank(
             c.parameters,
@@ -73,16 +72,17 @@ class ResidualStream:
             kernel_length=KERNEL_LENGTH,
             backend=backend,
         )
+        # The command corroborates the measured voltage, where the stand has it.
         self._command = relations.signals.index(COMMAND) if COMMAND in relations.signals else None
-        self._sensors = SensorValidation(c, backend)
-        self._voltage = VoltageTrust(c.voltage_limit_v)
+        self._sensors = SensorValidation(known, c, backend)
+        self._voltage = VoltageTrust(known, c.voltage_limit_v)
         self._estimate = estimate
-        self._speed = SpeedTrust(self._bank.has_encoder)
-        self._lost = LostScans()
+        self._speed = SpeedTrust(known, self._bank.has_encoder)
+        self._lost = LostScans(known)
         self.conditions = ConditionWatch(c, relations)
-        self._warm_up: WarmUp | None = WarmUp(c, warm_up_s, start_ns)
+        self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s, start_ns)
         self._regressors = RegressorTable(effects, c.parameters)
-        self._tests = ResidualTests(c, estimate.runs, backend)
+        self._tests = ResidualTests(known, c, estimate.runs, backend)
         self.offsets: tuple[UnitOffset, ...] = ()
         """Learned offsets of this unit; empty until the warm-up is over."""
         self._period_ns = round(c.period_s * 1e9)
@@ -162,18 +162,18 @@ class ResidualStream:
         self, stamps_ns: Stamps, rows: Array, sensors: Array, frozen: bool, read: bool = True
     ) -> StreamOutput:
         residuals = self._bank.step(rows, frozen)
-        residuals.values[:, SENSOR_COLUMNS] = sensors
+        residuals.values[:, self._sensor_columns] = sensors
         alone = np.ones(len(rows), dtype=bool)
         if self._command is not None:
             alone = np.isnan(residuals.signals[:, self._command])
         voltage = self._voltage.judge(residuals, alone)
         if voltage.lost_at == 0:
-            self._tests.forget(VOLTAGE_COLUMNS)
+            self._tests.forget(self._voltage.columns)
         turn = len(rows)
         if read:
             turn = self.conditions.step(self._p, stamps_ns, rows, residuals, voltage.usable)
         # The filter predicts through missing scans by itself.
-        seen = rows if read else np.where(_IS_PREDICTED, np.nan, rows)
+        seen = rows if read else np.where(self._is_predicted, np.nan, rows)
         void = self.conditions.voids
         estimate = self._estimate.step(seen, voltage.usable, frozen, residuals.values, void)
         self.conditions.leave_out(residuals)

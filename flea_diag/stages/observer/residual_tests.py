@@ -8,22 +8,12 @@ import numpy.typing as npt
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.detection import Detector, TestResults
 from flea_diag.core.detection.mean_shift_test import MeanShiftTest
-from flea_diag.core.residuals.residual import UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import (
-    INNOVATION_INDEX,
-    RESIDUAL_INDEX,
-    RESIDUALS,
-    SENSOR_COLUMNS,
-    ResidualRows,
-)
-from flea_diag.stages.observer.lost_scans import THERMAL_COLUMNS
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
+from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.stages.observer.warm_up import Offsets
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-
-ELECTRICAL = RESIDUAL_INDEX["parity_electrical"]
-INNOVATION_ROWS = list(INNOVATION_INDEX.values())
 
 
 class ResidualTests:
@@ -32,13 +22,17 @@ class ResidualTests:
     ``estimates``: whether a state observer runs; without one no innovation is tested.
     """
 
-    def __init__(self, calibration: Calibration, estimates: bool, backend: str) -> None:
-        c = calibration
-        limits = [limit for limit in c.limits if estimates or limit.name not in INNOVATION_INDEX]
+    def __init__(
+        self, known: ResidualSet, calibration: Calibration, estimates: bool, backend: str
+    ) -> None:
+        c, self._known = calibration, known
+        self._sensors, self._circuit = known.sensor_columns, known.column(known.circuit)
+        self._innovations = known.columns(known.innovations)
+        limits = [limit for limit in c.limits if estimates or limit.name not in known.innovations]
         thermal = c.tolerance.thermal_rate_k_per_s
         self._tolerance = c.tolerance
-        self._z_tests = Detector(limits, c.tolerances(), thermal, backend)
-        self._mean_shift = MeanShiftTest(c.shifts, c.tolerances(), backend)
+        self._z_tests = Detector(known, limits, c.tolerances(), thermal, backend)
+        self._mean_shift = MeanShiftTest(known, c.shifts, c.tolerances(), backend)
         self._disabled: list[int] = []
 
     def step(
@@ -51,10 +45,11 @@ class ResidualTests:
         """
         residuals.values[:, self._disabled] = np.nan
         results = self._z_tests.step(residuals)
-        results.z[:, SENSOR_COLUMNS], results.k[:, SENSOR_COLUMNS] = sensors
+        results.z[:, self._sensors], results.k[:, self._sensors] = sensors
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;
         # what alternates with the motion (direction-normalised) still is one.
-        results.z[alone, ELECTRICAL] = np.nan
+        if self._circuit >= 0:
+            results.z[alone, self._circuit] = np.nan
         self._mean_shift.step(residuals, results, alone)
         return results
 
@@ -64,13 +59,13 @@ class ResidualTests:
 
     def disable_thermal(self) -> None:
         """Test no thermal residual until the episode is closed."""
-        self._disabled = THERMAL_COLUMNS
+        self._disabled = self._known.predicted_columns
 
     def turn(self, opened: bool) -> None:
         """An episode has opened: innovations are frozen. Or closed: every test is armed again."""
         if not opened:
             self._disabled = []
-        self._z_tests.forget(INNOVATION_ROWS if opened else range(len(RESIDUALS)))
+        self._z_tests.forget(self._innovations if opened else range(len(self._known.rows)))
         self._mean_shift.turn(opened)
 
     def adopt(self, offsets: Offsets) -> None:
@@ -82,4 +77,4 @@ class ResidualTests:
         self._mean_shift.adopt(list(change.values()))
         self._z_tests.adopt(list(change.values()), list(tolerance.values()))
         # How an innovation moves with a parameter is known in size alone.
-        self._z_tests.forget(INNOVATION_ROWS)
+        self._z_tests.forget(self._innovations)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.residuals.residual_rows import CHANNELS
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.sensors.position_step import SPAN
 from flea_diag.core.sensors.sensor_tests import SensorTests
 from flea_diag.wire.records import ChannelTable
@@ -20,8 +20,9 @@ Stamps = npt.NDArray[np.int64]
 class SensorValidation:
     """Sensor tests of one stream; a missing scan is an empty row to them, so no step spans it."""
 
-    def __init__(self, calibration: Calibration, backend: str) -> None:
-        self._tests = SensorTests(calibration.sensors, CHANNELS, backend)
+    def __init__(self, known: ResidualSet, calibration: Calibration, backend: str) -> None:
+        names = [row.name for row in known.sensor_rows]
+        self._tests = SensorTests(calibration.sensors, known.channels, backend, names)
         self._period_ns = round(calibration.period_s * 1e9)
         self.k = self._tests.k
         """Limit of each test, NaN where the calibration has none."""

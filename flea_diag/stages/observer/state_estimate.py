@@ -15,19 +15,17 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.observers import innovation_residual
-from flea_diag.core.observers.innovation_residual import output_loops
-from flea_diag.core.observers.observer_block import PREDICTED, Innovations
+from flea_diag.core.observers.innovation_residual import normalised, output_of
+from flea_diag.core.observers.observer_block import PREDICTED, Innovations, innovated_places
 from flea_diag.core.observers.state_observer import StateObserver
+from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import INDEX, INNOVATION_COLUMNS
 
 Array = npt.NDArray[np.float64]
 
 KINDS = {"particle": "optimal", "kalman": "kalman"}
 NONE = "none"
-_VOLTAGE, _COMMAND = INDEX["motor_voltage"], INDEX["commanded_voltage"]
 
 
 class ObserverOutput(NamedTuple):
@@ -46,7 +44,11 @@ class ObserverOutput(NamedTuple):
 
 
 class StateEstimate:
-    """A particle or Kalman filter on the scans of one stream, or no filter at all."""
+    """A particle or Kalman filter on the scans of one stream, or no filter at all.
+
+    None runs where the description names no innovations: it has no driven model, or no channels
+    for one.
+    """
 
     def __init__(
         self, calibration: Calibration, relations: RelationSet, kind: str, seed: int, backend: str
@@ -57,7 +59,10 @@ class StateEstimate:
         self._compiled = backends.chosen(backend) == "numba"
         self._pwm = calibration.voltage_sampling == "instant_pwm"
         self._observer: StateObserver | None = None
-        if kind != NONE:
+        known = relations.residuals
+        self._voltage, self._command = known.channel(VOLTAGE), known.channel(COMMAND)
+        self._innovated, self._columns = innovated_places(known), known.innovation_columns
+        if kind != NONE and self._innovated:
             self._observer = StateObserver(
                 calibration.parameters,
                 relations,
@@ -82,7 +87,7 @@ class StateEstimate:
         values: Array,
         void: bool = False,
     ) -> ObserverOutput:
-        """Take rows of ``CHANNELS`` and fill the innovations among their residuals ``values``.
+        """Take rows of readings and fill the innovations among their residuals ``values``.
 
         While the equations of motion are ``void`` the filter starts anew with every scan: it
         follows the readings and there is nothing to test.
@@ -100,17 +105,19 @@ class StateEstimate:
         self._frozen = frozen
         if not voltage_usable.all():
             rows = rows.copy()
-            rows[~voltage_usable, _VOLTAGE] = math.nan
+            rows[~voltage_usable, self._voltage] = math.nan
         found = observer.follow(rows, frozen)
         # A mean voltage that no command corroborates is an input: its own error would appear as
         # an innovation. Raw PWM is a measurement.
-        testable = ~np.isnan(rows[:, _COMMAND]) | self._pwm
+        testable = np.full(count, self._pwm)
+        if self._command >= 0:
+            testable |= ~np.isnan(rows[:, self._command])
         if self._compiled:
             return self._follow(found, testable, frozen, values)
-        values[:, INNOVATION_COLUMNS] = math.nan
+        values[:, self._columns] = math.nan
         if not frozen:
-            tested = innovation_residual.normalised(found)
-            values[testable, INNOVATION_COLUMNS] = tested[testable]
+            tested = normalised(found, self._innovated)
+            values[testable, self._columns] = tested[testable]
         sigmas = found.sigmas.take(self._at, axis=1)
         sigmas[sigmas == 0.0] = math.nan
         health = np.empty((count, 3))
@@ -137,7 +144,8 @@ class StateEstimate:
         count = len(testable)
         estimates, sigmas = np.empty((2, count, len(self._at)))
         told = estimates, sigmas, np.empty((count, 3))
-        backends.exact(output_loops)(tuple(found), testable, frozen, self._at, told, values)
+        loop = output_of(self._innovated, self._columns.start)
+        loop(tuple(found), testable, frozen, self._at, told, values)
         return ObserverOutput(self._channels, *told)
 
     def adopt(self, parameters: ActuatorParameters) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flea_diag.core.residuals.residual_rows import unit_refusal
+from flea_diag.core.residuals.channel_units import unit_refusal
 from flea_diag.errors import RecordingError, WireError, shown
 from flea_diag.tools.bags.recovery import mcap_files, merged
 from flea_diag.wire.bags import bag_layout as layout

@@ -80,12 +80,15 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(
             f"--false-alarms = {arguments.false_alarms} must be above 0 per hour"
         )
+    from flea_diag.configuration.description import compiled_relations
+
     if arguments.output.exists() and not arguments.force:
         raise ConfigurationError(f"{arguments.output} exists: use --force to overwrite it")
     if arguments.plots is not None:
         require("plot", "--plots")
     stand = chosen_stand(arguments, "actuator")
-    recordings, refused = read_nominal(arguments.bags)
+    known = compiled_relations(stand.actuator).residuals
+    recordings, refused = read_nominal(arguments.bags, known)
     found = learn(recordings, stand.actuator, arguments.false_alarms)
     calibration = found.calibration
     write_calibration(arguments.output, calibration)
@@ -203,10 +206,10 @@ def _calibration(
     from flea_diag.core.calibration import thresholds
     from flea_diag.core.calibration.calibration import Calibration
     from flea_diag.core.residuals.parameters import UnitTolerance
-    from flea_diag.core.residuals.residual_rows import INDEX
-    from flea_diag.core.sensors.sensor_limits import RESOLUTIONS, sensor_limits
+    from flea_diag.core.sensors.sensor_limits import sensor_limits
 
     first, runs = recordings[0], [recording.run for recording in recordings]
+    index = traces[0].rows.index
     period_s = first.period_s
     return Calibration(
         actuator=name,
@@ -227,7 +230,7 @@ def _calibration(
         ),
         observer_noise=innovations.noise,
         sensors=sensor_limits(
-            [{name: run.rows[:, INDEX[name]] for name in RESOLUTIONS} for run in runs],
+            [{name: run.rows[:, k] for name, k in index.items()} for run in runs],
             false_alarms_per_hour,
             period_s,
         ),
@@ -238,10 +241,11 @@ def _calibration(
 
 def _without_bad_voltage(run: NominalRun, trace: Trace) -> Any:
     """Rows with the voltage as NaN (not measured) where it failed its plausibility test."""
-    from flea_diag.core.residuals.residual_rows import INDEX
+    from flea_diag.core.residuals.channel_units import VOLTAGE
 
     rows = run.rows.copy()
-    rows[~trace.voltage_usable, INDEX["motor_voltage"]] = float("nan")
+    if VOLTAGE in trace.rows.index:
+        rows[~trace.voltage_usable, trace.rows.index[VOLTAGE]] = float("nan")
     return rows
 
 

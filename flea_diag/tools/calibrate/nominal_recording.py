@@ -12,6 +12,7 @@ from flea_diag.tools.terminal import progress, warn
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import NominalRun
+    from flea_diag.core.residuals.residual_rows import ResidualSet
     from flea_diag.wire.records import ChannelTable
 
 NOMINAL = ("", "nominal")
@@ -28,8 +29,13 @@ class NominalRecording:
     period_s: float
 
 
-def read_nominal(bags: Sequence[Path]) -> tuple[list[NominalRecording], list[str]]:
-    """Usable recordings, and the reasons against the others, which are also printed at once."""
+def read_nominal(
+    bags: Sequence[Path], known: ResidualSet
+) -> tuple[list[NominalRecording], list[str]]:
+    """Usable recordings, and the reasons against the others, which are also printed at once.
+
+    ``known`` names the channels that are read.
+    """
     recordings: list[NominalRecording] = []
     refused: list[str] = []
     seen: set[Path] = set()
@@ -39,27 +45,26 @@ def read_nominal(bags: Sequence[Path]) -> tuple[list[NominalRecording], list[str
             if bag.resolve() in seen:
                 raise CalibrationError(f"{bag} is given twice: list each recording once")
             seen.add(bag.resolve())
-            recordings.append(_read(bag))
+            recordings.append(_read(bag, known))
         except FleaError as error:
             refused.append(str(error))
             warn(str(error))
     return recordings, refused
 
 
-def _read(bag: Path) -> NominalRecording:
+def _read(bag: Path, known: ResidualSet) -> NominalRecording:
     """Rows, channels and period of one bag; a bag with a fault is refused."""
     import numpy as np
 
     from flea_diag.core.calibration.calibration import NominalRun
-    from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
 
-    table, stamps, measured = _content(bag)
+    table, stamps, measured = _content(bag, known)
     if len(stamps) < 2 or table is None:
         missing = "channel table" if table is None else "scans"
         raise CalibrationError(f"{bag}: no {missing} ({len(stamps)} scans)")
-    present = tuple(c for c in CHANNELS if np.isfinite(measured[:, INDEX[c]]).any())
+    present = tuple(c for c, k in known.index.items() if np.isfinite(measured[:, k]).any())
     voltage = table.info("motor_voltage")
-    _check_units(bag, table)
+    _check_units(bag, table, known)
     return NominalRecording(
         NominalRun(bag.name, measured),
         table.stand,
@@ -69,7 +74,7 @@ def _read(bag: Path) -> NominalRecording:
     )
 
 
-def _content(bag: Path) -> tuple[ChannelTable | None, list[int], Any]:
+def _content(bag: Path, known: ResidualSet) -> tuple[ChannelTable | None, list[int], Any]:
     """Channel table, stamps (ns), and inputs of the residual bank, shape (scans, channels)."""
     import numpy as np
 
@@ -77,7 +82,7 @@ def _content(bag: Path) -> tuple[ChannelTable | None, list[int], Any]:
     from flea_diag.wire.blocks import ScanBlock
     from flea_diag.wire.records import ChannelTable, Scan, Truth
 
-    rows: list[Any] = [_rows((), np.empty((0, 0)))]
+    rows: list[Any] = [_rows((), np.empty((0, 0)), known)]
     stamps: list[int] = []
     table: ChannelTable | None = None
     reader = BagReader(bag)
@@ -89,35 +94,33 @@ def _content(bag: Path) -> tuple[ChannelTable | None, list[int], Any]:
                 f"{bag}: truth is {shown(record.fault)}: calibration needs nominal recordings"
             )
         elif isinstance(record, ScanBlock):
-            rows.append(_rows(record.channels, record.values))
+            rows.append(_rows(record.channels, record.values, known))
             stamps += record.stamps_ns.tolist()
         elif isinstance(record, Scan):
-            rows.append(_rows(record.channels, np.array([record.values])))
+            rows.append(_rows(record.channels, np.array([record.values]), known))
             stamps.append(record.stamp_ns)
     for loss in reader.losses:
         warn(f"{bag}: {loss}")
     return table, stamps, np.concatenate(rows)
 
 
-def _rows(channels: Sequence[str], values: Any) -> Any:
+def _rows(channels: Sequence[str], values: Any, known: ResidualSet) -> Any:
     """Columns of the residual bank in its order; NaN for missing channels."""
     import numpy as np
 
-    from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
-
-    rows = np.full((len(values), len(CHANNELS)), np.nan)
+    rows = np.full((len(values), len(known.channels)), np.nan)
     for column, name in enumerate(channels):
-        if name in INDEX:
-            rows[:, INDEX[name]] = values[:, column]
+        if name in known.index:
+            rows[:, known.index[name]] = values[:, column]
     return rows
 
 
-def _check_units(bag: Path, table: ChannelTable) -> None:
+def _check_units(bag: Path, table: ChannelTable, known: ResidualSet) -> None:
     """Refuse a channel in another unit; unlike for a diagnosis, one without a unit, too."""
-    from flea_diag.core.residuals.residual_rows import unit_refusal
+    from flea_diag.core.residuals.channel_units import unit_refusal
 
     for row in table.channels:
-        words = unit_refusal(row.name, row.unit or "no unit")
+        words = unit_refusal(row.name, row.unit or "no unit", known.units)
         if words:
             raise CalibrationError(f"{bag}: {words}")
 

@@ -57,9 +57,7 @@ def draw(calibration: Calibration, traces: Sequence[Trace], folder: Path, kind: 
 
 
 def _panel(panel: Any, limit: ResidualLimit, trace: Trace, period_s: float) -> None:
-    from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS
-
-    row = RESIDUALS[RESIDUAL_INDEX[limit.name]]
+    row = trace.rows.named[limit.name]
     window = limit.windows[len(limit.windows) // 2]
     time_s = np.arange(len(trace.values)) * period_s
     mean, low, high = windowed(limit, window, trace)
@@ -80,12 +78,10 @@ def windowed(limit: ResidualLimit, window: WindowLimit, trace: Trace) -> tuple[A
     of healthy units is added.
     """
     from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S
-    from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS
 
-    index = RESIDUAL_INDEX[limit.name]
-    values = trace.values[:, index]
+    values = trace.values[:, trace.rows.place[limit.name]]
     tested = np.isfinite(values)
-    if RESIDUALS[index].gate == "moving":
+    if trace.rows.named[limit.name].gate == "moving":
         tested &= trace.moving
     mean, low, high = (np.full(len(values), np.nan) for _ in range(3))
     count = window.window

@@ -141,6 +141,7 @@ class RecordingSet:
             warn(f"{error}; runs that need this recording will fail")
 
     def _calibrate(self, fold: str, half: Sequence[RecordedRun]) -> None:
+        from flea_diag.configuration.description import compiled_relations
         from flea_diag.configuration.stand import load_stand
         from flea_diag.tools.calibrate import calibrate as tool
         from flea_diag.tools.calibrate.nominal_recording import read_nominal
@@ -152,8 +153,9 @@ class RecordingSet:
                 f"{self._campaign.name}: half {fold} has {len(half)} nominal recordings, each half "
                 "needs at least 2: name more, or give a calibration file"
             )
-        recordings, _ = read_nominal([run.bag for run in half])
         described = load_stand(self._campaign.stand_path()).actuator
+        known = compiled_relations(described).residuals
+        recordings, _ = read_nominal([run.bag for run in half], known)
         made = tool.calibrate(recordings, described, tool.FALSE_ALARMS_PER_HOUR)
         tool.write_calibration(self._file_of(fold), made)
 

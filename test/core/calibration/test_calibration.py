@@ -82,7 +82,6 @@ DAMAGE = {
     "regions lacking": (put(("limits", 0, "windows", 0, "sigma"), [1.0]), "limits: window 50"),
     "sigma not positive": (put(("limits", 0, "windows", 0, "sigma"), [1.0, 0.0, 1.0]), "limits"),
     "unknown window": (put(("limits", 0, "windows", 0, "window"), 77), "limits: .*77"),
-    "unknown residual": (put(("limits", 0, "name"), "parity_magic"), "limits: .*parity_magic"),
     "half a window": (put(("limits", 0, "windows", 0, "window"), 0.5), "limits"),
     "scatter lacking": (put(("limits", 0, "sigma"), []), "limits"),
     "limits a number": (put(("limits",), 3), "limits"),

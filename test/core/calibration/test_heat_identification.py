@@ -12,7 +12,8 @@ from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.heat_identification import NominalSignals, identify
 from flea_diag.core.calibration.identification import Identified
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 RELATIONS = compiled_relations("actuator.yaml", has_encoder=False)
 HEATING, COOLING_S, AIR = 0.010, 600.0, 24.0
@@ -23,13 +24,13 @@ def run(number: int, draw: np.random.Generator, scans: int = 2000) -> NominalRun
     current, start = 1.0 + 0.4 * number, AIR + 3.0 * ((5 * number) % 7)
     end = AIR + HEATING * current**2 * COOLING_S
     time_s = 0.01 * np.arange(scans)
-    rows = np.full((scans, len(CHANNELS)), np.nan)
-    rows[:, INDEX["motor_current"]] = current
-    rows[:, INDEX["motor_temperature"]] = (
+    rows = np.full((scans, len(FLEA.channels)), np.nan)
+    rows[:, FLEA.index["motor_current"]] = current
+    rows[:, FLEA.index["motor_temperature"]] = (
         end + (start - end) * np.exp(-time_s / COOLING_S) + 0.4 * draw.standard_normal(scans)
     )
-    rows[:, INDEX["ambient_temperature"]] = AIR
-    rows[:, INDEX["actuator_position"]] = 0.05
+    rows[:, FLEA.index["ambient_temperature"]] = AIR
+    rows[:, FLEA.index["actuator_position"]] = 0.05
     return NominalRun(f"run{number}", rows)
 
 
@@ -43,7 +44,7 @@ def identified(runs: list[NominalRun]) -> Identified:
     result = Identified(ActuatorParameters())
     rows = np.concatenate([made.rows for made in runs])
     columns = {
-        name: rows[:, INDEX[name]] if name in INDEX else np.zeros(len(rows))
+        name: rows[:, FLEA.index[name]] if name in FLEA.index else np.zeros(len(rows))
         for name in RELATIONS.signals
     }
     number = np.repeat(np.arange(len(runs)), [len(made.rows) for made in runs])
@@ -97,7 +98,7 @@ def test_what_cannot_cool_keeps_its_default_and_heating_still_has_an_error():
     for number in range(6):
         made = run(number, draw)
         warmer = 0.01 * number * 0.01 * np.arange(len(made.rows))
-        made.rows[:, INDEX["motor_temperature"]] = (
+        made.rows[:, FLEA.index["motor_temperature"]] = (
             AIR + 2.0 * number + warmer + 0.4 * draw.standard_normal(len(made.rows))
         )
         runs.append(made)

@@ -6,10 +6,12 @@ from scipy import stats
 from support import stands
 from support.models import linear_ema as ema
 
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.thresholds import Trace, limits
-from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX, RESIDUALS
 
-SHARE = 0.8 / sum(row.gate != "sensor" for row in RESIDUALS)
+FLEA = compiled_relations("actuator.yaml").residuals
+
+SHARE = 0.8 / sum(row.gate != "sensor" for row in FLEA.rows)
 """Of the rate of false alarms, for one residual: single sensors and shifts have the rest."""
 
 RATE_PER_HOUR = 3600.0
@@ -18,10 +20,10 @@ RATE_PER_HOUR = 3600.0
 def traces(values: list[np.ndarray], name: str = "motor_temperature", speed: float = 0.04):
     found = []
     for n, column in enumerate(values):
-        table = np.full((len(column), len(RESIDUALS)), np.nan)
-        table[:, RESIDUAL_INDEX[name]] = column
+        table = np.full((len(column), len(FLEA.rows)), np.nan)
+        table[:, FLEA.place[name]] = column
         moving = np.ones(len(column), dtype=bool)
-        found.append(Trace(f"t{n}", table, np.full(len(column), speed), moving, moving))
+        found.append(Trace(f"t{n}", FLEA, table, np.full(len(column), speed), moving, moving))
     return found
 
 
@@ -124,5 +126,5 @@ def test_bad_stretches_are_found_left_out_and_named():
     assert (stretch.run, stretch.channel) == ("r2", "motor_voltage")
     assert stretch.start_s == pytest.approx(8.0, abs=0.2)
     assert stretch.end_s == pytest.approx(20.0, abs=0.4)  # trusted again after 10 s
-    bad = traced[1].values[900, RESIDUAL_INDEX["parity_electrical"]]
+    bad = traced[1].values[900, FLEA.place["parity_electrical"]]
     assert np.isnan(bad)

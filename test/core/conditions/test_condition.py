@@ -8,16 +8,15 @@ import pytest
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.conditions.condition import CONDITIONS, NAMED
-from flea_diag.core.residuals.residual_rows import RESIDUALS
-from flea_diag.stages.observer.speed_trust import SPEED_COLUMNS
-from flea_diag.stages.observer.voltage_trust import VOLTAGE_COLUMNS
+from flea_diag.stages.observer.speed_trust import SpeedTrust
+from flea_diag.stages.observer.voltage_trust import VoltageTrust
 from flea_diag.wire.records import END_OF_TRAVEL
 
 FLEA = compiled_relations("actuator.yaml")
 
 
 def voided(name: str) -> list[str]:
-    return [RESIDUALS[j].name for j in NAMED[name].columns(FLEA)]
+    return [FLEA.residuals.rows[j].name for j in NAMED[name].columns(FLEA)]
 
 
 @pytest.mark.parametrize("row", CONDITIONS, ids=lambda row: row.name)
@@ -26,7 +25,7 @@ def test_a_row_is_judged_somewhere_or_voids_nothing(row: object) -> None:
     if name:
         importlib.import_module(f"flea_diag.{name}")
     else:
-        assert NAMED[row.name].columns(FLEA) == ()
+        assert NAMED[row.name].columns(FLEA) == []
 
 
 def test_the_end_of_travel_voids_the_balance_of_forces_and_its_normalised_form() -> None:
@@ -39,8 +38,9 @@ def test_a_saturated_drive_voids_what_holds_the_command() -> None:
 
 
 def test_conditions_that_other_parts_judge_void_what_those_leave_out() -> None:
-    assert list(NAMED["untrusted_voltage"].columns(FLEA)) == VOLTAGE_COLUMNS
-    assert list(NAMED["stepped_position"].columns(FLEA)) == SPEED_COLUMNS
+    rows = FLEA.residuals
+    assert NAMED["untrusted_voltage"].columns(FLEA) == VoltageTrust(rows, 1.0).columns
+    assert NAMED["stepped_position"].columns(FLEA) == SpeedTrust(rows, False).columns
 
 
 def test_standing_against_a_push_voids_nothing() -> None:

@@ -7,20 +7,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.detection.detection import Detector, TestResults
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
-from flea_diag.core.residuals.residual import UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import (
-    RESIDUAL_INDEX,
-    RESIDUALS,
-    SPREAD_ROWS,
-    ResidualRows,
-)
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
+from flea_diag.core.residuals.residual_rows import ResidualRows
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 TestResults.__test__ = False  # a class of the package, not a test
 NONE = (1e-9,) * len(UNIT_PARAMETERS)
-MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
-THERMAL = RESIDUAL_INDEX["motor_temperature"]
+MECHANICAL = FLEA.place["parity_mechanical"]
+THERMAL = FLEA.place["motor_temperature"]
 
 
 def motion(speed: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -30,12 +28,12 @@ def motion(speed: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sample(values: dict[str, float], speed: float = 0.03, spread=None) -> ResidualRows:
-    row = np.full(len(RESIDUALS), math.nan)
+    row = np.full(len(FLEA.rows), math.nan)
     for name, value in values.items():
-        row[RESIDUAL_INDEX[name]] = value
-    spreads = np.zeros((1, len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
+        row[FLEA.place[name]] = value
+    spreads = np.zeros((1, len(FLEA.spreading), len(UNIT_PARAMETERS)))
     if spread is not None:
-        spreads[:, SPREAD_ROWS.index(MECHANICAL)] = spread
+        spreads[:, FLEA.spreading.index(MECHANICAL)] = spread
     return ResidualRows(row[None], spreads, *motion(speed), np.array([abs(speed) > 0.01]))
 
 
@@ -45,10 +43,10 @@ def limit(name: str, windows: dict[int, float], k: float = 3.0, centre=(0.0, 0.0
 
 
 def detector(*limits: ResidualLimit, tolerance=NONE, thermal=1e-9) -> Detector:
-    return Detector(limits, tolerance, thermal)
+    return Detector(FLEA, limits, tolerance, thermal)
 
 
-ALWAYS = [row.name for row in RESIDUALS if row.gate == "always"]
+ALWAYS = [row.name for row in FLEA.rows if row.gate == "always"]
 
 
 def test_false_alarms_on_white_noise_come_at_the_rate_of_the_limit():
@@ -130,7 +128,7 @@ def test_adopting_a_parameter_is_as_if_it_had_been_known():
 
 
 def test_what_was_never_tested_or_is_forgotten_deviates_not():
-    assert not TestResults.untested().deviating().any()
+    assert not TestResults.untested(len(FLEA.rows)).deviating().any()
     test = detector(limit("parity_mechanical", {50: 5.0}), limit("motor_temperature", {50: 1.0}))
     for _ in range(50):
         results = test.step(sample({"parity_mechanical": 99.0, "motor_temperature": 99.0}, 0.02))
@@ -145,18 +143,18 @@ def test_what_was_never_tested_or_is_forgotten_deviates_not():
 @pytest.mark.skipif(importlib.util.find_spec("numba") is None, reason="numba is an extra")
 def test_compiled_loops_give_the_bits_of_numpy_whatever_blocks_come():
     random, scans = np.random.default_rng(5), 2500
-    tested = [row.name for row in RESIDUALS if row.gate in ("moving", "always")]
+    tested = [row.name for row in FLEA.rows if row.gate in ("moving", "always")]
     windows, centre = {50: 0.2, 100: 0.1, 400: 0.05}, (0.1, 0.2, 0.3)
     limits = [limit(name, windows, centre=centre) for name in tested]
     tolerance = random.uniform(0.1, 1.0, len(UNIT_PARAMETERS))
-    values = random.standard_normal((scans, len(RESIDUALS)))
+    values = random.standard_normal((scans, len(FLEA.rows)))
     values[random.random(values.shape) < 0.001] = math.nan
-    spread = random.standard_normal((scans, len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
+    spread = random.standard_normal((scans, len(FLEA.spreading), len(UNIT_PARAMETERS)))
     speed = 0.09 * np.sin(np.arange(scans) / 150.0)
     spread[700:710], speed[900:905] = math.nan, math.nan
 
     def run(backend: str, lengths: list[int]) -> np.ndarray:
-        test, found, start = Detector(limits, tolerance, 1e-3, backend), [], 0
+        test, found, start = Detector(FLEA, limits, tolerance, 1e-3, backend), [], 0
         for length in lengths:
             part = slice(start, start + length)
             moving = np.abs(speed[part]) > 0.01

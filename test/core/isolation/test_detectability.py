@@ -45,7 +45,8 @@ def single(electrical_v: float) -> Calibration:
 
 def silent(stand: Calibration) -> tuple[str, ...]:
     known = knowledge(load_stand(), stand)
-    return undetectable(known.faults, QuantitativeIsolation(stand, known.effects).models, stand)
+    models = QuantitativeIsolation(stand, known.effects).models
+    return undetectable(known.faults, models, stand, known.effects.residuals.symptoms)
 
 
 def test_with_an_encoder_and_a_second_position_nothing_of_a_sensor_stays_undetectable():

@@ -15,7 +15,7 @@ BOTH = (QUADRANTS[0], QUADRANTS[2])
 
 def fresh() -> Isolation:
     known = stands.knowledge()
-    return Isolation(known.faults, known.signatures)
+    return Isolation(known.faults, known.signatures, known.effects.residuals.symptoms)
 
 
 def alive(isolation: Isolation) -> set[str]:

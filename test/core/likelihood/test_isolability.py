@@ -9,7 +9,7 @@ from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.likelihood.isolability import computable, isolable
 from flea_diag.core.residuals.parameters import ActuatorParameters
 
-MODELS = EFFECTS.bound(ActuatorParameters())
+MODELS, RESIDUALS = EFFECTS.bound(ActuatorParameters()), EFFECTS.residuals
 FORCES = (MECHANICAL, "motor_temperature", "nut_temperature", "ambient_temperature")
 ALL = (*FORCES, ELECTRICAL)
 
@@ -52,7 +52,7 @@ def test_a_space_is_the_same_whatever_it_is_spanned_by() -> None:
 
 
 def test_what_a_bad_channel_takes_away() -> None:
-    assert computable(ALL, ("motor_voltage",)) == FORCES
-    assert computable((*ALL, DRIVE), ("commanded_voltage",)) == ALL
-    assert computable(ALL, ("motor_current",)) == FORCES[1:]
-    assert computable(ALL, ("load_position",)) == ALL
+    assert computable(RESIDUALS, ALL, ("motor_voltage",)) == FORCES
+    assert computable(RESIDUALS, (*ALL, DRIVE), ("commanded_voltage",)) == ALL
+    assert computable(RESIDUALS, ALL, ("motor_current",)) == FORCES[1:]
+    assert computable(RESIDUALS, ALL, ("load_position",)) == ALL

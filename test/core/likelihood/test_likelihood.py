@@ -24,7 +24,6 @@ from support.models.fault_terms import (
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.unit_difference import UNIT_DIFFERENCES
 
 UNITS = len(TOLERANCE)
 MODELS = (DRAG, BIAS, LOAD)
@@ -78,7 +77,7 @@ def reference(model: FaultModel | None, y, columns):
             A[:, k] = effect(model, np.eye(count)[k], columns)[row]
         for name, (where, regressor) in UNIT.items():
             if where == row:
-                A[:, count + UNIT_DIFFERENCES.index(name)] = -columns[regressor]
+                A[:, count + BASIS.differences.index(name)] = -columns[regressor]
         use = np.isfinite(y[row])
         blocks.append(A[use] * weight[row])
         right.append(y[row, use] * weight[row])

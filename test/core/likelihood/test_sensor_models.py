@@ -19,8 +19,9 @@ from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.residual_rows import TEMPERATURES
 from flea_diag.core.symbolic.expression import FUNCTIONS
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 # Offsets that are far from zero: a scale factor acts on the reading, not on what exceeds its zero.
 P = ActuatorParameters(current_offset_a=-0.26, voltage_offset_v=1.8, load_friction_ratio=0.0)
@@ -59,7 +60,7 @@ def signals() -> Signals:
 
 def basis(effects: EffectSet, p: ActuatorParameters, read: Signals) -> dict[str, np.ndarray]:
     """Basis signals by name, as the observer computes them."""
-    known = {**channels_of(p, read), **{f"{name}_degc": 30.0 for name in TEMPERATURES}}
+    known = {**channels_of(p, read), **{f"{name}_degc": 30.0 for name in tuple(FLEA.predictions)}}
     x = [known.get(name, np.nan) for name in effects.signals]
     made = effects.functions["shapes"](p, x)
     for (name, shape), argument in zip(effects.shapes.items(), made, strict=True):
@@ -96,7 +97,7 @@ def test_a_model_adds_what_the_faulty_reading_adds(fault, change, sizes, residua
 def added(channel: str, factor: float) -> tuple[str, np.ndarray, Signals]:
     """A residual, what a scaled reading of the channel adds to it, and all signals then."""
     true = signals()
-    if channel in TEMPERATURES:  # what it should read is 30 degC in `basis`
+    if channel in tuple(FLEA.predictions):  # what it should read is 30 degC in `basis`
         return channel, np.full(N, 30.0 * factor - 30.0), true
     field = READINGS[channel]
     read = true._replace(**{field: factor * getattr(true, field)})
@@ -105,7 +106,7 @@ def added(channel: str, factor: float) -> tuple[str, np.ndarray, Signals]:
 
 
 @pytest.mark.parametrize("factor", [0.6, 1.4, 1.6])
-@pytest.mark.parametrize("channel", [*READINGS, *TEMPERATURES])
+@pytest.mark.parametrize("channel", [*READINGS, *tuple(FLEA.predictions)])
 def test_any_scaling_from_0_6_to_1_6_lies_within_the_bounds_of_its_model(channel, factor):
     residual, error, read = added(channel, factor)
     (model,) = [m for m in SLOPE.bound(P) if m.fault == f"{channel}_scaling"]

@@ -13,8 +13,7 @@ from flea_diag.core.likelihood.unit_baseline import (
     PIECE_SCANS,
     UnitBaseline,
 )
-from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
-from flea_diag.core.residuals.residual import UNIT_PARAMETERS
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters, UnitTolerance
 
 RESIDUALS = ("parity_mechanical", "parity_electrical")
 SIGMA = dict(zip(RESIDUALS, (20.0, 0.9), strict=True))

@@ -18,7 +18,8 @@ from flea_diag.core import backend as backends
 from flea_diag.core.observers.observer_block import ORDER, RAW, WARM, Innovations, Scans
 from flea_diag.core.observers.observer_loops import join_loops
 from flea_diag.core.observers.state_observer import StateObserver
-from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 RELATIONS = compiled_relations("actuator.yaml")
 FILTERS = [*(("optimal", backend) for backend in BACKENDS), ("kalman", "numpy")]
@@ -40,9 +41,9 @@ def eventful() -> np.ndarray:
         ("ambient_temperature", 200, 230),
         ("motor_temperature", 0, 5),
     ):
-        rows[first:last, INDEX[name]] = math.nan
-    rows[300:, INDEX["motor_temperature"]] += 0.05 * np.arange(SCANS - 300)
-    rows[400:, INDEX["actuator_position"]] = 9e5
+        rows[first:last, FLEA.index[name]] = math.nan
+    rows[300:, FLEA.index["motor_temperature"]] += 0.05 * np.arange(SCANS - 300)
+    rows[400:, FLEA.index["actuator_position"]] = 9e5
     rows[450] = math.nan
     return rows
 
@@ -88,7 +89,7 @@ def test_the_rows_show_what_is_to_be_held_equal(backend):
 @pytest.mark.skipif(not HAVE_NUMBA, reason="compares numba with numpy")
 def test_both_backends_tell_the_same_of_a_block():
     rows = recording(300).copy()
-    rows[80:90, INDEX["load_force"]] = math.nan
+    rows[80:90, FLEA.index["load_force"]] = math.nan
     one, two = (observer("optimal", backend).follow(rows) for backend in ("numpy", "numba"))
     np.testing.assert_allclose(one.table, two.table, rtol=1e-6, atol=1e-9)
     assert one.table.shape == (300, 29)
@@ -98,10 +99,10 @@ def test_both_backends_tell_the_same_of_a_block():
 @pytest.mark.parametrize("sampling", ["mean", "instant_pwm"])
 def test_what_goes_in_and_out_has_the_same_bits_compiled(sampling):
     rows, made = eventful(), observer("optimal", "numba", sampling)
-    rows[500, INDEX["commanded_voltage"]] = math.inf
+    rows[500, FLEA.index["commanded_voltage"]] = math.inf
     scans, measured = made._read(rows)
     command = P.drive_offset_v, P.drive_gain
-    plain = Scans.read(rows, made._model.absent, command, made._model.driving)
+    plain = Scans.read(rows, made._columns, made._model.absent, command, made._model.driving)
     assert [part.tobytes() for part in scans] == [part.tobytes() for part in plain]
     assert measured.tolist() == np.isfinite(plain.y).sum(axis=1).tolist()
     raw = np.random.default_rng(4).standard_normal((300, RAW))
@@ -115,7 +116,7 @@ def test_what_goes_in_and_out_has_the_same_bits_compiled(sampling):
 
 @pytest.mark.parametrize(("kind", "backend"), FILTERS)
 def test_a_block_of_nothing_tells_nothing(kind, backend):
-    found = observer(kind, backend).follow(np.empty((0, len(CHANNELS))))
+    found = observer(kind, backend).follow(np.empty((0, len(FLEA.channels))))
     assert found.table.shape == (0, 29)
     assert len(found.measured) == len(found.diverged) == 0
 

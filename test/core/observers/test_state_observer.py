@@ -22,11 +22,12 @@ from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.observers.thermal_filter import ESTIMATE, heat_loops, thermal_filter
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX
 from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools.recordings.flea_data import read_flea_data
 from flea_diag.tools.recordings.flea_run import FleaRun
+
+ROWS = compiled_relations("actuator.yaml").residuals
 
 RELATIONS, SLOPE = (compiled_relations("actuator.yaml", None, has) for has in (True, False))
 AT = {name: k for k, name in enumerate(PREDICTED)}
@@ -45,7 +46,7 @@ def residuals(made: StateObserver, rows: np.ndarray, frozen_from: int = 10**9) -
 def changed(rows: np.ndarray, channel: str, start: int, change: float) -> np.ndarray:
     """A copy with a bias on one channel from some scan on; NaN drops the channel."""
     copy = rows.copy()
-    copy[start:, INDEX[channel]] += change
+    copy[start:, ROWS.index[channel]] += change
     return copy
 
 
@@ -118,8 +119,8 @@ def test_goes_on_without_any_one_channel(backend: str, channel: str) -> None:
 
 def test_commanded_voltage_stands_in_for_the_measured_one() -> None:
     rows = recording().copy()
-    rows[:, INDEX["commanded_voltage"]] = (rows[:, INDEX["motor_voltage"]] - 0.4) / 1.1
-    rows[:, INDEX["motor_voltage"]] = np.nan
+    rows[:, ROWS.index["commanded_voltage"]] = (rows[:, ROWS.index["motor_voltage"]] - 0.4) / 1.1
+    rows[:, ROWS.index["motor_voltage"]] = np.nan
     p = replace(P, drive_gain=1.1, drive_offset_v=0.4)
     made = StateObserver(p, RELATIONS, 0.01, np.random.default_rng(1), noise=NOISE, backend="numpy")
     np.testing.assert_allclose(
@@ -148,7 +149,7 @@ def test_same_seed_and_rows_give_the_same_bits() -> None:
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_deep_copy_goes_on_by_itself_from_where_it_was_taken(backend: str) -> None:
     rows, made = recording().copy(), observer(backend)
-    rows[600:, INDEX["motor_speed"]] = np.nan  # other matrices than those that are shared
+    rows[600:, ROWS.index["motor_speed"]] = np.nan  # other matrices than those that are shared
     made.follow(rows[:500])
     kept = deepcopy(made)
     first = made.follow(rows[500:900]).table
@@ -160,9 +161,9 @@ def test_a_deep_copy_goes_on_by_itself_from_where_it_was_taken(backend: str) -> 
 def test_raw_pwm_is_averaged_by_what_the_current_says() -> None:
     """A sample of +24, 0 or -24 V carries the mean only on average; the current is better."""
     rows, draw = recording().copy(), np.random.default_rng(5)
-    mean = rows[:, INDEX["motor_voltage"]] - 1.5
+    mean = rows[:, ROWS.index["motor_voltage"]] - 1.5
     on = draw.random(len(mean)) < np.abs(mean) / 24.0
-    rows[:, INDEX["motor_voltage"]] = np.where(on, 24.0 * np.sign(mean), 0.0) + 1.5
+    rows[:, ROWS.index["motor_voltage"]] = np.where(on, 24.0 * np.sign(mean), 0.0) + 1.5
     pwm = replace(NOISE, voltage_v=9.0, voltage_sample_v=9.0, voltage_walk_v=0.6)
     as_input = residuals(observer(noise=pwm), rows)[200:, AT["motor_current"]]
     wandering = residuals(observer(noise=pwm, voltage_sampling="instant_pwm"), rows)
@@ -198,7 +199,7 @@ def test_started_in_full_motion_it_is_on_the_track_at_once(
 ) -> None:
     """Residuals are as wide as foretold from the first: sigma holds what one scan leaves open."""
     rows = recording()[start : start + 60]
-    assert abs(rows[0, INDEX["motor_speed"]]) > 10.0
+    assert abs(rows[0, ROWS.index["motor_speed"]]) > 10.0
     made = observer(backend, kind=kind)
     told = [made.step(row) for row in rows]
     assert not any(t.diverged for t in told)
@@ -275,14 +276,14 @@ def test_noise_is_fitted_to_what_was_put_in() -> None:
 def test_a_shaft_that_runs_ahead_of_its_nut_counts_as_noise_of_the_speed() -> None:
     """Errors of the lead are smooth: no third difference shows them, and yet they are no motion."""
     ahead = recording(seed=3).copy()
-    ahead[:, INDEX["motor_speed"]] += 10.0 * np.sin(0.4 * np.arange(len(ahead)))
+    ahead[:, ROWS.index["motor_speed"]] += 10.0 * np.sin(0.4 * np.arange(len(ahead)))
     noise = fitted([NominalRun("lead", ahead)], P, RELATIONS, 0.01, "mean")
     assert 4.0 < noise.motor_speed_rad_s < 12.0  # 10 / sqrt(2) and the 2 of the reading
 
 
 def test_gross_errors_do_not_shrink_the_fitted_noise() -> None:
     rough = recording(seed=2).copy()
-    rough[::2, INDEX["load_force"]] += 4000.0  # as a load that jumps faster than the scans
+    rough[::2, ROWS.index["load_force"]] += 4000.0  # as a load that jumps faster than the scans
     noise = fitted([NominalRun("rough", rough)], P, RELATIONS, 0.01, "mean")
     assert noise.voltage_v > 0.02
     assert noise.motor_current_a > 0.005
@@ -293,11 +294,11 @@ def test_gross_errors_do_not_shrink_the_fitted_noise() -> None:
 
 def real_rows(file: Path) -> np.ndarray:
     scans = list(FleaRun.of(read_flea_data(file)).scans())
-    rows = np.full((len(scans), len(CHANNELS)), np.nan)
+    rows = np.full((len(scans), len(ROWS.channels)), np.nan)
     for k, scan in enumerate(scans):
         for name, value in zip(scan.channels, scan.values, strict=True):
-            if name in INDEX:
-                rows[k, INDEX[name]] = value
+            if name in ROWS.index:
+                rows[k, ROWS.index[name]] = value
     return rows
 
 
@@ -321,7 +322,7 @@ def test_real_jam_shows_in_the_currents_residual_and_real_spall_does_not() -> No
         pytest.skip(f"needs the FLEA recordings: none in {FLEA}, set FLEA_DATA_DIR")
     nominal = [file for file in files if "_Nominal_" in file.name]
     learned = [NominalRun(file.name, real_rows(file)) for file in nominal[::4]]
-    relations_of = partial(compiled_relations, "actuator.yaml", CHANNELS)
+    relations_of = partial(compiled_relations, "actuator.yaml", ROWS.channels)
     p = identify(learned, relations_of, KERNEL_LENGTH, 0.01).parameters
     fresh = nominal[1::6]
     jam = [file for file in files if "_Jam_" in file.name][::3]

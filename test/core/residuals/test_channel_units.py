@@ -10,11 +10,14 @@ from support import stands
 from support.decisions import BAGS, NAMES
 
 from flea_diag.configuration.component import make_pipeline
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.stand import load_stand
-from flea_diag.core.residuals.residual_rows import CHANNELS, UNITS, unit_refusal
+from flea_diag.core.residuals.channel_units import UNITS, unit_refusal
 from flea_diag.tools.bags.findings import check
 from flea_diag.wire.bags.bag import BagWriter, read_bag
 from flea_diag.wire.records import ChannelInfo, ChannelTable, Outcome, Scan
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 NEEDED = "convert it at the source"
 WRONG = [
@@ -43,7 +46,7 @@ def table(channel: str, unit: str) -> ChannelTable:
 
 
 def test_every_channel_has_a_unit() -> None:
-    assert set(UNITS) == set(CHANNELS)
+    assert set(UNITS) == set(FLEA.channels)
 
 
 @pytest.mark.parametrize(("channel", "unit", "needed"), WRONG)

@@ -15,16 +15,18 @@ from support.places import WING
 
 from flea_diag.configuration import description, files
 from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.knowledge import relations
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.bond_graph.actuator import actuator
-from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
 from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.residuals.relation_set import RelationSet, relation_set
-from flea_diag.core.residuals.residual import RELATIONS, UNIT_PARAMETERS
 from flea_diag.core.symbolic.collect import collect
 from flea_diag.core.symbolic.expression import derivative, evaluate, symbols
 from flea_diag.errors import ConfigurationError
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 CHANNELS = (
     "commanded_voltage",
@@ -258,7 +260,7 @@ def test_any_description_compiles(wing):
 def test_a_parameter_that_no_calibration_holds_keeps_the_description_s_value():
     held = [entry.name for entry in fields(ActuatorParameters)]
     model = actuator(files.load_yaml("actuator.yaml"))
-    known = relation_set(model, RELATIONS, held, UNIT_PARAMETERS)
+    known = relation_set(model, FLEA.relations, held, UNIT_PARAMETERS)
     (electrical,) = [row for row in known.relations if row.name == "parity_electrical"]
     assert "copper_per_kelvin" not in symbols(electrical.expression)
     slope = derivative(electrical.expression, "winding_temperature")
@@ -275,3 +277,10 @@ def test_a_description_that_lacks_an_identified_parameter_is_refused(tmp_path):
     calibration = learned(load_stand())
     with pytest.raises(ConfigurationError, match=r"mine\.yaml: no relation holds current_offset_a"):
         relations(load_stand(actuator=path), calibration)
+
+
+def test_a_calibration_with_limits_of_what_the_description_lacks_is_refused():
+    calibration = learned(load_stand())
+    named = (replace(calibration.limits[0], name="parity_magic"), *calibration.limits[1:])
+    with pytest.raises(ConfigurationError, match="limits of 'parity_magic', which is no residual"):
+        relations(load_stand(), replace(calibration, limits=named))

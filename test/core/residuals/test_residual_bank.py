@@ -7,9 +7,11 @@ import pytest
 from support.models import linear_ema as ema
 
 from flea_diag.configuration import description
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.residual_bank import ResidualBank
-from flea_diag.core.residuals.residual_rows import CHANNELS, INDEX, RESIDUAL_INDEX, RESIDUALS
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 TRUE = ActuatorParameters(
     force_constant_n_per_a=170.0,
@@ -25,13 +27,14 @@ TRUE = ActuatorParameters(
     encoder_m_per_rad=5e-4,
 )
 KNOWN, ALONE = (
-    description.compiled_relations("actuator.yaml", CHANNELS, encoder) for encoder in (True, False)
+    description.compiled_relations("actuator.yaml", FLEA.channels, encoder)
+    for encoder in (True, False)
 )
 DELAY = 15
 WHOLE = ema.run()
 
 
-def residuals(columns: ema.Columns, channels: tuple[str, ...] = CHANNELS) -> np.ndarray:
+def residuals(columns: ema.Columns, channels: tuple[str, ...] = FLEA.channels) -> np.ndarray:
     bank = ResidualBank(TRUE, KNOWN)
     return bank.step(ema.rows(columns, channels), False).values
 
@@ -45,18 +48,18 @@ def cruising(columns: ema.Columns) -> np.ndarray:
 
 
 def bank_rows() -> list[str]:
-    return [row.name for row in RESIDUALS]
+    return [row.name for row in FLEA.rows]
 
 
 def test_channels_and_names_are_those_of_the_stand():
-    assert CHANNELS == ema.CHANNELS
-    assert len(set(bank_rows())) == len(RESIDUALS)
+    assert FLEA.channels == ema.CHANNELS
+    assert len(set(bank_rows())) == len(FLEA.rows)
 
 
 def test_a_healthy_actuator_leaves_nothing():
     found, use = residuals(WHOLE), cruising(WHOLE)
     assert len(use) > 500
-    largest = {name: np.abs(found[use, j]).max() for name, j in RESIDUAL_INDEX.items()}
+    largest = {name: np.abs(found[use, j]).max() for name, j in FLEA.place.items()}
     assert largest["parity_mechanical"] < 3.0
     assert largest["parity_electrical"] < 0.02
     assert largest["parity_drive"] == pytest.approx(0.8, abs=1e-9)  # its own offset is not given
@@ -123,7 +126,7 @@ def check(columns: ema.Columns, truth: ema.Columns, expected: dict) -> None:
     found, use = residuals(columns), cruising(truth)
     for name, coefficients in expected.items():
         want = sum(k * TRUE_SIGNALS[s](truth)[use - DELAY] for s, k in coefficients.items())
-        got = found[use, RESIDUAL_INDEX[name]]
+        got = found[use, FLEA.place[name]]
         np.testing.assert_allclose(
             got, want + np.zeros(len(use)), atol=LIMITS.get(name, 1e-6), rtol=0.02, err_msg=name
         )
@@ -147,14 +150,14 @@ def test_normalised_by_direction_a_drag_keeps_its_sign_and_a_bias_alternates():
     biased = {**WHOLE, "motor_current": WHOLE["motor_current"] + 0.5}
     for columns, raw_sign_is_kept in ((jam, False), (biased, True)):
         found, use = residuals(columns), cruising(columns)
-        raw = np.sign(found[use, RESIDUAL_INDEX["parity_mechanical"]])
-        normalised = np.sign(found[use, RESIDUAL_INDEX["parity_mechanical_dn"]])
+        raw = np.sign(found[use, FLEA.place["parity_mechanical"]])
+        normalised = np.sign(found[use, FLEA.place["parity_mechanical_dn"]])
         assert (np.unique(raw).tolist() == [1.0]) is raw_sign_is_kept
         assert (np.unique(normalised).tolist() == [1.0]) is not raw_sign_is_kept
 
 
 def test_without_an_encoder_the_slope_of_the_position_is_the_speed():
-    channels = tuple(c for c in CHANNELS if c != "motor_speed")
+    channels = tuple(c for c in FLEA.channels if c != "motor_speed")
     bank = ResidualBank(ActuatorParameters(coulomb_friction_n=60.0), ALONE)
     assert not bank.has_encoder
     speeds = bank.step(ema.rows(WHOLE, channels), False).speed_m_s
@@ -169,17 +172,17 @@ def test_a_gap_empties_the_windows_and_keeps_the_temperatures():
     before = bank.step(table[:500], False)
     bank.interrupt()
     after = bank.step(table[500:501], False)
-    assert np.isfinite(before.values[-1, RESIDUAL_INDEX["parity_mechanical"]])
-    assert np.isnan(after.values[0, RESIDUAL_INDEX["parity_mechanical"]])
-    assert abs(after.values[0, RESIDUAL_INDEX["motor_temperature"]]) < 1.0
+    assert np.isfinite(before.values[-1, FLEA.place["parity_mechanical"]])
+    assert np.isnan(after.values[0, FLEA.place["parity_mechanical"]])
+    assert abs(after.values[0, FLEA.place["motor_temperature"]]) < 1.0
 
 
 def test_what_is_missing_takes_only_its_own_residuals():
     columns = {**WHOLE, "motor_voltage": np.full(len(WHOLE["load_force"]), np.nan)}
     use = cruising(WHOLE)
     found = residuals(columns)[use[use > 200]]
-    for row in (row for row in RESIDUALS if row.gate != "sensor"):
-        lacking = np.isnan(found[:, RESIDUAL_INDEX[row.name]])
+    for row in (row for row in FLEA.rows if row.gate != "sensor"):
+        lacking = np.isnan(found[:, FLEA.place[row.name]])
         assert lacking.all() if "motor_voltage" in row.needs else not lacking.any(), row.name
 
 
@@ -188,15 +191,15 @@ def test_adopted_parameters_count_from_then_on():
     other.adopt(replace(TRUE, current_offset_a=0.35))
     rows = ema.rows(WHOLE)[:200]
     plain, moved = bank.step(rows, False), other.step(rows, False)
-    j = RESIDUAL_INDEX["parity_mechanical"]
+    j = FLEA.place["parity_mechanical"]
     assert plain.values[-1, j] - moved.values[-1, j] == pytest.approx(17.0)
     assert plain.spread.shape == (200, 4, 7)
-    assert INDEX["motor_current"] == 0
+    assert FLEA.index["motor_current"] == 0
 
 
 def standing(current_a: float, load_n: float, scans: int = 100) -> ema.Columns:
     """An actuator that does not move, with a constant current and load."""
-    still = {name: np.zeros(scans) for name in CHANNELS}
+    still = {name: np.zeros(scans) for name in FLEA.channels}
     return {
         **still,
         "motor_current": np.full(scans, 0.25 + current_a),
@@ -210,19 +213,21 @@ def standing(current_a: float, load_n: float, scans: int = 100) -> ema.Columns:
 )
 def test_what_withstands_too_great_a_push_is_stalled(current_a, load_n, way):
     # Dry friction is 60 N: pushes of 300 N either way, 300 N of load alone, and 130 N.
-    found = ResidualBank(TRUE, KNOWN).step(ema.rows(standing(current_a, load_n), CHANNELS), False)
+    found = ResidualBank(TRUE, KNOWN).step(
+        ema.rows(standing(current_a, load_n), FLEA.channels), False
+    )
     stalled = np.arange(100) >= 61  # one kernel to see anything, and another of standing
     assert found.moving.tolist() == (stalled & (way != 0.0)).tolist()
     assert np.all(found.motion[:, 1][stalled] == way)
     lacking = abs(170.0 * current_a - load_n) - 60.0 * abs(way)
-    normalised = found.values[stalled, RESIDUAL_INDEX["parity_mechanical_dn"]]
+    normalised = found.values[stalled, FLEA.place["parity_mechanical_dn"]]
     assert np.abs(normalised) == pytest.approx(lacking)
 
 
 def test_a_reversal_is_no_standstill():
     columns = standing(2.0, 40.0)
     columns["motor_speed"][::45] = 4000.0  # a kernel of 31 scans around each sees it move
-    found = ResidualBank(TRUE, KNOWN).step(ema.rows(columns, CHANNELS), False)
+    found = ResidualBank(TRUE, KNOWN).step(ema.rows(columns, FLEA.channels), False)
     speed = found.speed_m_s
     still = np.abs(speed[31:]) <= 0.01
     assert still.any()
@@ -234,8 +239,8 @@ def test_a_reversal_is_no_standstill():
 def test_compiled_gives_the_bits_of_python(block, encoder):
     """In motion, stalled, with readings that are missing, offsets learned, and frozen."""
     pytest.importorskip("numba")
-    rows = ema.rows(standing(9.0, 0.0), CHANNELS)
-    rows = np.concatenate((ema.rows(WHOLE, CHANNELS), rows))
+    rows = ema.rows(standing(9.0, 0.0), FLEA.channels)
+    rows = np.concatenate((ema.rows(WHOLE, FLEA.channels), rows))
     draw = np.random.default_rng(6)
     rows[draw.random(rows.shape) < 0.002] = np.nan
     parameters = replace(TRUE, encoder_m_per_rad=encoder, nut_heating_k_per_j=1e-4)

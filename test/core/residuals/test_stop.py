@@ -9,8 +9,9 @@ import pytest
 from support.places import WING
 
 from flea_diag.configuration.description import compiled_relations, described
-from flea_diag.core.residuals.residual import RELATIONS
 from flea_diag.core.residuals.stop import Stop, stop_of
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 
 def test_the_balance_of_forces_holds_the_reaction_and_nothing_else_does() -> None:
@@ -32,7 +33,7 @@ def test_a_stop_beyond_the_load_cell_enters_no_relation() -> None:
     model = described("actuator.yaml")
     assert model.travel is not None
     beyond = replace(model, travel=replace(model.travel, at="load_side"))
-    stop = stop_of(beyond, [name for name in RELATIONS if name in model.residuals])
+    stop = stop_of(beyond, [name for name in FLEA.relations if name in model.residuals])
     assert dict(stop.reactions) == {}
     assert stop.channels == ("load_position",)
 

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flea_diag.core.residuals.parameters import UnitTolerance
-from flea_diag.core.residuals.residual import UNIT_PARAMETERS
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitTolerance
 from flea_diag.core.residuals.unit_offsets import OffsetLearning
 
 K, R = 170.0, 3.1

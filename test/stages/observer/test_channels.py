@@ -9,10 +9,12 @@ import pytest
 from support import stands
 from support.observer_scans import after, counters, decisions, healthy, quality
 
-from flea_diag.core.residuals.residual_rows import CHANNELS
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.stages.observer.channels import Channels
 from flea_diag.wire.blocks import ScanBlock
 from flea_diag.wire.records import ChannelInfo, ChannelTable, DataQuality, Quality, Residual, Scan
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 NAMES = ("load_force", "unknown", "motor_current", "actuator_position")
 SCANS = 400
@@ -28,7 +30,7 @@ def values() -> np.ndarray:
 
 
 def judged(backend: str, block: int) -> tuple[bytes, list[int], list[object]]:
-    channels = Channels(CHANNELS[:-3], "distrusted", backend)
+    channels = Channels(FLEA, FLEA.channels[:-3], "distrusted", backend)
     rows = tuple(ChannelInfo(name, "", -9.0, 9.0, 100.0) for name in NAMES)
     channels.take_ranges(ChannelTable(0, "stand", rows))
     stamps_ns, table = np.arange(SCANS) * 10_000_000, values()

@@ -16,7 +16,6 @@ from flea_diag.configuration import knowledge as of_stand
 from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.detection.detection import TestResults as Results
-from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX
 from flea_diag.core.residuals.stop import Stop
 from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
 from flea_diag.stages.observer.condition_watch import UNKNOWN, UNSEEN, ConditionWatch, Voided
@@ -209,11 +208,12 @@ def test_an_alarm_just_before_contact_is_taken_back_and_the_verdict_says_why() -
 def test_only_a_young_alarm_all_of_whose_residuals_are_void_is_taken_back(
     beyond: tuple[str, ...], age_s: float, taken_back: bool
 ) -> None:
-    columns = [RESIDUAL_INDEX[n] for n in ("parity_mechanical", "innovation_motor_speed")]
-    results = Results.untested()
+    rows = stands.relations().residuals
+    columns = rows.columns(("parity_mechanical", "innovation_motor_speed"))
+    results = Results.untested(len(rows.rows))
     for name in beyond:
-        results.z[0, RESIDUAL_INDEX[name]], results.k[0, RESIDUAL_INDEX[name]] = 9.0, 5.0
-    episode = DetectionEpisode(30.0)
+        results.z[0, rows.place[name]], results.k[0, rows.place[name]] = 9.0, 5.0
+    episode = DetectionEpisode(rows, 30.0)
     episode.step(0, results)
     cleared = episode.take_back(round(age_s * 1e9), Voided("at its end", frozenset(columns), 2.0))
     assert (len(cleared) == 1) is taken_back

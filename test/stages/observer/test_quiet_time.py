@@ -5,16 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.detection import detection
-from flea_diag.core.residuals.residual_rows import RESIDUAL_INDEX
 from flea_diag.stages.observer.detection_episode import DetectionEpisode
 
+FLEA = compiled_relations("actuator.yaml").residuals
+
 SECOND_NS = 1_000_000_000
-MECHANICAL = RESIDUAL_INDEX["parity_mechanical"]
+MECHANICAL = FLEA.place["parity_mechanical"]
 
 
 def results(z: float, void: bool = False) -> detection.TestResults:
-    found = detection.TestResults.untested()
+    found = detection.TestResults.untested(len(FLEA.rows))
     found.z[0, MECHANICAL], found.k[0, MECHANICAL], found.window[0, MECHANICAL] = z, 5.0, 50
     found.void = void
     return found
@@ -22,7 +24,7 @@ def results(z: float, void: bool = False) -> detection.TestResults:
 
 @pytest.mark.parametrize(("void", "closes"), [(False, True), (True, False)])
 def test_an_untested_residual_is_quiet_unless_it_is_void(void: bool, closes: bool) -> None:
-    episode = DetectionEpisode(rearm_after_s=2.0)
+    episode = DetectionEpisode(FLEA, rearm_after_s=2.0)
     assert episode.step(0, results(9.0))
     for second in range(1, 6):
         episode.step(second * SECOND_NS, results(np.nan, void))
@@ -30,10 +32,10 @@ def test_an_untested_residual_is_quiet_unless_it_is_void(void: bool, closes: boo
 
 
 def test_blocks_count_as_single_scans_do() -> None:
-    episode = DetectionEpisode(rearm_after_s=2.0)
+    episode = DetectionEpisode(FLEA, rearm_after_s=2.0)
     episode.step(0, results(9.0))
     stamps_ns = np.arange(1, 6) * SECOND_NS
-    many = detection.TestResults.untested(5)
+    many = detection.TestResults.untested(len(FLEA.rows), 5)
     many.void = True
     assert episode.follow(stamps_ns, many) == 5
     many.void = False

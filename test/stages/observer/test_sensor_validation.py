@@ -6,9 +6,11 @@ import numpy as np
 from support import stands
 from support.observer_scans import after, counters, healthy
 
-from flea_diag.core.residuals.residual_rows import CHANNELS
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.sensors.sensor_tests import NAMES
 from flea_diag.stages.observer.sensor_validation import SensorValidation
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 
 def test_a_sensor_that_holds_its_reading_is_counted_as_stuck():
@@ -25,10 +27,10 @@ def test_a_sensor_that_holds_its_reading_is_counted_as_stuck():
 
 def position_steps(missing: range) -> np.ndarray:
     """Statistic of the position where a ramp of 1 mm per scan lacks these scans."""
-    rows = np.full((60, len(CHANNELS)), np.nan)
-    rows[:, CHANNELS.index("actuator_position")] = 0.001 * np.arange(60)
+    rows = np.full((60, len(FLEA.channels)), np.nan)
+    rows[:, FLEA.channels.index("actuator_position")] = 0.001 * np.arange(60)
     kept = np.array([k for k in range(60) if k not in missing])
-    tests = SensorValidation(stands.calibration(), "auto")
+    tests = SensorValidation(FLEA, stands.calibration(), "auto")
     stamps_ns = stands.START_NS + stands.PERIOD_NS * kept
     before_ns = stands.START_NS - stands.PERIOD_NS
     _, z = tests.step(before_ns, stamps_ns, rows[kept])

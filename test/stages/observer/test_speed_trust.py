@@ -5,36 +5,34 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flea_diag.core.residuals.residual import SPEED, UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import (
-    RESIDUAL_INDEX,
-    RESIDUALS,
-    SPREAD_ROWS,
-    ResidualRows,
-)
+from flea_diag.configuration.description import compiled_relations
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
+from flea_diag.core.residuals.residual_rows import SPEED, ResidualRows
 from flea_diag.stages.observer.speed_trust import SpeedTrust
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 LASTS = 31 + 6  # scans of the kernel, and of the straight line that a step is found by
 
 
 def moving(scans: int, *jumps: int) -> ResidualRows:
     """Residuals of scans in motion; in those of ``jumps`` the position steps."""
-    values = np.zeros((scans, len(RESIDUALS)))
-    values[list(jumps), RESIDUAL_INDEX["actuator_position"]] = 2.0
-    spread = np.zeros((scans, len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
+    values = np.zeros((scans, len(FLEA.rows)))
+    values[list(jumps), FLEA.place["actuator_position"]] = 2.0
+    spread = np.zeros((scans, len(FLEA.spreading), len(UNIT_PARAMETERS)))
     nothing = np.zeros((scans, 2))
     return ResidualRows(values, spread, nothing, nothing, np.ones(scans, dtype=bool))
 
 
 @pytest.mark.parametrize("block", [1, 13, 100])
 def test_a_position_step_takes_the_speed_out_for_as_long_as_the_kernel_sees_it(block):
-    trust, whole = SpeedTrust(has_encoder=False), moving(100, 20)
+    trust, whole = SpeedTrust(FLEA, has_encoder=False), moving(100, 20)
     for start in range(0, 100, block):
         at = slice(start, start + block)
         parts = (whole.values, whole.spread, whole.signals, whole.motion, whole.moving)
         part = ResidualRows(*(column[at] for column in parts))
         trust.leave_out(part)
-    speeds = [j for j, row in enumerate(RESIDUALS) if SPEED in row.needs]
+    speeds = [j for j, row in enumerate(FLEA.rows) if SPEED in row.needs]
     lost = np.isnan(whole.values[:, speeds])
     assert lost.any(axis=1).tolist() == [False] * 20 + [True] * LASTS + [False] * (80 - LASTS)
     assert lost[20 : 20 + LASTS].all()
@@ -43,7 +41,7 @@ def test_a_position_step_takes_the_speed_out_for_as_long_as_the_kernel_sees_it(b
 
 
 def test_an_encoder_measures_the_speed_itself():
-    trust, whole = SpeedTrust(has_encoder=True), moving(50, 20)
+    trust, whole = SpeedTrust(FLEA, has_encoder=True), moving(50, 20)
     trust.leave_out(whole)
     assert whole.moving.all()
     assert not np.isnan(whole.values).any()

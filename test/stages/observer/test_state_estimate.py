@@ -11,15 +11,11 @@ import pytest
 from support import stands
 from support.models import linear_ema as ema
 
-from flea_diag.core.residuals.residual_rows import (
-    CHANNELS,
-    INNOVATION_CHANNELS,
-    INNOVATION_COLUMNS,
-    INNOVATION_INDEX,
-    RESIDUALS,
-)
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.stages.observer.state_estimate import StateEstimate
 from flea_diag.wire.records import Detection, Outcome, Residual, Scan, Symbols
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 BACKENDS = ["numpy", *(["numba"] if importlib.util.find_spec("numba") else [])]
 
@@ -95,19 +91,19 @@ def test_backends_agree_on_the_estimate(backend):
 def test_a_jam_turns_the_innovation_against_the_motion():
     """More drag than foretold: the motor is slower than the filter, whichever way it goes."""
     table = np.array([innovations(r) for r in open_loop(jammed())])
-    dn = list(INNOVATION_INDEX).index("innovation_actuator_position_dn")
+    dn = list(FLEA.innovations).index("innovation_actuator_position_dn")
     nominal, faulty = table[300:1000, dn], table[1010:, dn]
     assert np.nanmean(faulty) < -3.0 * abs(np.nanmean(nominal))
 
 
 def open_loop(scans) -> np.ndarray:
-    """Rows of CHANNELS with the command that corroborates the voltage."""
-    out = np.full((len(scans), len(CHANNELS)), np.nan)
+    """Rows of FLEA.channels with the command that corroborates the voltage."""
+    out = np.full((len(scans), len(FLEA.channels)), np.nan)
     for k, scan in enumerate(scans):
         for name, value in zip(scan.channels, scan.values, strict=True):
-            if name in CHANNELS:
-                out[k, CHANNELS.index(name)] = value
-    out[:, CHANNELS.index("commanded_voltage")] = out[:, CHANNELS.index("motor_voltage")]
+            if name in FLEA.channels:
+                out[k, FLEA.channels.index(name)] = value
+    out[:, FLEA.channels.index("commanded_voltage")] = out[:, FLEA.channels.index("motor_voltage")]
     return out
 
 
@@ -119,18 +115,18 @@ def innovations(row: np.ndarray) -> list[float]:
     estimate = ESTIMATES.setdefault(
         0, StateEstimate(stands.calibration(), stands.relations(), "particle", 1, "numpy")
     )
-    values = np.full((1, len(RESIDUALS)), np.nan)
+    values = np.full((1, len(FLEA.rows)), np.nan)
     estimate.step(row[None], USABLE, False, values)
-    return values[0, INNOVATION_COLUMNS].tolist()
+    return values[0, FLEA.innovation_columns].tolist()
 
 
 def test_innovations_are_silent_once_frozen_and_begin_anew_afterwards():
     estimate = StateEstimate(stands.calibration(), stands.relations(), "kalman", 1, "numpy")
-    values = np.full((1, len(RESIDUALS)), np.nan)
+    values = np.full((1, len(FLEA.rows)), np.nan)
     table = open_loop(healthy(6.0))
     for k, row in enumerate(table):
         told = estimate.step(row[None], USABLE, 200 <= k < 300, values)
-        seen = np.isfinite(values[0, INNOVATION_COLUMNS])
+        seen = np.isfinite(values[0, FLEA.innovation_columns])
         # The scan that a filter starts from has no prediction to be held against.
         assert seen[0] == (k not in (0, *range(200, 301)))
         assert told.estimates.shape == (1, len(told.channels))
@@ -140,9 +136,9 @@ def test_innovations_are_silent_once_frozen_and_begin_anew_afterwards():
 def test_a_track_lost_to_a_fault_is_not_told_of_while_frozen():
     """Else the lost track would grow as old as the episode, and its end be a model mismatch."""
     estimate = StateEstimate(stands.calibration(), stands.relations(), "kalman", 1, "numpy")
-    values = np.full((1, len(RESIDUALS)), np.nan)
+    values = np.full((1, len(FLEA.rows)), np.nan)
     table = open_loop(healthy(8.0))
-    table[400:, CHANNELS.index("actuator_position")] += 0.02
+    table[400:, FLEA.channels.index("actuator_position")] += 0.02
     lost = [
         estimate.step(row[None], USABLE, 500 <= k < 700, values).health[0, 2]
         for k, row in enumerate(table)
@@ -155,12 +151,12 @@ def test_a_track_lost_to_a_fault_is_not_told_of_while_frozen():
 
 def test_a_voltage_that_nothing_corroborates_tests_nothing():
     estimate = StateEstimate(stands.calibration(), stands.relations(), "kalman", 1, "numpy")
-    values = np.full((1, len(RESIDUALS)), np.nan)
+    values = np.full((1, len(FLEA.rows)), np.nan)
     table = open_loop(healthy(2.0))
-    table[:, CHANNELS.index("commanded_voltage")] = np.nan
+    table[:, FLEA.channels.index("commanded_voltage")] = np.nan
     for row in table:
         estimate.step(row[None], USABLE, False, values)
-        assert np.isnan(values[:, INNOVATION_COLUMNS]).all()
+        assert np.isnan(values[:, FLEA.innovation_columns]).all()
 
 
 def test_innovations_detect_but_make_no_symbol():
@@ -168,8 +164,8 @@ def test_innovations_detect_but_make_no_symbol():
     assert stands.of(Detection, out)
     for record in stands.of(Symbols, out):
         assert not any(s.residual.startswith("innovation") for s in record.symbols)
-    assert all(not row.isolates for row in RESIDUALS if row.name.startswith("innovation"))
-    assert len(INNOVATION_INDEX) == 2 * len(INNOVATION_CHANNELS)
+    assert all(not row.isolates for row in FLEA.rows if row.name.startswith("innovation"))
+    assert len(FLEA.innovations) == 2 * len(FLEA.innovated)
 
 
 def test_another_unit_moves_innovations_as_far_as_the_calibration_foretells():

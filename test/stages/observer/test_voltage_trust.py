@@ -7,15 +7,13 @@ import pytest
 from support import stands
 from support.observer_scans import after, decisions, healthy, quality
 
-from flea_diag.core.residuals.residual import UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import (
-    RESIDUAL_INDEX,
-    RESIDUALS,
-    SPREAD_ROWS,
-    ResidualRows,
-)
+from flea_diag.configuration.description import compiled_relations
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
+from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.stages.observer.voltage_trust import VoltageTrust
 from flea_diag.wire.records import DataQuality, Quality, Residual
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 LIMIT_V = 5.0
 
@@ -48,31 +46,31 @@ def test_the_zero_of_a_voltage_that_nothing_corroborates_is_no_symptom():
 
 def electrical(volts: list[float]) -> ResidualRows:
     """Residuals of scans in which the electrical relation is off by so many volts."""
-    values = np.zeros((len(volts), len(RESIDUALS)))
-    values[:, RESIDUAL_INDEX["parity_electrical"]] = volts
+    values = np.zeros((len(volts), len(FLEA.rows)))
+    values[:, FLEA.place["parity_electrical"]] = volts
     still = np.zeros(len(volts), dtype=bool)
-    spread = np.zeros((len(volts), len(SPREAD_ROWS), len(UNIT_PARAMETERS)))
+    spread = np.zeros((len(volts), len(FLEA.spreading), len(UNIT_PARAMETERS)))
     nothing = np.zeros((len(volts), 2))
     return ResidualRows(values, spread, nothing, nothing, still)
 
 
 def test_a_voltage_loses_trust_with_the_twentieth_implausible_scan_in_a_row():
     rows = electrical([0.0] * 5 + [9.0] * 30)
-    trust = VoltageTrust(LIMIT_V)
+    trust = VoltageTrust(FLEA, LIMIT_V)
     verdict = trust.judge(rows, np.ones(35, dtype=bool))
     assert verdict.lost_at == 5 + 20 - 1
     assert trust.lost
     assert verdict.usable.tolist() == [True] * 5 + [False] * 30
     assert verdict.trusted.tolist() == [True] * 25 + [False] * 10
     verdict.leave_out(rows)
-    needs = [j for j, row in enumerate(RESIDUALS) if "motor_voltage" in row.needs]
+    needs = [j for j, row in enumerate(FLEA.rows) if "motor_voltage" in row.needs]
     assert np.isnan(rows.values[5:, needs]).all()
     assert not np.isnan(rows.values[:5]).any()
     assert not np.isnan(np.delete(rows.values, needs, axis=1)).any()
 
 
 def test_a_voltage_that_a_command_corroborates_is_not_judged():
-    trust = VoltageTrust(LIMIT_V)
+    trust = VoltageTrust(FLEA, LIMIT_V)
     verdict = trust.judge(electrical([9.0] * 30), np.zeros(30, dtype=bool))
     assert verdict.usable.all()
     assert verdict.trusted.all()

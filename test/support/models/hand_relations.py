@@ -14,7 +14,8 @@ from flea_diag.configuration.description import compiled_relations, faults_of
 from flea_diag.core.likelihood.effect_set import EffectSet, effect_set
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import TEMPERATURES
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 COPPER_PER_K = 0.00393
 
@@ -75,7 +76,7 @@ def slope_relations() -> RelationSet:
     """Compiled relations of a FLEA without an encoder: the speed is the slope of the position."""
     motor = ("motor_current", "motor_voltage", "commanded_voltage")
     moved = ("actuator_position", "load_position", "load_force")
-    return compiled_relations("actuator.yaml", (*motor, *moved, *TEMPERATURES), False)
+    return compiled_relations("actuator.yaml", (*motor, *moved, *tuple(FLEA.predictions)), False)
 
 
 BY_HAND: dict[str, Callable[..., Any]] = {

@@ -17,13 +17,16 @@ from support.models import linear_ema as ema
 from support.places import FLEA_STAND, WING
 
 from flea_diag.configuration.calibrations import load_calibration
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.thresholds import Trace
-from flea_diag.core.residuals.residual_rows import CHANNELS, RESIDUAL_INDEX, RESIDUALS, UNITS
+from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.tools import extra
 from flea_diag.tools.calibrate import plots as calibration_plots
 from flea_diag.tools.main import main
 from flea_diag.wire.bags.bag import BagWriter
 from flea_diag.wire.records import NEVER_NS, ChannelInfo, ChannelTable, Scan, Truth
+
+FLEA = compiled_relations("actuator.yaml").residuals
 
 PERIOD_NS = 10_000_000
 FLEA_CHANNELS = (*ema.STAND,)
@@ -120,8 +123,8 @@ def test_what_is_drawn_is_the_mean_that_is_tested(made):
     limit = calibration.limit("parity_electrical_dn")
     window = limit.windows[1]
     draw = np.random.default_rng(3)
-    values = np.full((400, len(RESIDUALS)), np.nan)
-    column = RESIDUAL_INDEX["parity_electrical_dn"]
+    values = np.full((400, len(FLEA.rows)), np.nan)
+    column = FLEA.place["parity_electrical_dn"]
     values[:, column] = draw.standard_normal(400)
     values[50:60, column] = np.nan
     moving = np.arange(400) % 7 > 0
@@ -266,4 +269,4 @@ def test_pictures_without_matplotlib_are_refused_before_any_work(tmp_path, capsy
 
 
 def test_units_are_checked_for_every_channel_that_is_read():
-    assert set(UNITS) == set(CHANNELS)
+    assert set(UNITS) == set(FLEA.channels)

@@ -1,0 +1,30 @@
+"""Which residuals of a stand a fault of a sensor moves by itself, whatever the plant does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from flea_diag.core.frozen import Frozen
+
+
+@dataclass(frozen=True)
+class SensorSymptoms(Frozen):
+    """What isolation looks up about sensors.
+
+    Attributes
+    ----------
+    positions
+        Channels that read a displacement, and the residuals that are their steps.
+    motion
+        Channels of the motion: positions and speed.
+    twins
+        Differences between two sensors of one motion.
+    own
+        Residual in no signature table -> sensors whose faults alone move it.
+    """
+
+    positions: tuple[str, ...] = ()
+    motion: tuple[str, ...] = ()
+    twins: tuple[str, ...] = ()
+    own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

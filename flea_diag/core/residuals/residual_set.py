@@ -1,0 +1,193 @@
+"""Which residuals a description allows: its relations, predictions, sensors and state observer.
+
+The order is that of what they tell: balances that hold the friction, other balances, what is held
+against a command, what two sensors read of one quantity; then predictions, tests of single
+sensors, innovations. Within each it is that of the description.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
+from flea_diag.core.bond_graph.bond_graph import SOURCES
+from flea_diag.core.residuals.channel_units import UNITS, VOLTAGE
+from flea_diag.core.residuals.driven_equations import CHANNELS as OBSERVED
+from flea_diag.core.residuals.driven_equations import driven_equations
+from flea_diag.core.residuals.parity import channel_of
+from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
+from flea_diag.core.residuals.residual_rows import SPEED, Parity, ResidualRow, ResidualSet
+from flea_diag.core.sensors.sensor_tests import NAMES as SENSOR_TESTS
+from flea_diag.core.sensors.sensor_tests import channel_of as tested_by
+from flea_diag.core.symbolic.expression import symbols
+from flea_diag.errors import ModelError
+
+DRIVEN = "driven"
+"""Model whose inputs are measured: that of the state observer."""
+COMPILED = ("junction", "power", "difference")
+"""Kinds of residuals that are parity relations."""
+
+
+def residual_set(actuator: Actuator, known: RelationSet) -> ResidualSet:
+    """Residuals of a description whose sensors close the relations ``known``."""
+    encoder = encoder_of(actuator)
+    positions = tuple(s.channel for s in actuator.sensors.values() if s.integrates)
+    motion = {*positions, encoder}
+    rows = [actuator.residuals[name] for name in known.names]
+    parities = tuple(_parities(actuator, known, motion))
+    units = _units(actuator, known)
+    predictions = {row.name: row.channel for row in known.predictions}
+    twins = tuple(r.name for r in rows if {r.channel, r.reference} <= motion - {""})
+    friction = next((row.name for row in known.relations if DIRECTION in row.signals), "")
+    circuit = next((row.name for row in rows if _is_circuit(actuator, row)), "")
+    innovated = _innovated(actuator, known)
+    return ResidualSet(
+        units,
+        parities,
+        predictions,
+        tuple(_sensor_rows(units)),
+        tuple(row for channel in innovated for row in _innovation_rows(channel)),
+        innovated,
+        positions,
+        encoder,
+        friction,
+        circuit,
+        _zeros(known, {friction: "current_offset_a", circuit: "voltage_offset_v"}),
+        twins,
+        tuple(name for name in twins if actuator.residuals[name].channel == encoder),
+        dict(_own(actuator, [*(row.name for row in parities), *predictions])),
+    )
+
+
+def relation_names(actuator: Actuator) -> tuple[str, ...]:
+    """Residuals whose relations are to be compiled, normalised ones by what they normalise."""
+    specs = actuator.residuals.values()
+    found = (relation_of(actuator, s) for s in specs if s.kind in COMPILED)
+    return tuple(dict.fromkeys(n for n in found if not _drives_elsewhere(actuator, n)))
+
+
+def relation_of(actuator: Actuator, spec: ResidualSpec) -> str:
+    """The residual that this one is the direction-normalised form of, or itself."""
+    if not spec.normalised:
+        return spec.name
+    plain = (row for row in actuator.residuals.values() if not row.normalised)
+    return next((row.name for row in plain if _bare(row) == _bare(spec)), spec.name)
+
+
+def encoder_of(actuator: Actuator) -> str:
+    """The sensor that reads a speed itself; empty: none."""
+    junctions = actuator.graph.elements
+    for sensor in actuator.sensors.values():
+        if sensor.at and not sensor.integrates:
+            place = junctions[sensor.at]
+            if place.kind == "1" and place.domain in ("rotation", "translation"):
+                return sensor.channel
+    return ""
+
+
+def _bare(spec: ResidualSpec) -> ResidualSpec:
+    return replace(spec, name="", normalised=False, motion="", signs=True)
+
+
+def _drives_elsewhere(actuator: Actuator, name: str) -> bool:
+    """Whether a difference is held against the command of a source at another junction.
+
+    What lies between then takes its part of that effort or flow: the two are alike at a standstill.
+    """
+    spec, graph = actuator.residuals[name], actuator.graph
+    sensor = actuator.sensors.get(spec.channel)
+    sources = [e for e in graph.of_kind(*SOURCES) if spec.reference and e.signal == spec.reference]
+    fed = {bond.other(e.name) for e in sources for bond in graph.at(e.name)}
+    return spec.kind == "difference" and bool(fed) and (sensor is None or sensor.at not in fed)
+
+
+def _zeros(known: RelationSet, wanted: Mapping[str, str]) -> Mapping[str, str]:
+    held = {row.name: symbols(row.expression) for row in known.relations}
+    return {row: zero for row, zero in wanted.items() if row and zero in held[row]}
+
+
+def _is_circuit(actuator: Actuator, spec: ResidualSpec) -> bool:
+    place = actuator.graph.elements.get(spec.junction)
+    return spec.kind == "junction" and place is not None and place.domain == "electrical"
+
+
+def _parities(actuator: Actuator, known: RelationSet, motion: set[str]) -> Iterator[Parity]:
+    specs = [row for row in actuator.residuals.values() if row.kind in COMPILED]
+    for relation in known.relations:
+        needs = _needs(actuator, known, relation, motion)
+        own = [s for s in specs if relation_of(actuator, s) == relation.name]
+        for spec in sorted(own, key=lambda s: s.normalised):
+            yield Parity(
+                spec.name,
+                spec.unit,
+                needs,
+                spec.normalised or DIRECTION in relation.signals,
+                spec.normalised,
+                relation.name,
+                relation.name in known.differing,
+                spec.signs or spec.kind == "difference",
+            )
+
+
+def _needs(
+    actuator: Actuator, known: RelationSet, row: CompiledRelation, motion: set[str]
+) -> tuple[str, ...]:
+    """Channels that a relation reads; a balance takes the speed from wherever it is known."""
+    inside = [n for s in row.signals if s in known.shapes for n in symbols(known.shapes[s])]
+    read = [channel_of(name) for name in (*row.signals, *inside)]
+    displaced = set(known.displacements)
+    needs = dict.fromkeys(
+        SPEED
+        if row.kind != "difference" and name in motion and (order or name not in displaced)
+        else name
+        for name, order in read
+        if name in actuator.units
+    )
+    return tuple(needs)
+
+
+def _units(actuator: Actuator, known: RelationSet) -> Mapping[str, str]:
+    """Unit of every sensor, and of every input that a relation reads; standard channels first."""
+    read = {channel_of(signal)[0] for signal in known.signals} | set(known.neighbours)
+    names = [n for n in actuator.units if n in actuator.sensors or n in read]
+    standard = [name for name in UNITS if name in names]
+    return {name: actuator.units[name] for name in dict.fromkeys((*standard, *names))}
+
+
+def _sensor_rows(units: Mapping[str, str]) -> Iterator[ResidualRow]:
+    for name in SENSOR_TESTS:
+        channel = tested_by(name)
+        if channel in units:
+            yield ResidualRow(name, "1", (channel,), "sensor", (1,))
+
+
+def _innovated(actuator: Actuator, known: RelationSet) -> tuple[str, ...]:
+    """Channels of the motion that the state observer predicts, as the description names them.
+
+    Not one that the model moves to another junction: its prediction rests on a rigid coupling.
+    """
+    view = actuator.views.get(DRIVEN)
+    specs = [s for s in actuator.residuals.values() if s.kind == "measurement"]
+    names = [s.channel for s in specs if s.model == DRIVEN and s.channel in OBSERVED]
+    if view is None or not names or not set(view.measured) <= set(actuator.sensors):
+        return ()
+    try:
+        driven_equations(known)
+    except ModelError:
+        return ()
+    return tuple(name for name in names if name not in (*view.moved, *view.measured))
+
+
+def _innovation_rows(channel: str) -> tuple[ResidualRow, ResidualRow]:
+    needs = (channel, VOLTAGE, SPEED)
+    raw = ResidualRow(f"innovation_{channel}", "1", needs, "moving", isolates=False)
+    return raw, replace(raw, name=f"{raw.name}_dn")
+
+
+def _own(actuator: Actuator, names: list[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Residuals in no signature table: sensors alone move a difference of two, or an input."""
+    for name in names:
+        spec = actuator.residuals[name]
+        if not spec.signs and not spec.balances:
+            yield name, tuple(c for c in (spec.channel, spec.reference) if c)
