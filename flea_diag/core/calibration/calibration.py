@@ -214,17 +214,23 @@ def _texts(value: Any) -> tuple[str, ...]:
 
 
 def _numbers_of(
-    kind: type, ranges: Mapping[str, tuple[float, float]], retired: Collection[str] = ()
+    kind: type,
+    ranges: Mapping[str, tuple[float, float]],
+    retired: Collection[str] = (),
+    later: Collection[str] = (),
 ) -> Callable[[Any], Any]:
+    """Reader of a dataclass of numbers; ``later`` ones may lack in an older file."""
     names = {entry.name for entry in fields(kind)}
 
     def read(value: Any) -> Any:
-        if not isinstance(value, Mapping) or set(value) - set(retired) != names:
-            odd = sorted(map(shown, (set(value) - set(retired)) ^ names))
+        if not isinstance(value, Mapping):
+            raise ValueError(f"{shown(value)} is no mapping")
+        given = set(value) - set(retired)
+        if odd := sorted(map(shown, (given ^ names) - (set(later) - given))):
             raise ValueError(f"{odd[0]} is missing or unknown")
         for key, limits in ranges.items():
             _within(value[key], limits, key)
-        return kind(**{key: _number(value[key]) for key in names})
+        return kind(**{key: _number(value[key]) for key in names & given})
 
     return read
 
@@ -327,7 +333,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "period_s": lambda value: _within(value, PERIOD_S),
     "channels": _texts,
     "voltage_sampling": _text,
-    "parameters": _numbers_of(ActuatorParameters, PARAMETER_RANGES),
+    "parameters": _numbers_of(ActuatorParameters, PARAMETER_RANGES, later=("supply_voltage_v",)),
     "sigmas": lambda value: {_text(key): _not_negative(entry) for key, entry in value.items()},
     "not_identified": lambda value: {_text(key): _text(entry) for key, entry in value.items()},
     "tolerance": _numbers_of(

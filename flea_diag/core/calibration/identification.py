@@ -23,12 +23,13 @@ from flea_diag.core.calibration import heat_identification
 from flea_diag.core.calibration.calibration import CovarianceBlock, NominalRun
 from flea_diag.core.calibration.heat_identification import NominalSignals
 from flea_diag.core.calibration.relation_fit import Regression, regression
+from flea_diag.core.residuals.channel_units import COMMAND, CURRENT, LOAD, VOLTAGE
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.parity import channel_of
+from flea_diag.core.residuals.parity import channel_of, rate_symbol
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.smoothing import hann_kernels
-from flea_diag.core.symbolic.expression import evaluate
+from flea_diag.core.symbolic.expression import evaluate, symbols
 from flea_diag.errors import CalibrationError
 
 Array = npt.NDArray[np.float64]
@@ -153,11 +154,13 @@ def identify(
         The recordings contain too little motion to identify the actuator.
     """
     data = smooth(runs, relations_of(True).residuals, kernel_length, period_s)
-    result = Identified(ActuatorParameters())
+    drawn = relations_of(True)
+    start = {n: v for n, v in drawn.described.items() if n != "encoder_m_per_rad"}
+    result = Identified(replace(ActuatorParameters(), **start))
     result.missing(["winding_inductance_h"], "L/R is far below the scan period; an assumption")
     result.missing(["stribeck_speed_m_s"], "width of the smooth sign of friction; an assumption")
     result.missing(["reference_temperature_degc"], "where the resistance holds; a convention")
-    _encoder(data, relations_of(True), result)
+    _encoder(data, drawn, result)
     relations = relations_of(result.parameters.encoder_m_per_rad != 0.0)
     signals = _signals(data, relations, result.parameters)
     moving = np.abs(_speed(data, result)) > MOVING_M_S
@@ -168,10 +171,10 @@ def identify(
             f"{MINIMUM_MOVING_S} s are needed: record the actuator while it moves"
         )
     fit = _Fit(data, relations, signals, result)
-    _mechanical(fit, moving)
+    _friction(fit, moving)
     _electrical(fit)
     _drive(fit)
-    _position(data, result)
+    _position(data, relations, result)
     nominal = NominalSignals(_signals(data, relations, result.parameters), data.run)
     heat_identification.identify(runs, period_s, relations, nominal, result)
     return result
@@ -194,7 +197,7 @@ class _Fit:
         Parameters that these rows do not fix keep their defaults.
         """
         relation = self.relations.named.get(name)
-        if relation is None:
+        if relation is None or not set(unknown) & set(symbols(relation.expression)):
             return None
         rows = np.array([np.isfinite(self.signals[signal]) for signal in relation.signals])
         use &= rows.all(axis=0)
@@ -240,11 +243,13 @@ def _have(data: Smoothed, *channels: str) -> npt.NDArray[np.bool_]:
 
 
 def _encoder(data: Smoothed, relations: RelationSet, result: Identified) -> None:
-    use = _have(data, "motor_speed", "actuator_position")
+    rows = data.rows
+    use = _have(data, rows.encoder, rows.position)
     signals = _signals(data, relations, result.parameters) if use.any() else {}
     fit = _Fit(data, relations, signals, result)
     name = "encoder_m_per_rad"
-    made = fit.regression("parity_speed", "d_actuator_position", [name], use) if signals else None
+    relation, slope = next(iter(rows.of_one_speed), ""), rate_symbol(rows.position)
+    made = fit.regression(relation, slope, [name], use) if signals else None
     if made is None:
         result.missing([name], "no motor_speed channel")
         return
@@ -258,32 +263,45 @@ NOT_NEGATIVE = (
     "reflected_mass_kg",
     "load_friction_ratio",
 )
+DRIVES = {
+    "force_constant_n_per_a": "no balance of forces with a motor current",
+    "supply_voltage_v": "no balance of power with the current of a supply",
+}
+"""What turns a current into a force or into power, and why it is not identified."""
 
 
-def _mechanical(fit: _Fit, moving: npt.NDArray[np.bool_]) -> None:
-    names = (*NOT_NEGATIVE, "force_constant_n_per_a")
-    use = moving.copy()
-    made = fit.regression("parity_mechanical", "motor_current", (*names, "current_offset_a"), use)
+def _friction(fit: _Fit, moving: npt.NDArray[np.bool_]) -> None:
+    """The balance that holds the friction: of forces, or of power."""
+    names = (*NOT_NEGATIVE, *DRIVES)
+    use, relation = moving.copy(), fit.data.rows.friction
+    made = fit.regression(relation, CURRENT, (*names, "current_offset_a"), use)
     if made is None:
         fit.result.missing(names, "no current, load and motion together")
         return
     x, covariance, _ = robust_fit(made.columns, made.target, fit.data.run[use])
     values, covariance = made.solved(x, covariance)
-    if values["force_constant_n_per_a"] <= 0.0:
-        raise CalibrationError(
-            f"the current falls by {-1.0 / values['force_constant_n_per_a']:.2e} A per newton of "
-            "opposing load: motor_current or load_force has the wrong sign (positive load opposes "
-            "extension)"
-        )
+    _check_sign(values, "commanded_load" if "commanded_load" in fit.data.rows.index else LOAD)
+    for name in set(DRIVES) - set(values):
+        fit.result.missing([name], DRIVES[name])
     values |= {name: max(values[name], 0.0) for name in NOT_NEGATIVE if name in values}
     fit.result.found(values, covariance)
+
+
+def _check_sign(values: Mapping[str, float], load: str) -> None:
+    for name, unit in zip(DRIVES, ("newton", "watt"), strict=True):
+        if values.get(name, 1.0) <= 0.0:
+            raise CalibrationError(
+                f"the current falls by {-1.0 / values[name]:.2e} A per {unit} of "
+                f"opposing load: motor_current or {load} has the wrong sign (positive load opposes "
+                "extension)"
+            )
 
 
 def _electrical(fit: _Fit) -> None:
     names = ("winding_resistance_ohm", "back_emf_v_s_per_m", "voltage_offset_v")
     p, result = fit.result.parameters, fit.result
     use = np.ones(len(fit.data.run), dtype=bool)
-    made = fit.regression("parity_electrical", "motor_voltage", names, use)
+    made = fit.regression(fit.data.rows.circuit, VOLTAGE, names, use)
     if made is None:
         result.missing(names, "no motor_voltage channel")
         return
@@ -297,7 +315,7 @@ def _electrical(fit: _Fit) -> None:
     residual = made.target - made.columns @ x
     scale = 1.4826 * float(np.median(np.abs(residual[weight > 0])))
     # No healthy unit deviates by a third of the drive's output range.
-    supply_v = float(np.quantile(np.abs(fit.signals["motor_voltage"][use]), 0.99))
+    supply_v = float(np.quantile(np.abs(fit.signals[VOLTAGE][use]), 0.99))
     result.voltage_limit_v = max(8.0 * scale, supply_v / 3.0)
     result.found(*made.solved(x, covariance))
 
@@ -305,7 +323,8 @@ def _electrical(fit: _Fit) -> None:
 def _drive(fit: _Fit) -> None:
     names = ("drive_gain", "drive_offset_v")
     use = np.ones(len(fit.data.run), dtype=bool)
-    made = fit.regression("parity_drive", "motor_voltage", names, use)
+    related = (r.name for r in fit.relations.relations if {VOLTAGE, COMMAND} == set(r.signals))
+    made = fit.regression(next(related, ""), VOLTAGE, names, use)
     if made is None:
         fit.result.missing(names, "no commanded_voltage channel")
         return
@@ -313,13 +332,16 @@ def _drive(fit: _Fit) -> None:
     fit.result.found(*made.solved(x, covariance))
 
 
-def _position(data: Smoothed, result: Identified) -> None:
-    use = _have(data, "actuator_position", "load_position")
+def _position(data: Smoothed, relations: RelationSet, result: Identified) -> None:
+    name = "position_offset_m"
+    held = [row for row in relations.relations if name in symbols(row.expression)]
+    one, other = held[0].signals if held else ("", "")
+    use = _have(data, one, other)
     if not use.any():
-        result.missing(["position_offset_m"], "no second position channel")
+        result.missing([name], "no second position channel")
         return
-    apart = (data.column("actuator_position") - data.column("load_position"))[use]
+    apart = (data.column(one) - data.column(other))[use]
     offset, run = float(np.median(apart)), data.run[use]
     each = np.array([np.median(apart[run == number]) for number in np.unique(run)])
     error = float(np.var(each, ddof=1)) / len(each) if len(each) > 1 else float(np.var(apart))
-    result.found({"position_offset_m": offset}, np.array([[error]]))
+    result.found({name: offset}, np.array([[error]]))

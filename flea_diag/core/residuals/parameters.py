@@ -37,6 +37,7 @@ class ActuatorParameters(Frozen):
     drive_offset_v: float = 0.0
     position_offset_m: float = 0.0
     encoder_m_per_rad: float = 0.0
+    supply_voltage_v: float = 0.0
 
 
 def as_record(parameters: ActuatorParameters) -> npt.NDArray[np.void]:

@@ -96,6 +96,8 @@ class RelationSet(Frozen):
         The same for every sensor of the description, fitted or not; None if these are.
     stop
         Ends of travel, and the relations that the reaction of a stop enters.
+    described
+        Base parameter in the relations -> the description's value.
     residuals
         Of the description, whatever sensors are fitted.
     """
@@ -115,6 +117,7 @@ class RelationSet(Frozen):
     predictions: tuple[Prediction, ...] = ()
     every: RelationSet | None = None
     stop: Stop = field(default_factory=Stop)
+    described: Mapping[str, float] = field(default_factory=dict)
     residuals: ResidualSet = field(default_factory=lambda: ResidualSet({}, ()))
 
     @cached_property
@@ -257,7 +260,17 @@ def relation_set(
         actuator.units,
         predictions,
         stop=stop_of(actuator, [row.name for row in rows]),
+        described=_described(actuator, held, rows),
     )
+
+
+def _described(
+    actuator: Actuator, held: Collection[str], rows: Iterable[CompiledRelation]
+) -> Mapping[str, float]:
+    """Values of those base parameters that a calibration holds and a relation reads."""
+    read = {name for row in rows for name in symbols(row.expression)} & set(held)
+    values, base = actuator.graph.values(), actuator.base_parameters
+    return {name: float(evaluate(base[name], values)) for name in base if name in read}
 
 
 def _rank(actuator: Actuator, row: CompiledRelation) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,12 +57,14 @@ def _read(bag: Path, known: ResidualSet) -> NominalRecording:
     import numpy as np
 
     from flea_diag.core.calibration.calibration import NominalRun
+    from flea_diag.core.residuals.channel_units import UNITS
 
-    table, stamps, measured = _content(bag, known)
+    table, stamps, measured, read = _content(bag, known)
     if len(stamps) < 2 or table is None:
         missing = "channel table" if table is None else "scans"
         raise CalibrationError(f"{bag}: no {missing} ({len(stamps)} scans)")
-    present = tuple(c for c, k in known.index.items() if np.isfinite(measured[:, k]).any())
+    # Standard channels that the description lacks are of another actuator: refused by name.
+    present = tuple(name for name in dict.fromkeys((*known.channels, *UNITS)) if name in read)
     voltage = table.info("motor_voltage")
     _check_units(bag, table, known)
     return NominalRecording(
@@ -74,8 +76,8 @@ def _read(bag: Path, known: ResidualSet) -> NominalRecording:
     )
 
 
-def _content(bag: Path, known: ResidualSet) -> tuple[ChannelTable | None, list[int], Any]:
-    """Channel table, stamps (ns), and inputs of the residual bank, shape (scans, channels)."""
+def _content(bag: Path, known: ResidualSet) -> tuple[ChannelTable | None, list[int], Any, set[str]]:
+    """Channel table, stamps (ns), readings, shape (scans, channels), and channels with values."""
     import numpy as np
 
     from flea_diag.wire.bags.bag import BagReader
@@ -84,6 +86,7 @@ def _content(bag: Path, known: ResidualSet) -> tuple[ChannelTable | None, list[i
 
     rows: list[Any] = [_rows((), np.empty((0, 0)), known)]
     stamps: list[int] = []
+    read: set[str] = set()
     table: ChannelTable | None = None
     reader = BagReader(bag)
     for record in reader.blocks((ChannelTable, Scan, Truth)):
@@ -95,13 +98,23 @@ def _content(bag: Path, known: ResidualSet) -> tuple[ChannelTable | None, list[i
             )
         elif isinstance(record, ScanBlock):
             rows.append(_rows(record.channels, record.values, known))
+            read.update(_with_values(record.channels, record.values))
             stamps += record.stamps_ns.tolist()
         elif isinstance(record, Scan):
             rows.append(_rows(record.channels, np.array([record.values]), known))
+            read.update(_with_values(record.channels, np.array([record.values])))
             stamps.append(record.stamp_ns)
     for loss in reader.losses:
         warn(f"{bag}: {loss}")
-    return table, stamps, np.concatenate(rows)
+    return table, stamps, np.concatenate(rows), read
+
+
+def _with_values(channels: Sequence[str], values: Any) -> Iterator[str]:
+    """Channels that any of these scans has a value of."""
+    import numpy as np
+
+    finite = np.isfinite(values).any(axis=0).tolist()
+    return (name for name, has in zip(channels, finite, strict=True) if has)
 
 
 def _rows(channels: Sequence[str], values: Any, known: ResidualSet) -> Any:

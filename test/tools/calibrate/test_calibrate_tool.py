@@ -128,7 +128,7 @@ def test_what_is_drawn_is_the_mean_that_is_tested(made):
     values[:, column] = draw.standard_normal(400)
     values[50:60, column] = np.nan
     moving = np.arange(400) % 7 > 0
-    trace = Trace("x", values, np.full(400, 0.04), moving, np.ones(400, dtype=bool))
+    trace = Trace("x", FLEA, values, np.full(400, 0.04), moving, np.ones(400, dtype=bool))
     mean, low, high = calibration_plots.windowed(limit, window, trace)
     held: list[float] = []
     for k in range(400):
