@@ -281,8 +281,9 @@ def _friction(fit: _Fit, moving: npt.NDArray[np.bool_]) -> None:
     x, covariance, _ = robust_fit(made.columns, made.target, fit.data.run[use])
     values, covariance = made.solved(x, covariance)
     _check_sign(values, "commanded_load" if "commanded_load" in fit.data.rows.index else LOAD)
-    for name in set(DRIVES) - set(values):
-        fit.result.missing([name], DRIVES[name])
+    for name, reason in DRIVES.items():
+        if name not in values and name not in fit.result.not_identified:
+            fit.result.missing([name], reason)
     values |= {name: max(values[name], 0.0) for name in NOT_NEGATIVE if name in values}
     fit.result.found(values, covariance)
 
