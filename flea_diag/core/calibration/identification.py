@@ -273,14 +273,15 @@ DRIVES = {
 def _friction(fit: _Fit, moving: npt.NDArray[np.bool_]) -> None:
     """The balance that holds the friction: of forces, or of power."""
     names = (*NOT_NEGATIVE, *DRIVES)
-    use, relation = moving.copy(), fit.data.rows.friction
+    rows, relation = fit.data.rows, fit.data.rows.friction
+    use = moving.copy() if relation in rows.in_motion else np.ones_like(moving)
     made = fit.regression(relation, CURRENT, (*names, "current_offset_a"), use)
     if made is None:
         fit.result.missing(names, "no current, load and motion together")
         return
     x, covariance, _ = robust_fit(made.columns, made.target, fit.data.run[use])
     values, covariance = made.solved(x, covariance)
-    _check_sign(values, "commanded_load" if "commanded_load" in fit.data.rows.index else LOAD)
+    _check_sign(values, "commanded_load" if "commanded_load" in rows.index else LOAD)
     for name, reason in DRIVES.items():
         if name not in values and name not in fit.result.not_identified:
             fit.result.missing([name], reason)

@@ -173,6 +173,11 @@ class ResidualSet(Frozen):
         return (*self.relations, *self.predictions)
 
     @cached_property
+    def in_motion(self) -> frozenset[str]:
+        """Residuals that mean something in motion alone."""
+        return frozenset(row.name for row in self.rows if row.gate == "moving")
+
+    @cached_property
     def _relation(self) -> Mapping[str, str]:
         return {row.name: row.relation for row in self.parities}
 

@@ -122,7 +122,8 @@ def _parities(actuator: Actuator, known: RelationSet, motion: set[str]) -> Itera
                 spec.name,
                 spec.unit,
                 needs,
-                spec.normalised or DIRECTION in relation.signals,
+                # At rest friction takes whatever force there is, but no power.
+                spec.normalised or (DIRECTION in relation.signals and spec.kind != "power"),
                 spec.normalised,
                 relation.name,
                 relation.name in known.differing,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,7 @@ class EpisodeEvidence:
     detected_ns : stamp of the detection
     onset_ns : time after it in which scans are left out (smoothing transient)
     encoder_m_per_rad : travel of the nut by the angle that the encoder reads
-    friction : the residual with friction, evidence in motion alone
+    in_motion : residuals that are evidence in motion alone
     """
 
     def __init__(
@@ -40,9 +40,9 @@ class EpisodeEvidence:
         detected_ns: int,
         onset_ns: int,
         encoder_m_per_rad: float,
-        friction: str,
+        in_motion: Collection[str],
     ) -> None:
-        self._friction = friction
+        self._in_motion = in_motion
         self.equations = NormalEquations(residuals, basis)
         self._basis = basis
         self._per_unit = np.array([1.0, encoder_m_per_rad])
@@ -61,7 +61,7 @@ class EpisodeEvidence:
         for column, name in enumerate(self.equations.residuals):
             if name in block.names:
                 values[:, column] = block.values[late, block.names.index(name)]
-                if name == self._friction:
+                if name in self._in_motion:
                     values[~moving, column] = np.nan
         places = self._basis.column
         regressors = block.regressors[late, : len(places)]

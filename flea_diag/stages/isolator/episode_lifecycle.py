@@ -146,7 +146,7 @@ class EpisodeLifecycle:
                 shared.detected_ns,
                 self._onset_ns,
                 self._k.calibration.parameters.encoder_m_per_rad,
-                self._k.effects.residuals.friction,
+                self._k.effects.residuals.in_motion,
             ),
             FeatureQuery(shared.detected_ns, self._window_ns, self._windows),
         )

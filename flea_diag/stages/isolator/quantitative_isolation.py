@@ -35,7 +35,7 @@ class QuantitativeIsolation:
     def __init__(self, calibration: Calibration, effects: EffectSet) -> None:
         limits, fitted = calibration.limits, calibration.parameters
         residuals = effects.residuals
-        self._friction = residuals.friction
+        self._friction, self._in_motion = residuals.friction, residuals.in_motion
         # Not the relation with friction: a drag already present at start would be learned.
         self._baseline_residuals = (residuals.circuit,)
         # Where that relation left its earlier level, the drag began within the run.
@@ -92,7 +92,7 @@ class QuantitativeIsolation:
         for column, name in enumerate(self.names):
             if name in self._before_shift and name in block.names:
                 values[:, column] = block.values[:, block.names.index(name)]
-                if name == self._friction:
+                if name in self._in_motion:
                     values[resting, column] = np.nan
         return values, block.regressors[:, : len(self.basis.names)]
 

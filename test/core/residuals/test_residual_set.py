@@ -67,7 +67,7 @@ def test_a_supply_s_power_is_all_that_a_stepper_has(tmp_path):
     assert known.units == {"motor_current": "A", "actuator_position": "m", "commanded_load": "N"}
     assert named(known) == ["parity_power"]
     (power,) = (row for row in known.rows if row.name == "parity_power")
-    assert (power.unit, power.gate) == ("W", "moving")
+    assert (power.unit, power.gate) == ("W", "always")
     assert set(power.needs) == {"motor_current", SPEED, "commanded_load"}
     assert (known.friction, known.circuit, known.encoder) == ("parity_power", "", "")
     assert known.required == ("motor_current", "commanded_load", "actuator_position")

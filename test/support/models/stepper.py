@@ -79,7 +79,11 @@ DESCRIPTION: dict[str, Any] = {
         },
     },
     "inputs": {"commanded_load": {"unit": "N"}},
-    "operating_point": {"hold": {"motor_current": 0.5}, "by": ["commanded_load"]},
+    "operating_point": {
+        "hold": {"motor_current": 0.5},
+        "by": ["commanded_load"],
+        "fixed": {"x_nut": 0.1},
+    },
     "residuals": {
         "parity_power": {
             "kind": "power",
