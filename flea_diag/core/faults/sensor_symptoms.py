@@ -15,7 +15,7 @@ class SensorSymptoms(Frozen):
     Attributes
     ----------
     positions
-        Channels that read a displacement, and the residuals that are their steps.
+        Channels that read a displacement and have a residual of that name, which is its step.
     motion
         Channels of the motion: positions and speed.
     twins

@@ -138,7 +138,9 @@ class ResidualSet(Frozen):
     @cached_property
     def symptoms(self) -> SensorSymptoms:
         """What isolation looks up about sensors."""
-        return SensorSymptoms(self.positions, self.motion, self.twins, self.own)
+        tested = {row.name for row in self.sensor_rows}
+        stepping = tuple(name for name in self.positions if name in tested)
+        return SensorSymptoms(stepping, self.motion, self.twins, self.own)
 
     @property
     def position(self) -> str:

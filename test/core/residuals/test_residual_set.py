@@ -13,10 +13,11 @@ from support.models.stepper import DESCRIPTION
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.files import load_yaml
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.residuals.residual_rows import SPEED, ResidualSet
 
 FLEA = compiled_relations("actuator.yaml").residuals
-WING = compiled_relations("actuator_wing.yaml").residuals
+WING = compiled_relations(load_stand("wing").actuator).residuals
 
 
 def rows(
@@ -75,13 +76,24 @@ def test_a_supply_s_power_is_all_that_a_stepper_has(tmp_path):
     assert tested == {"motor_current", "actuator_position"}
 
 
-def test_a_wing_has_no_observer_where_its_winding_s_inductance_counts():
-    """The current is then a state of its own, which the driven model has none for."""
-    assert WING.innovations == ()
-    assert "nut_temperature" not in WING.index
-    assert WING.units["load_position"] == "rad"
+def test_a_wing_has_the_rows_of_its_own_sensors():
+    assert WING.units["surface_angle"] == "rad"
     assert (WING.friction, WING.circuit) == ("parity_mechanical", "parity_electrical")
     assert WING.column("parity_kinematic") == WING.channel("nut_temperature") == -1
+    assert set(WING.predictions) == {"motor_temperature", "ambient_temperature"}
+    # No test of single sensors knows how far an angle may step.
+    assert WING.positions == ("actuator_position", "surface_angle")
+    assert WING.symptoms.positions == ("actuator_position",)
+
+
+def test_without_a_driven_model_there_is_no_observer(tmp_path):
+    def undriven(content: dict[str, Any]) -> None:
+        content["models"].pop("driven")
+        kept = content["residuals"].items()
+        content["residuals"] = {n: r for n, r in kept if r.get("model") != "driven"}
+        content.pop("predicted")
+
+    assert rows(tmp_path, undriven, load_yaml("actuator.yaml")).innovations == ()
 
 
 def test_a_reference_that_drives_the_graph_elsewhere_is_no_second_reading(tmp_path):
