@@ -114,6 +114,9 @@ class Calibration(Frozen):
     def to_mapping(self) -> dict[str, Any]:
         """Plain mapping of numbers, strings and lists, as in a YAML file."""
         plain = {name: _plain(getattr(self, name)) for name in (f.name for f in fields(self))}
+        for name in LATER_PARAMETERS:
+            if not plain["parameters"][name]:
+                plain["parameters"].pop(name)  # so that a calibration without it keeps its digest
         return stamped("calibration", {**plain, "speed_regions_m_s": list(SPEED_REGIONS_M_S)})
 
 
@@ -321,6 +324,9 @@ PARAMETER_RANGES: Mapping[str, tuple[float, float]] = {
 """Parameters that are positive on every actuator; the diagnosis divides by most of them. The
 ranges are wide: a value outside is a typing error and would break the arithmetic."""
 
+LATER_PARAMETERS = ("supply_voltage_v",)
+"""Parameters that only some actuators have; 0 where a file lacks them."""
+
 LARGEST = 1e15
 """Largest magnitude of a quantity in SI units."""
 PERIOD_S = (1e-4, 1.0)
@@ -333,7 +339,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "period_s": lambda value: _within(value, PERIOD_S),
     "channels": _texts,
     "voltage_sampling": _text,
-    "parameters": _numbers_of(ActuatorParameters, PARAMETER_RANGES, later=("supply_voltage_v",)),
+    "parameters": _numbers_of(ActuatorParameters, PARAMETER_RANGES, later=LATER_PARAMETERS),
     "sigmas": lambda value: {_text(key): _not_negative(entry) for key, entry in value.items()},
     "not_identified": lambda value: {_text(key): _text(entry) for key, entry in value.items()},
     "tolerance": _numbers_of(
