@@ -11,7 +11,7 @@ stands under a push has a direction, too.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import FunctionType, MappingProxyType
@@ -23,7 +23,7 @@ import numpy.typing as npt
 from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
 from flea_diag.core.bond_graph.base_parameters import in_base, rewritten_in
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.residuals.parity import parity_relation
+from flea_diag.core.residuals.parity import ParityRelation, parity_relation
 from flea_diag.core.residuals.prediction import Prediction, prediction
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.residuals.stop import Stop, stop_of
@@ -220,21 +220,11 @@ def relation_set(
     push: Expression = ZERO
     dry: Expression = ZERO
     base = _Base.of(actuator, held)
-    for name in names:
-        if name not in actuator.residuals:
-            continue
-        # The bank multiplies by the direction.
-        spec = replace(actuator.residuals[name], normalised=False)
-        try:
-            relation = parity_relation(actuator, spec)
-        except ModelError:
-            continue  # some sensor that it needs is not there
-        if set(relation.channels) & set(unread):
-            continue
+    for spec, relation in _closed(actuator, names, unread):
         shaped = rewritten(base.form(relation.expression), lambda node: _shape(node, shapes))
         varying = {*relation.arguments, *actuator.predicted, *shapes.values()}
         read = tuple(symbol for symbol in symbols(shaped) if symbol in varying)
-        rows.append(CompiledRelation(name, spec.unit, shaped, read, spec.kind))
+        rows.append(CompiledRelation(spec.name, spec.unit, shaped, read, spec.kind))
         if DIRECTION in read and push == ZERO and spec.kind == "junction":
             bare = parity_relation(actuator, _without_friction(actuator, spec))
             push, dry = base.form(bare.expression), -derivative(shaped, DIRECTION)
@@ -262,6 +252,24 @@ def relation_set(
         stop=stop_of(actuator, [row.name for row in rows]),
         described=_described(actuator, held, rows),
     )
+
+
+def _closed(
+    actuator: Actuator, names: Iterable[str], unread: Collection[str]
+) -> Iterator[tuple[ResidualSpec, ParityRelation]]:
+    """Those of the named residuals that sensors and recorded inputs close, not normalised.
+
+    The bank multiplies by the direction.
+    """
+    for name in names:
+        if name in actuator.residuals:
+            spec = replace(actuator.residuals[name], normalised=False)
+            try:
+                relation = parity_relation(actuator, spec)
+            except ModelError:
+                continue  # some sensor that it needs is not there
+            if not set(relation.channels) & set(unread):
+                yield spec, relation
 
 
 def _described(
