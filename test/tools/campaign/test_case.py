@@ -54,6 +54,16 @@ def recorded(bags: Path, **changes: Any) -> Campaign:
     return campaign(calibration="halves", sources=sources, **changes)
 
 
+def test_another_machine_runs_on_one_unit_with_noise_of_each_run(tmp_path: Path) -> None:
+    rows = [{"cases": 2}, {"title": "Magnets", "fault": "magnet_loss", "low": 0.1, "high": 0.2}]
+    drawn = {**DRAWN, "machine": "ema", "unit_seed": 7, "times": 1, "rows": rows}
+    made = [case.recipe.scenario for case in planned(campaign(sources=[drawn]), tmp_path)]
+    assert {(run["machine"], run["unit_seed"]) for run in made} == {("ema", 7)}
+    assert len({run["seed"] for run in made}) == len(made) == 3
+    assert max(abs(run["load"]["constant_n"]) for run in made) > 400.0  # beyond the FLEA's limit
+    assert "machine" not in planned(campaign(sources=[DRAWN]), tmp_path / "f")[0].recipe.scenario
+
+
 def test_drawing_again_gives_the_same_runs(tmp_path: Path) -> None:
     given = campaign(sources=[DRAWN])
     cases = planned(given, tmp_path)

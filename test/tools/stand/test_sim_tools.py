@@ -46,6 +46,31 @@ def test_a_simulated_bag_holds_what_the_stand_delivers(tmp_path: Path) -> None:
         assert [r for r in stored if type(r) is kind] == [r for r in made if type(r) is kind]
 
 
+def test_a_bag_of_another_machine_is_simulated_by_its_own_scenario(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    command = ["simulate", "nominal", "--machine", "wing", "-o", str(bag), "--duration", "0.5"]
+    assert main([*command, "--seed", "3", "--unit-seed", "7"]) == 0
+    stored = [record for _, record in read_bag(bag)]
+    scans = [record for record in stored if isinstance(record, Scan)]
+    assert len(scans) == 50
+    assert "surface_angle" in scans[0].channels
+    changed = overridden(find_scenario("nominal", "wing"), "test", {"seed": 3, "unit_seed": 7})
+    made = SimulatedStand(changed).advance()
+    assert scans[:10] == [record for record in made if isinstance(record, Scan)]
+
+
+def test_the_list_is_that_of_the_machine(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "--list", "--machine", "ema"]) == 0
+    shown = capsys.readouterr().out
+    assert "scenarios of ema:\n  magnet_loss\n  nominal\n" in shown
+    assert "weak_drive" in shown
+    assert "load_motor_current_bias" not in shown
+    assert main(["simulate", "--list"]) == 0
+    shown = capsys.readouterr().out
+    assert "weak_drive" not in shown
+    assert all(f"  {name} " in shown for name in ("ema", "flea", "wing"))
+
+
 def test_equal_commands_write_equal_files(tmp_path: Path) -> None:
     files = []
     for folder in ("a", "b"):
