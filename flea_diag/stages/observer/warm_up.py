@@ -55,6 +55,9 @@ class WarmUp:
             limit = self._calibration.limit(name)
             if limit is not None:
                 j = self._known.place[name]
-                values = residuals.values[residuals.moving, j]
-                spread = residuals.spread[residuals.moving, self._known.spreading.index(j)]
+                # A power needs no motion, and at rest an offset is all that is left of it.
+                at_rest = name == self._known.friction and name not in self._known.in_motion
+                use = np.ones_like(residuals.moving) if at_rest else residuals.moving
+                values = residuals.values[use, j]
+                spread = residuals.spread[use, self._known.spreading.index(j)]
                 learning.add(values, spread, limit.sigma[0] ** 2 * limit.correlation_samples)

@@ -88,3 +88,17 @@ def test_nothing_is_computed_for_what_the_stand_lacks(described, learned):
     states = {row.channel: row.quality for row in of(DataQuality, records)[-1].channels}
     assert [states[name] for name in stepper.CHANNELS] == [Quality.GOOD] * 3
     assert "motor_voltage" not in states
+
+
+def test_the_idle_current_of_a_unit_is_learned_at_rest(described, learned):
+    """A rest says nothing of friction, and all of what the supply idles with."""
+    draw, scans = np.random.default_rng(4), round(10.0 / stepper.PERIOD_S)
+    rest = {
+        "motor_current": stepper.IDLE_A + 0.1 + 0.01 * draw.standard_normal(scans),
+        "actuator_position": 0.1 + 1e-5 * draw.standard_normal(scans),
+        "commanded_load": np.full(scans, 200.0),
+    }
+    (offset,) = of(DataQuality, observed(described, learned, rest))[-1].offsets
+    assert offset.parameter == "current_offset_a"
+    assert offset.value == pytest.approx(stepper.IDLE_A + 0.1, abs=0.01)
+    assert offset.sigma < 0.02
