@@ -257,12 +257,15 @@ def _encoder(data: Smoothed, relations: RelationSet, result: Identified) -> None
     result.found(*made.solved(x, covariance))
 
 
+MASS = "reflected_mass_kg"
 NOT_NEGATIVE = (
     "coulomb_friction_n",
     "viscous_friction_n_s_per_m",
     "reflected_mass_kg",
     "load_friction_ratio",
 )
+NEGATIVE = 3.0
+"""Standard errors below 0 at which a friction is taken as absent."""
 DRIVES = {
     "force_constant_n_per_a": "no balance of forces with a motor current",
     "supply_voltage_v": "no balance of power with the current of a supply",
@@ -275,18 +278,41 @@ def _friction(fit: _Fit, moving: npt.NDArray[np.bool_]) -> None:
     names = (*NOT_NEGATIVE, *DRIVES)
     rows, relation = fit.data.rows, fit.data.rows.friction
     use = moving.copy() if relation in rows.in_motion else np.ones_like(moving)
-    made = fit.regression(relation, CURRENT, (*names, "current_offset_a"), use)
-    if made is None:
+    found = _not_negative(fit, relation, [*names, "current_offset_a"], use)
+    if found is None:
         fit.result.missing(names, "no current, load and motion together")
         return
-    x, covariance, _ = robust_fit(made.columns, made.target, fit.data.run[use])
-    values, covariance = made.solved(x, covariance)
+    values, covariance = found
     _check_sign(values, "commanded_load" if "commanded_load" in rows.index else LOAD)
     for name, reason in DRIVES.items():
         if name not in values and name not in fit.result.not_identified:
             fit.result.missing([name], reason)
     values |= {name: max(values[name], 0.0) for name in NOT_NEGATIVE if name in values}
     fit.result.found(values, covariance)
+
+
+def _not_negative(
+    fit: _Fit, relation: str, names: list[str], use: npt.NDArray[np.bool_]
+) -> tuple[dict[str, float], Array] | None:
+    """Fit in which no friction is negative beyond its error; one that is counts as 0.
+
+    A mass is taken from the description instead. The others are then fitted anew: they would hold
+    what it had taken from them.
+    """
+    while (made := fit.regression(relation, CURRENT, names, use)) is not None:
+        x, covariance, _ = robust_fit(made.columns, made.target, fit.data.run[use])
+        values, covariance = made.solved(x, covariance)
+        errors = dict(zip(values, np.sqrt(np.diag(covariance)), strict=True))
+        below = {n: values[n] / errors[n] for n in NOT_NEGATIVE if n in values and errors[n] > 0.0}
+        least = min(below, key=lambda n: below[n], default="")
+        if not least or below[least] >= -NEGATIVE:
+            return values, covariance
+        held = fit.relations.described.get(least, 0.0) if least == MASS else 0.0
+        fit.result.parameters = replace(fit.result.parameters, **{least: held})
+        reason = f"{values[least]:.3g} by the fit, which is none: {held:.4g} taken"
+        fit.result.missing([least], reason)
+        names = [name for name in names if name != least]
+    return None
 
 
 def _check_sign(values: Mapping[str, float], load: str) -> None:

@@ -344,8 +344,18 @@ class _Measured:
     def _known(self, junction: Element) -> Expression:
         found = self.common(junction)
         if found is None:
+            found = self._imposed(junction)
+        if found is None:
             raise self._open(junction, "its common variable")
         return found
+
+    def _imposed(self, junction: Element) -> Expression | None:
+        """Effort of a 0-junction that an ideal source imposes, such as a load that is commanded."""
+        for bond in self.graph.at(junction.name):
+            element = self.graph.elements[bond.other(junction.name)]
+            if junction.kind == "0" and element.kind == "MSe" and not element.law:
+                return Variable(element.signal)
+        return None
 
     def _open(self, junction: Element, what: str) -> ModelError:
         return ModelError(

@@ -46,6 +46,9 @@ known within fewer scans than a drop-out lasts."""
 NOISE_WINDOWS = (100, 400)
 STEP_GUARD = 1.25
 """Ratio of the limit of steps to the largest step in nominal recordings."""
+SLOW_SHARE = 0.5
+"""Where healthy motion seems to step by more of the way of a scan, starts and stops take no longer
+than a scan: a step of the sensor shows beyond what a scan may go, and no sooner."""
 REACH_GUARD = 2.0
 REACH_QUANTILE = 0.999
 """Outliers of nominal recordings are no measure of what a sensor may do."""
@@ -177,6 +180,7 @@ def _limit(
     quietest, loudest, scatter = _noise(columns, RESOLUTIONS[channel])
     steps = [np.abs(np.diff(column)) for column in columns]
     steps = [step[np.isfinite(step)] for step in steps]
+    way = max(float(np.quantile(step, REACH_QUANTILE)) for step in steps)
     sudden = 0.0
     if channel in POSITIONS:
         sudden = max(float(np.nanmax(np.abs(position_steps(c)), initial=0.0)) for c in columns)
@@ -186,10 +190,15 @@ def _limit(
         loudest,
         scatter,
         _repeats([_in_use(channel, run) for run in runs], rate_per_s, period_s, channel == SPEED),
-        REACH_GUARD * max(float(np.quantile(step, REACH_QUANTILE)) for step in steps),
-        STEP_GUARD * sudden,
+        REACH_GUARD * way,
+        _step_limit(sudden, way),
         _quantile(rate_per_s * period_s * NOISE_WINDOWS[0]),
     )
+
+
+def _step_limit(sudden: float, way: float) -> float:
+    """Limit of steps, from the largest one and the longest way of a scan in nominal recordings."""
+    return REACH_GUARD * way if sudden > SLOW_SHARE * way else STEP_GUARD * sudden
 
 
 def _noise(columns: Sequence[Array], resolution: float) -> tuple[float, float, float]:

@@ -135,6 +135,7 @@ def learn(
         description_sha256,
     )
     from flea_diag.core.calibration import identification, thresholds
+    from flea_diag.core.calibration.run_spread import tolerance_of
     from flea_diag.core.smoothing import KERNEL_LENGTH
 
     model = described(actuator)
@@ -150,6 +151,7 @@ def learn(
     calibration = replace(
         _calibration(model.name, recordings, found, traces, innovations, false_alarms_per_hour),
         actuator_sha256=description_sha256(actuator),
+        tolerance=tolerance_of(found.parameters, relations),
     )
     return CalibrationResult(calibration, tuple(traces))
 

@@ -1,0 +1,66 @@
+"""The stand of Cranfield University from its CSV to verdicts, by what is shipped.
+
+The full score, both halves and all conditions, is that of ``config/campaigns/cranfield.yaml``.
+"""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.places import DATA
+
+from flea_diag.tools.main import main
+from flea_diag.wire.bags.bag import read_bag
+from flea_diag.wire.records import Scan
+
+FOLDER = DATA / "cranfield"
+CONDITIONS = ("normal", "lackLubrication2")
+LOADS = (20, 40, -40)
+pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no recordings in {FOLDER}")
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("cranfield")
+    files = [str(FOLDER / f"{name}.csv.gz") for name in CONDITIONS]
+    assert main(["import", "--stand", "cranfield", *files, "-o", str(folder / "bags")]) == 0
+    return folder / "bags"
+
+
+def test_one_bag_a_test_in_si(bags: Path) -> None:
+    names = {path.name for path in bags.iterdir()}
+    tests = [f"{load}_{n}" for load in LOADS for n in (1, 3, 5, 7, 9)]
+    assert names == {f"{condition}_{test}" for condition in CONDITIONS for test in tests}
+    found = [r for _, r in read_bag(bags / "normal_40_3", (Scan,)) if isinstance(r, Scan)]
+    assert {b.stamp_ns - a.stamp_ns for a, b in pairwise(found)} == {40_000_000}
+    assert found[0].channels == ("motor_current", "actuator_position", "commanded_load")
+    values = np.array([scan.values for scan in found])
+    # README of the data: 0.683 A out and 1.109 A back at +40 kgf, which pulls the nut out.
+    speed = np.gradient(values[:, 1], 0.04)
+    out, back = values[speed > 0.02, 0].mean(), values[speed < -0.02, 0].mean()
+    assert (out, back) == (pytest.approx(0.69, abs=0.02), pytest.approx(1.12, abs=0.02))
+    assert set(values[:, 2]) == {-40.0 * 9.80665}
+
+
+def test_half_of_the_normal_tests_calibrates_for_the_others(bags: Path, tmp_path: Path) -> None:
+    normal = sorted(path for path in bags.iterdir() if path.name.startswith("normal"))
+    calibration = str(tmp_path / "half.yaml")
+    given = [str(path) for path in normal[::2]]
+    assert main(["calibrate", *given, "--stand", "cranfield", "-o", calibration]) == 0
+    lost = [bags / f"lackLubrication2_{load}_{n}" for load in (20, 40) for n in (1, 5, 9)]
+    alarms = {bag.name: alarmed(bag, calibration, tmp_path) for bag in [*normal[1::2], *lost]}
+    assert sum(alarms[bag.name] for bag in normal[1::2]) <= 1
+    assert all(alarms[bag.name] for bag in lost), alarms
+
+
+def alarmed(bag: Path, calibration: str, tmp_path: Path) -> bool:
+    path = tmp_path / f"{bag.name}.json"
+    options = ["--stand", "cranfield", "--calibration", calibration, "--json", str(path)]
+    assert main(["replay", str(bag), *options]) == 0
+    said: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return said["detected_at_s"] is not None
