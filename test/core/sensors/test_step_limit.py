@@ -10,11 +10,11 @@ from flea_diag.core.sensors.sensor_limits import REACH_GUARD, STEP_GUARD, sensor
 
 
 def strokes(period_s: float, kick_m: float) -> np.ndarray:
-    """Strokes at 24 mm/s with rests, each begun by a kick within a scan."""
+    """Strokes at 24 mm/s with rests, each with a kick within a scan halfway."""
     time_s = np.arange(0.0, 60.0, period_s)
     phase = time_s % 13.0
     way = np.clip(phase, 0.0, 5.0) - np.clip(phase - 6.5, 0.0, 5.0)
-    kicked = np.where((phase > 0.0) & (phase < 6.5), kick_m, 0.0)
+    kicked = np.where((phase > 2.5) & (phase < 9.0), kick_m, 0.0)
     return np.asarray(0.02 + 0.024 * way + kicked)
 
 
@@ -22,7 +22,7 @@ def strokes(period_s: float, kick_m: float) -> np.ndarray:
 def test_a_step_is_no_shorter_than_the_way_of_a_scan_where_starts_look_like_one(
     period_s: float, slow: bool
 ) -> None:
-    columns = [strokes(period_s, kick_m) for kick_m in ((1.0e-3, 0.8e-3) if slow else (0.0, 0.0))]
+    columns = [strokes(period_s, kick_m) for kick_m in ((2.0e-3, 1.8e-3) if slow else (0.0, 0.0))]
     (limit,) = sensor_limits([{"actuator_position": c} for c in columns], 0.1, period_s)
     way = max(float(np.quantile(np.abs(np.diff(c)), 0.999)) for c in columns)
     sudden = max(float(np.abs(position_steps(c)).max()) for c in columns)
