@@ -84,10 +84,12 @@ def test_live_scans_are_those_of_an_import(domain: int, tmp_path: Path) -> None:
             return len(scans) >= least
 
         for topic, _, message in sent():
+            if topic == WARM:
+                # Faster than real time: no topic may overtake the other.
+                peer.until(lambda: counted(peer.records, count), LIMIT_S)
             writers[topic].publish(live(kinds[topic], message))
             count[topic] = count.get(topic, 0) + 1
             if topic == WARM:
-                # Faster than real time: the next stamps must not overtake this one.
                 peer.until(lambda: counted(peer.records, count), LIMIT_S)
         peer.until(lambda: come(COUNT - 4), LIMIT_S)
         process.child.terminate()

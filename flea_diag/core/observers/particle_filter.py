@@ -210,7 +210,7 @@ class ParticleFilter:
         -------
         How many scans were taken, at least one, and what ended it; see ``track_loops``.
         """
-        bits = self._bits.ahead(len(out) - first)
+        bits = self._bits.ahead(1 if begun else len(out) - first)
         done, end = 0, 0
         while not done:
             if self._tracked is None:

@@ -116,12 +116,12 @@ class LiveRun:
         return {"directory": str(self.bags[-1]), "stand": self._options.stand}
 
     def _daq_parameters(self) -> dict[str, str]:
-        fault = self._options.fault
+        fault, machine = self._options.fault, machine_of(self._options)
         return {
             "scenario": self._options.scenario,
-            "machine": machine_of(self._options),
             "duration_s": repr(self._options.duration),
             "wait_for": ",".join(self._listeners),
+            **({"machine": machine} if machine else {}),
             **({"seed": str(self._options.seed)} if self._options.seed is not None else {}),
             **(
                 {"fault": fault, "fault_onset_s": repr(self._options.at)}

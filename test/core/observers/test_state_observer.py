@@ -158,6 +158,18 @@ def test_a_deep_copy_goes_on_by_itself_from_where_it_was_taken(backend: str) -> 
     np.testing.assert_array_equal(kept.follow(rows[500:900]).table, first)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_start_before_readings_come_is_the_same_in_one_block_and_scan_by_scan(
+    backend: str,
+) -> None:
+    rows = recording()[:300].copy()
+    rows[:5] = np.nan
+    block, single = observer(backend), observer(backend)
+    whole = block.follow(rows).table
+    alone = np.concatenate([single.follow(row[None]).table for row in rows])
+    np.testing.assert_array_equal(whole, alone)
+
+
 def test_raw_pwm_is_averaged_by_what_the_current_says() -> None:
     """A sample of +24, 0 or -24 V carries the mean only on average; the current is better."""
     rows, draw = recording().copy(), np.random.default_rng(5)
