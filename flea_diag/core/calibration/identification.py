@@ -35,7 +35,6 @@ from flea_diag.errors import CalibrationError
 Array = npt.NDArray[np.float64]
 RelationsOf = Callable[[bool], RelationSet]
 
-MOVING_M_S = 0.010
 MINIMUM_MOVING_S = 5.0
 HUBER = 2.0
 """Residuals beyond this number of robust standard deviations lose weight."""
@@ -163,11 +162,12 @@ def identify(
     _encoder(data, drawn, result)
     relations = relations_of(result.parameters.encoder_m_per_rad != 0.0)
     signals = _signals(data, relations, result.parameters)
-    moving = np.abs(_speed(data, result)) > MOVING_M_S
+    moving_m_s = result.parameters.moving_m_s
+    moving = np.abs(_speed(data, result)) > moving_m_s
     moved_s = float(moving.sum()) * period_s
     if moved_s < MINIMUM_MOVING_S:
         raise CalibrationError(
-            f"the recordings hold {moved_s:.1f} s of motion above {MOVING_M_S} m/s, "
+            f"the recordings hold {moved_s:.1f} s of motion above {moving_m_s:g} m/s, "
             f"{MINIMUM_MOVING_S} s are needed: record the actuator while it moves"
         )
     fit = _Fit(data, relations, signals, result)

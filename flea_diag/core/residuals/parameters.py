@@ -9,6 +9,10 @@ import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
 
+MOVING_WIDTHS = 2.5
+"""Speed above which the actuator moves, in widths of its smooth friction: there friction has 99 %
+of its full size, and its direction is known."""
+
 
 @dataclass(frozen=True, slots=True)
 class ActuatorParameters(Frozen):
@@ -38,6 +42,11 @@ class ActuatorParameters(Frozen):
     position_offset_m: float = 0.0
     encoder_m_per_rad: float = 0.0
     supply_voltage_v: float = 0.0
+
+    @property
+    def moving_m_s(self) -> float:
+        """Speed above which the actuator moves."""
+        return MOVING_WIDTHS * self.stribeck_speed_m_s
 
 
 def as_record(parameters: ActuatorParameters) -> npt.NDArray[np.void]:

@@ -45,7 +45,6 @@ class ResidualBank:
         *,
         period_s: float = 0.01,
         kernel_length: int = 31,
-        moving_m_s: float = 0.010,
         start_samples: int = 100,
         backend: str = "auto",
     ) -> None:
@@ -65,7 +64,7 @@ class ResidualBank:
         self._width, self._spreading = len(rows.rows), len(rows.spreading)
         self.adopt(parameters)
         self._period_s = period_s
-        self._moving_m_s = moving_m_s
+        self._moving_m_s = parameters.moving_m_s
         self._kernel_length = kernel_length
         self._still = 0
         self._smoother = Smoother(len(rows.channels), kernel_length, period_s)

@@ -1,7 +1,7 @@
 """Jumps and held readings of one channel; affected readings are withheld.
 
 A reading that jumps by more than the sensor's nominal reach is withheld until it has stayed at
-the new level for ``HOLD`` scans. A reading that repeats more often than chance allows is withheld
+the new level for ``HOLD_S``. A reading that repeats more often than chance allows is withheld
 while it repeats. A drop-out thus reaches no derivative and no mean.
 """
 
@@ -11,25 +11,27 @@ import math
 from collections import deque
 
 from flea_diag.core.sensors.position_step import SPAN
-from flea_diag.core.sensors.sensor_limits import DROPOUT_SCANS, SensorLimit
+from flea_diag.core.sensors.sensor_limits import DROPOUT_S, SensorLimit, scans_of
 
-HOLD = 10
-"""Scans after which a reading that jumped is accepted as the new level."""
-STUCK_SCANS = 50
-"""A reading held for this many scans is stuck; held for less it is a drop-out."""
+HOLD_S = 0.1
+"""Time after which a reading that jumped is accepted as the new level."""
+STUCK_S = 0.5
+"""A reading held for this long is stuck; held for less it is a drop-out."""
 
 
-def stuck_scans(limit: SensorLimit) -> int:
+def stuck_scans(limit: SensorLimit, period_s: float) -> int:
     """Scans after which a held reading counts as stuck."""
-    return max(STUCK_SCANS, 2 * limit.repeats)
+    return max(scans_of(STUCK_S, period_s), 2 * limit.repeats)
 
 
 class ReadingGuard:
     """Detects jumps and held readings of one channel."""
 
-    def __init__(self, limit: SensorLimit) -> None:
+    def __init__(self, limit: SensorLimit, period_s: float) -> None:
         self._limit = limit
-        self._stuck = stuck_scans(limit)
+        self._stuck = stuck_scans(limit, period_s)
+        self._hold = scans_of(HOLD_S, period_s)
+        self._memory = scans_of(DROPOUT_S, period_s)
         self.events: deque[int] = deque()
         self.interrupt()
 
@@ -61,7 +63,7 @@ class ReadingGuard:
 
         While the actuator ``rests`` a held reading is not counted.
         """
-        while self.events and self.events[0] <= scan - DROPOUT_SCANS:
+        while self.events and self.events[0] <= scan - self._memory:
             self.events.popleft()
         if value != value:
             self._last = value
@@ -90,7 +92,7 @@ class ReadingGuard:
         elif leaps and not self._away:
             self._away = 1
             self._leapt = change - (self._speed if self._speed == self._speed else 0.0)
-        elif self._away > HOLD:
+        elif self._away > self._hold:
             self._away, self._calm, leapt = 0, 2 * SPAN, self._leapt
         elif self._away:
             self._away += 1

@@ -49,15 +49,18 @@ STEP_GUARD = 1.25
 SLOW_SHARE = 0.5
 """Where healthy motion seems to step by more of the way of a scan, starts and stops take no longer
 than a scan: a step of the sensor shows beyond what a scan may go, and no sooner."""
+LATE_SHARE = 0.1
+"""No step is smaller than this share of the longest way of a scan: a reading that is taken so much
+of a scan late shows it, however fine the sensor is."""
 REACH_GUARD = 2.0
 REACH_QUANTILE = 0.999
 """Outliers of nominal recordings are no measure of what a sensor may do."""
-DROPOUT_SCANS = 2000
-"""Scans over which drop-outs are counted; it takes two."""
+DROPOUT_S = 20.0
+"""Time over which drop-outs are counted; it takes two."""
 SENSOR_SHARE = 0.1
 """Share of the rate of false alarms that all these tests together may use."""
-LONGEST_REPEAT = 200
-"""A reading that nominally stands still for longer than this (scans) is not tested for it."""
+LONGEST_REPEAT_S = 2.0
+"""A reading that nominally stands still for longer than this is not tested for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +120,11 @@ class SensorLimit(Frozen):
     def to_mapping(self) -> dict[str, Any]:
         """Plain mapping of numbers and strings."""
         return asdict(self)
+
+
+def scans_of(time_s: float, period_s: float) -> int:
+    """Scans that a time takes, at least one."""
+    return max(1, round(time_s / period_s))
 
 
 def noise_logs(values: Array, resolution: float | Array) -> Array:
@@ -198,7 +206,11 @@ def _limit(
 
 def _step_limit(sudden: float, way: float) -> float:
     """Limit of steps, from the largest one and the longest way of a scan in nominal recordings."""
-    return REACH_GUARD * way if sudden > SLOW_SHARE * way else STEP_GUARD * sudden
+    if sudden == 0.0:
+        return 0.0
+    if sudden > SLOW_SHARE * way:
+        return REACH_GUARD * way
+    return max(STEP_GUARD * sudden, LATE_SHARE * way)
 
 
 def _noise(columns: Sequence[Array], resolution: float) -> tuple[float, float, float]:
@@ -223,7 +235,7 @@ def _means(values: Array, window: int) -> Array:
 
 
 def _repeats(columns: Sequence[Array], rate_per_s: float, period_s: float, reverses: bool) -> int:
-    """Equal readings in a row that come, twice in ``DROPOUT_SCANS``, no oftener than the rate.
+    """Equal readings in a row that come, twice in ``DROPOUT_S``, no oftener than the rate.
 
     With probability p that a reading repeats the one before, n repeats in a row come p^n times
     a scan. What nominal recordings show is exceeded in any case, but for one run in each of what
@@ -232,11 +244,11 @@ def _repeats(columns: Sequence[Array], rate_per_s: float, period_s: float, rever
     steps = [np.diff(column) for column in columns]
     same = [step[np.isfinite(step)] == 0.0 for step in steps]
     share = (1 + sum(int(row.sum()) for row in same)) / (2 + sum(len(row) for row in same))
-    single_per_scan = math.sqrt(rate_per_s * period_s / DROPOUT_SCANS)
+    single_per_scan = math.sqrt(rate_per_s * period_s / scans_of(DROPOUT_S, period_s))
     by_chance = math.ceil(math.log(single_per_scan) / math.log(share))
     longest = max(_longest(row, but=int(reverses)) for row in same)
     repeats = max(by_chance, longest + 1, 2)
-    return repeats if repeats <= LONGEST_REPEAT else 0
+    return repeats if repeats <= scans_of(LONGEST_REPEAT_S, period_s) else 0
 
 
 def _longest(same: npt.NDArray[np.bool_], but: int) -> int:

@@ -60,6 +60,7 @@ class SensorTests:
     limits : nominal behaviour; a channel without one is not tested
     channels : names of the columns of a row
     names : tests to be filled in, in the order of ``SensorTestResults.z``
+    period_s : time between two rows
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class SensorTests:
         channels: Sequence[str],
         backend: str = "auto",
         names: Sequence[str] = NAMES,
+        period_s: float = 0.01,
     ) -> None:
         self._compiled = backends.chosen(backend) == "numba"
         self._limits = tuple(limit for limit in limits if limit.channel in channels)
@@ -76,7 +78,7 @@ class SensorTests:
         self._reach = np.array([limit.reach for limit in self._limits])
         self._low = np.full(len(self._limits), -math.inf)
         self._high = np.full(len(self._limits), math.inf)
-        self._guards = [ReadingGuard(limit) for limit in self._limits]
+        self._guards = [ReadingGuard(limit, period_s) for limit in self._limits]
         self._watched: set[int] = set()
         """Channels in which a jump, a hold or a drop-out is still of effect."""
         self._noise = NoiseTest(self._limits, backend)
@@ -97,17 +99,17 @@ class SensorTests:
         self._step_places = np.array([place for place, _ in self._steps], dtype=int)
         self._stepping = np.array([index for _, index in self._steps], dtype=int)
         self._sizes = np.array([self._limits[index].step for _, index in self._steps])
-        self.k = self._all_limits(len(names))
+        self.k = self._all_limits(len(names), period_s)
         self._calm = np.where(np.isnan(self.k), np.nan, 0.0)
 
-    def _all_limits(self, count: int) -> Array:
+    def _all_limits(self, count: int, period_s: float) -> Array:
         k = np.full(count, np.nan)
         for limit, noise, stuck, dropout in zip(
             self._limits, *(self._places[test] for test in TESTS), strict=True
         ):
             k[noise] = limit.k
             if limit.repeats:
-                k[stuck], k[dropout] = stuck_scans(limit), TWICE
+                k[stuck], k[dropout] = stuck_scans(limit, period_s), TWICE
         k[self._step_places] = 1.0
         return k
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.likelihood import NormalEquations
+from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION
 from flea_diag.wire.blocks import ResidualBlock
 
@@ -16,7 +17,6 @@ Array = npt.NDArray[np.float64]
 
 MOTION_CHANNELS = {"actuator_position": "d_actuator_position", "motor_speed": "motor_speed"}
 """Channels of motion, and the signals that are their speeds."""
-MOVING_M_S = 0.010
 MOVED_SAMPLES = 50
 """Scans in motion since the detection after which a channel counts as alive."""
 
@@ -29,7 +29,7 @@ class EpisodeEvidence:
     residuals : those that quantitative isolation uses
     detected_ns : stamp of the detection
     onset_ns : time after it in which scans are left out (smoothing transient)
-    encoder_m_per_rad : travel of the nut by the angle that the encoder reads
+    parameters : of the actuator, by which it is in motion
     in_motion : residuals that are evidence in motion alone
     """
 
@@ -39,13 +39,14 @@ class EpisodeEvidence:
         basis: Basis,
         detected_ns: int,
         onset_ns: int,
-        encoder_m_per_rad: float,
+        parameters: ActuatorParameters,
         in_motion: Collection[str],
     ) -> None:
         self._in_motion = in_motion
         self.equations = NormalEquations(residuals, basis)
         self._basis = basis
-        self._per_unit = np.array([1.0, encoder_m_per_rad])
+        self._per_unit = np.array([1.0, parameters.encoder_m_per_rad])
+        self._moving_m_s = parameters.moving_m_s
         self.scans = self.moving = 0
         self._detected_ns, self._onset_ns = detected_ns, onset_ns
         self._out = self._back = 0
@@ -77,7 +78,7 @@ class EpisodeEvidence:
         self.moving += int(moving.sum())
         self._out += int((directions > 0.0).sum())
         self._back += int((directions < 0.0).sum())
-        self._moved += (np.abs(speeds) > MOVING_M_S).sum(axis=0)
+        self._moved += (np.abs(speeds) > self._moving_m_s).sum(axis=0)
 
     @property
     def least_one_way(self) -> int:

@@ -145,7 +145,7 @@ class EpisodeLifecycle:
                 self._quantitative.basis,
                 shared.detected_ns,
                 self._onset_ns,
-                self._k.calibration.parameters.encoder_m_per_rad,
+                self._k.calibration.parameters,
                 self._k.effects.residuals.in_motion,
             ),
             FeatureQuery(shared.detected_ns, self._window_ns, self._windows),

@@ -22,7 +22,8 @@ class SensorValidation:
 
     def __init__(self, known: ResidualSet, calibration: Calibration, backend: str) -> None:
         names = [row.name for row in known.sensor_rows]
-        self._tests = SensorTests(calibration.sensors, known.channels, backend, names)
+        c = calibration
+        self._tests = SensorTests(c.sensors, known.channels, backend, names, c.period_s)
         self._period_ns = round(calibration.period_s * 1e9)
         self.k = self._tests.k
         """Limit of each test, NaN where the calibration has none."""
