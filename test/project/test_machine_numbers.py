@@ -1,0 +1,129 @@
+"""No number of one machine comes into core or stages without a reason.
+
+A constant whose name ends in a unit holds for every machine: the reason stands here, one row for
+each. ``MACHINE`` are those that do not, and still stand there; none is to be added. What belongs to
+a machine comes from its description or its calibration.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from support.places import ROOT
+
+FOLDERS = ("flea_diag/core", "flea_diag/stages")
+UNITS = re.compile(r"_(M|M_S|M_S2|N|N_S_M|A|V|W|OHM|H|KG|RAD|RAD_S|DEGC|K|S|HZ|SCANS)$")
+
+BANDS = ((5.0, 100.0), (100.0, 500.0), (500.0, 1500.0), (1500.0, 3000.0), (3000.0, 6000.0),
+         (6000.0, 9500.0))  # fmt: skip
+Row = tuple[str, str, object]
+GENERAL: dict[Row, str] = {
+    ("calibration/calibration.py", "PERIOD_S", (1e-4, 1.0)): "bounds of a file",
+    ("calibration/heat_identification.py", "LEAST_SCANS", 500): "size of a sample",
+    ("calibration/heat_identification.py", "LEAST_EXCHANGE_PER_S", 1e-5): "a day: no exchange",
+    ("calibration/heat_identification.py", "FAR_K", 4.0): "spikes of a thermocouple",
+    ("calibration/identification.py", "MINIMUM_MOVING_S", 5.0): "size of a sample",
+    ("calibration/innovation_learning.py", "PIECE_SCANS", 1000): "size of a sample",
+    ("calibration/innovation_learning.py", "SETTLE_SCANS", 50): "size of a sample",
+    ("calibration/noise_identification.py", "PIECE_SCANS", 300): "size of a sample",
+    ("calibration/noise_identification.py", "SETTLE_SCANS", 50): "size of a sample",
+    ("calibration/thresholds.py", "PIECE_S", 10.0): "size of a sample",
+    ("choice/next_test.py", "FEATURE_S", 1.0): "what a test costs the operator",
+    ("conditions/contact.py", "TRIED_S", 0.5): "bound of an excuse",
+    ("conditions/contact.py", "LONGEST_S", 60.0): "bound of an excuse",
+    ("conditions/contact.py", "TAKES_BACK_S", 2.0): "bound of an excuse",
+    ("conditions/end_of_travel.py", "MOST_SCANS", 1024): "size of a block",
+    ("detection/symbols.py", "SLOPE_S", 2.0): "time of a symbol, after the paper",
+    ("likelihood/unit_baseline.py", "PIECE_SCANS", 100): "size of a sample",
+    ("observers/state_observer.py", "WARMED_K", 0.5): "0.2 % of the resistance of copper",
+    ("observers/thermal_filter.py", "START_K", 10.0): "spikes of a thermocouple",
+    ("sensors/noise_test.py", "WARM_UP_SCANS", 600): "size of a sample",
+    ("sensors/reading_guard.py", "HOLD_S", 0.1): "longest spike of a converter",
+    ("sensors/reading_guard.py", "STUCK_S", 0.5): "longest drop-out of a converter",
+    ("sensors/sensor_limits.py", "DROPOUT_S", 20.0): "memory of drop-outs",
+    ("sensors/sensor_limits.py", "LONGEST_REPEAT_S", 2.0): "longest wait for a test",
+    ("sensors/unit_change.py", "LEAST_STEP_K", 0.3): "noise of a thermocouple",
+    ("vibration/features_spectral.py", "BANDS_HZ", BANDS): "names of features, after the paper",
+    ("isolator/verdict_record.py", "LATE_S", 2.0): "what an operator is told",
+}
+"""Constants that hold for every machine: file, name, value, and why."""
+MACHINE: frozenset[Row] = frozenset(
+    {
+        ("choice/planned_motion.py", "SCAN_S", 0.01),
+        ("choice/planned_motion.py", "MIDDLE_M", 0.05),
+        ("choice/planned_motion.py", "ROOM_DEGC", 25.0),
+        ("conditions/end_of_travel.py", "STILL_SCANS", 10),
+        ("detection/window_limit.py", "SPEED_REGIONS_M_S", (0.025, 0.06)),
+        ("isolator/motion_history.py", "IDLE_A", 0.1),
+        ("isolator/motion_history.py", "VISITED_SCANS", 400),
+        ("observers/driven_model.py", "POSITION_WALK_M", 1e-6),
+        ("observers/state_observer.py", "UNKNOWN_POSITION_M", 0.1),
+        ("residuals/thermal.py", "CORRECTION_S", 15.0),
+        ("sensors/sensor_limits.py", "REST_SCANS", 3),
+        ("sensors/sensor_limits.py", "REST_M", 3e-4),
+        ("vibration/features_envelope.py", "ENVELOPE_BAND_HZ", (1500.0, 9500.0)),
+        ("vibration/features_envelope.py", "SLOWEST_RAD_S", 10.0),
+        ("vibration/features_motion.py", "REST_RAD_S", 10.0),
+        ("vibration/features_motion.py", "MOVING_RAD_S", 30.0),
+        ("vibration/features_motion.py", "SHORTEST_S", 0.01),
+        ("vibration/features_motion.py", "REVERSAL_RAD_S", 2.0),
+        ("vibration/features_motion.py", "REVERSAL_N", 5.0),
+        ("vibration/features_motion.py", "REVERSAL_S", 0.03),
+        ("vibration/features_motion.py", "LEVEL_S", 0.01),
+        ("vibration/nominal_range.py", "SPEED_UNIT_RAD_S", 100.0),
+        ("vibration/nominal_range.py", "LOAD_UNIT_N", 100.0),
+        ("vibration/nominal_range.py", "MOVING_RAD_S", 15.0),
+        ("vibration/nominal_range.py", "FAST_RAD_S", 55.0),
+    }
+)
+"""Constants that are those of the FLEA; none is to be added."""
+
+
+def numbers(source: str) -> Iterator[tuple[str, object]]:
+    """Literal constants of a module whose names end in a unit, and their values."""
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Assign):
+            targets = node.targets
+        elif isinstance(node, ast.AnnAssign) and node.value is not None:
+            targets = [node.target]
+        else:
+            continue
+        for target in targets:
+            if isinstance(target, ast.Name) and UNITS.search(target.id):
+                try:
+                    yield target.id, ast.literal_eval(node.value)
+                except ValueError:  # made of others, which are counted themselves
+                    continue
+
+
+def found() -> set[Row]:
+    return {
+        (f"{path.parent.name}/{path.name}", name, value)
+        for folder in FOLDERS
+        for path in sorted(Path(ROOT, folder).rglob("*.py"))
+        for name, value in numbers(path.read_text(encoding="utf-8"))
+    }
+
+
+def test_every_number_with_a_unit_is_argued_for_or_known_to_be_of_one_machine() -> None:
+    assert found() == set(GENERAL) | MACHINE
+    assert not set(GENERAL) & MACHINE
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("MOVING_M_S = 0.010", [("MOVING_M_S", 0.01)]),
+        ("IDLE_A: float = -1.0", [("IDLE_A", -1.0)]),
+        ("BANDS_HZ = ((1.0, 2.0),)", [("BANDS_HZ", ((1.0, 2.0),))]),
+        ("SCANS_S = 2 * SPAN", []),
+        ("GUARD = 1.25", []),
+        ("def f():\n    LOCAL_M = 1.0", []),
+    ],
+)
+def test_a_planted_number_is_found(source: str, expected: list[tuple[str, object]]) -> None:
+    assert list(numbers(source)) == expected
