@@ -1,4 +1,4 @@
-"""The limit of steps where a scan is long: a start looks like a step of the sensor."""
+"""Limits of a reading at other rates: what looks like a step, and times in seconds."""
 
 from __future__ import annotations
 
@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from flea_diag.core.sensors.position_step import position_steps
-from flea_diag.core.sensors.sensor_limits import REACH_GUARD, STEP_GUARD, sensor_limits
+from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
+from flea_diag.core.sensors.sensor_limits import (
+    REACH_GUARD,
+    STEP_GUARD,
+    SensorLimit,
+    sensor_limits,
+)
 
 
 def strokes(period_s: float, kick_m: float) -> np.ndarray:
@@ -18,13 +24,31 @@ def strokes(period_s: float, kick_m: float) -> np.ndarray:
     return np.asarray(0.02 + 0.024 * way + kicked)
 
 
-@pytest.mark.parametrize(("period_s", "slow"), [(0.04, True), (0.005, False)])
-def test_a_step_is_no_shorter_than_the_way_of_a_scan_where_starts_look_like_one(
-    period_s: float, slow: bool
+@pytest.mark.parametrize(
+    ("period_s", "kick_m", "of_way", "of_sudden"),
+    [(0.04, 2.0e-3, REACH_GUARD, 0.0), (0.005, 5.0e-5, 0.0, STEP_GUARD), (0.005, 0.0, 0.1, 0.0)],
+    ids=["starts look like a step", "the largest step counts", "a finely read position"],
+)
+def test_a_step_is_no_shorter_than_healthy_motion_may_look(
+    period_s: float, kick_m: float, of_way: float, of_sudden: float
 ) -> None:
-    columns = [strokes(period_s, kick_m) for kick_m in ((2.0e-3, 1.8e-3) if slow else (0.0, 0.0))]
+    columns = [strokes(period_s, share * kick_m) for share in (1.0, 0.9)]
     (limit,) = sensor_limits([{"actuator_position": c} for c in columns], 0.1, period_s)
     way = max(float(np.quantile(np.abs(np.diff(c)), 0.999)) for c in columns)
     sudden = max(float(np.abs(position_steps(c)).max()) for c in columns)
-    assert (sudden > 0.5 * way) == slow
-    assert limit.step == pytest.approx(REACH_GUARD * way if slow else STEP_GUARD * sudden)
+    assert (sudden > 0.5 * way) == (of_way == REACH_GUARD)
+    assert limit.step == pytest.approx(of_way * way + of_sudden * sudden)
+
+
+@pytest.mark.parametrize("period_s", [0.01, 0.005, 0.02])
+def test_a_jump_is_accepted_after_a_tenth_of_a_second_at_any_rate(period_s: float) -> None:
+    limit = SensorLimit("motor_current", 0.0, 1.0, 1.0, 0, 0.5, 0.0, 5.0)
+    guard = ReadingGuard(limit, period_s)
+    withheld = sum(guard.take(scan, float(scan > 5), False)[0] for scan in range(200))
+    assert withheld * period_s == pytest.approx(0.1, abs=period_s)
+
+
+@pytest.mark.parametrize("period_s", [0.01, 0.005, 0.02])
+def test_a_reading_is_stuck_after_half_a_second_at_any_rate(period_s: float) -> None:
+    limit = SensorLimit("motor_current", 0.0, 1.0, 1.0, 4, 0.5, 0.0, 5.0)
+    assert stuck_scans(limit, period_s) * period_s == pytest.approx(0.5)
