@@ -275,8 +275,12 @@ def _closed(
 def _described(
     actuator: Actuator, held: Collection[str], rows: Iterable[CompiledRelation]
 ) -> Mapping[str, float]:
-    """Values of those base parameters that a calibration holds and a relation reads."""
+    """Values of those base parameters that a calibration holds and a relation reads.
+
+    And of the inductance: no recording shows it, so a calibration holds that of the data sheet.
+    """
     read = {name for row in rows for name in symbols(row.expression)} & set(held)
+    read.add("winding_inductance_h")
     values, base = actuator.graph.values(), actuator.base_parameters
     return {name: float(evaluate(base[name], values)) for name in base if name in read}
 

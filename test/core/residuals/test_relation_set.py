@@ -257,6 +257,12 @@ def test_any_description_compiles(wing):
         assert value == pytest.approx(float(relation({**given})), rel=1e-9, abs=1e-9), row.name
 
 
+@pytest.mark.parametrize(("stand", "inductance_h"), [("flea", 2.0e-3), ("ema", 1.0e-3)])
+def test_a_calibration_starts_from_the_inductance_that_the_stand_describes(stand, inductance_h):
+    drawn = compiled_relations(load_stand(stand).actuator)
+    assert drawn.described["winding_inductance_h"] == inductance_h
+
+
 def test_a_parameter_that_no_calibration_holds_keeps_the_description_s_value():
     held = [entry.name for entry in fields(ActuatorParameters)]
     model = actuator(files.load_yaml("actuator.yaml"))
