@@ -64,7 +64,7 @@ class Format:
 
 
 def _unchanged(content: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Step to the first version with a number: nothing else is new."""
+    """Step to a version whose new entries an older file may lack."""
     return content
 
 
@@ -106,7 +106,9 @@ FORMATS: Mapping[str, Format] = {
     "feature table": Format(
         1, "learn it again with flea features learn", steps={0: _upper_part}, unversioned=0
     ),
-    "calibration": Format(1, "calibrate again with flea calibrate", CalibrationError),
+    "calibration": Format(
+        2, "calibrate again with flea calibrate", CalibrationError, {1: _unchanged}
+    ),
     "classifier": Format(1, "train it again with flea features train"),
     # What runs are made of.
     "scenario": Format(1, "write it anew after config/scenarios", steps=_FIRST, unversioned=0),

@@ -34,6 +34,7 @@ def calibration_sha256(calibration: Calibration) -> str:
     """
     content = calibration.to_mapping()
     del content["actuator_sha256"]
+    content["schema_version"] = 1  # an older file says the same
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.calibration.out_of_sample import LeftOut, OutOfSample
 from flea_diag.core.calibration.promise import FalseAlarmPromise
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.observers.observer_noise import ObserverNoise
+from flea_diag.core.residuals.leverage import CalibrationEnvelope, LeverageFit
 from flea_diag.core.residuals.parameters import (
     UNIT_PARAMETERS,
     ActuatorParameters,
@@ -91,6 +93,10 @@ class Calibration(Frozen):
     shifts: tuple[MeanShiftLimit, ...] = ()
     actuator_sha256: str = ""
     """Digest of the description that it was made with; empty in an older file."""
+    out_of_sample: OutOfSample | None = None
+    left_out: tuple[LeftOut, ...] = ()
+    envelope: CalibrationEnvelope | None = None
+    """Where it was made; None in an older file: then no test depends on where the motion is."""
 
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
@@ -105,7 +111,8 @@ class Calibration(Frozen):
     def promise(self) -> FalseAlarmPromise:
         """Stated rate of false alarms, and what the recordings support."""
         hours = self.nominal_s / 3600.0
-        return FalseAlarmPromise(self.false_alarms_per_hour, len(self.sources), hours)
+        alarms = self.out_of_sample.alarms if self.out_of_sample else 0
+        return FalseAlarmPromise(self.false_alarms_per_hour, len(self.sources), hours, alarms)
 
     def limit(self, residual: str) -> ResidualLimit | None:
         """Limits of one residual, None if this stand cannot form it."""
@@ -117,6 +124,8 @@ class Calibration(Frozen):
         for name in LATER_PARAMETERS:
             if not plain["parameters"][name]:
                 plain["parameters"].pop(name)  # so that a calibration without it keeps its digest
+        # Without what an older file lacks it is the same as that file.
+        plain = {k: v for k, v in plain.items() if v or k not in SINCE_OUT_OF_SAMPLE}
         return stamped("calibration", {**plain, "speed_regions_m_s": list(SPEED_REGIONS_M_S)})
 
 
@@ -312,6 +321,28 @@ def _covariance(value: Any) -> tuple[CovarianceBlock, ...]:
     return tuple(blocks)
 
 
+def _envelope(value: Any) -> CalibrationEnvelope:
+    rows = tuple(
+        LeverageFit(
+            _text(row["relation"]),
+            tuple(tuple(map(_number, _list(line))) for line in _list(row["root"])),
+            *(_positive(row[name]) for name in ("reach", "most", "discrepancy")),
+        )
+        for row in _list(value["relations"])
+    )
+    ranges = {}
+    for name, pair in value["ranges"].items():
+        low, high = map(_number, _list(pair))
+        ranges[_text(name)] = (low, high)
+    return CalibrationEnvelope(_text(value["position"]), rows, ranges)
+
+
+def _out_of_sample(value: Any) -> OutOfSample:
+    recordings, alarms = (int(_not_negative(value[name])) for name in ("recordings", "alarms"))
+    largest, widening = _not_negative(value["largest"]), _positive(value["widening"])
+    return OutOfSample(recordings, alarms, largest, widening)
+
+
 PARAMETER_RANGES: Mapping[str, tuple[float, float]] = {
     "force_constant_n_per_a": (1e-3, 1e6),
     "back_emf_v_s_per_m": (1e-3, 1e6),
@@ -356,6 +387,14 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "shifts": lambda value: tuple(MeanShiftLimit.from_mapping(entry) for entry in _list(value)),
     "observer_noise": _numbers_of(ObserverNoise, {f.name: LIKELY for f in fields(ObserverNoise)}),
     "actuator_sha256": _sha256,
+    "out_of_sample": _out_of_sample,
+    "envelope": _envelope,
+    "left_out": lambda value: tuple(
+        LeftOut(_text(entry["recording"]), _text(entry["reason"])) for entry in _list(value)
+    ),
 }
-LATER = ("observer_noise", "sensors", "covariance", "shifts", "actuator_sha256")
+SINCE_OUT_OF_SAMPLE = ("out_of_sample", "left_out", "envelope")
+LATER = (
+    "observer_noise", "sensors", "covariance", "shifts", "actuator_sha256", *SINCE_OUT_OF_SAMPLE,
+)  # fmt: skip
 """Optional entries of this schema."""

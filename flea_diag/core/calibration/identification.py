@@ -49,6 +49,13 @@ class Identified:
     covariance: list[CovarianceBlock] = field(default_factory=list)
     not_identified: dict[str, str] = field(default_factory=dict)
     voltage_limit_v: float = 10.0
+    without: list[dict[str, float]] = field(default_factory=list)
+    """Of each recording the parameters fitted without it and those left out with it."""
+
+    def judging(self, recording: int) -> Identified:
+        """The same with the parameters that a recording is judged by."""
+        values = self.without[recording] if self.without else {}
+        return replace(self, parameters=replace(self.parameters, **values))
 
     def found(self, values: Mapping[str, float], covariance: Array) -> None:
         """Store identified parameters, fitted together with this covariance."""
@@ -75,6 +82,8 @@ class Smoothed:
     first: Array
     second: Array
     run: npt.NDArray[np.int64]
+    fold: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    """Of each recording, the number of the group that is left out together with it."""
 
     def column(self, channel: str) -> Array:
         """Smoothed values of one channel."""
@@ -134,11 +143,27 @@ def robust_fit(
     return np.asarray(x, dtype=np.float64), covariance, weight
 
 
+def fitted_without(
+    A: Array, y: Array, weight: Array, fold: npt.NDArray[np.int64], folds: int
+) -> Array:
+    """Solutions of a robust regression without each fold in turn, shape (folds, k).
+
+    From the normal equations less those of the fold, at the weights of the whole fit.
+    """
+    weighted = A * weight[:, None] ** 2
+    parts = [fold == number for number in range(folds)]
+    squares = np.array([weighted[part].T @ A[part] for part in parts])
+    products = np.array([weighted[part].T @ y[part] for part in parts])
+    left = zip(squares.sum(axis=0) - squares, products.sum(axis=0) - products, strict=True)
+    return np.array([np.linalg.pinv(N, hermitian=True, rcond=1e-15) @ b for N, b in left])
+
+
 def identify(
     runs: Sequence[NominalRun],
     relations_of: RelationsOf,
     kernel_length: int,
     period_s: float,
+    folds: Sequence[str] = (),
 ) -> Identified:
     """Identify every parameter that the recordings allow.
 
@@ -146,16 +171,19 @@ def identify(
     ----------
     relations_of
         Relations of the actuator, for an encoder whose lead is known, or without one.
+    folds
+        Of each recording what is left out together with it: its name, or its unit.
 
     Raises
     ------
     CalibrationError
         The recordings contain too little motion to identify the actuator.
     """
-    data = smooth(runs, relations_of(True).residuals, kernel_length, period_s)
     drawn = relations_of(True)
+    fold = _numbered(folds or tuple(map(str, range(len(runs)))))
+    data = replace(smooth(runs, drawn.residuals, kernel_length, period_s), fold=fold)
     start = {n: v for n, v in drawn.described.items() if n != "encoder_m_per_rad"}
-    result = Identified(replace(ActuatorParameters(), **start))
+    result = Identified(replace(ActuatorParameters(), **start), without=[{} for _ in runs])
     result.missing(["winding_inductance_h"], "L/R is far below the scan period; an assumption")
     result.missing(["stribeck_speed_m_s"], "width of the smooth sign of friction; an assumption")
     result.missing(["reference_temperature_degc"], "where the resistance holds; a convention")
@@ -212,6 +240,32 @@ class _Fit:
         return made
 
 
+def _numbered(names: Sequence[str]) -> npt.NDArray[np.int64]:
+    """Names as numbers, in the order of their first appearance."""
+    order = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    return np.array([order[name] for name in names], dtype=np.int64)
+
+
+def _leave_out(
+    data: Smoothed, made: Regression, weight: Array, use: npt.NDArray[np.bool_], result: Identified
+) -> None:
+    """Store what the fit finds without each recording; nothing where there is but one fold."""
+    folds = int(data.fold.max()) + 1
+    if folds < 2:
+        return
+    fold = data.fold[data.run[use]]
+    solutions = fitted_without(made.columns, made.target, weight, fold, folds)
+    no_error = np.zeros((len(made.names),) * 2)
+    values = [_possible(made.solved(x, no_error)[0]) for x in solutions]
+    for recording, number in enumerate(data.fold.tolist()):
+        result.without[recording].update(values[number])
+
+
+def _possible(values: dict[str, float]) -> dict[str, float]:
+    """Parameters that cannot be negative, at least 0."""
+    return values | {name: max(values[name], 0.0) for name in NOT_NEGATIVE if name in values}
+
+
 def _signals(
     data: Smoothed, relations: RelationSet, parameters: ActuatorParameters
 ) -> dict[str, Array]:
@@ -253,8 +307,9 @@ def _encoder(data: Smoothed, relations: RelationSet, result: Identified) -> None
     if made is None:
         result.missing([name], "no motor_speed channel")
         return
-    x, covariance, _ = robust_fit(made.columns, made.target, data.run[use])
+    x, covariance, weight = robust_fit(made.columns, made.target, data.run[use])
     result.found(*made.solved(x, covariance))
+    _leave_out(data, made, weight, use, result)
 
 
 MASS = "reflected_mass_kg"
@@ -282,31 +337,31 @@ def _friction(fit: _Fit, moving: npt.NDArray[np.bool_]) -> None:
     if found is None:
         fit.result.missing(names, "no current, load and motion together")
         return
-    values, covariance = found
+    made, weight, values, covariance = found
     _check_sign(values, "commanded_load" if "commanded_load" in rows.index else LOAD)
     for name, reason in DRIVES.items():
         if name not in values and name not in fit.result.not_identified:
             fit.result.missing([name], reason)
-    values |= {name: max(values[name], 0.0) for name in NOT_NEGATIVE if name in values}
-    fit.result.found(values, covariance)
+    fit.result.found(_possible(values), covariance)
+    _leave_out(fit.data, made, weight, use, fit.result)
 
 
 def _not_negative(
     fit: _Fit, relation: str, names: list[str], use: npt.NDArray[np.bool_]
-) -> tuple[dict[str, float], Array] | None:
+) -> tuple[Regression, Array, dict[str, float], Array] | None:
     """Fit in which no friction is negative beyond its error; one that is counts as 0.
 
     A mass is taken from the description instead. The others are then fitted anew: they would hold
     what it had taken from them.
     """
     while (made := fit.regression(relation, CURRENT, names, use)) is not None:
-        x, covariance, _ = robust_fit(made.columns, made.target, fit.data.run[use])
+        x, covariance, weight = robust_fit(made.columns, made.target, fit.data.run[use])
         values, covariance = made.solved(x, covariance)
         errors = dict(zip(values, np.sqrt(np.diag(covariance)), strict=True))
         below = {n: values[n] / errors[n] for n in NOT_NEGATIVE if n in values and errors[n] > 0.0}
         least = min(below, key=lambda n: below[n], default="")
         if not least or below[least] >= -NEGATIVE:
-            return values, covariance
+            return made, weight, values, covariance
         held = fit.relations.described.get(least, 0.0) if least == MASS else 0.0
         fit.result.parameters = replace(fit.result.parameters, **{least: held})
         reason = f"{values[least]:.3g} by the fit, which is none: {held:.4g} taken"
@@ -346,6 +401,7 @@ def _electrical(fit: _Fit) -> None:
     supply_v = float(np.quantile(np.abs(fit.signals[VOLTAGE][use]), 0.99))
     result.voltage_limit_v = max(8.0 * scale, supply_v / 3.0)
     result.found(*made.solved(x, covariance))
+    _leave_out(fit.data, made, weight, use, result)
 
 
 def _drive(fit: _Fit) -> None:
@@ -356,8 +412,9 @@ def _drive(fit: _Fit) -> None:
     if made is None:
         fit.result.missing(names, "no commanded_voltage channel")
         return
-    x, covariance, _ = robust_fit(made.columns, made.target, fit.data.run[use])
+    x, covariance, weight = robust_fit(made.columns, made.target, fit.data.run[use])
     fit.result.found(*made.solved(x, covariance))
+    _leave_out(fit.data, made, weight, use, fit.result)
 
 
 def _position(data: Smoothed, relations: RelationSet, result: Identified) -> None:

@@ -55,10 +55,12 @@ def learn(
     tolerance: UnitTolerance,
     period_s: float,
     voltage_sampling: str,
+    judging: Sequence[ActuatorParameters] = (),
 ) -> ObserverStatistics:
     """Fit noise levels, then compute residuals with them; unreliable voltage in ``runs`` is NaN.
 
-    Nothing is learned for a stand whose description allows no state observer.
+    ``judging``: parameters for the residuals of each recording, fitted without it. Nothing is
+    learned for a stand whose description allows no state observer.
 
     Raises
     ------
@@ -81,7 +83,8 @@ def learn(
         return normalised(make(tried).follow(rows), tested)
 
     rows = [run.rows for run in runs]
-    residuals = tuple(trace(parameters, each) for each in rows)
+    known = judging or (parameters,) * len(rows)
+    residuals = tuple(trace(own, each) for own, each in zip(known, rows, strict=True))
     spread = unit_spread(rows, parameters, tolerance, trace)
     named = zip(relations.residuals.innovations, spread.tolist(), strict=True)
     return ObserverStatistics(noise, residuals, {name: tuple(row) for name, row in named})

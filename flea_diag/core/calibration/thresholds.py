@@ -3,7 +3,13 @@
 The scatter of a windowed mean is measured on the recordings, so it includes the coloured model
 error and the differences between runs. The limit k is the Student quantile for the share of the
 false-alarm rate allotted to one test of one window. Its degrees of freedom are the number of
-ten-second pieces of nominal recording. It is never below ``GUARD`` times the largest nominal value.
+ten-second pieces of nominal recording. It is never below ``GUARD`` times the largest nominal value,
+each recording judged without itself (``window_fit``).
+
+The windows of one residual and the scans of one recording are far from independent. So one number
+of each recording, the largest statistic of a residual over the limit learned from the others, says
+how near it came to a false alarm. Where the tail of these numbers (``extreme_value``) reaches
+beyond 1 at the stated rate, the limits of that residual are widened by as much.
 """
 
 from __future__ import annotations
@@ -15,183 +21,307 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.calibration.calibration import BadStretch, NominalRun
-from flea_diag.core.calibration.identification import Identified
-from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanShiftLimit, limit_of
+from flea_diag.core.calibration.extreme_value import return_level
+from flea_diag.core.calibration.nominal_trace import Trace
+from flea_diag.core.calibration.out_of_sample import OutOfSample
+from flea_diag.core.calibration.promise import LEAST_RECORDINGS
+from flea_diag.core.calibration.window_fit import Statistic, WindowFit, others_of, window_fit
+from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
-from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
-from flea_diag.core.residuals.plausibility import ENTER_SAMPLES, usable
-from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_bank import ResidualBank
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitTolerance
 from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualSet
+from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.core.sensors.sensor_limits import SENSOR_SHARE
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
-GUARD = 1.25
 PIECE_S = 10.0
+NOT_NOMINAL = 1.7
+"""Score of a recording beyond which it is not taken for nominal. The 29 nominal recordings of the
+FLEA reach 0.87, six of its jams, each among them, 2.2 to 3.8."""
 SHIFT_SHARE = 0.1
 """Share of the false-alarm rate allotted to mean-shift tests."""
 REGIONS = len(SPEED_REGIONS_M_S) + 1
 
 
 @dataclass(frozen=True)
-class Trace:
-    """Residuals of one nominal recording; values shape (scans, residuals), order of ``rows``."""
+class LimitFit:
+    """Every test on the nominal recordings, and how near each recording came to a false alarm.
 
-    name: str
-    rows: ResidualSet
-    values: Array
-    speed_m_s: Array
-    moving: npt.NDArray[np.bool_]
-    voltage_usable: npt.NDArray[np.bool_]
+    ``scores``, shape (recordings,): the largest statistic over its limit, by limits learned without
+    that recording; ``worst``: the test that it belongs to. ``scatter``: of single samples.
+    ``spread``: d r / d theta of healthy units where the residual does not tell it.
+    """
 
+    tests: tuple[WindowFit, ...]
+    shifts: tuple[WindowFit, ...]
+    scatter: Mapping[str, float]
+    spread: Mapping[str, tuple[float, ...]]
+    scores: Array
+    worst: tuple[str, ...]
+    rate_per_hour: float
 
-def trace(
-    run: NominalRun,
-    identified: Identified,
-    relations: RelationSet,
-    kernel_length: int,
-    period_s: float,
-) -> Trace:
-    """Run one recording through the residual bank, without intervals of bad voltage."""
-    bank = ResidualBank(
-        identified.parameters, relations, period_s=period_s, kernel_length=kernel_length
-    )
-    residuals = bank.step(run.rows, frozen=False)
-    values = residuals.values
-    good = np.ones(len(values), dtype=bool)
-    rows = relations.residuals
-    command, circuit = rows.channel(COMMAND), rows.column(rows.circuit)
-    corroborated = command >= 0 and np.isfinite(run.rows[:, command]).any()
-    if circuit >= 0 and not corroborated:
-        good = usable(values[:, circuit], identified.voltage_limit_v)
-        _leave_out(values, good, rows)
-    return Trace(
-        run.name,
-        rows,
-        values,
-        np.abs(residuals.speed_m_s),
-        residuals.moving,
-        good,
-    )
+    def out_of_sample(self) -> OutOfSample | None:
+        """Summary of the scores; None where no recording can be judged by the others."""
+        known = self.scores[np.isfinite(self.scores)]
+        if not len(known):
+            return None
+        alarms = int((known >= 1.0).sum())
+        widest = max(fit.widening for fit in (*self.tests, *self.shifts))
+        return OutOfSample(len(known), alarms, float(known.max()), widest)
 
+    def limits(self) -> tuple[ResidualLimit, ...]:
+        """Limits of every residual that the recordings can form."""
+        return tuple(self._limit(name, scatter) for name, scatter in self.scatter.items())
 
-def _leave_out(values: Array, good: npt.NDArray[np.bool_], rows: ResidualSet) -> None:
-    """Drop what needs the voltage where that is not good."""
-    for column in rows.needing(VOLTAGE):
-        values[~good, column] = np.nan
+    def _limit(self, name: str, scatter: float) -> ResidualLimit:
+        windows = [
+            WindowLimit(fit.window, fit.centre, fit.sigma, fit.k)
+            for fit in self.tests
+            if fit.name == name
+        ]
+        correlation = _correlation(windows, scatter)
+        spread = self.spread.get(name, ())
+        return ResidualLimit(name, tuple(windows), (scatter,) * REGIONS, correlation, spread)
 
+    def discrepancies(self) -> dict[str, float]:
+        """Scatter of the shortest windowed mean of each residual, out of sample."""
+        shortest = {fit.name: fit for fit in sorted(self.tests, key=lambda fit: -fit.window)}
+        return {name: max(fit.sigma) for name, fit in shortest.items()}
 
-def with_innovations(traced: Trace, innovations: Array) -> Trace:
-    """The same trace with the observer's residuals added, shape (scans, innovations)."""
-    values = traced.values.copy()
-    values[:, traced.rows.innovation_columns] = innovations
-    _leave_out(values, traced.voltage_usable, traced.rows)
-    return replace(traced, values=values)
+    def shift_limits(self) -> tuple[MeanShiftLimit, ...]:
+        """Limits of the mean shift within a recording, for residuals with unit variability."""
+        return tuple(
+            MeanShiftLimit(fit.name, fit.window, fit.sigma[0], fit.k) for fit in self.shifts
+        )
 
 
-def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
-    """Intervals of bad voltage of one recording, in seconds from its start."""
-    bad = np.flatnonzero(np.diff(np.concatenate(([False], ~traced.voltage_usable, [False]))))
-    return [
-        BadStretch(traced.name, VOLTAGE, float(a * period_s), float(b * period_s))
-        for a, b in bad.reshape(-1, 2)
-        if b - a >= ENTER_SAMPLES
-    ]
+LEARNED = ("voltage_offset_v", "current_offset_a")
+"""What a diagnosis learns of the unit in its first seconds."""
 
 
-def limits(
+@dataclass(frozen=True)
+class _Tests:
+    """What all tests of one calibration share."""
+
+    traces: Sequence[Trace]
+    judged: Sequence[Trace]
+    others: Flags
+    tolerance: UnitTolerance
+    rate_per_hour: float
+    period_s: float
+    spread: Mapping[str, tuple[float, ...]]
+
+    @property
+    def rows(self) -> ResidualSet:
+        """The residuals of the stand."""
+        return self.traces[0].rows
+
+    @property
+    def differing(self) -> Array:
+        """Spread of healthy units by parameter, without what a diagnosis learns."""
+        sigmas = (0.0 if n in LEARNED else getattr(self.tolerance, n) for n in UNIT_PARAMETERS)
+        return np.array(list(sigmas))
+
+    def student(self, rate_per_hour: float, window: int, samples: int) -> float:
+        """Limit of a test that shares ``rate_per_hour``, from so many nominal samples."""
+        pieces = samples * self.period_s / PIECE_S
+        alpha = rate_per_hour * window * self.period_s / 3600.0
+        return _student(alpha, max(pieces - 1.0, 2.0))
+
+    def extra(self, row: ResidualRow) -> float:
+        """Variance that units differ by in every scan alike: of heating rates, of innovations."""
+        if row.name in self.spread:
+            return float(np.square(np.array(self.spread[row.name]) * self.differing).sum())
+        return (self.tolerance.thermal_rate_k_per_s * CORRECTION_S) ** 2 * (
+            row.name in self.rows.predictions
+        )
+
+
+def fit_limits(
     traces: Sequence[Trace],
     false_alarms_per_hour: float,
     period_s: float,
+    folds: Sequence[str] = (),
+    tolerance: UnitTolerance | None = None,
     spread: Mapping[str, tuple[float, ...]] = MappingProxyType({}),
-) -> tuple[ResidualLimit, ...]:
-    """Limits of every residual that the recordings can form.
+    judged: Sequence[Trace] = (),
+) -> LimitFit:
+    """Fit every test to nominal recordings.
 
-    ``spread`` holds d r / d theta of healthy units for residuals without an analytical one.
+    Parameters
+    ----------
+    folds
+        Of each recording what is left out together with it: its name, or its unit.
+    tolerance
+        What healthy units differ by.
+    spread
+        d r / d theta of healthy units for residuals without an analytical one.
+    judged
+        The recordings again, each by parameters fitted without it. What parameters may be off by
+        is in the spread of units, so the scatter is that of the whole fit.
     """
     if not traces:
-        return ()
-    found, rows = [], traces[0].rows.rows
-    tests = sum(row.gate != "sensor" for row in rows)
-    rate = (1.0 - SENSOR_SHARE - SHIFT_SHARE) * false_alarms_per_hour / tests
-    for index, row in enumerate(rows):
+        return LimitFit((), (), {}, {}, np.empty(0), (), false_alarms_per_hour)
+    others = others_of(folds or tuple(map(str, range(len(traces)))))
+    tolerance = tolerance or UnitTolerance()
+    given = _Tests(
+        traces, judged or traces, others, tolerance, false_alarms_per_hour, period_s, spread
+    )
+    tests, scatter = _z_tests(given)
+    shifts = _shift_tests(given)
+    scores, worst = _scores((*tests, *shifts), others)
+    tests, shifts = (_widened(fits, given) for fits in (tests, shifts))
+    return LimitFit(tests, shifts, scatter, spread, scores, worst, false_alarms_per_hour)
+
+
+def _widened(fits: tuple[WindowFit, ...], given: _Tests) -> tuple[WindowFit, ...]:
+    """The fits with the widening that the tail of the scores of each residual asks for."""
+    hours = sum(len(entry.values) for entry in given.traces) * given.period_s / 3600.0
+    share = (1.0 - SENSOR_SHARE) * given.rate_per_hour * hours / max(len(given.traces), 1)
+    widening = {}
+    for name in dict.fromkeys(fit.name for fit in fits):
+        scores, _ = _scores([fit for fit in fits if fit.name == name], given.others)
+        level = return_level(scores[np.isfinite(scores)], share)
+        widening[name] = max(1.0, float(np.nan_to_num(level)))
+    return tuple(replace(fit, widening=widening[fit.name]) for fit in fits)
+
+
+def not_nominal(
+    traces: Sequence[Trace],
+    false_alarms_per_hour: float,
+    period_s: float,
+    folds: Sequence[str],
+    spread: Mapping[str, tuple[float, ...]],
+    fitted: LimitFit,
+    judged: Sequence[Trace] = (),
+) -> dict[str, str]:
+    """Recordings that limits learned from the others show not to be nominal, with the reason.
+
+    The farthest one is left out and the rest judged anew, for it has widened the limits of all.
+    """
+    left, found = list(range(len(traces))), dict[str, str]()
+    while len(left) > LEAST_RECORDINGS and np.nanmax(fitted.scores, initial=0.0) > NOT_NOMINAL:
+        worst = int(np.nanargmax(fitted.scores))
+        score, test = float(fitted.scores[worst]), fitted.worst[worst]
+        found[traces[left.pop(worst)].name] = (
+            f"{test} reaches {score:.1f} times the limit that the other recordings give"
+        )
+        fitted = fit_limits(
+            [traces[k] for k in left],
+            false_alarms_per_hour,
+            period_s,
+            [folds[k] for k in left],
+            spread=spread,
+            judged=[judged[k] for k in left] if judged else (),
+        )
+    return found
+
+
+def _scores(fits: Sequence[WindowFit], others: Flags) -> tuple[Array, tuple[str, ...]]:
+    """Largest score of each recording, NaN where none can be judged, and the test it is of."""
+    if not fits:
+        return np.full(len(others), np.nan), ("",) * len(others)
+    table = np.array([fit.scores(others) for fit in fits])
+    filled = np.where(np.isfinite(table), table, -np.inf)
+    largest = filled.max(axis=0)
+    worst = (fits[k] for k in filled.argmax(axis=0).tolist())
+    words = tuple(f"{fit.name}, mean of {fit.window}" for fit in worst)
+    return np.where(np.isfinite(largest), largest, np.nan), words
+
+
+def _z_tests(given: _Tests) -> tuple[tuple[WindowFit, ...], dict[str, float]]:
+    """Tests against the calibration; the scatter of single samples of each residual tested."""
+    tests = sum(row.gate != "sensor" for row in given.rows.rows)
+    rate = (1.0 - SENSOR_SHARE - SHIFT_SHARE) * given.rate_per_hour / tests
+    found, scatter = [], {}
+    for index, row in enumerate(given.rows.rows):
         if row.gate == "sensor":
             continue
-        columns = [_gated(row, index, entry) for entry in traces]
-        columns = [(values, speed) for values, speed in columns if len(values) >= row.windows[0]]
-        if len(columns) < 2:
+        columns = [_gated(row, index, entry) for entry in given.traces]
+        everything = np.concatenate([values for values, _, _ in columns] or [np.empty(0)])
+        if not np.any(everything):
             continue
-        limit = _limit(row, columns, rate, period_s)
-        if limit is not None:
-            found.append(replace(limit, spread=spread.get(row.name, ())))
-    return tuple(found)
+        for window in row.windows:
+            k = given.student(rate, window, len(everything))
+            means = [
+                _means(column, window, given.differing, given.extra(row)) for column in columns
+            ]
+            fit = window_fit(row.name, window, means, REGIONS, k, given.others)
+            if fit is not None:
+                found.append(fit)
+                scatter[row.name] = float(everything.std())
+    return tuple(found), scatter
 
 
-def shift_limits(
-    traces: Sequence[Trace], false_alarms_per_hour: float, period_s: float
-) -> tuple[MeanShiftLimit, ...]:
-    """Limits of the mean shift within a recording, for each residual with unit variability.
-
-    They share ``SHIFT_SHARE`` of the false-alarm rate.
-    """
-    rows = traces[0].rows
-    rate = SHIFT_SHARE * false_alarms_per_hour / (max(len(rows.spreading), 1) * len(SHIFT_WINDOWS))
-    pieces = sum(len(entry.values) for entry in traces) * period_s / PIECE_S
+def _shift_tests(given: _Tests) -> tuple[WindowFit, ...]:
+    """Tests of the mean shift within a recording; they share ``SHIFT_SHARE`` of the rate."""
+    rate = (
+        SHIFT_SHARE * given.rate_per_hour / (max(len(given.rows.spreading), 1) * len(SHIFT_WINDOWS))
+    )
+    samples = sum(len(entry.values) for entry in given.traces)
     found = []
-    for column in rows.spreading:
-        name = rows.rows[column].name
-        shifts = [_shifts(rows.rows[column], column, entry) for entry in traces]
+    for column in given.rows.spreading:
+        row = given.rows.rows[column]
+        shifts, own = (
+            [_shifts(row, column, entry, given.differing) for entry in part]
+            for part in (given.traces, given.judged)
+        )
         for index, window in enumerate(SHIFT_WINDOWS):
-            k = _student(rate * window * period_s / 3600.0, max(pieces - 1.0, 2.0))
-            found.append(limit_of(name, window, [each[:, index] for each in shifts], k, GUARD))
-    return tuple(limit for limit in found if limit is not None)
+            k = given.student(rate, window, samples)
+            every, judged = ([_known(each[:, index]) for each in part] for part in (shifts, own))
+            found.append(window_fit(row.name, window, every, 1, k, given.others, False, judged))
+    return tuple(fit for fit in found if fit is not None)
 
 
-def _shifts(row: ResidualRow, column: int, entry: Trace) -> Array:
+def _known(shifts: Array) -> Statistic:
+    """Shifts, shape (n, 1 + unit parameters), where there are any."""
+    known = shifts[np.isfinite(shifts[:, 0])]
+    region = np.zeros(len(known), dtype=np.int64)
+    return Statistic(known[:, 0], region, np.square(known[:, 1:]).sum(axis=1))
+
+
+def _shifts(row: ResidualRow, column: int, entry: Trace, differing: Array) -> Array:
+    """Shifts of a residual and of what units differ by, (scans, windows, 1 + unit parameters)."""
     gated = row.gate == "moving"
     use = entry.moving[:, None] | (not gated)
-    return MeanShift([gated]).step(entry.values[:, [column], None], use)[:, 0, :, 0]
+    spread = _spread_of(entry, column) * differing
+    values = np.concatenate((entry.values[:, [column]], spread), axis=1)
+    return MeanShift([gated], values.shape[1]).step(values[:, None], use)[:, 0]
 
 
-def _gated(row: ResidualRow, index: int, entry: Trace) -> tuple[Array, Array]:
+def _spread_of(entry: Trace, column: int) -> Array:
+    """D r / d theta of healthy units, shape (scans, unit parameters); 0 where they are alike."""
+    if entry.spread is None or column not in entry.rows.spreading:
+        return np.zeros((len(entry.values), len(UNIT_PARAMETERS)))
+    return np.nan_to_num(entry.spread[:, entry.rows.spreading.index(column)])
+
+
+def _gated(row: ResidualRow, index: int, entry: Trace) -> tuple[Array, Array, Array]:
+    """Values of a residual where it is tested, the speed, and what units differ by there."""
     values = entry.values[:, index]
     use = np.isfinite(values)
     if row.gate == "moving":
         use &= entry.moving
-    return values[use], np.nan_to_num(entry.speed_m_s[use])
+    return values[use], np.nan_to_num(entry.speed_m_s[use]), _spread_of(entry, index)[use]
 
 
-def _limit(
-    row: ResidualRow, columns: list[tuple[Array, Array]], rate_per_hour: float, period_s: float
-) -> ResidualLimit | None:
-    everything = np.concatenate([values for values, _ in columns])
-    if not np.any(everything):
-        return None
-    pieces = len(everything) * period_s / PIECE_S
-    windows = []
-    for window in row.windows:
-        means = [
-            (_rolling(values, window), _rolling(speed, window))
-            for values, speed in columns
-            if len(values) >= window
-        ]
-        if len(means) >= 2:
-            windows.append(_window_limit(window, means, rate_per_hour, pieces, period_s))
-    scatter = float(everything.std())
-    if not windows or not scatter > 0.0:
-        return None
-    return ResidualLimit(
-        row.name,
-        tuple(windows),
-        (scatter,) * REGIONS,
-        _correlation(windows, scatter),
-    )
+def _means(
+    column: tuple[Array, Array, Array], window: int, differing: Array, extra: float
+) -> Statistic:
+    """Windowed means of one recording, the region of the mean speed, what units differ by."""
+    values, speed, spread = column
+    if len(values) < window:
+        return Statistic(np.empty(0), np.empty(0, dtype=np.int64), np.empty(0))
+    region = np.searchsorted(SPEED_REGIONS_M_S, _rolling(speed, window))
+    unit = np.square(_rolling(spread, window) * differing).sum(axis=1)
+    return Statistic(_rolling(values, window), np.asarray(region, dtype=np.int64), unit + extra)
 
 
 def _rolling(values: Array, window: int) -> Array:
-    sums = np.concatenate(([0.0], np.cumsum(values)))
+    """Means over ``window`` rows."""
+    sums = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)))
     rolled: Array = (sums[window:] - sums[:-window]) / window
     return rolled
 
@@ -200,42 +330,6 @@ def _correlation(windows: Sequence[WindowLimit], scatter: float) -> float:
     """Samples per independent sample: w var(mean) / var(sample), largest over all windows."""
     worst = max(limit.window * float(np.mean(limit.sigma)) ** 2 for limit in windows)
     return max(1.0, worst / scatter**2)
-
-
-def _window_limit(
-    window: int,
-    means: list[tuple[Array, Array]],
-    rate_per_hour: float,
-    pieces: float,
-    period_s: float,
-) -> WindowLimit:
-    statistic = [mean for mean, _ in means]
-    regions = [np.searchsorted(SPEED_REGIONS_M_S, speed) for _, speed in means]
-    pooled = _moments(statistic)
-    centre, sigma = [], []
-    for region in range(REGIONS):
-        parts = [m[r == region] for m, r in zip(statistic, regions, strict=True)]
-        parts = [part for part in parts if len(part)]
-        # Too few recordings in a region do not determine its scatter.
-        moments = _moments(parts) if len(parts) >= 5 else pooled
-        centre.append(moments[0])
-        sigma.append(max(moments[1], 0.5 * pooled[1]))
-    z = np.concatenate(
-        [
-            np.abs(m - np.take(centre, r)) / np.take(sigma, r)
-            for m, r in zip(statistic, regions, strict=True)
-        ]
-    )
-    alpha = rate_per_hour * window * period_s / 3600.0
-    k = max(_student(alpha, max(pieces - 1.0, 2.0)), GUARD * float(z.max()))
-    return WindowLimit(window, tuple(centre), tuple(sigma), k)
-
-
-def _moments(parts: list[Array]) -> tuple[float, float]:
-    """Centre and scatter, with equal weight for every recording."""
-    centre = float(np.mean([part.mean() for part in parts]))
-    scatter = float(np.mean([np.mean((part - centre) ** 2) for part in parts])) ** 0.5
-    return centre, max(scatter, 1e-9)
 
 
 def _student(alpha: float, degrees: float) -> float:

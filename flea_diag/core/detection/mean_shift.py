@@ -178,21 +178,3 @@ class MeanShift:
         enough = np.where(samples >= self._least[each], samples, np.nan)[..., None]
         before = sums[np.maximum(begins, 0)] - sums[np.maximum(begins - REFERENCE, 0)]
         return np.asarray(before / enough)
-
-
-def limit_of(
-    name: str, window: int, shifts: Sequence[Array], least_k: float, guard: float
-) -> MeanShiftLimit | None:
-    """Limit of one window from its shifts in nominal recordings, None where too few have any.
-
-    The limit is ``least_k`` sigmas, and at least ``guard`` times the largest shift seen.
-    """
-    known = [column[np.isfinite(column)] for column in shifts]
-    known = [column for column in known if len(column)]
-    if len(known) < 2:
-        return None
-    sigma = float(np.mean([np.mean(np.square(column)) for column in known])) ** 0.5
-    if not sigma > 0.0:
-        return None
-    largest = max(float(np.abs(column).max()) for column in known)
-    return MeanShiftLimit(name, window, sigma, max(least_k, guard * largest / sigma))

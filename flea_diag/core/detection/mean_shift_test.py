@@ -20,6 +20,7 @@ from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanSh
 from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS
 from flea_diag.core.residuals.channel_units import VOLTAGE
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+from flea_diag.core.running_mean import summed_in_order
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -123,11 +124,11 @@ class MeanShiftTest:
         # The residuals as if nothing had been learned of the unit, and what units differ by.
         spread = rows.spread.take(self._places, axis=1)
         values = np.empty((*spread.shape[:2], 1 + len(self._tolerance)))
-        learned = np.add.reduce(spread * self._change, axis=2)
+        learned = summed_in_order(spread * self._change)
         values[:, :, 0] = rows.values.take(self._columns, axis=1) - learned
         values[:, :, 1:] = spread * self._tolerance
         every = self._level.step(values, rows.moving[:, None] | ~self._gated)
-        variance = self._variance + np.add.reduce(np.square(every[..., 1:]), axis=3)
+        variance = self._variance + summed_in_order(np.square(every[..., 1:]))
         z = every[..., 0] / np.sqrt(variance)
         return z, every[..., 0], bool((np.abs(z) > self._k).any())
 

@@ -11,7 +11,7 @@ from flea_diag.core import backend as backends
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit
 from flea_diag.core.detection.z_test_loops import Z_TEST_LOOPS
 from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualRows, ResidualSet
-from flea_diag.core.running_mean import WindowedMeans
+from flea_diag.core.running_mean import WindowedMeans, summed_in_order
 
 Array = npt.NDArray[np.float64]
 
@@ -65,7 +65,7 @@ class ZTests:
         for column, row in enumerate(rows):
             limit = limits[row.name]
             if limit.spread:
-                self._fixed[column] = limit.spread
+                self._fixed[column, : len(limit.spread)] = limit.spread
             for bound in limit.windows:
                 window = self._windows.index(bound.window)
                 self._bounds[0, :, window, column] = bound.centre
@@ -150,7 +150,7 @@ class ZTests:
         if self._spread:
             shape = (*speeds.shape, len(self._spread), len(self._tolerance))
             spreads = means[:, :, count + 1 :].reshape(shape) * self._tolerance
-            bounds[1][:, :, self._spreading] += np.add.reduce(np.square(spreads), axis=3)
+            bounds[1][:, :, self._spreading] += summed_in_order(np.square(spreads))
         return statistic, bounds
 
     def adopt(self, change: Array, tolerance: Array) -> None:

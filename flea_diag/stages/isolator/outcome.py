@@ -101,4 +101,6 @@ class OutcomeRules:
         resting = rested(stamp_ns, stand.moved_ns, self._rest_ns)
         if stand.moved < SEEN_MOVING or resting:
             return Outcome.NOT_OBSERVABLE, AT_REST
+        if stand.outside is not None:
+            return Outcome.NOT_OBSERVABLE, f"outside the calibration: {stand.outside.reason}"
         return Outcome.NOMINAL, NO_DEVIATION

@@ -16,6 +16,7 @@ from flea_diag.errors import shown
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
     NEVER_NS,
+    OUTSIDE_CALIBRATION,
     STREAM,
     ChannelQuality,
     ChannelTable,
@@ -46,6 +47,8 @@ class StandStatus:
     bad: tuple[str, ...] = ()
     contact: ChannelQuality | None = None
     """The row of data quality while the actuator is at an end of its travel."""
+    outside: ChannelQuality | None = None
+    """The row of data quality while the motion is outside what the calibration has seen."""
     table_ns: int = NEVER_NS
     """When the stand began: the stamp of its channel table."""
     first_ns: int = NEVER_NS
@@ -76,7 +79,8 @@ class StandStatus:
     def take(self, quality: DataQuality) -> bool:
         """Take the observer's data quality; whether the observer has been restarted."""
         self.bad = tuple(row.channel for row in quality.channels if row.quality in UNUSABLE)
-        self.contact = next((row for row in quality.channels if _is_contact(row)), None)
+        self.contact = _condition(quality, END_OF_TRAVEL)
+        self.outside = _condition(quality, OUTSIDE_CALIBRATION)
         self.offsets, self.counters = quality.offsets, wrong_samples(quality)
         began_ns = self.began_ns = max(
             (row.since_ns for row in quality.channels if row.channel == STREAM), default=0
@@ -133,9 +137,10 @@ class StandStatus:
             yield row
 
 
-def _is_contact(row: ChannelQuality) -> bool:
-    """Whether this row says that the actuator is at an end of its travel."""
-    return row.channel == END_OF_TRAVEL and row.quality is Quality.SATURATED
+def _condition(quality: DataQuality, name: str) -> ChannelQuality | None:
+    """The row of a condition that holds: an end of travel, or a place outside the calibration."""
+    rows = (row for row in quality.channels if row.channel == name)
+    return next((row for row in rows if row.quality is Quality.SATURATED), None)
 
 
 def wrong_samples(quality: DataQuality) -> tuple[tuple[str, int], ...]:

@@ -142,6 +142,7 @@ def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:
     """Remarks that qualify a verdict, appended to its words."""
     assumption = " (single-fault assumption)" if episode is not None else ""
     start = _another_unit(stand) + _missed(stand) + _returned(stand, episode)
+    assumption += _outside(stand) if episode is not None else ""
     return assumption + _at_its_end(stand) + _taken_back(stand) + start
 
 
@@ -152,6 +153,16 @@ def _at_its_end(stand: StandStatus) -> str:
     since_s = (stand.contact.since_ns - stand.first_ns) / 1e9
     place, _, follows = stand.contact.reason.partition(": ")
     return f"; {place} since {since_s:.2f} s after the start, {follows}"
+
+
+def _outside(stand: StandStatus) -> str:
+    """Remark that the motion is outside what the calibration has seen."""
+    if stand.outside is None:
+        return ""
+    since_s = (stand.outside.since_ns - stand.first_ns) / 1e9
+    return (
+        f"; outside the calibration since {since_s:.2f} s after the start: {stand.outside.reason}"
+    )
 
 
 def _taken_back(stand: StandStatus) -> str:

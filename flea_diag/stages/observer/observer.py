@@ -110,7 +110,7 @@ class ObserverStage:
         if chain.episode.is_open != was_open:
             chain.stream.turn(opened=not was_open)
         learned = learns and not chain.stream.learns
-        told = learned or chain.stream.conditions.told
+        told = learned or chain.stream.told
         is_due = changed == 0 or told or chain.order.is_due(scan.stamp_ns)
         quality = (self._quality(scan.stamp_ns),) if is_due else ()
         return (*taken_over, *quality, *self._records.block(block, output).records(), *found)
@@ -131,7 +131,7 @@ class ObserverStage:
         if chain.channels.driver_dead:
             stream = replace(stream, quality=Quality.BAD, reason=DRIVER_DEAD)
         channels = chain.channels.states(chain.stream.stuck)
-        rows = (stream, *channels, *chain.stream.conditions.states())
+        rows = (stream, *channels, *chain.stream.states())
         return DataQuality(stamp_ns, rows, chain.stream.offsets)
 
     def finish(self) -> tuple[Record, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.conditions.envelope_watch import EnvelopeWatch
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.observers.observer_block import PREDICTED
@@ -28,7 +29,14 @@ from flea_diag.stages.observer.speed_trust import SpeedTrust
 from flea_diag.stages.observer.state_estimate import ObserverOutput, StateEstimate
 from flea_diag.stages.observer.voltage_trust import VoltageTrust, VoltageVerdict
 from flea_diag.stages.observer.warm_up import Offsets, WarmUp
-from flea_diag.wire.records import ChannelTable, UnitOffset
+from flea_diag.wire.records import (
+    NEVER_NS,
+    OUTSIDE_CALIBRATION,
+    ChannelQuality,
+    ChannelTable,
+    Quality,
+    UnitOffset,
+)
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
@@ -80,6 +88,8 @@ class ResidualStream:
         self._speed = SpeedTrust(known, self._bank.has_encoder)
         self._lost = LostScans(known)
         self.conditions = ConditionWatch(c, relations)
+        self._outside_ns = NEVER_NS
+        self.envelope = EnvelopeWatch(c.envelope, relations) if c.envelope else None
         self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s, start_ns)
         self._regressors = RegressorTable(effects, c.parameters)
         self._tests = ResidualTests(known, c, estimate.runs, backend)
@@ -172,11 +182,15 @@ class ResidualStream:
         turn = len(rows)
         if read:
             turn = self.conditions.step(self._p, stamps_ns, rows, residuals, voltage.usable)
+        if self.envelope is not None:
+            turn = min(turn, self._place(self.envelope, stamps_ns, rows, residuals))
         # The filter predicts through missing scans by itself.
         seen = rows if read else np.where(self._is_predicted, np.nan, rows)
         void = self.conditions.voids
         estimate = self._estimate.step(seen, voltage.usable, frozen, residuals.values, void)
         self.conditions.leave_out(residuals)
+        if self.envelope is not None:
+            self.envelope.leave_out(residuals)
         voltage.leave_out(residuals)
         self._speed.leave_out(residuals)
         if self._lost.leave_out(residuals, read):
@@ -184,9 +198,33 @@ class ResidualStream:
         if self._warm_up is not None:
             self._learn(self._warm_up, residuals, int(stamps_ns[0]))
         regressors = self._regressors.rows(rows, residuals)
-        results = self._tests.step(residuals, (sensors, self._sensors.k), alone)
+        excess = self.envelope.excess if self.envelope is not None else None
+        results = self._tests.step(residuals, (sensors, self._sensors.k), alone, excess)
         results.void = void
         return StreamOutput(residuals, results, regressors, voltage, estimate, turn)
+
+    def _place(
+        self, envelope: EnvelopeWatch, stamps_ns: Stamps, rows: Array, residuals: ResidualRows
+    ) -> int:
+        """The first scan that changes whether this is outside the calibration, or n."""
+        turn = envelope.step(rows, residuals)
+        if envelope.turned:
+            self._outside_ns = int(stamps_ns[turn])
+        return turn
+
+    @property
+    def told(self) -> bool:
+        """Whether the last scan has changed what is reported of conditions."""
+        return self.conditions.told or (self.envelope is not None and self.envelope.turned)
+
+    def states(self) -> tuple[ChannelQuality, ...]:
+        """Rows of DataQuality for conditions: contact, and a place outside the calibration."""
+        rows = self.conditions.states()
+        if self.envelope is None or not self.envelope.outside:
+            return rows
+        words = self.envelope.words
+        row = ChannelQuality(OUTSIDE_CALIBRATION, Quality.SATURATED, self._outside_ns, words)
+        return (*rows, row)
 
     def _learn(self, warm_up: WarmUp, residuals: ResidualRows, stamp_ns: int) -> None:
         """Adopt the offsets of this unit once the warm-up has estimated them."""

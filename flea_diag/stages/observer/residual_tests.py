@@ -31,18 +31,29 @@ class ResidualTests:
         limits = [limit for limit in c.limits if estimates or limit.name not in known.innovations]
         thermal = c.tolerance.thermal_rate_k_per_s
         self._tolerance = c.tolerance
-        self._z_tests = Detector(known, limits, c.tolerances(), thermal, backend)
-        self._mean_shift = MeanShiftTest(known, c.shifts, c.tolerances(), backend)
+        # The last column of a spread is what the envelope adds, in sigmas of the residual.
+        self._beyond = (1.0,) if c.envelope is not None else ()
+        tolerances = (*c.tolerances(), *self._beyond)
+        self._z_tests = Detector(known, limits, tolerances, thermal, backend)
+        self._mean_shift = MeanShiftTest(known, c.shifts, tolerances, backend)
         self._disabled: list[int] = []
 
     def step(
-        self, residuals: ResidualRows, sensors: tuple[Array, Array], alone: Flags
+        self,
+        residuals: ResidualRows,
+        sensors: tuple[Array, Array],
+        alone: Flags,
+        excess: Array | None = None,
     ) -> TestResults:
         """Results after each of n scans.
 
         ``sensors``: statistics, shape (n, sensor tests), and limits of the tests of single
-        sensors. ``alone``, shape (n,): where nothing corroborates the voltage.
+        sensors. ``alone``, shape (n,): where nothing corroborates the voltage. ``excess``, shape
+        (n, ``ResidualSet.spreading``): sigma that the place adds, where there is an
+        envelope.
         """
+        if excess is not None:
+            residuals = _with_excess(residuals, excess)
         residuals.values[:, self._disabled] = np.nan
         results = self._z_tests.step(residuals)
         results.z[:, self._sensors], results.k[:, self._sensors] = sensors
@@ -74,7 +85,16 @@ class ResidualTests:
         change = dict.fromkeys(UNIT_PARAMETERS, 0.0)
         for name, (by, sigma) in offsets.items():
             change[name], tolerance[name] = by, sigma
-        self._mean_shift.adopt(list(change.values()))
-        self._z_tests.adopt(list(change.values()), list(tolerance.values()))
+        changes = [*change.values(), *(0.0 for _ in self._beyond)]
+        self._mean_shift.adopt(changes)
+        self._z_tests.adopt(changes, [*tolerance.values(), *self._beyond])
         # How an innovation moves with a parameter is known in size alone.
         self._z_tests.forget(self._innovations)
+
+
+def _with_excess(rows: ResidualRows, excess: Array) -> ResidualRows:
+    """The same residuals with one more column of spread."""
+    count, places, units = rows.spread.shape
+    spread = np.empty((count, places, units + 1))
+    spread[:, :, :units], spread[:, :, units] = rows.spread, excess
+    return ResidualRows(rows.values, spread, rows.signals, rows.motion, rows.moving)

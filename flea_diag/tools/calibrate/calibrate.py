@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
+from flea_diag.tools.calibrate import plots as calibration_plots
 from flea_diag.tools.calibrate import report as calibration_report
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording, check_alike, read_nominal
 from flea_diag.tools.extra import require
@@ -20,9 +21,10 @@ from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_text
 if TYPE_CHECKING:
     from flea_diag.core.bond_graph.actuator_model import Actuator
     from flea_diag.core.calibration.calibration import Calibration, NominalRun
-    from flea_diag.core.calibration.identification import Identified
+    from flea_diag.core.calibration.identification import Identified, RelationsOf
     from flea_diag.core.calibration.innovation_learning import ObserverStatistics
-    from flea_diag.core.calibration.thresholds import Trace
+    from flea_diag.core.calibration.nominal_trace import Trace
+    from flea_diag.core.calibration.thresholds import LimitFit
     from flea_diag.core.residuals.relation_set import RelationSet
 
 NAME = "calibrate"
@@ -36,6 +38,10 @@ examples:
 """
 
 FALSE_ALARMS_PER_HOUR = 0.1
+LEAST_UNITS = 3
+"""With fewer units of known serial number, recordings are left out one by one."""
+MOST_LEFT_OUT = 0.25
+"""Largest share of the recordings that is left out as not nominal."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,22 +86,23 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(
             f"--false-alarms = {arguments.false_alarms} must be above 0 per hour"
         )
-    from flea_diag.configuration.description import compiled_relations
-
     if arguments.output.exists() and not arguments.force:
         raise ConfigurationError(f"{arguments.output} exists: use --force to overwrite it")
     if arguments.plots is not None:
         require("plot", "--plots")
     stand = chosen_stand(arguments, "actuator")
-    known = compiled_relations(stand.actuator).residuals
-    recordings, refused = read_nominal(arguments.bags, known)
+    recordings, refused = read_nominal(arguments.bags)
     found = learn(recordings, stand.actuator, arguments.false_alarms)
     calibration = found.calibration
+    for row in calibration.left_out:
+        warn(f"{row.recording}: left out: {row.reason}")
+    refused += [row.recording for row in calibration.left_out]
     write_calibration(arguments.output, calibration)
     if arguments.plots is not None:
-        from flea_diag.tools.calibrate import plots
-
-        plots.draw(calibration, found.traces, arguments.plots, arguments.plot_format)
+        calibration_plots.draw(calibration, found.traces, arguments.plots, arguments.plot_format)
+        calibration_plots.draw_envelope(
+            found.traces, found.signals, arguments.plots, arguments.plot_format
+        )
     report = json.dumps(calibration.to_mapping(), indent=2) if arguments.json else None
     say(report or calibration_report.words(calibration))
     if refused:
@@ -109,6 +116,10 @@ class CalibrationResult:
 
     calibration: Calibration
     traces: tuple[Trace, ...]
+    signals: tuple[str, ...]
+    """Names of the signals in the traces."""
+    not_nominal: Mapping[str, str]
+    """Recordings that the others show not to be nominal, and why."""
 
 
 def calibrate(
@@ -127,33 +138,93 @@ def learn(
     ------
     CalibrationError
         Fewer than two recordings, recordings of different stands or of another actuator than
-        described, or no motion.
+        described, no motion, or too many recordings that contradict the others.
     """
     from flea_diag.configuration.description import (
         compiled_relations,
         described,
         description_sha256,
     )
-    from flea_diag.core.calibration import identification, thresholds
-    from flea_diag.core.calibration.run_spread import tolerance_of
-    from flea_diag.core.smoothing import KERNEL_LENGTH
+    from flea_diag.core.calibration.out_of_sample import LeftOut
 
     model = described(actuator)
     _check_recordings(recordings, model, actuator)
-    runs = [recording.run for recording in recordings]
-    period_s = recordings[0].period_s
     relations_of = partial(compiled_relations, actuator, recordings[0].channels)
-    found = identification.identify(runs, relations_of, KERNEL_LENGTH, period_s)
+    result = _learn(recordings, model.name, relations_of, false_alarms_per_hour)
+    kept = [r for r in recordings if r.run.name not in result.not_nominal]
+    if result.not_nominal:
+        _check_left_out(recordings, result.not_nominal)
+        nominal = _learn(kept, model.name, relations_of, false_alarms_per_hour)
+        result = replace(nominal, not_nominal=result.not_nominal)
+    left_out = tuple(LeftOut(name, reason) for name, reason in result.not_nominal.items())
+    digest = description_sha256(actuator)
+    calibration = replace(result.calibration, actuator_sha256=digest, left_out=left_out)
+    return replace(result, calibration=calibration)
+
+
+def _learn(
+    recordings: Sequence[NominalRecording],
+    name: str,
+    relations_of: RelationsOf,
+    false_alarms_per_hour: float,
+) -> CalibrationResult:
+    """Calibration from these recordings, and which of them the others show not to be nominal."""
+    from flea_diag.core.calibration import envelope_fit, identification, nominal_trace, thresholds
+    from flea_diag.core.calibration.run_spread import tolerance_of
+    from flea_diag.core.smoothing import KERNEL_LENGTH
+
+    runs = [recording.run for recording in recordings]
+    period_s, folds = recordings[0].period_s, folds_of(recordings)
+    found = identification.identify(runs, relations_of, KERNEL_LENGTH, period_s, folds)
     relations = relations_of(found.parameters.encoder_m_per_rad != 0.0)
-    traces = [thresholds.trace(run, found, relations, KERNEL_LENGTH, period_s) for run in runs]
+    traces, judged = (
+        [nominal_trace.trace(run, by(k), relations, KERNEL_LENGTH, period_s)
+         for k, run in enumerate(runs)]
+        for by in (lambda _: found, found.judging)
+    )  # fmt: skip
     innovations = _innovations(recordings, traces, found, relations)
-    traces = list(map(thresholds.with_innovations, traces, innovations.residuals))
+    traces, judged = (
+        list(map(nominal_trace.with_innovations, part, innovations.residuals))
+        for part in (traces, judged)
+    )
+    limits = thresholds.fit_limits(
+        traces, false_alarms_per_hour, period_s, folds, spread=innovations.spread, judged=judged
+    )
     calibration = replace(
-        _calibration(model.name, recordings, found, traces, innovations, false_alarms_per_hour),
-        actuator_sha256=description_sha256(actuator),
+        _calibration(name, recordings, found, traces, innovations, limits),
+        envelope=envelope_fit.envelope(traces, relations, limits.discrepancies()),
         tolerance=tolerance_of(found.parameters, relations),
     )
-    return CalibrationResult(calibration, tuple(traces))
+    odd = thresholds.not_nominal(
+        traces, false_alarms_per_hour, period_s, folds, innovations.spread, limits, judged
+    )
+    return CalibrationResult(calibration, tuple(traces), relations.signals, odd)
+
+
+def _check_left_out(recordings: Sequence[NominalRecording], odd: Mapping[str, str]) -> None:
+    """Refuse where it is not clear any more which recordings are the nominal ones.
+
+    Raises
+    ------
+    CalibrationError
+        More than a quarter of the recordings, or all but one, would be left out.
+    """
+    if len(odd) <= MOST_LEFT_OUT * len(recordings) and len(recordings) - len(odd) >= 2:
+        return
+    name, reason = next(iter(odd.items()))
+    raise CalibrationError(
+        f"{len(odd)} of {len(recordings)} recordings contradict the others, at most "
+        f"{MOST_LEFT_OUT:.0%} may be left out; the first is {name}: {reason}: record the actuator "
+        "anew without a fault, or leave out what is not nominal"
+    )
+
+
+def folds_of(recordings: Sequence[NominalRecording]) -> tuple[str, ...]:
+    """What each recording is left out with: its unit where there are enough, else itself."""
+    units = [recording.serial for recording in recordings]
+    if "" not in units and len(set(units)) >= LEAST_UNITS:
+        return tuple(units)
+    return tuple(recording.run.name for recording in recordings)
 
 
 def _check_recordings(
@@ -193,6 +264,7 @@ def _innovations(
         UnitTolerance(),
         first.period_s,
         first.sampling or "mean",
+        [found.judging(k).parameters for k in range(len(runs))],
     )
 
 
@@ -202,10 +274,10 @@ def _calibration(
     found: Identified,
     traces: Sequence[Trace],
     innovations: ObserverStatistics,
-    false_alarms_per_hour: float,
+    limits: LimitFit,
 ) -> Calibration:
     """Calibration file content: identified parameters, and limits for the false-alarm rate."""
-    from flea_diag.core.calibration import thresholds
+    from flea_diag.core.calibration import nominal_trace
     from flea_diag.core.calibration.calibration import Calibration
     from flea_diag.core.residuals.parameters import UnitTolerance
     from flea_diag.core.sensors.sensor_limits import sensor_limits
@@ -222,22 +294,23 @@ def _calibration(
         sigmas=found.sigmas,
         not_identified=found.not_identified,
         tolerance=UnitTolerance(),
-        limits=thresholds.limits(traces, false_alarms_per_hour, period_s, innovations.spread),
-        false_alarms_per_hour=false_alarms_per_hour,
+        limits=limits.limits(),
+        false_alarms_per_hour=limits.rate_per_hour,
         voltage_limit_v=found.voltage_limit_v,
         nominal_s=sum(len(run.rows) for run in runs) * period_s,
         sources=tuple(run.name for run in runs),
         bad_stretches=tuple(
-            stretch for trace in traces for stretch in thresholds.stretches(trace, period_s)
+            stretch for trace in traces for stretch in nominal_trace.stretches(trace, period_s)
         ),
         observer_noise=innovations.noise,
         sensors=sensor_limits(
             [{name: run.rows[:, k] for name, k in index.items()} for run in runs],
-            false_alarms_per_hour,
+            limits.rate_per_hour,
             period_s,
         ),
         covariance=tuple(found.covariance),
-        shifts=thresholds.shift_limits(traces, false_alarms_per_hour, period_s),
+        shifts=limits.shift_limits(),
+        out_of_sample=limits.out_of_sample(),
     )
 
 

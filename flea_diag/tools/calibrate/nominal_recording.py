@@ -27,6 +27,8 @@ class NominalRecording:
     channels: tuple[str, ...]
     sampling: str
     period_s: float
+    serial: str = ""
+    """Serial number of the unit, empty where no channel states one."""
 
 
 def read_nominal(
@@ -73,6 +75,7 @@ def _read(bag: Path, known: ResidualSet) -> NominalRecording:
         present,
         voltage.sampling if voltage is not None else "",
         float(np.median(np.diff(stamps))) / 1e9,
+        next((row.serial for row in table.channels if row.serial), ""),
     )
 
 

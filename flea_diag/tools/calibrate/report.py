@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import Calibration
+    from flea_diag.core.calibration.out_of_sample import OutOfSample
+    from flea_diag.core.residuals.leverage import CalibrationEnvelope
 
 STRONG = 0.7
 """Correlation above which two parameters are reported as hard to separate."""
@@ -22,11 +24,40 @@ def words(calibration: Calibration) -> str:
     lines += ["", f"limits for {c.false_alarms_per_hour} false alarms per hour, all tests together"]
     lines += _promise(c)
     lines += _limits(c)
+    if c.out_of_sample:
+        lines += ["", *_judged(c.out_of_sample)]
+    for row in c.left_out:
+        lines.append(f"left out: {row.recording}: {row.reason}")
+    if c.envelope:
+        lines += ["", *_envelope(c.envelope)]
     if c.bad_stretches:
         lines += ["", "stretches excluded as implausible"]
     for bad in c.bad_stretches:
         lines.append(f"{bad.run}: {bad.channel} from {bad.start_s:.2f} to {bad.end_s:.2f} s")
     return "\n".join(lines)
+
+
+def _judged(shown: OutOfSample) -> Iterator[str]:
+    """How near recordings came to a false alarm by limits that they had no part in."""
+    yield (
+        f"judged without themselves, {shown.recordings} recordings reach at most "
+        f"{shown.largest:.2f} of a limit, {shown.alarms or 'none'} of them beyond it"
+    )
+    if shown.widening > 1.0:
+        yield f"limits widened by up to {shown.widening:.2f}, as the tails of these figures ask for"
+
+
+def _envelope(seen: CalibrationEnvelope) -> Iterator[str]:
+    """Where the recordings lie, and what would widen that."""
+    from flea_diag.core.residuals.leverage import ABSTAIN
+
+    yield "envelope: signal                 smallest    largest"
+    for name, (low, high) in seen.ranges.items():
+        yield f"{name:31s}  {low:9.4g}  {high:9.4g}"
+    for row in seen.relations:
+        far = f"{row.most:.1f} at most (mean 1), tests abstain beyond {ABSTAIN * row.most:.0f}"
+        yield f"{row.relation}: leverage up to {row.reach:.1f} in 99 % of the scans, {far}"
+    yield "recordings with speeds, loads and positions beyond these, in new combinations, widen it"
 
 
 def _promise(c: Calibration) -> Iterator[str]:

@@ -61,7 +61,7 @@ for _ in range(60):
     BOMB = [BOMB, BOMB]
 
 DAMAGE = {
-    "wrong schema": (put(("schema_version",), 2), "schema_version = 2"),
+    "wrong schema": (put(("schema_version",), 3), "schema_version = 3"),
     "schema a bomb": (put(("schema_version",), BOMB), "schema_version = "),
     "other regions": (put(("speed_regions_m_s",), [0.1, 0.2]), "speed_regions_m_s"),
     "regions a number": (put(("speed_regions_m_s",), 5), "speed_regions_m_s"),

@@ -10,7 +10,7 @@ from support.models import linear_ema as ema
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.calibration import NominalRun
-from flea_diag.core.calibration.identification import identify, robust_fit
+from flea_diag.core.calibration.identification import fitted_without, identify, robust_fit
 from flea_diag.errors import CalibrationError
 
 TRUE = {
@@ -79,6 +79,30 @@ def test_bad_voltage_does_not_draw_the_fit():
         expected = getattr(clean.parameters, name)
         assert getattr(spoilt.parameters, name) == pytest.approx(expected, rel=0.03), name
     assert 4.0 < spoilt.voltage_limit_v < 15.0
+
+
+def test_a_fit_without_each_recording_is_the_fit_of_the_others():
+    random = np.random.default_rng(4)
+    A, fold = random.standard_normal((400, 3)), np.repeat(np.arange(4), 100)
+    y = A @ [1.0, -2.0, 0.5] + 0.1 * random.standard_normal(400)
+    weight = random.uniform(0.2, 1.0, 400)
+    for number, x in enumerate(fitted_without(A, y, weight, fold, 4)):
+        rest = fold != number
+        W = weight[rest, None]
+        again = np.linalg.lstsq(A[rest] * W, y[rest] * W[:, 0], rcond=None)[0]
+        np.testing.assert_allclose(x, again, rtol=1e-9)
+
+
+def test_every_recording_has_the_parameters_that_the_others_give():
+    result = found()
+    columns = list(ema.nominal_runs())
+    again = found(columns[1:]).parameters
+    judged = result.judging(0).parameters
+    for name in ("winding_resistance_ohm", "back_emf_v_s_per_m", "force_constant_n_per_a"):
+        # At the weights of the whole fit: less than a standard error from a fit of the others.
+        slack = result.sigmas[name]
+        assert getattr(judged, name) == pytest.approx(getattr(again, name), abs=slack)
+        assert getattr(judged, name) != getattr(result.parameters, name)
 
 
 def test_runs_without_motion_are_refused():

@@ -7,7 +7,9 @@ from support import stands
 from support.models import linear_ema as ema
 
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.calibration.thresholds import Trace, limits
+from flea_diag.core.calibration.extreme_value import return_level
+from flea_diag.core.calibration.nominal_trace import Trace
+from flea_diag.core.calibration.thresholds import fit_limits, not_nominal
 
 FLEA = compiled_relations("actuator.yaml").residuals
 
@@ -15,6 +17,8 @@ SHARE = 0.8 / sum(row.gate != "sensor" for row in FLEA.rows)
 """Of the rate of false alarms, for one residual: single sensors and shifts have the rest."""
 
 RATE_PER_HOUR = 3600.0
+ALIKE = "parity_kinematic"
+"""A residual in which healthy units do not differ."""
 
 
 def traces(values: list[np.ndarray], name: str = "motor_temperature", speed: float = 0.04):
@@ -29,6 +33,10 @@ def traces(values: list[np.ndarray], name: str = "motor_temperature", speed: flo
 
 def white(count: int, length: int, seed: int = 0) -> list[np.ndarray]:
     return list(np.random.default_rng(seed).standard_normal((count, length)))
+
+
+def limits(found: list[Trace], rate_per_hour: float, period_s: float):
+    return fit_limits(found, rate_per_hour, period_s).limits()
 
 
 def test_scatter_of_means_of_white_noise_falls_with_the_root_of_the_window():
@@ -62,11 +70,15 @@ def test_the_limit_is_the_student_quantile_or_guards_the_largest_seen():
         assert window.k == pytest.approx(stats.t.isf(alpha / 2, pieces - 1), rel=1e-6)
     (strict,) = limits(traces(columns), 1e9, 0.01)
     for window in strict.windows:
-        means = np.concatenate(
-            [np.convolve(c, np.full(window.window, 1 / window.window), "valid") for c in columns]
-        )
-        largest = np.abs(means - window.centre[1]).max() / window.sigma[1]
-        assert window.k == pytest.approx(1.25 * largest, rel=1e-2)
+        means = [np.convolve(c, np.full(window.window, 1 / window.window), "valid")
+                 for c in columns]  # fmt: skip
+        largest = 0.0
+        for each, own in enumerate(means):
+            others = means[:each] + means[each + 1 :]
+            centre = np.mean([m.mean() for m in others])
+            sigma = np.mean([np.mean((m - centre) ** 2) for m in others]) ** 0.5
+            largest = max(largest, np.abs(own - centre).max() / sigma)
+        assert window.k == pytest.approx(1.25 * largest, rel=1e-6)
 
 
 def test_false_alarms_on_fresh_noise_stay_below_the_stated_rate():
@@ -79,6 +91,33 @@ def test_false_alarms_on_fresh_noise_stay_below_the_stated_rate():
         episodes += int(beyond[0]) + int((np.diff(beyond.astype(int)) > 0).sum())
     hours = len(fresh) * 0.01 / 3600.0
     assert episodes / hours <= RATE_PER_HOUR * SHARE
+
+
+def test_the_tail_of_the_scores_of_a_residual_widens_its_limits():
+    columns = white(12, 6000)
+    even = fit_limits(traces(columns, ALIKE), 0.1, 0.01)
+    assert [fit.widening for fit in even.tests] == [1.0] * len(even.tests)
+    uneven = [(1.0 + 0.25 * n) * column for n, column in enumerate(columns)]
+    wide = fit_limits(traces(uneven, ALIKE), 0.1, 0.01)
+    (widening,) = {fit.widening for fit in wide.tests}
+    level = return_level(wide.scores, 0.9 * 0.1 / 60.0)  # a minute each, a tenth for sensors
+    assert widening == pytest.approx(level)
+    assert widening > 1.05
+    for fit in wide.tests:
+        assert fit.k == widening * max(fit.least_k, 1.25 * fit.maxima.max())
+    assert wide.out_of_sample().widening == widening
+
+
+def test_a_recording_that_the_others_contradict_is_found_and_named():
+    columns = white(12, 6000)
+    columns[3] = columns[3] + 0.8  # a shift of eight sigmas of the mean of 100
+    given, folds = traces(columns, ALIKE), [f"t{n}" for n in range(12)]
+    fitted = fit_limits(given, 0.1, 0.01, folds)
+    ((name, reason),) = not_nominal(given, 0.1, 0.01, folds, {}, fitted).items()
+    assert name == "t3"
+    assert "times the limit that the other recordings give" in reason
+    healthy = traces(white(12, 6000), ALIKE)
+    assert not_nominal(healthy, 0.1, 0.01, folds, {}, fit_limits(healthy, 0.1, 0.01)) == {}
 
 
 def test_regions_with_few_recordings_borrow_from_all():
@@ -111,7 +150,7 @@ def test_bad_stretches_are_found_left_out_and_named():
     from flea_diag.configuration.description import compiled_relations
     from flea_diag.core.calibration.calibration import NominalRun
     from flea_diag.core.calibration.identification import identify
-    from flea_diag.core.calibration.thresholds import stretches, trace
+    from flea_diag.core.calibration.nominal_trace import stretches, trace
 
     columns = [dict(each) for each in ema.nominal_runs()]
     voltage = columns[2]["motor_voltage"].copy()

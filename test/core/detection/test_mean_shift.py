@@ -12,7 +12,6 @@ from flea_diag.core.detection.mean_shift import (
     SHIFT_WINDOWS,
     MeanShift,
     MeanShiftLimit,
-    limit_of,
 )
 
 WINDOW = SHIFT_WINDOWS[0]
@@ -83,15 +82,6 @@ def test_a_frozen_level_does_not_follow_the_fault():
     assert last == pytest.approx(1.0)
     level.clear()
     assert np.isnan(level.step(np.ones((10, 1, 1)), use[:10])).all()
-
-
-def test_limit_is_the_quantile_or_what_was_seen_whichever_is_more():
-    calm = [np.array([np.nan, 1.0, -1.0]), np.array([1.0, 1.0])]
-    assert limit_of("r", WINDOW, calm, 5.0, 1.25) == MeanShiftLimit("r", WINDOW, 1.0, 5.0)
-    loud = limit_of("r", WINDOW, [np.array([0.0, 0.0, 0.0, 20.0]), np.zeros(4)], 1.0, 1.25)
-    assert loud is not None
-    assert loud.k * loud.sigma == pytest.approx(25.0)
-    assert limit_of("r", WINDOW, calm[:1], 5.0, 1.25) is None
 
 
 @pytest.mark.parametrize(

@@ -18,11 +18,12 @@ from support.places import FLEA_STAND, WING
 
 from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.calibration.thresholds import Trace
+from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.tools import extra
 from flea_diag.tools.calibrate import plots as calibration_plots
 from flea_diag.tools.main import main
+from flea_diag.tools.terminal import IN_PART
 from flea_diag.wire.bags.bag import BagWriter
 from flea_diag.wire.records import NEVER_NS, ChannelInfo, ChannelTable, Scan, Truth
 
@@ -109,7 +110,8 @@ def test_every_parameter_has_a_covariance_or_the_reason_why_not(made):
 
 def test_a_picture_of_each_recording_shows_each_residual_within_its_limits(made, bags):
     pictures = sorted((made.parent / "pictures").glob("*.svg"))
-    assert [picture.stem for picture in pictures] == sorted(path.name for path in bags)
+    assert [picture.stem for picture in pictures] == ["envelope", *sorted(b.name for b in bags)]
+    pictures = pictures[1:]
     text = pictures[0].read_text(encoding="utf-8")
     assert text.count("<svg") == 1
     assert text.count('id="axes_') >= len(
@@ -219,6 +221,22 @@ def test_bags_of_another_actuator_than_described_are_refused(bags, tmp_path, cap
     assert "is not a sensor of actuator" in told
     assert "--actuator" in told
     assert not target.exists()
+
+
+def test_a_recording_with_a_fault_in_it_is_named_and_left_out(bags, tmp_path, capsys):
+    drag = ema.run(ema.HEALTHY, 24.0, faulty=ema.changed(coulomb=200.0), onset_s=12.0)
+    odd, target = bag(tmp_path / "dragging", ema.noisy(drag, 9)), tmp_path / "out.yaml"
+    assert main(["calibrate", *map(str, bags), str(odd), "-o", str(target)]) == IN_PART
+    told = capsys.readouterr()
+    assert re.search(
+        r"dragging: left out: \w+, mean of \d+ reaches [\d.]+ times the limit", told.err
+    )
+    calibration = load_calibration(target)
+    assert [row.recording for row in calibration.left_out] == ["dragging"]
+    assert calibration.sources == tuple(path.name for path in bags)
+    assert calibration.out_of_sample.recordings == len(bags)
+    assert calibration.promise.alarms == calibration.out_of_sample.alarms == 0
+    assert "judged without themselves, 6 recordings reach at most" in told.out
 
 
 def test_a_calibration_says_which_description_it_was_made_with(made):

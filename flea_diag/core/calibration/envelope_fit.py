@@ -1,0 +1,71 @@
+"""Envelope of a calibration: leverage of each relation on its nominal recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.calibration.nominal_trace import Trace
+from flea_diag.core.residuals.leverage import (
+    CalibrationEnvelope,
+    LeverageBasis,
+    LeverageFit,
+    leverage_root,
+    leverages,
+)
+from flea_diag.core.residuals.relation_set import RelationSet
+
+Array = npt.NDArray[np.float64]
+
+REACH = 0.99
+"""Share of the nominal scans within the reach of a calibration."""
+MOST = 0.999
+"""Share of them below its largest leverage: a spike of the acceleration is no operating point."""
+
+
+def envelope(
+    traces: Sequence[Trace], relations: RelationSet, discrepancy: Mapping[str, float]
+) -> CalibrationEnvelope | None:
+    """Envelope of the recordings; None where they show none.
+
+    Parameters
+    ----------
+    discrepancy
+        Relation -> scatter of its windowed means out of sample.
+    """
+    basis = LeverageBasis(relations)
+    position = traces[0].position_channel
+    seen = [basis.rows(trace.signals, trace.position)[trace.moving] for trace in traces]
+    fits = []
+    for place, name in enumerate(basis.names):
+        end = (*basis.starts, basis.width)[place + 1]
+        psi = np.concatenate([rows[:, basis.starts[place] : end] for rows in seen])
+        psi = psi[np.isfinite(psi).all(axis=1)]
+        if name not in discrepancy or len(psi) <= psi.shape[1]:
+            continue
+        root = leverage_root(psi)
+        h = leverages(psi, root, (0,))[:, 0]
+        reach, most = np.quantile(h, (REACH, MOST)).tolist()
+        table = tuple(map(tuple, root.tolist()))
+        fits.append(LeverageFit(name, table, reach, most, discrepancy[name]))
+    if not fits:
+        return None
+    return CalibrationEnvelope(position, tuple(fits), _ranges(traces, relations, position))
+
+
+def _ranges(
+    traces: Sequence[Trace], relations: RelationSet, position: str
+) -> dict[str, tuple[float, float]]:
+    """Smallest and largest value of each signal and of the position."""
+    found = {}
+    columns = {name: [t.signals[:, k] for t in traces] for k, name in enumerate(relations.signals)}
+    if position:
+        columns[position] = [trace.position for trace in traces]
+    for name, parts in columns.items():
+        values = np.concatenate(parts)
+        values = values[np.isfinite(values)]
+        if len(values):
+            found[name] = (float(values.min()), float(values.max()))
+    return found

@@ -1,0 +1,108 @@
+"""Residuals of one nominal recording, as limits are learned from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.calibration.calibration import BadStretch, NominalRun
+from flea_diag.core.calibration.identification import Identified
+from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
+from flea_diag.core.residuals.plausibility import ENTER_SAMPLES, usable
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual_bank import ResidualBank
+from flea_diag.core.residuals.residual_rows import ResidualSet
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Residuals of one nominal recording; values shape (scans, residuals), order of ``rows``.
+
+    ``spread``, shape (scans, ``ResidualSet.spreading``, unit parameters): d r / d theta of healthy
+    units; None where not known.
+    """
+
+    name: str
+    rows: ResidualSet
+    values: Array
+    speed_m_s: Array
+    moving: Flags
+    voltage_usable: Flags
+    spread: Array | None = None
+    signals: Array = field(default_factory=lambda: np.empty((0, 0)))
+    """Signals of the relations, smoothed, shape (scans, signals)."""
+    position: Array = field(default_factory=lambda: np.empty(0))
+    position_channel: str = ""
+
+
+def trace(
+    run: NominalRun,
+    identified: Identified,
+    relations: RelationSet,
+    kernel_length: int,
+    period_s: float,
+) -> Trace:
+    """Run one recording through the residual bank, without intervals of bad voltage."""
+    bank = ResidualBank(
+        identified.parameters, relations, period_s=period_s, kernel_length=kernel_length
+    )
+    residuals = bank.step(run.rows, frozen=False)
+    values = residuals.values
+    good = np.ones(len(values), dtype=bool)
+    rows = relations.residuals
+    command, circuit = rows.channel(COMMAND), rows.column(rows.circuit)
+    corroborated = command >= 0 and np.isfinite(run.rows[:, command]).any()
+    if circuit >= 0 and not corroborated:
+        good = usable(values[:, circuit], identified.voltage_limit_v)
+        _leave_out(values, good, rows)
+    channel, position = displacement(rows, run.rows)
+    return Trace(
+        run.name,
+        rows,
+        values,
+        np.abs(residuals.speed_m_s),
+        residuals.moving,
+        good,
+        residuals.spread,
+        residuals.signals,
+        position,
+        channel,
+    )
+
+
+def displacement(rows: ResidualSet, readings: Array) -> tuple[str, Array]:
+    """The first channel of a displacement that is there, and its readings; 0 without one."""
+    for channel in rows.positions:
+        column = readings[:, rows.index[channel]]
+        if np.isfinite(column).any():
+            return channel, column
+    return "", np.zeros(len(readings))
+
+
+def _leave_out(values: Array, good: Flags, rows: ResidualSet) -> None:
+    """Drop what needs the voltage where that is not good."""
+    for column in rows.needing(VOLTAGE):
+        values[~good, column] = np.nan
+
+
+def with_innovations(traced: Trace, innovations: Array) -> Trace:
+    """The same trace with the observer's residuals added, shape (scans, innovations)."""
+    values = traced.values.copy()
+    values[:, traced.rows.innovation_columns] = innovations
+    _leave_out(values, traced.voltage_usable, traced.rows)
+    return replace(traced, values=values)
+
+
+def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
+    """Intervals of bad voltage of one recording, in seconds from its start."""
+    bad = np.flatnonzero(np.diff(np.concatenate(([False], ~traced.voltage_usable, [False]))))
+    return [
+        BadStretch(traced.name, VOLTAGE, float(a * period_s), float(b * period_s))
+        for a, b in bad.reshape(-1, 2)
+        if b - a >= ENTER_SAMPLES
+    ]

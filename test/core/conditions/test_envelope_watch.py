@@ -1,0 +1,95 @@
+"""Outside what a calibration has seen: what is widened, what abstains, and what goes on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from support import stands
+from support.models import linear_ema as ema
+
+from flea_diag.core.calibration.calibration import from_mapping
+from flea_diag.core.conditions.envelope_watch import BACK_SCANS, BEYOND_SCANS, EnvelopeWatch
+from flea_diag.core.residuals.residual_bank import ResidualBank
+from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.wire.records import OUTSIDE_CALIBRATION, AmbiguityGroup, DataQuality, Outcome
+
+MECHANICAL = ["parity_mechanical", "parity_mechanical_dn"]
+OTHER = "parity_electrical"
+
+
+def of(residuals: ResidualRows, scans: slice, *names: str) -> np.ndarray:
+    """Values of these residuals."""
+    return residuals.values[scans][:, stands.relations().residuals.columns(names)]
+
+
+@cache
+def columns(load_n: float) -> ema.Columns:
+    """Twelve seconds, with this load from 4 to 8 s and 60 N else."""
+    return ema.noisy(ema.run(seconds=12.0, load=lambda t: load_n if 4.0 < t < 8.0 else 60.0), 3)
+
+
+def watched(load_n: float, pieces: int = 1) -> tuple[EnvelopeWatch, ResidualRows, list[int]]:
+    """A watch after a run, the residuals that it left, and the scans at which it turned."""
+    calibration, relations = stands.calibration(), stands.relations()
+    watch = EnvelopeWatch(calibration.envelope, relations)
+    rows = ema.rows(columns(load_n), ema.STAND)
+    residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
+    turns = []
+    for k in range(len(rows)):
+        part = slice(k, k + 1)
+        one = ResidualRows(*(getattr(residuals, n)[part] for n in ResidualRows.__slots__))
+        if watch.step(rows[part], one) == 0:
+            turns.append(k)
+        watch.leave_out(one)
+        residuals.values[part] = one.values
+    return watch, residuals, turns
+
+
+def test_within_what_was_seen_nothing_is_added_and_nothing_abstains() -> None:
+    watch, residuals, turns = watched(60.0)
+    assert turns == []
+    assert np.isfinite(of(residuals, slice(100, None), *MECHANICAL)).all()
+    assert watch.excess.shape == (1, len(stands.relations().residuals.spreading))
+
+
+def test_a_load_far_beyond_silences_the_balance_of_forces_and_nothing_else() -> None:
+    # The balance of forces at first; the relation of the winding follows where its current does.
+    watch, residuals, (begins, second, *_, ends) = watched(420.0)
+    assert begins >= 400 + BEYOND_SCANS
+    assert 800 + BACK_SCANS - 31 <= ends <= 800 + BACK_SCANS + 31
+    during = slice(begins, second)
+    assert np.isnan(of(residuals, during, *MECHANICAL)).all()
+    assert np.isfinite(of(residuals, during, OTHER)).all()
+    assert np.isfinite(of(residuals, slice(ends, None), *MECHANICAL)).all()
+    assert watch.outside == ()
+
+
+def test_blocks_turn_where_single_scans_do() -> None:
+    calibration, relations = stands.calibration(), stands.relations()
+    rows = ema.rows(columns(420.0), ema.STAND)
+    residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
+    _, _, (begins, *_) = watched(420.0)
+    assert EnvelopeWatch(calibration.envelope, relations).step(rows, residuals) == begins
+
+
+def test_the_verdict_names_the_range_and_is_not_observable_meanwhile() -> None:
+    said = stands.feed(stands.pipeline(), stands.scans(columns(420.0)))
+    rows = [r for q in stands.of(DataQuality, said) for r in q.channels]
+    words = {r.reason for r in rows if r.channel == OUTSIDE_CALIBRATION}
+    first = next(r.reason for r in rows if r.channel == OUTSIDE_CALIBRATION)
+    assert first.startswith("load_force is 4")
+    assert "N, -141 to 140 N was calibrated: parity_mechanical, parity_mechanical_dn and" in first
+    assert first in words
+    groups = stands.of(AmbiguityGroup, said)
+    assert Outcome.NOT_OBSERVABLE in [g.outcome for g in groups if "load_force is 4" in g.words]
+    assert [g.episode for g in groups] == [0] * len(groups)
+    assert groups[-1].outcome is Outcome.NOMINAL
+
+
+def test_an_older_calibration_has_no_envelope() -> None:
+    content = stands.calibration().to_mapping()
+    assert from_mapping(content, "now") == stands.calibration()
+    del content["envelope"]
+    assert from_mapping(content, "older") == replace(stands.calibration(), envelope=None)

@@ -1,0 +1,69 @@
+"""Leverage of operating points, against the textbook and a grid of loads and speeds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support import stands
+from support.models import linear_ema as ema
+
+from flea_diag.configuration.description import compiled_relations
+from flea_diag.core.residuals.leverage import LeverageBasis, leverage_root, leverages
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual_bank import ResidualBank
+
+
+def test_leverage_is_that_of_the_hat_matrix_over_its_mean() -> None:
+    psi = np.random.default_rng(1).standard_normal((500, 4)) * [1.0, 100.0, 1e-3, 5.0]
+    h = leverages(psi, leverage_root(psi), (0,))[:, 0]
+    hat = np.einsum("ij,jk,ik->i", psi, np.linalg.inv(psi.T @ psi), psi)
+    np.testing.assert_allclose(h, hat * len(psi) / 4, rtol=1e-9)
+    assert h.mean() == pytest.approx(1.0)
+
+
+def test_one_row_has_the_bits_of_many() -> None:
+    psi = np.random.default_rng(2).standard_normal((50, 12))
+    root = leverage_root(psi)
+    assert [leverages(row[None], root, (0, 5))[0].tolist() for row in psi] == (
+        leverages(psi, root, (0, 5)).tolist()
+    )
+
+
+def test_a_direction_that_never_varied_is_far_away_once_it_does() -> None:
+    psi = np.ones((100, 2))
+    psi[:, 1] = np.linspace(-1.0, 1.0, 100)
+    both = np.concatenate((psi, np.zeros((100, 1))), axis=1)
+    root = leverage_root(both)
+    assert leverages(np.array([[1.0, 0.0, 1.0]]), root, (0,))[0, 0] > 100.0
+
+
+def test_the_response_of_a_relation_is_none_of_its_regressors() -> None:
+    basis = LeverageBasis(_relations())
+    assert "motor_current" not in basis.names["parity_mechanical"]
+    assert {"load_force", "1"} <= set(basis.names["parity_mechanical"])
+    assert "motor_voltage" not in basis.names["parity_electrical"]
+
+
+def _relations() -> RelationSet:
+    return compiled_relations("actuator.yaml", ema.STAND, False)
+
+
+def test_more_load_than_seen_has_more_leverage_and_a_drag_has_none() -> None:
+    """A drag takes current at the same speed, load and position: it is at the same place."""
+    relations, basis = _relations(), LeverageBasis(_relations())
+    place = list(basis.names).index("parity_mechanical")
+    columns = slice(basis.starts[place], (*basis.starts, basis.width)[place + 1])
+
+    def psi(actuator: ema.Actuator, load: float) -> np.ndarray:
+        rows = ema.rows(ema.run(actuator, 8.0, load=lambda _: load), ema.STAND)
+        bank = ResidualBank(stands.calibration().parameters, relations)
+        signals = bank.step(rows, frozen=False).signals
+        return basis.rows(signals, np.full(len(rows), 0.03))[100:, columns]
+
+    seen = np.concatenate([psi(ema.HEALTHY, load) for load in (-150.0, 0.0, 150.0)])
+    root = leverage_root(seen)
+    most = leverages(seen, root, (0,)).max()
+    beyond = np.median(leverages(psi(ema.HEALTHY, 600.0), root, (0,)))
+    dragging = np.median(leverages(psi(ema.changed(coulomb=200.0), 150.0), root, (0,)))
+    assert beyond > most
+    assert dragging < most
