@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
-from flea_diag.tools.calibrate import plots as calibration_plots
 from flea_diag.tools.calibrate import report as calibration_report
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording, check_alike, read_nominal
 from flea_diag.tools.extra import require
@@ -86,12 +85,15 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(
             f"--false-alarms = {arguments.false_alarms} must be above 0 per hour"
         )
+    from flea_diag.configuration.description import compiled_relations
+
     if arguments.output.exists() and not arguments.force:
         raise ConfigurationError(f"{arguments.output} exists: use --force to overwrite it")
     if arguments.plots is not None:
         require("plot", "--plots")
     stand = chosen_stand(arguments, "actuator")
-    recordings, refused = read_nominal(arguments.bags)
+    known = compiled_relations(stand.actuator).residuals
+    recordings, refused = read_nominal(arguments.bags, known)
     found = learn(recordings, stand.actuator, arguments.false_alarms)
     calibration = found.calibration
     for row in calibration.left_out:
@@ -99,10 +101,10 @@ def run(arguments: argparse.Namespace) -> int:
     refused += [row.recording for row in calibration.left_out]
     write_calibration(arguments.output, calibration)
     if arguments.plots is not None:
-        calibration_plots.draw(calibration, found.traces, arguments.plots, arguments.plot_format)
-        calibration_plots.draw_envelope(
-            found.traces, found.signals, arguments.plots, arguments.plot_format
-        )
+        from flea_diag.tools.calibrate import plots
+
+        plots.draw(calibration, found.traces, arguments.plots, arguments.plot_format)
+        plots.draw_envelope(found.traces, found.signals, arguments.plots, arguments.plot_format)
     report = json.dumps(calibration.to_mapping(), indent=2) if arguments.json else None
     say(report or calibration_report.words(calibration))
     if refused:
