@@ -189,14 +189,15 @@ class ResidualStream:
         void = self.conditions.voids
         estimate = self._estimate.step(seen, voltage.usable, frozen, residuals.values, void)
         self.conditions.leave_out(residuals)
-        if self.envelope is not None:
-            self.envelope.leave_out(residuals)
         voltage.leave_out(residuals)
         self._speed.leave_out(residuals)
         if self._lost.leave_out(residuals, read):
             self._estimate.interrupt()
         if self._warm_up is not None:
             self._learn(self._warm_up, residuals, int(stamps_ns[0]))
+        # After the learning: the offsets of a unit are its own wherever it stands.
+        if self.envelope is not None:
+            self.envelope.leave_out(residuals)
         regressors = self._regressors.rows(rows, residuals)
         excess = self.envelope.excess if self.envelope is not None else None
         results = self._tests.step(residuals, (sensors, self._sensors.k), alone, excess)

@@ -100,5 +100,5 @@ def test_the_idle_current_of_a_unit_is_learned_at_rest(described, learned):
     }
     (offset,) = of(DataQuality, observed(described, learned, rest))[-1].offsets
     assert offset.parameter == "current_offset_a"
-    assert offset.value == pytest.approx(stepper.IDLE_A + 0.1, abs=0.01)
+    assert offset.value == pytest.approx(stepper.IDLE_A + 0.1, abs=2.0 * offset.sigma)
     assert offset.sigma < 0.02

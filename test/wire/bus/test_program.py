@@ -58,7 +58,7 @@ def test_a_signal_that_a_launcher_held_back_ends_the_node(
 def test_an_executable_that_does_not_exist_is_refused(domain: int) -> None:
     with Process([sys.executable, "-m", "flea_diag.nodes.main", "diagnosis"], domain) as process:
         assert process.end() == 2
-    assert "no executable 'diagnosis', known are console, daq" in process.output
+    assert "no executable 'diagnosis', known are bridge, console, daq" in process.output
 
 
 @pytest.mark.parametrize(
