@@ -94,11 +94,11 @@ def test_the_idle_current_of_a_unit_is_learned_at_rest(described, learned):
     """A rest says nothing of friction, and all of what the supply idles with."""
     draw, scans = np.random.default_rng(4), round(10.0 / stepper.PERIOD_S)
     rest = {
-        "motor_current": stepper.IDLE_A + 0.1 + 0.01 * draw.standard_normal(scans),
+        "motor_current": stepper.IDLE_A + 0.01 + 0.01 * draw.standard_normal(scans),
         "actuator_position": 0.1 + 1e-5 * draw.standard_normal(scans),
         "commanded_load": np.full(scans, 200.0),
     }
     (offset,) = of(DataQuality, observed(described, learned, rest))[-1].offsets
     assert offset.parameter == "current_offset_a"
-    assert offset.value == pytest.approx(stepper.IDLE_A + 0.1, abs=2.0 * offset.sigma)
+    assert offset.value == pytest.approx(stepper.IDLE_A + 0.01, abs=2.0 * offset.sigma)
     assert offset.sigma < 0.02
