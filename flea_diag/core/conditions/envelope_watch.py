@@ -3,7 +3,7 @@
 Beyond the reach of the calibration the variance of a relation's tests grows with the leverage.
 Where the leverage stays beyond ``ABSTAIN`` times the largest that nominal recordings had (twice
 their distance), the tests that rest on the relation say nothing, until the motion has been back
-within for ``BACK_SCANS``.
+within for ``BACK_S``.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from flea_diag.core.residuals.residual_rows import ResidualRows
 
 Array = npt.NDArray[np.float64]
 
-BEYOND_SCANS = 10
-"""Scans in a row beyond before the tests abstain: one reversal is no operating point."""
-BACK_SCANS = 100
+BEYOND_S = 0.1
+"""Time beyond before the tests abstain: one reversal is no operating point."""
+BACK_S = 1.0
 
 
 class EnvelopeWatch:
     """State of one stream."""
 
-    def __init__(self, known: CalibrationEnvelope, relations: RelationSet) -> None:
+    def __init__(self, known: CalibrationEnvelope, relations: RelationSet, period_s: float) -> None:
         self._basis = LeverageBasis(relations)
         rows = {row.relation: row for row in known.relations}
         fitted = [rows.get(name) for name in self._basis.names]
@@ -50,7 +50,9 @@ class EnvelopeWatch:
         ]
         self._places = [[spreading.index(j) for j in columns] for columns in self._columns]
         self._beyond = [0] * len(fitted)
-        self._within = [BACK_SCANS] * len(fitted)
+        self._least = max(1, round(BEYOND_S / period_s))
+        self._back = max(1, round(BACK_S / period_s))
+        self._within = [self._back] * len(fitted)
         self.outside: tuple[int, ...] = ()
         """Relations whose tests abstain, by their place."""
         self.words = ""
@@ -88,8 +90,8 @@ class EnvelopeWatch:
             outside = tuple(
                 k
                 for k in range(len(flags))
-                if self._beyond[k] >= BEYOND_SCANS
-                or (k in self.outside and self._within[k] < BACK_SCANS)
+                if self._beyond[k] >= self._least
+                or (k in self.outside and self._within[k] < self._back)
             )
             if outside != self.outside:
                 self.outside = outside
