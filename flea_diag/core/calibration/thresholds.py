@@ -25,7 +25,7 @@ from flea_diag.core.calibration.extreme_value import return_level
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.calibration.out_of_sample import OutOfSample
 from flea_diag.core.calibration.promise import LEAST_RECORDINGS
-from flea_diag.core.calibration.window_fit import Statistic, WindowFit, others_of, window_fit
+from flea_diag.core.calibration.window_fit import WindowFit, WindowStatistic, others_of, window_fit
 from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitTolerance
@@ -275,11 +275,11 @@ def _shift_tests(given: _Tests) -> tuple[WindowFit, ...]:
     return tuple(fit for fit in found if fit is not None)
 
 
-def _known(shifts: Array) -> Statistic:
+def _known(shifts: Array) -> WindowStatistic:
     """Shifts, shape (n, 1 + unit parameters), where there are any."""
     known = shifts[np.isfinite(shifts[:, 0])]
     region = np.zeros(len(known), dtype=np.int64)
-    return Statistic(known[:, 0], region, np.square(known[:, 1:]).sum(axis=1))
+    return WindowStatistic(known[:, 0], region, np.square(known[:, 1:]).sum(axis=1))
 
 
 def _shifts(row: ResidualRow, column: int, entry: Trace, differing: Array) -> Array:
@@ -309,14 +309,16 @@ def _gated(row: ResidualRow, index: int, entry: Trace) -> tuple[Array, Array, Ar
 
 def _means(
     column: tuple[Array, Array, Array], window: int, differing: Array, extra: float
-) -> Statistic:
+) -> WindowStatistic:
     """Windowed means of one recording, the region of the mean speed, what units differ by."""
     values, speed, spread = column
     if len(values) < window:
-        return Statistic(np.empty(0), np.empty(0, dtype=np.int64), np.empty(0))
+        return WindowStatistic(np.empty(0), np.empty(0, dtype=np.int64), np.empty(0))
     region = np.searchsorted(SPEED_REGIONS_M_S, _rolling(speed, window))
     unit = np.square(_rolling(spread, window) * differing).sum(axis=1)
-    return Statistic(_rolling(values, window), np.asarray(region, dtype=np.int64), unit + extra)
+    return WindowStatistic(
+        _rolling(values, window), np.asarray(region, dtype=np.int64), unit + extra
+    )
 
 
 def _rolling(values: Array, window: int) -> Array:

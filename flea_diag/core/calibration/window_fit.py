@@ -24,7 +24,7 @@ LEAST_IN_REGION = 5
 
 
 @dataclass(frozen=True)
-class Statistic:
+class WindowStatistic:
     """Statistic of a test over one recording, its region, and what units differ by in it.
 
     All of shape (n,); ``variance`` is what the test adds to that of nominal recordings.
@@ -77,12 +77,12 @@ def others_of(folds: Sequence[str]) -> Flags:
 def window_fit(
     name: str,
     window: int,
-    statistics: Sequence[Statistic],
+    statistics: Sequence[WindowStatistic],
     regions: int,
     least_k: float,
     others: Flags,
     centred: bool = True,
-    judged: Sequence[Statistic] = (),
+    judged: Sequence[WindowStatistic] = (),
 ) -> WindowFit | None:
     """Fit of one test; None where fewer than two recordings, or no scatter, show it.
 
@@ -116,7 +116,7 @@ def window_fit(
     return WindowFit(name, window, middle, scatter, least_k, maxima, tested)
 
 
-def _by_region(statistics: Sequence[Statistic], regions: int, power: int) -> Array:
+def _by_region(statistics: Sequence[WindowStatistic], regions: int, power: int) -> Array:
     """Mean power of each recording by region, and of all regions in the last column."""
     found = np.full((len(statistics), regions + 1), np.nan)
     for each, row in enumerate(statistics):

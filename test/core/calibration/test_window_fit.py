@@ -15,7 +15,7 @@ def drawn(scales: list[float], seed: int = 0) -> list[Statistic]:
     for scale in scales:
         region = draw.integers(0, 2, 200)
         values = scale * draw.standard_normal(200) * np.where(region == 0, 2.0, 1.0)
-        found.append(Statistic(values, region, np.zeros(200)))
+        found.append(WindowStatistic(values, region, np.zeros(200)))
     return found
 
 
@@ -40,7 +40,7 @@ def test_each_recording_is_judged_by_moments_of_the_others() -> None:
 
 def test_what_units_differ_by_lowers_the_score_and_not_the_limit() -> None:
     rows = drawn([1.0] * 6)
-    wide = [Statistic(row.values, row.region, np.full(200, 9.0)) for row in rows]
+    wide = [WindowStatistic(row.values, row.region, np.full(200, 9.0)) for row in rows]
     one, other = (window_fit("r", 50, r, 2, 4.0, others_of("abcdef")) for r in (rows, wide))
     assert one is not None
     assert other is not None

@@ -10,13 +10,14 @@ from support import stands
 from support.models import linear_ema as ema
 
 from flea_diag.core.calibration.calibration import from_mapping
-from flea_diag.core.conditions.envelope_watch import BACK_SCANS, BEYOND_SCANS, EnvelopeWatch
+from flea_diag.core.conditions.envelope_watch import BACK_S, BEYOND_S, EnvelopeWatch
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.wire.records import OUTSIDE_CALIBRATION, AmbiguityGroup, DataQuality, Outcome
 
 MECHANICAL = ["parity_mechanical", "parity_mechanical_dn"]
 OTHER = "parity_electrical"
+BEYOND, BACK = round(BEYOND_S / ema.PERIOD_S), round(BACK_S / ema.PERIOD_S)
 
 
 def of(residuals: ResidualRows, scans: slice, *names: str) -> np.ndarray:
@@ -33,7 +34,7 @@ def columns(load_n: float) -> ema.Columns:
 def watched(load_n: float, pieces: int = 1) -> tuple[EnvelopeWatch, ResidualRows, list[int]]:
     """A watch after a run, the residuals that it left, and the scans at which it turned."""
     calibration, relations = stands.calibration(), stands.relations()
-    watch = EnvelopeWatch(calibration.envelope, relations)
+    watch = EnvelopeWatch(calibration.envelope, relations, calibration.period_s)
     rows = ema.rows(columns(load_n), ema.STAND)
     residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
     turns = []
@@ -57,8 +58,8 @@ def test_within_what_was_seen_nothing_is_added_and_nothing_abstains() -> None:
 def test_a_load_far_beyond_silences_the_balance_of_forces_and_nothing_else() -> None:
     # The balance of forces at first; the relation of the winding follows where its current does.
     watch, residuals, (begins, second, *_, ends) = watched(420.0)
-    assert begins >= 400 + BEYOND_SCANS
-    assert 800 + BACK_SCANS - 31 <= ends <= 800 + BACK_SCANS + 31
+    assert begins >= 400 + BEYOND
+    assert 800 + BACK - 31 <= ends <= 800 + BACK + 31
     during = slice(begins, second)
     assert np.isnan(of(residuals, during, *MECHANICAL)).all()
     assert np.isfinite(of(residuals, during, OTHER)).all()
@@ -71,7 +72,10 @@ def test_blocks_turn_where_single_scans_do() -> None:
     rows = ema.rows(columns(420.0), ema.STAND)
     residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
     _, _, (begins, *_) = watched(420.0)
-    assert EnvelopeWatch(calibration.envelope, relations).step(rows, residuals) == begins
+    assert (
+        EnvelopeWatch(calibration.envelope, relations, calibration.period_s).step(rows, residuals)
+        == begins
+    )
 
 
 def test_the_verdict_names_the_range_and_is_not_observable_meanwhile() -> None:
