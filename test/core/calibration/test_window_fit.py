@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flea_diag.core.calibration.window_fit import GUARD, Statistic, others_of, window_fit
+from flea_diag.core.calibration.window_fit import GUARD, WindowStatistic, others_of, window_fit
 
 
-def drawn(scales: list[float], seed: int = 0) -> list[Statistic]:
+def drawn(scales: list[float], seed: int = 0) -> list[WindowStatistic]:
     """Recordings of 200 samples in two regions, the first of which is twice as loud."""
     draw = np.random.default_rng(seed)
     found = []
@@ -54,5 +54,5 @@ def test_recordings_of_one_unit_are_left_out_together() -> None:
 
 
 @pytest.mark.parametrize("rows", [drawn([1.0]), drawn([0.0, 0.0])])
-def test_one_recording_or_no_scatter_gives_no_test(rows: list[Statistic]) -> None:
+def test_one_recording_or_no_scatter_gives_no_test(rows: list[WindowStatistic]) -> None:
     assert window_fit("r", 50, rows, 2, 4.0, others_of("ab"[: len(rows)])) is None
