@@ -20,6 +20,7 @@ from typing import Any
 
 from flea_diag.core.backend import library_versions
 from flea_diag.errors import FleaError
+from flea_diag.wire.json_text import parse_json
 from flea_diag.wire.regular_file import read_bytes
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -99,7 +100,11 @@ def _read(place: Path) -> Any:
         raise ValueError(str(error)) from error
     if data[:DIGEST] != _checksum(place, data[DIGEST:]):
         raise ValueError("damaged, or the entry of something else")
-    return json.loads(data[DIGEST:])
+    return _parsed(data[DIGEST:].decode())
+
+
+def _parsed(text: str) -> Any:
+    return parse_json(text, largest=LARGEST_BYTES, finite=False)
 
 
 def _checksum(place: Path, data: bytes) -> bytes:
@@ -110,10 +115,11 @@ def _write(place: Path, content: Any) -> None:
     """Write an entry atomically, whoever else writes the same one."""
     try:
         text = json.dumps(content, separators=(",", ":"))
+        same = _parsed(text) == content
     except (TypeError, ValueError):
         return
     data = text.encode()
-    if len(data) + DIGEST > LARGEST_BYTES or json.loads(text) != content:
+    if len(data) + DIGEST > LARGEST_BYTES or not same:
         return
     with suppress(OSError):
         place.parent.mkdir(parents=True, exist_ok=True)

@@ -37,8 +37,6 @@ GENERAL: dict[Row, str] = {
     ("conditions/contact.py", "LONGEST_S", 60.0): "bound of an excuse",
     ("conditions/contact.py", "TAKES_BACK_S", 2.0): "bound of an excuse",
     ("conditions/end_of_travel.py", "MOST_SCANS", 1024): "size of a block",
-    ("conditions/envelope_watch.py", "BEYOND_S", 0.1): "longer than a reversal",
-    ("conditions/envelope_watch.py", "BACK_S", 1.0): "size of a sample",
     ("detection/symbols.py", "SLOPE_S", 2.0): "time of a symbol, after the paper",
     ("likelihood/unit_baseline.py", "PIECE_SCANS", 100): "size of a sample",
     ("observers/state_observer.py", "WARMED_K", 0.5): "0.2 % of the resistance of copper",

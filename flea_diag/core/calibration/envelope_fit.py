@@ -37,12 +37,15 @@ def envelope(
     """
     basis = LeverageBasis(relations)
     position = traces[0].position_channel
-    seen = [basis.rows(trace.signals, trace.position)[trace.moving] for trace in traces]
+    seen = [basis.rows(trace.signals, trace.position) for trace in traces]
+    moving = np.concatenate([trace.moving for trace in traces])
     fits = []
     for place, name in enumerate(basis.names):
         end = (*basis.starts, basis.width)[place + 1]
         psi = np.concatenate([rows[:, basis.starts[place] : end] for rows in seen])
-        psi = psi[np.isfinite(psi).all(axis=1)]
+        # What is tested at rest, too, has seen the rests and the ways into them.
+        tested = moving if name in relations.residuals.in_motion else np.ones_like(moving)
+        psi = psi[tested & np.isfinite(psi).all(axis=1)]
         if name not in discrepancy or len(psi) <= psi.shape[1]:
             continue
         root = leverage_root(psi)

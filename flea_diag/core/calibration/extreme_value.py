@@ -20,8 +20,8 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 EULER = 0.5772156649015329
-LEAST_MAXIMA = 8
-"""Fewer maxima do not determine a tail."""
+LEAST_MAXIMA = 20
+"""Fewer maxima do not determine a tail: of eight, one that is large doubles the level."""
 MOST_SHAPE = 0.3
 
 

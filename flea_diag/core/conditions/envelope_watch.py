@@ -3,7 +3,7 @@
 Beyond the reach of the calibration the variance of a relation's tests grows with the leverage.
 Where the leverage stays beyond ``ABSTAIN`` times the largest that nominal recordings had (twice
 their distance), the tests that rest on the relation say nothing, until the motion has been back
-within for ``BACK_S``.
+within for ``BACK`` scans.
 """
 
 from __future__ import annotations
@@ -16,18 +16,19 @@ import numpy.typing as npt
 from flea_diag.core.residuals.leverage import ABSTAIN, CalibrationEnvelope, LeverageBasis, leverages
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.smoothing import KERNEL_LENGTH
 
 Array = npt.NDArray[np.float64]
 
-BEYOND_S = 0.1
-"""Time beyond before the tests abstain: one reversal is no operating point."""
-BACK_S = 1.0
+BEYOND = KERNEL_LENGTH // 3
+"""Scans in a row beyond before the tests abstain: smoothing makes so many of one jerk."""
+BACK = 3 * KERNEL_LENGTH
 
 
 class EnvelopeWatch:
     """State of one stream."""
 
-    def __init__(self, known: CalibrationEnvelope, relations: RelationSet, period_s: float) -> None:
+    def __init__(self, known: CalibrationEnvelope, relations: RelationSet) -> None:
         self._basis = LeverageBasis(relations)
         rows = {row.relation: row for row in known.relations}
         fitted = [rows.get(name) for name in self._basis.names]
@@ -50,9 +51,7 @@ class EnvelopeWatch:
         ]
         self._places = [[spreading.index(j) for j in columns] for columns in self._columns]
         self._beyond = [0] * len(fitted)
-        self._least = max(1, round(BEYOND_S / period_s))
-        self._back = max(1, round(BACK_S / period_s))
-        self._within = [self._back] * len(fitted)
+        self._within = [BACK] * len(fitted)
         self.outside: tuple[int, ...] = ()
         """Relations whose tests abstain, by their place."""
         self.words = ""
@@ -90,8 +89,7 @@ class EnvelopeWatch:
             outside = tuple(
                 k
                 for k in range(len(flags))
-                if self._beyond[k] >= self._least
-                or (k in self.outside and self._within[k] < self._back)
+                if self._beyond[k] >= BEYOND or (k in self.outside and self._within[k] < BACK)
             )
             if outside != self.outside:
                 self.outside = outside

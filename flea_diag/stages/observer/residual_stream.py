@@ -89,8 +89,7 @@ class ResidualStream:
         self._lost = LostScans(known)
         self.conditions = ConditionWatch(c, relations)
         self._outside_ns = NEVER_NS
-        outline = c.envelope
-        self.envelope = EnvelopeWatch(outline, relations, c.period_s) if outline else None
+        self.envelope = EnvelopeWatch(c.envelope, relations) if c.envelope else None
         self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s, start_ns)
         self._regressors = RegressorTable(effects, c.parameters)
         self._tests = ResidualTests(known, c, estimate.runs, backend)

@@ -94,10 +94,10 @@ def test_false_alarms_on_fresh_noise_stay_below_the_stated_rate():
 
 
 def test_the_tail_of_the_scores_of_a_residual_widens_its_limits():
-    columns = white(12, 6000)
+    columns = white(24, 6000)
     even = fit_limits(traces(columns, ALIKE), 0.1, 0.01)
     assert [fit.widening for fit in even.tests] == [1.0] * len(even.tests)
-    uneven = [(1.0 + 0.25 * n) * column for n, column in enumerate(columns)]
+    uneven = [(1.0 + 0.12 * n) * column for n, column in enumerate(columns)]
     wide = fit_limits(traces(uneven, ALIKE), 0.1, 0.01)
     (widening,) = {fit.widening for fit in wide.tests}
     level = return_level(wide.scores, 0.9 * 0.1 / 60.0)  # a minute each, a tenth for sensors

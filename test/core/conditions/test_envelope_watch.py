@@ -10,14 +10,13 @@ from support import stands
 from support.models import linear_ema as ema
 
 from flea_diag.core.calibration.calibration import from_mapping
-from flea_diag.core.conditions.envelope_watch import BACK_S, BEYOND_S, EnvelopeWatch
+from flea_diag.core.conditions.envelope_watch import BACK, BEYOND, EnvelopeWatch
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.wire.records import OUTSIDE_CALIBRATION, AmbiguityGroup, DataQuality, Outcome
 
 MECHANICAL = ["parity_mechanical", "parity_mechanical_dn"]
 OTHER = "parity_electrical"
-BEYOND, BACK = round(BEYOND_S / ema.PERIOD_S), round(BACK_S / ema.PERIOD_S)
 
 
 def of(residuals: ResidualRows, scans: slice, *names: str) -> np.ndarray:
@@ -34,7 +33,7 @@ def columns(load_n: float) -> ema.Columns:
 def watched(load_n: float, pieces: int = 1) -> tuple[EnvelopeWatch, ResidualRows, list[int]]:
     """A watch after a run, the residuals that it left, and the scans at which it turned."""
     calibration, relations = stands.calibration(), stands.relations()
-    watch = EnvelopeWatch(calibration.envelope, relations, calibration.period_s)
+    watch = EnvelopeWatch(calibration.envelope, relations)
     rows = ema.rows(columns(load_n), ema.STAND)
     residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
     turns = []
@@ -72,10 +71,7 @@ def test_blocks_turn_where_single_scans_do() -> None:
     rows = ema.rows(columns(420.0), ema.STAND)
     residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
     _, _, (begins, *_) = watched(420.0)
-    assert (
-        EnvelopeWatch(calibration.envelope, relations, calibration.period_s).step(rows, residuals)
-        == begins
-    )
+    assert EnvelopeWatch(calibration.envelope, relations).step(rows, residuals) == begins
 
 
 def test_the_verdict_names_the_range_and_is_not_observable_meanwhile() -> None:
