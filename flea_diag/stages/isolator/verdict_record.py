@@ -53,7 +53,9 @@ class VerdictRecord:
                 knowledge.effects.residuals.symptoms,
             )
         )
-        self._promise = knowledge.calibration.promise
+        promise = knowledge.calibration.promise
+        self._stated_per_hour = promise.stated_per_hour
+        self._supported_per_hour = promise.supported_per_hour
         self._rules = OutcomeRules(knowledge, parameters, self._models, quantified)
         self._advice = Advice(knowledge, parameters, self._models)
 
@@ -88,8 +90,8 @@ class VerdictRecord:
             next_tests=self._next_tests(stamp_ns, outcome, stand, episode),
             offsets=stand.offsets,
             counters=stand.counters,
-            stated_false_alarms_per_hour=self._promise.stated_per_hour,
-            supported_false_alarms_per_hour=self._promise.supported_per_hour,
+            stated_false_alarms_per_hour=self._stated_per_hour,
+            supported_false_alarms_per_hour=self._supported_per_hour,
         )
 
     def _without_episode(
@@ -111,8 +113,8 @@ class VerdictRecord:
             features_available=self._features_available(stand),
             offsets=stand.offsets,
             counters=stand.counters,
-            stated_false_alarms_per_hour=self._promise.stated_per_hour,
-            supported_false_alarms_per_hour=self._promise.supported_per_hour,
+            stated_false_alarms_per_hour=self._stated_per_hour,
+            supported_false_alarms_per_hour=self._supported_per_hour,
         )
 
     def _features_available(self, stand: StandStatus) -> int:
