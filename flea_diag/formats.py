@@ -109,6 +109,7 @@ FORMATS: Mapping[str, Format] = {
     "calibration": Format(
         2, "calibrate again with flea calibrate", CalibrationError, {1: _unchanged}
     ),
+    "stand template": Format(1, "write it anew after config/templates/dc_screw.yaml"),
     "classifier": Format(1, "train it again with flea features train"),
     # What runs are made of.
     "scenario": Format(1, "write it anew after config/scenarios", steps=_FIRST, unversioned=0),

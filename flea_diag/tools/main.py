@@ -20,6 +20,7 @@ from flea_diag.tools.garbage import search_less
 from flea_diag.wire.command_budget import begin_command
 
 MODULES = {
+    "stand": "stand_folder.command",
     "model": "model.model",
     "calibrate": "calibrate.calibrate",
     "simulate": "stand.simulate",

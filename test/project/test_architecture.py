@@ -190,6 +190,7 @@ ARROWS = {
         "stand": (),
         "model": (),
         "recordings": (),
+        "stand_folder": ("recordings",),
         "calibrate": (),
         "features": (),
         "replay": (),

@@ -1,0 +1,1 @@
+"""``flea stand``: the folder of a stand of your own, made and checked."""

@@ -1,0 +1,36 @@
+"""``flea stand``: one module per action, each with ``SUMMARY``, ``add_arguments`` and ``run``."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from typing import Any
+
+NAME = "stand"
+SUMMARY = "make the folder of a stand of your own"
+EXAMPLES = """\
+examples:
+  flea stand new ./mine --template dc_screw     described as a motor with a screw
+"""
+
+ACTIONS = ("new",)
+"""Modules of the actions, in the order of ``flea stand --help``."""
+
+
+def _module(action: str) -> Any:
+    return importlib.import_module(f"{__package__}.{action}")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the actions."""
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    for name in ACTIONS:
+        module = _module(name)
+        module.add_arguments(
+            actions.add_parser(name, help=module.SUMMARY, description=module.SUMMARY)
+        )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run one action."""
+    return int(_module(arguments.action).run(arguments))
