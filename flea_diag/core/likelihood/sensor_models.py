@@ -4,7 +4,8 @@ The modes differ only in what the error e of the reading y is (y' is the true si
 
 bias e = b    drift e = d t    scaling e = (1 - 1/g) y    dead e = c - y'
 
-(scaling of a temperature: e = (g - 1) times what the thermal model expects)
+(scaling of a temperature, or of a current that one balance alone reads: e = (g - 1) times what its
+relation expects)
 """
 
 from __future__ import annotations
@@ -81,7 +82,9 @@ def _error(fault: Fault, rules: EffectRules, relations: RelationSet) -> ReadingE
         shares = low - 1.0, high - 1.0
         gains, drift = _of_prediction(channel, relations), fault.errors.drift
         return ReadingError(fault, "K", gains, (), (), drift, reading, (), shares)
-    reading = ((Variable(channel), ONE), (ONE, relations.offsets.get(channel, ZERO)))
+    response = rules.response(channel)
+    reading = response or ((Variable(channel), ONE), (ONE, relations.offsets.get(channel, ZERO)))
+    shares = (low - 1.0, high - 1.0) if response else (1.0 - 1.0 / low, 1.0 - 1.0 / high)
     # The rate of a speed acts through the inertia, by less than the noise: no effect.
     rates = rules.rates(channel) if channel in relations.displacements else ()
     return ReadingError(
@@ -93,7 +96,7 @@ def _error(fault: Fault, rules: EffectRules, relations: RelationSet) -> ReadingE
         _largest_drift(fault, relations),
         reading,
         ((Variable(rate_symbol(channel)), ONE),),
-        (1.0 - 1.0 / low, 1.0 - 1.0 / high),
+        shares,
     )
 
 
