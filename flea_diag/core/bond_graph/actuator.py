@@ -6,6 +6,7 @@ is data. Any other actuator needs a description of its own and no code.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -74,6 +75,7 @@ _RESIDUAL: schema.Keys = {
     "lumped": (list, []),
     "neglected": (list, []),
     "junctions": (list, []),
+    "settles_s": (float, 0.0),
 }
 _TOP: schema.Keys = {
     "name": (str, REQUIRED),
@@ -270,6 +272,11 @@ def _residuals(top: Mapping[str, Any], where: str) -> dict[str, ResidualSpec]:
             raise ConfigurationError(
                 f"{where}: residual {shown(name)} has kind {shown(values['kind'])},"
                 f" known are {', '.join(KINDS_OF_RESIDUAL)}"
+            )
+        if not 0.0 <= values["settles_s"] < math.inf:
+            raise ConfigurationError(
+                f"{where}: residual {shown(name)}: settles_s = {values['settles_s']:g} must be a "
+                "time, 0 or more seconds"
             )
         for key in ("without", "lumped", "neglected", "junctions"):
             values[key] = schema.texts(values[key], f"{where}: residual {name}: {key}")

@@ -45,6 +45,7 @@ class FaultEffect:
 
 
 Effects = tuple[FaultEffect, ...]
+POWER = "power"
 Gains = tuple[tuple[str, Expression], ...]
 """Residual and gain of a constant."""
 
@@ -79,9 +80,21 @@ class EffectRules:
         """The same of an error that grows by one a second, through the rate of the reading."""
         return self._constant(rate_symbol(channel))
 
+    def of_power(self, channel: str, rate: Expression, index: int = 0) -> Effects:
+        """Of an error of the rate of a reading in the balances of power, which multiply by it."""
+        symbol = rate_symbol(channel)
+        return tuple(
+            effect
+            for row in self._set.relations
+            if row.kind == POWER
+            for effect in self._effects(row, derivative(row.expression, symbol) * rate, index)
+        )
+
     def _constant(self, symbol: str) -> Gains:
         found = []
         for row in self._set.relations:
+            if row.kind == POWER and channel_of(symbol)[1]:
+                continue  # by its rate: see of_power
             parts = self._collected(row, derivative(row.expression, symbol))
             if ONE in parts:
                 found.append((row.name, parts[ONE]))

@@ -20,7 +20,15 @@ from flea_diag.core.likelihood.symbolic_model import SymbolicModel
 from flea_diag.core.residuals.parity import rate_symbol
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
-from flea_diag.core.symbolic.expression import ONE, ZERO, Constant, Expression, Variable, symbols
+from flea_diag.core.symbolic.expression import (
+    ONE,
+    ZERO,
+    Constant,
+    Expression,
+    Variable,
+    symbols,
+    total,
+)
 
 Signal = tuple[tuple[Expression, Expression], ...]
 """A sum of basis signals, each with its factor."""
@@ -52,6 +60,8 @@ class ReadingError:
     reading: Signal
     reading_rate: Signal
     shares: tuple[float, float]
+    rules: EffectRules | None = None
+    """Those of the balances that multiply by the rate of the reading; None: none does."""
 
     def level(self, signal: Signal, index: int = 0) -> Effects:
         """The error is a constant, or follows a signal."""
@@ -59,7 +69,9 @@ class ReadingError:
 
     def rate(self, signal: Signal) -> Effects:
         """The same of the rate of the error."""
-        return _times(self.rates, signal)
+        rate = total(basis * factor for basis, factor in signal)
+        powers = self.rules.of_power(self.fault.channel, rate) if self.rules else ()
+        return _times(self.rates, signal) + powers
 
 
 def sensor_models(
@@ -97,6 +109,7 @@ def _error(fault: Fault, rules: EffectRules, relations: RelationSet) -> ReadingE
         reading,
         ((Variable(rate_symbol(channel)), ONE),),
         shares,
+        rules if channel in relations.displacements else None,
     )
 
 
