@@ -6,7 +6,6 @@ is data. Any other actuator needs a description of its own and no code.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -273,10 +272,10 @@ def _residuals(top: Mapping[str, Any], where: str) -> dict[str, ResidualSpec]:
                 f"{where}: residual {shown(name)} has kind {shown(values['kind'])},"
                 f" known are {', '.join(KINDS_OF_RESIDUAL)}"
             )
-        if not 0.0 <= values["settles_s"] < math.inf:
+        if values["settles_s"] < 0.0:
             raise ConfigurationError(
-                f"{where}: residual {shown(name)}: settles_s = {values['settles_s']:g} must be a "
-                "time, 0 or more seconds"
+                f"{where}: residual {shown(name)}: settles_s = {values['settles_s']:g} must be 0 s "
+                "or more"
             )
         for key in ("without", "lumped", "neglected", "junctions"):
             values[key] = schema.texts(values[key], f"{where}: residual {name}: {key}")
