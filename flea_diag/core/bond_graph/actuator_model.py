@@ -59,8 +59,7 @@ class ResidualSpec:
     parameters ``gain`` (of the reference) and ``offset``. A balance leaves out the elements
     ``without``. A residual without ``signs`` is in no signature table. A prediction takes the
     stores ``lumped`` for one and the parameters ``neglected`` as 0. A power is summed over the
-    bonds of ``junctions`` that lead out of them. A residual that ``settles_s`` is not formed for so
-    long after a stop.
+    bonds of ``junctions`` that lead out of them.
     """
 
     name: str
@@ -80,7 +79,6 @@ class ResidualSpec:
     lumped: tuple[str, ...] = ()
     neglected: tuple[str, ...] = ()
     junctions: tuple[str, ...] = ()
-    settles_s: float = 0.0
 
     @property
     def balances(self) -> bool:

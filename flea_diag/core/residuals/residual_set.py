@@ -128,7 +128,6 @@ def _parities(actuator: Actuator, known: RelationSet, motion: set[str]) -> Itera
                 relation.name,
                 relation.name in known.differing,
                 spec.signs or spec.kind == "difference",
-                spec.settles_s,
             )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import RecordingError, WireError, shown
-from flea_diag.tools.recordings.source_checks import check_ranges, check_rate
+from flea_diag.tools.recordings.source_checks import check_ranges, check_rate, check_signs
 from flea_diag.tools.recordings.table import Columns, read_table, stem_of, suffix_of
 from flea_diag.wire.bags.foreign_bag import ForeignBag
 from flea_diag.wire.records import NEVER_NS, ChannelTable, Scan, Truth
@@ -224,6 +224,7 @@ def _checked(
     if not scans:
         raise RecordingError(f"{where}: no readings")
     check_ranges(where, mapping, scans)
+    check_signs(where, mapping, scans)
     counts = {key: count for key, count in grid.counts.items() if count}
     said = ", ".join(f"{count} {key}" for key, count in counts.items())
     warnings = (f"{where}: readings with odd stamps: {said}",) if said else ()

@@ -10,7 +10,8 @@ NAME = "stand"
 SUMMARY = "make the folder of a stand of your own"
 EXAMPLES = """\
 examples:
-  flea stand new ./mine --template dc_screw     described as a motor with a screw
+  flea stand new ./mine --from run.csv           channels, units and signs guessed from a table
+  flea stand new ./mine --from bag --template wing  from a bag; the kind of actuator is given
 """
 
 ACTIONS = ("new",)

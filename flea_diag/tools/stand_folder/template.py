@@ -2,23 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
+from flea_diag.configuration.description import described
 from flea_diag.configuration.files import config_folders, load_yaml
 from flea_diag.configuration.stand import load_stand
-from flea_diag.core.schema import REQUIRED, Keys, read
-from flea_diag.errors import ConfigurationError, shown
+from flea_diag.core.schema import REQUIRED, Keys, read, texts
+from flea_diag.core.symbolic.expression import evaluate
+from flea_diag.errors import ConfigurationError, RecordingError, shown
 from flea_diag.formats import migrated
+from flea_diag.tools.recordings.power_balance import is_supply_current
+from flea_diag.tools.stand_folder.channel_choice import ChosenChannel, chosen_channels
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from flea_diag.configuration.stand import Stand
+    from flea_diag.core.bond_graph.actuator_model import Actuator
+    from flea_diag.tools.stand_folder.reading_grid import ReadingGrid
 
 FOLDER = "templates"
-KEYS: Keys = {"title": (str, REQUIRED), "stand": (str, REQUIRED)}
+MOTOR, SUPPLY = "motor", "supply"
+KEYS: Keys = {
+    "title": (str, REQUIRED),
+    "stand": (str, REQUIRED),
+    "needs": (list, REQUIRED),
+    "current": (str, MOTOR),
+}
 
 
 @dataclass(frozen=True)
@@ -33,11 +46,34 @@ class Template:
         For people.
     stand
         The shipped stand whose description, fault catalogue and feature table it takes.
+    needs
+        Channels without which it is not this kind.
+    current
+        Whether ``motor_current`` is that of the motor or of the supply of its drive.
     """
 
     name: str
     title: str
     stand: Stand
+    needs: tuple[str, ...]
+    current: str
+
+    @cached_property
+    def model(self) -> Actuator:
+        """The description."""
+        return described(self.stand.actuator)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """SI unit of each channel, sensors first."""
+        model = self.model
+        return {**{name: s.unit for name, s in model.sensors.items() if s.at}, **model.units}
+
+    @property
+    def way_per_turn(self) -> float:
+        """Way of the moved part, m or rad, for each rad of the motor; 0 where no channel says."""
+        ratio = self.model.base_parameters.get("encoder_m_per_rad")
+        return 0.0 if ratio is None else float(evaluate(ratio, self.model.graph.values()))
 
 
 @lru_cache(maxsize=1)
@@ -65,4 +101,41 @@ def template(name: str) -> Template:
         )
     where = str(files[name])
     values = read(migrated("stand template", load_yaml(files[name]), where), where, KEYS)
-    return Template(name, values["title"], load_stand(values["stand"]))
+    if values["current"] not in (MOTOR, SUPPLY):
+        raise ConfigurationError(
+            f"{where}: current = {shown(values['current'])} must be {MOTOR} or {SUPPLY}"
+        )
+    needs = texts(values["needs"], f"{where}: needs")
+    return Template(name, values["title"], load_stand(values["stand"]), needs, values["current"])
+
+
+def fitting_template(grid: ReadingGrid, wanted: str) -> tuple[Template, tuple[ChosenChannel, ...]]:
+    """The template that most of a recording fits, with its channels; or the one wanted.
+
+    Raises
+    ------
+    RecordingError
+        Nothing in the recording is a channel that a template needs.
+    """
+    known = [template(name) for name in ([wanted] if wanted else template_files())]
+    fits = [(each, chosen_channels(grid.sources, each.units)) for each in known]
+    usable = [(each, found) for each, found in fits if _is_of(each, found, bool(wanted))]
+    if usable:
+        return max(usable, key=lambda row: sum(channel.merit for channel in row[1]))
+    best, found = max(fits, key=lambda row: sum(channel.merit for channel in row[1]))
+    missing = [name for name in best.needs if name not in {each.channel for each in found}]
+    has = ", ".join(each.name for each in grid.sources[:12])
+    raise RecordingError(
+        f"{grid.recorded.path}: no {' and no '.join(missing)} for {best.name} among {has}; name "
+        "the columns or topics after what they hold (current, position, speed, load)"
+    )
+
+
+def _is_of(kind: Template, found: Sequence[ChosenChannel], wanted: bool) -> bool:
+    channels = {each.channel: each for each in found}
+    if not set(kind.needs) <= channels.keys():
+        return False
+    current = channels.get("motor_current")
+    if current is None or wanted:
+        return True
+    return is_supply_current(current.source.values) == (kind.current == SUPPLY)

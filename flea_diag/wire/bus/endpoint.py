@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 from flea_diag.errors import FleaError, InputError, WireError
+from flea_diag.wire.bus.context_end import unless_ended
 from flea_diag.wire.bus.declared import Declared
 from flea_diag.wire.bus.foreign_topic import subscribe_foreign
 from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
@@ -107,14 +108,9 @@ class Bus(NodeLog, Generic[P]):
         self._clock = None
         self.streams.clear()
 
-    @property
-    def ended(self) -> bool:
-        """Whether the program has been asked to end, by a signal or by itself."""
-        return bool(self._finished.done())
-
     def end(self, error: FleaError | None = None) -> None:
         """End the program after this callback, with status 0, or 2 and the error as last line."""
-        if not self.ended:
+        if not self._finished.done():
             self._finished.set_result(error)
 
     def full_name(self, record_type: type) -> str:
@@ -145,14 +141,15 @@ class Bus(NodeLog, Generic[P]):
                 self._publishers[record_type] = self._create_publisher(record_type)
 
     def publish(self, record: Record) -> None:
-        """Publish a record on its topic."""
+        """Publish a record on its topic; does nothing during shutdown."""
         self.publish_raw(type(record), codec.encode(record, self.stand))
 
     def publish_raw(self, record_type: type, data: bytes) -> None:
         """Publish bytes written by the codec; nothing but health while the node is inactive."""
         self.advertise(record_type)
-        if record_type is Health or self.state not in SILENT:
-            self._publishers[record_type].publish(data)
+        if self.ok and (record_type is Health or self.state not in SILENT):
+            with unless_ended(self._node.context):
+                self._publishers[record_type].publish(data)
 
     def publish_clock(self, stamp_ns: int) -> None:
         """Publish /clock, for nodes that use simulated time."""
@@ -162,7 +159,9 @@ class Bus(NodeLog, Generic[P]):
             self._clock = self._node.create_publisher(Clock, "/clock", 10)
         message = Clock()
         message.clock.sec, message.clock.nanosec = divmod(stamp_ns, 1_000_000_000)
-        self._clock.publish(message)
+        if self.ok:
+            with unless_ended(self._node.context):
+                self._clock.publish(message)
 
     def _create_publisher(self, record_type: type) -> Any:
         topic = TOPIC_OF[record_type]
@@ -334,7 +333,7 @@ class Bus(NodeLog, Generic[P]):
         """Spin until ``predicate`` is true; False on timeout or shutdown."""
         deadline_ns = time.monotonic_ns() + int(timeout_s * 1e9)
         while not predicate():
-            if self.ended or time.monotonic_ns() > deadline_ns:
+            if not self.ok or time.monotonic_ns() > deadline_ns:
                 return False
             self._executor.spin_once(timeout_sec=POLL_S)
         return True

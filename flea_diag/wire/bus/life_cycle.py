@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from flea_diag.errors import FleaError, line_of
+from flea_diag.wire.bus.context_end import unless_ended
 
 STATE_TOPIC = "state"
 UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
@@ -87,8 +88,9 @@ class LifeCycle:
         self.end(success=True)
 
     def _trigger(self, label: str) -> None:
-        self._machine.trigger_transition_by_label(label, True)
-        self._announce()
+        with unless_ended(self._node.context):
+            self._machine.trigger_transition_by_label(label, True)
+            self._announce()
 
     def _announce(self) -> None:
         from lifecycle_msgs.msg import State

@@ -1,36 +1,115 @@
-"""``flea stand new``: the folder that it writes is a stand, and what it refuses."""
+"""``flea stand new``: the folder that it writes is a stand, what it prints and what it refuses."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from support.decisions import BAGS
+from support.foreign.recordings_of_others import Sent, csv
+from support.places import FLEA
 
+from flea_diag.configuration.channels import channel_sources
 from flea_diag.configuration.description import described, faults_of
 from flea_diag.configuration.knowledge import load_features
 from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.main import main
-from flea_diag.tools.stand_folder.template import template_files
+from flea_diag.tools.stand_folder.template import template, template_files
+
+SENT = (
+    Sent("actuator_position", "position", "mm"),
+    Sent("motor_current", "current"),
+    Sent("load_force", "force"),
+)
 
 
 @pytest.mark.parametrize("name", template_files())
-def test_a_template_becomes_a_stand_of_its_own_name(tmp_path: Path, name: str) -> None:
+def test_a_template_is_a_shipped_stand_and_needs_channels_of_it(name: str) -> None:
+    found = template(name)
+    assert set(found.needs) <= set(found.units)
+
+
+def test_a_bag_of_ours_becomes_a_stand_of_its_own_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = tmp_path / "mine"
-    assert main(["stand", "new", str(folder), "--template", name]) == 0
+    assert main(["stand", "new", str(folder), "--from", str(BAGS / "nominal")]) == 0
+    page = capsys.readouterr().out
     stand = load_stand(folder)
     assert (stand.name, described(stand.actuator).name) == ("mine", "mine")
     assert faults_of(stand.actuator, stand.faults)
     assert load_features(stand.features).features
+    found = channel_sources(stand)
+    assert found.rate_hz == 100.0
+    assert {row.written for row in found.channels} == {"A", "V", "m", "rad/s", "N", "degC"}
+    assert len(page.splitlines()) < 25
+    assert f"flea import --stand {folder} {BAGS / 'nominal'} -o bags" in page
 
 
-def test_a_folder_with_files_and_an_unknown_template_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_every_line_that_is_a_guess_says_so(tmp_path: Path) -> None:
+    recording = csv(tmp_path / "run.csv", SENT)
+    assert main(["stand", "new", str(tmp_path / "mine"), "--from", str(recording)]) == 0
+    lines = (tmp_path / "mine" / "channels.yaml").read_text(encoding="utf-8").splitlines()
+    told = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    headings = ("schema_version", "channels:", *(f"  {each.channel}:" for each in SENT))
+    for line in told:
+        assert line.startswith(headings) or "# guessed, because " in line, line
+
+
+def test_the_text_format_of_the_flea_is_known(tmp_path: Path) -> None:
+    if not FLEA.is_dir():
+        pytest.skip(f"no recordings in {FLEA}")
+    recording = sorted(FLEA.glob("*_Nominal_*.data"))[0]
+    assert main(["stand", "new", str(tmp_path / "mine"), "--from", str(recording)]) == 0
+    assert channel_sources(load_stand(tmp_path / "mine")).format == "flea_text"
+
+
+def nothing_moves(folder: Path) -> Path:
+    np.savetxt(folder / "run.csv", np.ones((50, 3)), delimiter=",", header="time,current,position",
+               comments="")  # fmt: skip
+    return folder / "run.csv"
+
+
+def of_letters(folder: Path) -> Path:
+    return csv(folder / "run.csv", tuple(Sent(s.channel, f"q{k}") for k, s in enumerate(SENT)))
+
+
+def without_times(folder: Path) -> Path:
+    rows = np.random.default_rng(1).normal(size=(50, 2))
+    np.savetxt(folder / "run.csv", rows, delimiter=",", header="current,position", comments="")
+    return folder / "run.csv"
+
+
+def full(folder: Path) -> Path:
+    (folder / "mine").mkdir()
+    (folder / "mine" / "kept.txt").write_text("kept", encoding="utf-8")
+    return csv(folder / "run.csv", SENT)
+
+
+REFUSED = {
+    full: ("mine exists and is not empty: name a new folder", ()),
+    of_letters: ("no motor_current and no actuator_position for dc_screw among q0, q1, q2", ()),
+    without_times: ("no column holds times, it has current, position: give the rate, --rate", ()),
+    nothing_moves: ("no column holds times", ()),
+    lambda folder: csv(folder / "run.csv", SENT): (
+        "template 'rocket' is not shipped, known are dc_screw, ", ("--template", "rocket"),
+    ),
+    lambda folder: folder / "none.csv": ("none.csv: No such file", ()),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("make", REFUSED)
+def test_what_it_refuses_it_refuses_in_one_line_and_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], make: object
 ) -> None:
-    (tmp_path / "kept.txt").write_text("kept")
-    assert main(["stand", "new", str(tmp_path), "--template", "wing"]) == 2
-    assert (
-        capsys.readouterr().err == f"flea: {tmp_path} exists and is not empty: name a new folder\n"
-    )
-    assert main(["stand", "new", str(tmp_path / "mine"), "--template", "rocket"]) == 2
-    assert "template 'rocket' is not shipped, known are dc_screw, " in capsys.readouterr().err
-    assert not (tmp_path / "mine").exists()
+    words, options = REFUSED[make]  # type: ignore[index]
+    recording = make(tmp_path)  # type: ignore[operator]
+    before = set((tmp_path / "mine").glob("*"))
+    given = ["stand", "new", str(tmp_path / "mine"), "--from", str(recording), *options]
+    assert main(given) == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith("flea: ")
+    assert words in errors
+    assert errors.count("\n") == 1
+    assert set((tmp_path / "mine").glob("*")) == before

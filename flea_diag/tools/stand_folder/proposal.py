@@ -1,0 +1,198 @@
+"""What a recording says of its stand: template, channels, units, signs, ranges and rates."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.symbolic.converted_unit import CONVERTED
+from flea_diag.tools.recordings.power_balance import fitted, is_supply_current, rate_of, smoothed
+from flea_diag.tools.stand_folder.channel_choice import ChosenChannel
+from flea_diag.tools.stand_folder.sign_choice import SignGuess, guessed_signs
+from flea_diag.tools.stand_folder.template import Template, fitting_template
+from flea_diag.tools.stand_folder.unit_choice import UnitGuess, factor_to_si, guessed_units
+from flea_diag.tools.stand_folder.unit_relations import unit_relations
+
+if TYPE_CHECKING:
+    from flea_diag.tools.stand_folder.reading_grid import ReadingGrid, SeriesSum
+
+Array = npt.NDArray[np.float64]
+
+SLOW = 5.0
+"""Scans for each reading from which on a channel is held instead of interpolated."""
+TRAVEL_MARGIN, RANGE_FACTOR = 1.0, 2.5
+"""Beyond what was seen: share of the way, and multiple of the largest reading."""
+ROOM_DEGC = (-20.0, 150.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelProposal:
+    """One channel of channels.yaml; ``guesses`` are a sentence each, ``doubts`` to be checked."""
+
+    channel: str
+    source: SeriesSum
+    unit: str
+    sign: int
+    scale: float
+    low: float
+    high: float
+    rate_hz: float
+    hold: bool
+    guesses: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class StandProposal:
+    """All that is written into the folder of a stand."""
+
+    template: Template
+    grid: ReadingGrid
+    channels: tuple[ChannelProposal, ...]
+    travel: tuple[float, float] | None
+
+    @property
+    def rate_hz(self) -> float:
+        """Rate of the scans."""
+        return 1.0 / self.grid.period_s
+
+    @property
+    def unused(self) -> tuple[tuple[str, str], ...]:
+        """Series that are no channel, with the reason."""
+        used = {series for each in self.channels for series, _ in each.source.terms}
+        left = [s for s in self.grid.sources if len(s.terms) == 1 and s.terms[0][0] not in used]
+        words = "fits no channel of this description"
+        return (*((each.name, words) for each in left), *self.grid.unused)
+
+
+def proposal(grid: ReadingGrid, wanted: str = "") -> StandProposal:
+    """Read a stand off a recording.
+
+    Parameters
+    ----------
+    grid
+        The recording.
+    wanted
+        Name of the template; "": the one that fits.
+    """
+    kind, chosen = fitting_template(grid, wanted)
+    units = guessed_units(chosen, unit_relations(chosen, grid.period_s), grid.times is None)
+    signs = guessed_signs(chosen, grid.period_s)
+    scales = _scales(chosen, units, grid.period_s, kind)
+    rows = tuple(
+        _row(each, units[each.channel], signs[each.channel], scales.get(each.channel), grid)
+        for each in chosen
+    )
+    return StandProposal(kind, grid, rows, _travel(rows, chosen))
+
+
+def _scales(
+    chosen: tuple[ChosenChannel, ...], units: dict[str, UnitGuess], period_s: float, kind: Template
+) -> dict[str, tuple[float, str]]:
+    """Factor and reason for the speed of the moved part, where that of the motor is described."""
+    moved = next((e for e in chosen if e.si_unit in ("m", "rad")), None)
+    found = {}
+    for each in chosen:
+        if each.si_unit != "rad/s" or moved is None or not kind.way_per_turn:
+            continue
+        speed = smoothed(each.source.values, period_s)
+        rate = rate_of(smoothed(moved.source.values, period_s), period_s)
+        ((slope, _),) = fitted(speed, [rate], 10.0)
+        unit, place = units[each.channel].unit, units[moved.channel].unit
+        ratio = abs(slope) * factor_to_si(unit) / factor_to_si(place)
+        linear = CONVERTED.get(unit, (unit,))[0] == "m/s"
+        own = abs(math.log(max(ratio, 1e-9))) < 0.05
+        if linear or (own and moved.si_unit == "rad" and kind.way_per_turn < 0.5):
+            words = f"it is the speed of the moved part, one turn of the motor in {_turn(kind)}"
+            found[each.channel] = (1.0 / kind.way_per_turn, words)
+    return found
+
+
+def _turn(kind: Template) -> str:
+    return f"{2.0 * math.pi * kind.way_per_turn:.4g} m or rad by the description"
+
+
+def _row(
+    each: ChosenChannel,
+    unit: UnitGuess,
+    sign: SignGuess,
+    scale: tuple[float, str] | None,
+    grid: ReadingGrid,
+) -> ChannelProposal:
+    supply = each.si_unit == "A" and is_supply_current(each.source.values)
+    if supply and not sign.sure:
+        sign = SignGuess(1, "it never turns with the direction: the current of a supply")
+    guesses = [f"source: {each.because}", f"unit: {unit.because}", f"sign: {sign.because}"]
+    doubts = []
+    if unit.other:
+        doubts.append(f"unit {unit.unit} or {unit.other}")
+    if not sign.sure:
+        doubts.append("sign")
+    if each.merit < 0.65:
+        doubts.append("source")
+    factor = 1.0
+    written = unit.unit
+    if scale is not None:
+        factor = scale[0]
+        if CONVERTED.get(written, (written,))[0] == "m/s":
+            factor, written = factor * factor_to_si(written), each.si_unit
+        guesses.append(f"scale: {scale[1]}")
+        doubts.append("scale")
+    low, high = _range(each, written, sign.sign * factor)
+    scan_hz, own_hz = 1.0 / grid.period_s, each.source.rate_hz
+    rate_hz = scan_hz if grid.times is not None or not math.isfinite(own_hz) else own_hz
+    return ChannelProposal(
+        each.channel,
+        each.source,
+        written,
+        sign.sign,
+        factor,
+        low,
+        high,
+        rate_hz,
+        rate_hz * SLOW <= scan_hz,
+        tuple(guesses),
+        tuple(doubts),
+    )
+
+
+def in_si(values: Array, unit: str, factor: float) -> Array:
+    """Readings in SI; ``factor`` holds sign and scale."""
+    _, to_si, offset = CONVERTED.get(unit, (unit, 1.0, 0.0))
+    return np.asarray(to_si * factor * values + offset)
+
+
+def _range(each: ChosenChannel, unit: str, factor: float) -> tuple[float, float]:
+    """A range that readings of other runs of this stand should keep, too."""
+    values = in_si(each.source.values[np.isfinite(each.source.values)], unit, factor)
+    low, high = float(values.min()), float(values.max())
+    if each.si_unit == "degC":
+        return min(ROOM_DEGC[0], round(low) - 20.0), max(ROOM_DEGC[1], round(high) + 50.0)
+    if each.si_unit in ("m", "rad"):
+        margin = TRAVEL_MARGIN * (high - low)
+        return _rounded(low - margin, -1), _rounded(high + margin, 1)
+    most = RANGE_FACTOR * max(abs(low), abs(high))
+    if each.si_unit == "A" and is_supply_current(each.source.values):
+        return _rounded(-0.4 * most, -1), _rounded(2.0 * most, 1)
+    return _rounded(-most, -1), _rounded(most, 1)
+
+
+def _rounded(value: float, way: int) -> float:
+    """The next number of two digits, away from the readings."""
+    if value == 0.0:
+        return 0.0
+    step = 10.0 ** (math.floor(math.log10(abs(value))) - 1)
+    whole = math.ceil(value / step) if way > 0 else math.floor(value / step)
+    return float(f"{whole * step:.6g}")
+
+
+def _travel(
+    rows: tuple[ChannelProposal, ...], chosen: tuple[ChosenChannel, ...]
+) -> tuple[float, float] | None:
+    """Ends of travel: no nearer than the range of the first position."""
+    units = {each.channel: each.si_unit for each in chosen}
+    return next(((r.low, r.high) for r in rows if units[r.channel] in ("m", "rad")), None)
