@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from flea_diag.configuration import signature_entry
 from flea_diag.configuration.disk_cache import kept
 from flea_diag.configuration.files import found_file, load_yaml, parsed, text_of
+from flea_diag.configuration.generated_file import source_file
 from flea_diag.core.bond_graph.actuator import Actuator
 from flea_diag.core.bond_graph.actuator import actuator as read_actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
@@ -28,8 +29,11 @@ from flea_diag.core.residuals.residual_set import (
     residual_set,
 )
 from flea_diag.core.signatures.signature import SignatureTable, signature_table
+from flea_diag.core.symbolic.generated import keep_with
 from flea_diag.errors import ConfigurationError, ModelError, shown
 from flea_diag.formats import migrated
+
+keep_with(source_file)
 
 
 def described(actuator: str | Path) -> Actuator:

@@ -122,16 +122,21 @@ def _write(place: Path, content: Any) -> None:
     if len(data) + DIGEST > LARGEST_BYTES or not same:
         return
     with suppress(OSError):
-        place.parent.mkdir(parents=True, exist_ok=True)
-        fresh = place.with_suffix(f".{os.getpid()}.new")
-        fresh.write_bytes(_checksum(place, data) + data)
-        fresh.replace(place)
-        _prune(place.parent)
+        write_whole(place, _checksum(place, data) + data)
+        prune(place.parent, ENTRY)
 
 
-def _prune(folder: Path) -> None:
+def write_whole(place: Path, data: bytes) -> None:
+    """Write a file atomically, with its folder."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    fresh = place.with_suffix(f".{os.getpid()}.new")
+    fresh.write_bytes(data)
+    fresh.replace(place)
+
+
+def prune(folder: Path, entry_name: re.Pattern[str]) -> None:
     """Delete the oldest entries; whatever else lies in the folder is somebody's own."""
-    ours = (entry for entry in folder.iterdir() if ENTRY.fullmatch(entry.name))
+    ours = (entry for entry in folder.iterdir() if entry_name.fullmatch(entry.name))
     entries = sorted(ours, key=lambda entry: entry.stat().st_mtime)
     for entry in entries[:-MOST_ENTRIES]:
         entry.unlink()

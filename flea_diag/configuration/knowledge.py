@@ -17,6 +17,8 @@ from flea_diag.configuration.stand import Stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.observers.observer_noise import reading_key
+from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.stages.isolator.isolator import Knowledge
@@ -77,4 +79,17 @@ def relations(stand: Stand, calibration: Calibration) -> RelationSet:
                 f"{stand.actuator}: the calibration holds limits of {shown(name)}, which is no "
                 "residual of this description; repeat 'flea calibrate'"
             )
+    _require_readings(stand, calibration, known)
     return known
+
+
+def _require_readings(stand: Stand, calibration: Calibration, known: RelationSet) -> None:
+    """Refuse noise of a channel that neither the description nor the standard names."""
+    units = {**UNITS, **known.residuals.units}
+    keys = [reading_key(name, unit) for name, unit in units.items()]
+    for key, _ in calibration.observer_noise.readings:
+        if key not in keys:
+            raise ConfigurationError(
+                f"{stand.calibration}: observer_noise: {shown(key)} is of no channel of "
+                f"{stand.actuator}, known are {', '.join(keys)}"
+            )

@@ -21,7 +21,11 @@ P = ActuatorParameters(
     position_offset_m=0.002,
     nut_heating_k_per_j=0.01,
 )
-NOISE = ObserverNoise(voltage_v=0.2, force_n=40.0, motor_current_a=0.053, motor_speed_rad_s=2.0)
+NOISE = ObserverNoise.of(
+    ObserverNoise().to_mapping()
+    | {"voltage_v": 0.2, "force_n": 40.0, "motor_current_a": 0.053, "motor_speed_rad_s": 2.0}
+    | {"motor_temperature_k": 0.57, "nut_temperature_k": 1.1}
+)
 HAVE_NUMBA = importlib.util.find_spec("numba") is not None
 BACKENDS = ["numpy", *(["numba"] if HAVE_NUMBA else [])]
 

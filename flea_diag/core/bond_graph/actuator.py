@@ -20,6 +20,7 @@ from flea_diag.core.bond_graph.actuator_model import (
 from flea_diag.core.bond_graph.base_parameters import base_parameters
 from flea_diag.core.bond_graph.bond_graph import DOMAINS, BondGraph, Element, Parameter, bond_graph
 from flea_diag.core.bond_graph.causality import require_sound
+from flea_diag.core.bond_graph.tolerance import tolerances
 from flea_diag.core.bond_graph.travel import travel
 from flea_diag.core.schema import REQUIRED
 from flea_diag.core.symbolic.unit import SECOND, dimension, spelled, times
@@ -90,8 +91,11 @@ _TOP: schema.Keys = {
     "residuals": (dict, {}),
     "base_parameters": (dict, {}),
     "predicted": (dict, {}),
+    "tolerances": (dict, {}),
     "travel": (dict, {}),
 }
+HEATING = "thermal_rate_k_per_s"
+"""A tolerance that is of no parameter: of what heats a store beside its equation."""
 
 
 def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) -> Actuator:
@@ -131,6 +135,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         base_parameters(top["base_parameters"], graph.parameters, f"{where}: base_parameters"),
         schema.pairs(top["predicted"], f"{where}: predicted"),
         travel(top["travel"], graph, {s.at for s in sensors.values() if s.integrates}, where),
+        tolerances(top["tolerances"], (*top["base_parameters"], HEATING), f"{where}: tolerances"),
     )
     if sound:
         _check(result, where)

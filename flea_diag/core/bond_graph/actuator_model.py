@@ -16,6 +16,7 @@ from flea_diag.core.bond_graph.causal_relation import (
 )
 from flea_diag.core.bond_graph.causality import Causality, require_sound
 from flea_diag.core.bond_graph.state_space import StateSpace, state_space
+from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.bond_graph.travel import Travel
 from flea_diag.core.symbolic.expression import Expression, Variable
 from flea_diag.errors import ConfigurationError, shown
@@ -118,6 +119,8 @@ class Actuator:
     predicted: Mapping[str, str] = field(default_factory=dict)
     """Parameter that a slow state sets scan by scan -> residual whose prediction gives it."""
     travel: Travel | None = None
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
+    """Base parameter -> by how much healthy units differ in it."""
 
     @cached_property
     def causality(self) -> Causality:

@@ -25,6 +25,7 @@ from flea_diag.core.symbolic.expression import (
     symbols,
     text,
 )
+from flea_diag.core.symbolic.generated import compiled
 from flea_diag.errors import ModelError, shown
 
 Array = npt.NDArray[np.float64]
@@ -125,7 +126,7 @@ class StateSpace:
         return self._compiled["readings"]
 
     @cached_property
-    def _compiled(self) -> dict[str, Any]:
+    def _compiled(self) -> Mapping[str, Any]:
         return compile_functions(self.source)
 
 
@@ -150,11 +151,9 @@ def function_text(
     return "\n".join([*lines, "    return result", "", ""])
 
 
-def compile_functions(source: str) -> dict[str, Any]:
+def compile_functions(source: str) -> Mapping[str, Any]:
     """Compile generated source; only the functions of the algebra are in scope."""
-    scope: dict[str, Any] = {**FUNCTIONS, "empty": _empty, "__builtins__": {}}
-    exec(compile(source, "<state equations>", "exec"), scope)  # text of our own expressions
-    return scope
+    return compiled(source, {**FUNCTIONS, "empty": _empty})
 
 
 def _empty(x: Array, u: Array, p: Array, width: int) -> Array:

@@ -21,7 +21,7 @@ from flea_diag.core.calibration.promise import FalseAlarmPromise
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.observers.observer_noise import ObserverNoise
+from flea_diag.core.observers.observer_noise import PROCESS, ObserverNoise
 from flea_diag.core.residuals.leverage import CalibrationEnvelope, LeverageFit
 from flea_diag.core.residuals.parameters import (
     UNIT_PARAMETERS,
@@ -121,6 +121,7 @@ class Calibration(Frozen):
     def to_mapping(self) -> dict[str, Any]:
         """Plain mapping of numbers, strings and lists, as in a YAML file."""
         plain = {name: _plain(getattr(self, name)) for name in (f.name for f in fields(self))}
+        plain["observer_noise"] = self.observer_noise.to_mapping()
         for name in LATER_PARAMETERS:
             if not plain["parameters"][name]:
                 plain["parameters"].pop(name)  # so that a calibration without it keeps its digest
@@ -343,6 +344,13 @@ def _out_of_sample(value: Any) -> OutOfSample:
     return OutOfSample(recordings, alarms, largest, widening)
 
 
+def _observer_noise(value: Any) -> ObserverNoise:
+    levels = {_text(name): _within(level, LIKELY, name) for name, level in value.items()}
+    if odd := [name for name in PROCESS if name not in levels]:
+        raise ValueError(f"{odd[0]!r} is missing or unknown")
+    return ObserverNoise.of(levels)
+
+
 PARAMETER_RANGES: Mapping[str, tuple[float, float]] = {
     "force_constant_n_per_a": (1e-3, 1e6),
     "back_emf_v_s_per_m": (1e-3, 1e6),
@@ -385,7 +393,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "sensors": lambda value: tuple(SensorLimit.from_mapping(entry) for entry in _list(value)),
     "covariance": _covariance,
     "shifts": lambda value: tuple(MeanShiftLimit.from_mapping(entry) for entry in _list(value)),
-    "observer_noise": _numbers_of(ObserverNoise, {f.name: LIKELY for f in fields(ObserverNoise)}),
+    "observer_noise": _observer_noise,
     "actuator_sha256": _sha256,
     "out_of_sample": _out_of_sample,
     "envelope": _envelope,

@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import NominalRun
-from flea_diag.core.observers.observer_noise import ObserverNoise
+from flea_diag.core.observers.observer_noise import ObserverNoise, reading_key
 from flea_diag.core.observers.state_observer import StateObserver
-from flea_diag.core.residuals.channel_units import VOLTAGE
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
@@ -28,18 +27,6 @@ from flea_diag.errors import CalibrationError
 
 Array = npt.NDArray[np.float64]
 
-READINGS = {
-    "motor_current_a": "motor_current",
-    "motor_speed_rad_s": "motor_speed",
-    "actuator_position_m": "actuator_position",
-    "load_position_m": "load_position",
-    "motor_temperature_k": "motor_temperature",
-    "nut_temperature_k": "nut_temperature",
-}
-SEARCHED = {
-    "mean": ("voltage_v", "force_n", "motor_current_a", "motor_speed_rad_s"),
-    "instant_pwm": ("voltage_walk_v", "force_n", "motor_current_a"),
-}
 FACTORS = (2.0, math.sqrt(2.0))
 PIECES = 4
 PIECE_SCANS = 300
@@ -62,8 +49,9 @@ def fitted(
     CalibrationError
         No recording is long enough.
     """
-    pieces = _pieces(runs)
-    noise = replace(ObserverNoise(), **_read_off(runs, relations.residuals, period_s))
+    pieces, rows = _pieces(runs), relations.residuals
+    noise = _read_off(runs, rows, period_s)
+    searched = _searched(rows, voltage_sampling == "mean")
 
     @cache
     def cost(tried: ObserverNoise) -> float:
@@ -74,9 +62,9 @@ def fitted(
         improved = True
         while improved:
             improved = False
-            for name in SEARCHED[voltage_sampling]:
+            for name in searched:
                 for step in (factor, 1.0 / factor):
-                    tried = replace(noise, **{name: getattr(noise, name) * step})
+                    tried = noise.scaled(name, step)
                     if cost(tried) < best - 1e-3:
                         noise, best, improved = tried, cost(tried), True
                         break
@@ -95,29 +83,38 @@ def _pieces(runs: Sequence[NominalRun]) -> list[Array]:
     return [rows[at : at + PIECE_SCANS] for rows, at in zip(chosen, starts, strict=True)]
 
 
-def _read_off(runs: Sequence[NominalRun], rows: ResidualSet, period_s: float) -> dict[str, float]:
-    known = {field.name for field in fields(ObserverNoise)}
-    found = {}
-    for name, channel in READINGS.items():
-        if channel not in rows.index:
+def _searched(rows: ResidualSet, mean: bool) -> tuple[str, ...]:
+    """Levels that are fitted: the process, and readings that differ by more than their noise."""
+    channels = (rows.current, rows.encoder) if mean else (rows.current,)
+    keys = (reading_key(name, rows.units[name]) for name in channels if name in rows.observed)
+    return ("voltage_v" if mean else "voltage_walk_v", "force_n", *keys)
+
+
+def _read_off(runs: Sequence[NominalRun], rows: ResidualSet, period_s: float) -> ObserverNoise:
+    readings = []
+    for channel in rows.predicted:
+        if channel == rows.voltage:
             continue
         columns = [run.rows[:, rows.index[channel]] for run in runs]
         scatter = np.concatenate([np.abs(np.diff(column, 3)) for column in columns])
         scatter = scatter[np.isfinite(scatter)]
-        if len(scatter) and name in known:
+        level = rows.noise[channel]
+        if len(scatter):
             # Third differences of white noise have 20 times its variance.
-            found[name] = max(1.4826 * float(np.median(scatter)) / math.sqrt(20.0), 1e-9)
+            level = max(1.4826 * float(np.median(scatter)) / math.sqrt(20.0), 1e-9)
+        readings.append((reading_key(channel, rows.units[channel]), level))
+    noise = ObserverNoise(readings=tuple(readings))
     kernel = hann_kernels(31, period_s)[0]
     apart = [
         column[15:-15] - np.convolve(column, kernel, mode="valid")
-        for column in (run.rows[:, rows.index[VOLTAGE]] for run in runs)
+        for column in (run.rows[:, rows.index[rows.voltage]] for run in runs)
         if len(column) > 31
     ]
     voltage = np.concatenate(apart) if apart else np.empty(0)
     voltage = voltage[np.isfinite(voltage)]
     if len(voltage):
-        found["voltage_sample_v"] = max(float(voltage.std()), 1e-3)
-    return found
+        noise = replace(noise, voltage_sample_v=max(float(voltage.std()), 1e-3))
+    return noise
 
 
 def _cost(

@@ -196,6 +196,7 @@ def not_nominal(
     spread: Mapping[str, tuple[float, ...]],
     fitted: LimitFit,
     judged: Sequence[Trace] = (),
+    tolerance: UnitTolerance | None = None,
 ) -> dict[str, str]:
     """Recordings that limits learned from the others show not to be nominal, with the reason.
 
@@ -213,6 +214,7 @@ def not_nominal(
             false_alarms_per_hour,
             period_s,
             [folds[k] for k in left],
+            tolerance,
             spread=spread,
             judged=[judged[k] for k in left] if judged else (),
         )

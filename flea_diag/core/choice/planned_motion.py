@@ -24,7 +24,6 @@ from flea_diag.core.symbolic.expression import Function, evaluate, symbols
 Array = npt.NDArray[np.float64]
 
 SCAN_S = 0.01
-POSITION, LOAD = "actuator_position", "load_force"
 MIDDLE_M = 0.05
 ROOM_DEGC = 25.0
 
@@ -87,14 +86,15 @@ def signals(
 ) -> dict[str, Array]:
     """Parameters, and the signals that follow from position and load, shape as ``times_s``."""
     omega = 2.0 * math.pi / motion.period_s
-    rate = rate_symbol(POSITION)
+    position, load = relations.residuals.position, relations.residuals.load
+    rate = rate_symbol(position)
     known = {
         **asdict(p),
         **relations.reference,
-        POSITION: MIDDLE_M + motion.peak_m_s / omega * np.sin(omega * times_s),
+        position: MIDDLE_M + motion.peak_m_s / omega * np.sin(omega * times_s),
         rate: motion.peak_m_s * np.cos(omega * times_s),
         rate_symbol(rate): -motion.peak_m_s * omega * np.sin(omega * times_s),
-        LOAD: np.full(len(times_s), motion.load_n),
+        load: np.full(len(times_s), motion.load_n),
     }
     waiting = list(relations.relations)
     while waiting:

@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from flea_diag.core.conditions.arrival import LOOKS_BACK, arrived, still
 from flea_diag.core.conditions.contact import Contact, Signs, following, missing_force
-from flea_diag.core.residuals.channel_units import CURRENT
 from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
@@ -45,7 +44,7 @@ class EndOfTravel:
         rows = self._rows = known.residuals
         self._electrical, self._encoder = rows.column(rows.circuit), rows.channel(rows.encoder)
         self._drag = known.functions["drag"]
-        self._current = known.signals.index(CURRENT) if CURRENT in known.signals else None
+        self._current = known.signals.index(rows.current) if rows.current in known.signals else None
         self._tolerance, self._noise_v = tolerance, noise_v
         self._period_s, self._settle_s = period_s, settle_s
         self.contact = Contact.FREE

@@ -18,7 +18,6 @@ from flea_diag.core import backend as backends
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanShiftLimit
 from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS
-from flea_diag.core.residuals.channel_units import VOLTAGE
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.running_mean import summed_in_order
 
@@ -46,7 +45,7 @@ class MeanShiftTest:
         self._electrical, self._mechanical = map(known.column, (known.circuit, known.friction))
         # Not used for a drag that may come with a change of unit.
         self._circuit = set(known.of_relation(known.circuit))
-        self._need_voltage = set(known.needing(VOLTAGE))
+        self._need_voltage = set(known.needing(known.voltage))
         self._compiled = backends.chosen(backend) == "numba"
         self._change = np.zeros(len(tolerance))
         self._tolerance = np.array(tolerance)

@@ -33,14 +33,7 @@ from flea_diag.core.observers.observer_model import difference_jacobian
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.resampling_loops import exp_loops
 from flea_diag.core.observers.track_loops import TANH, TRACK, track_loops
-from flea_diag.core.residuals.driven_equations import (
-    CHANNELS,
-    CURRENT,
-    LOAD,
-    VOLTAGE,
-    DrivenEquations,
-    numbers,
-)
+from flea_diag.core.residuals.driven_equations import DrivenEquations, numbers
 from flea_diag.core.residuals.parameters import ActuatorParameters, as_record
 
 Array = npt.NDArray[np.float64]
@@ -51,8 +44,6 @@ STATES = (
     "speed_m_s",
     "position_m",
 )
-INPUTS = (VOLTAGE, LOAD)
-_CURRENT, _VOLTAGE = CHANNELS.index(CURRENT), CHANNELS.index(VOLTAGE)
 
 POSITION_WALK_M = 1.0e-6
 """Keeps a perfect integral of the speed from shutting out the position sensor."""
@@ -66,15 +57,25 @@ class DrivenModel(Frozen):
     parameters: ActuatorParameters
     period_s: float
     noise: ObserverNoise
+    sigmas: tuple[float, ...]
+    """Standard deviation of one reading of each channel; of the voltage as raw PWM."""
     pwm: bool
     """Voltage sampled as raw PWM, hence a measurement and no input."""
     winding_degc: float
     """Temperature at which the resistance is taken."""
 
     states = STATES
-    channels = CHANNELS
-    inputs = INPUTS
     linear = None
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Readings of the motion."""
+        return self.equations.channels.readings
+
+    @property
+    def inputs(self) -> tuple[str, str]:
+        """Voltage and load."""
+        return self.equations.channels.inputs
 
     def warmed(self, degc: float) -> DrivenModel:
         """The same at another winding temperature."""
@@ -83,42 +84,42 @@ class DrivenModel(Frozen):
     @cached_property
     def driving(self) -> npt.NDArray[np.bool_]:
         """Raw PWM stands for the input that is missing."""
-        return np.array([name == VOLTAGE and self.pwm for name in CHANNELS])
+        return np.array([name == self.inputs[0] and self.pwm for name in self.channels])
 
     @cached_property
     def absent(self) -> npt.NDArray[np.bool_]:
         """Channels that are never measured: no relation gives them, or they are inputs."""
-        given = self.equations.readings
-        return np.array([n not in given or (n == VOLTAGE and not self.pwm) for n in CHANNELS])
+        given, voltage = self.equations.readings, self.inputs[0]
+        return np.array([n not in given or (n == voltage and not self.pwm) for n in self.channels])
 
     @cached_property
     def _readings(self) -> Array:
-        """By voltage, mean speed, position, and without them; shape (5, 4)."""
+        """By voltage, mean speed, position, and without them; shape (channels, 4)."""
         made = self.equations.functions["readings"]
         return np.array(numbers(made, self.parameters, self.winding_degc))
 
     @cached_property
     def H(self) -> Array:
-        """Shape (5, 4); zero in the row of a channel that no relation gives."""
-        rows = np.zeros((len(CHANNELS), len(STATES)))
+        """Shape (channels, 4); zero in the row of a channel that no relation gives."""
+        rows = np.zeros((len(self.channels), len(STATES)))
         rows[:, (0, 1, 3)] = self._readings[:, :3]
         return rows
 
     @cached_property
     def D(self) -> Array:
         """Inputs act through the states alone."""
-        return np.zeros((len(CHANNELS), len(INPUTS)))
+        return np.zeros((len(self.channels), len(self.inputs)))
 
     @cached_property
     def h(self) -> Array:
-        """Offsets of the readings, shape (5,)."""
+        """Offsets of the readings, shape (channels,)."""
         offsets: Array = self._readings[:, 3]
         return offsets
 
     @cached_property
     def R(self) -> Array:
-        """Diagonal, shape (5, 5)."""
-        return np.diag(self.noise.readings() ** 2)
+        """Diagonal, shape (channels, channels)."""
+        return np.diag(np.array(self.sigmas) ** 2)
 
     @cached_property
     def _motion(self) -> tuple[list[float], list[float]]:
@@ -127,10 +128,18 @@ class DrivenModel(Frozen):
         pushes, command = numbers(made, self.parameters, self.winding_degc)
         return pushes.tolist(), command.tolist()
 
+    @property
+    def _current(self) -> list[float]:
+        """Coefficients of the current."""
+        found: list[float] = self._readings[
+            self.channels.index(self.equations.channels.current)
+        ].tolist()
+        return found
+
     @cached_property
     def coefficients(self) -> MotionCoefficients:
         """Of one scan."""
-        volt, speed, _, rest = self._readings[_CURRENT].tolist()
+        volt, speed, _, rest = self._current
         current, speed_itself, load, alone = self._motion[0]
         pushes = current, speed_itself, load, alone
         return MotionCoefficients.of((volt, speed, rest), pushes, self.period_s)
@@ -143,7 +152,7 @@ class DrivenModel(Frozen):
 
     def voltage_v(self, current_a: float) -> float:
         """Voltage of a current at rest."""
-        slope, _, _, rest = self._readings[_CURRENT].tolist()
+        slope, _, _, rest = self._current
         return float((current_a - rest) / slope)
 
     def position_m(self, readings: Array) -> float:

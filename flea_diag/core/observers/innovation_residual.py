@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.observers.driven_model import STATES
-from flea_diag.core.observers.observer_block import ALL, Innovations
+from flea_diag.core.observers.observer_block import Innovations
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
@@ -47,28 +47,28 @@ def normalised(told: Innovations, tested: tuple[int, ...]) -> Array:
 
 
 def output_loops(
-    innovations: tuple[Array, Counts, Flags], testable: Flags, frozen: bool, channels: Counts,
+    innovations: tuple[int, Array, Counts, Flags], testable: Flags, frozen: bool, channels: Counts,
     told: tuple[Array, Array, Array], values: Array,
 ) -> None:  # fmt: skip
     """Scan after scan into ``told``, estimates, sigmas and health, and into the residuals.
 
     ``channels`` are those reported, ``testable`` whether innovations may be tested.
     """
-    table, measured, lost = innovations
+    every, table, measured, lost = innovations
     estimates, sigmas, health = told
     for i in range(len(table)):
         row = table[i]
         for k in range(len(channels)):
-            sigma = row[2 * ALL + channels[k]]
+            sigma = row[2 * every + channels[k]]
             estimates[i, k] = row[channels[k]]
             sigmas[i, k] = math.nan if sigma == 0.0 else sigma
         health[i, 0], health[i, 1] = row[-1], row[-2] / max(measured[i], 1)
         health[i, 2] = lost[i] and not frozen
-        sign = math.copysign(1.0, row[3 * ALL + SPEED])
+        sign = math.copysign(1.0, row[3 * every + SPEED])
         for k in range(len(TESTED)):
-            sigma, found = row[2 * ALL + TESTED[k]], math.nan
+            sigma, found = row[2 * every + TESTED[k]], math.nan
             if testable[i] and not frozen and sigma > 0.0:
-                found = row[ALL + TESTED[k]] / sigma
+                found = row[every + TESTED[k]] / sigma
             values[i, FIRST + 2 * k] = found
             values[i, FIRST + 2 * k + 1] = found * sign
 

@@ -6,44 +6,55 @@ all later steps exist once, on ``Innovations``.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.observers.driven_model import INPUTS as DRIVEN_BY
 from flea_diag.core.observers.driven_model import STATES
 from flea_diag.core.observers.state_filter import Innovation
-from flea_diag.core.residuals.driven_equations import CHANNELS as MOVED
-from flea_diag.core.residuals.driven_equations import COMMAND as COMMANDED
-from flea_diag.core.residuals.driven_equations import HEATED
+from flea_diag.core.residuals.driven_equations import DrivenChannels
 from flea_diag.core.residuals.residual_rows import ResidualSet
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-PREDICTED = (*MOVED, *HEATED)
-"""Channels that the observer predicts, in the order of its innovations."""
 ABSURD = 1.0e6
 """No channel of a test stand reaches this value in SI units: not a measurement."""
-TEMPERATURES = (*HEATED, "ambient_temperature")
-"""Readings that heated stores may exchange heat with, those of their own first."""
+TOLD = 4
+"""Numbers told of each heated store: prediction, residual, sigma and estimate."""
 
 
-P, ALL = len(MOVED), len(PREDICTED)
-WARM = 3 * P + len(STATES) + 2
-"""Start of the temperatures in a raw row, after the filter's innovation."""
-RAW = WARM + 4 * len(HEATED)
-"""Length of a raw row; each temperature has prediction, residual, sigma and estimate."""
-_HEAT = WARM + 4 * np.arange(len(HEATED))
-ORDER = np.concatenate(
-    [
-        *(np.concatenate([part * P + np.arange(P), _HEAT + part]) for part in range(3)),
-        3 * P + np.arange(len(STATES)),
-        _HEAT + 3,
-        [WARM - 2, WARM - 1],
-    ]
-)
+class RowLayout(NamedTuple):
+    """Where rows of the observer hold what: first the filter's innovation, then heated stores.
+
+    ``motion`` and ``predicted`` are numbers of channels, ``warm`` the start of the stores in a raw
+    row and ``raw`` its length; ``order`` makes of a raw row that of an ``Innovation``.
+    """
+
+    motion: int
+    predicted: int
+    warm: int
+    raw: int
+    order: npt.NDArray[np.int64]
+
+
+@lru_cache(maxsize=8)
+def row_layout(motion: int, heated: int) -> RowLayout:
+    """For so many channels of the motion and heated stores."""
+    warm = 3 * motion + len(STATES) + 2
+    stores = warm + TOLD * np.arange(heated)
+    order = np.concatenate(
+        [
+            *(np.concatenate([k * motion + np.arange(motion), stores + k]) for k in range(3)),
+            3 * motion + np.arange(len(STATES)),
+            stores + 3,
+            [warm - 2, warm - 1],
+        ]
+    )
+    order.setflags(write=False)
+    return RowLayout(motion, motion + heated, warm, warm + TOLD * heated, order)
 
 
 class ReadingColumns(NamedTuple):
@@ -55,17 +66,17 @@ class ReadingColumns(NamedTuple):
     degc: tuple[int, ...]
 
     @classmethod
-    def of(cls, rows: ResidualSet) -> ReadingColumns:
+    def of(cls, rows: ResidualSet, by: DrivenChannels) -> ReadingColumns:
         """Of one stand."""
         motion, inputs, degc = (
-            tuple(map(rows.channel, names)) for names in (MOVED, DRIVEN_BY, TEMPERATURES)
+            tuple(map(rows.channel, names)) for names in (by.readings, by.inputs, by.around)
         )
-        return cls(motion, inputs, rows.channel(COMMANDED), degc)
+        return cls(motion, inputs, rows.channel(by.command), degc)
 
 
 def innovated_places(rows: ResidualSet) -> tuple[int, ...]:
-    """Places in ``PREDICTED`` of the channels whose innovations are tested."""
-    return tuple(PREDICTED.index(channel) for channel in rows.innovated)
+    """Places among what is predicted of the channels whose innovations are tested."""
+    return tuple(rows.predicted.index(channel) for channel in rows.innovated)
 
 
 def _taken(rows: Array, columns: tuple[int, ...]) -> Array:
@@ -78,8 +89,8 @@ def _taken(rows: Array, columns: tuple[int, ...]) -> Array:
 class Scans(NamedTuple):
     """Readings of n scans as the filter takes them, NaN = not measured.
 
-    ``u`` inputs, shape (n, 2); ``y`` measurements, shape (n, 5); ``held`` those of them that
-    count while frozen; ``degc`` motor, nut and ambient temperature, shape (n, 3).
+    ``u`` inputs, shape (n, 2); ``y`` measurements of the motion; ``held`` those of them that count
+    while frozen; ``degc`` of heated stores and what is around them; each of shape (n, channels).
     """
 
     u: Array
@@ -88,10 +99,11 @@ class Scans(NamedTuple):
     degc: Array
 
     @classmethod
-    def empty(cls, count: int) -> Scans:
+    def empty(cls, count: int, columns: ReadingColumns) -> Scans:
         """Uninitialised arrays for ``count`` scans."""
-        y, held = np.empty((2, count, P))
-        return cls(np.empty((count, len(DRIVEN_BY))), y, held, np.empty((count, len(TEMPERATURES))))
+        y, held = np.empty((2, count, len(columns.motion)))
+        u, degc = (np.empty((count, len(part))) for part in (columns.inputs, columns.degc))
+        return cls(u, y, held, degc)
 
     @classmethod
     def read(
@@ -113,46 +125,49 @@ class Scans(NamedTuple):
 
 
 class Innovations(NamedTuple):
-    """``Innovation`` of n scans, a row of ``table`` each, for all of ``PREDICTED``."""
+    """``Innovation`` of n scans, a row of ``table`` each, for all ``channels`` predicted."""
 
+    channels: int
     table: Array
     measured: npt.NDArray[np.int64]
     diverged: Flags
 
     @classmethod
-    def joined(cls, raw: Array, measured: npt.NDArray[np.int64], diverged: Flags) -> Innovations:
-        """Motion and the independent temperatures in one, from raw rows; ``measured`` of motion."""
-        table = raw.take(ORDER, axis=1)
-        warmth = table[:, ALL + P : 2 * ALL] / table[:, 2 * ALL + P : 3 * ALL]
+    def joined(
+        cls, layout: RowLayout, raw: Array, measured: npt.NDArray[np.int64], diverged: Flags
+    ) -> Innovations:
+        """Motion and the independent stores in one, from raw rows; ``measured`` of motion."""
+        table, p, total = raw.take(layout.order, axis=1), layout.motion, layout.predicted
+        warmth = table[:, total + p : 2 * total] / table[:, 2 * total + p : 3 * total]
         seen = warmth == warmth
         warmth[~seen] = 0.0
         table[:, -2] += (warmth * warmth).sum(axis=1)
-        return cls(table, measured + seen.sum(axis=1), diverged)
+        return cls(total, table, measured + seen.sum(axis=1), diverged)
 
     def scan(self, number: int) -> Innovation:
         """Innovation of one scan."""
         measured, diverged = self.measured.item(number), self.diverged.item(number)
-        return Innovation(self.table[number], ALL, measured, diverged)
+        return Innovation(self.table[number], self.channels, measured, diverged)
 
     @property
     def predictions(self) -> Array:
         """Shape (n, channels)."""
-        return self.table[:, :ALL]
+        return self.table[:, : self.channels]
 
     @property
     def residuals(self) -> Array:
         """Shape (n, channels), NaN where nothing was measured."""
-        return self.table[:, ALL : 2 * ALL]
+        return self.table[:, self.channels : 2 * self.channels]
 
     @property
     def sigmas(self) -> Array:
         """Shape (n, channels), 0 where nothing was measured."""
-        return self.table[:, 2 * ALL : 3 * ALL]
+        return self.table[:, 2 * self.channels : 3 * self.channels]
 
     @property
     def means(self) -> Array:
-        """Estimated states after each scan: of motion, then temperatures; shape (n, 6)."""
-        return self.table[:, 3 * ALL : -2]
+        """Estimated states after each scan: of motion, then of heated stores."""
+        return self.table[:, 3 * self.channels : -2]
 
     @property
     def nis(self) -> Array:

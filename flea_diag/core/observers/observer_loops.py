@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.observers.observer_block import ABSURD, ALL, ORDER, P, ReadingColumns
+from flea_diag.core.observers.observer_block import ABSURD, ReadingColumns
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
@@ -52,14 +52,16 @@ def read_loops(
             degc[i, k] = sane_loops(rows[i], COLUMNS.degc[k])
 
 
-def join_loops(raw: Array, measured: Counts, table: Array) -> None:
-    """Rows of innovations from raw rows; the temperatures count as measured, too."""
+def join_loops(
+    raw: Array, measured: Counts, table: Array, motion: int, predicted: int, order: Counts
+) -> None:
+    """Rows of innovations from raw rows; what is in heated stores counts as measured, too."""
     for i in range(len(raw)):
-        for k in range(len(ORDER)):
-            table[i, k] = raw[i, ORDER[k]]
+        for k in range(len(order)):
+            table[i, k] = raw[i, order[k]]
         total = 0.0
-        for k in range(P, ALL):
-            warmth = table[i, ALL + k] / table[i, 2 * ALL + k]
+        for k in range(motion, predicted):
+            warmth = table[i, predicted + k] / table[i, 2 * predicted + k]
             if not math.isnan(warmth):
                 total += warmth * warmth
                 measured[i] += 1

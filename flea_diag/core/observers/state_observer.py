@@ -19,22 +19,19 @@ from flea_diag.core import backend as backends
 from flea_diag.core.observers.driven_model import STATES, DrivenModel, track_of
 from flea_diag.core.observers.kalman import KalmanFilter
 from flea_diag.core.observers.observer_block import (
-    ORDER,
-    PREDICTED,
-    RAW,
-    TEMPERATURES,
-    WARM,
+    TOLD,
     Innovations,
     ReadingColumns,
     Scans,
+    row_layout,
 )
 from flea_diag.core.observers.observer_loops import join_loops, read_of
-from flea_diag.core.observers.observer_noise import ObserverNoise
+from flea_diag.core.observers.observer_noise import ObserverNoise, reading_key
 from flea_diag.core.observers.particle_filter import ParticleFilter
 from flea_diag.core.observers.state_filter import Filter, Innovation
-from flea_diag.core.observers.thermal_filter import ESTIMATE, heat_loops, thermal_filter
+from flea_diag.core.observers.thermal_filter import ESTIMATE, EXCHANGE, heat_loops, thermal_filter
 from flea_diag.core.observers.track_loops import LOST, WARMED
-from flea_diag.core.residuals.driven_equations import HEATED, driven_equations
+from flea_diag.core.residuals.driven_equations import driven_equations
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.errors import ConfigurationError, shown
@@ -88,8 +85,6 @@ class StateObserver:
         A parameter out of its limits, by name.
     """
 
-    channels = PREDICTED
-
     def __init__(
         self,
         parameters: ActuatorParameters,
@@ -116,28 +111,39 @@ class StateObserver:
             raise ConfigurationError(f"period_s = {period_s}: must be above 0 s")
         noise = ObserverNoise() if noise is None else noise
         # What no sensor of this stand reads is predicted, too.
-        known = relations.every or relations
-        self._columns = ReadingColumns.of(relations.residuals)
-        self._stores = np.array(
-            [
-                thermal_filter(
-                    period_s,
-                    noise.temperature_walk_k,
-                    getattr(noise, f"{name}_k"),
-                    [known.exchange_rate(parameters, name, other) for other in TEMPERATURES],
-                )
-                for name in HEATED
-            ]
-        )
-        by = next(iter(known.predicted.values()), "")
-        self._winding = HEATED.index(by) if by in HEATED else -1
+        known, rows = relations.every or relations, relations.residuals
+        equations = driven_equations(known, rows)
+        by = equations.channels
+        self.channels = by.predicted
+        self._columns = ReadingColumns.of(rows, by)
+        self._layout = row_layout(len(by.readings), len(by.heated))
+        described = dict(noise.readings)
+        sigma = {
+            name: described.get(reading_key(name, rows.units[name]), rows.noise[name])
+            for name in by.predicted
+        }
+        stores = [row for row in known.predictions if row.channel in by.heated]
+        filters = [
+            thermal_filter(
+                period_s,
+                noise.temperature_walk_k,
+                sigma[row.channel],
+                [known.exchange_rate(parameters, row.name, other) for other in by.around],
+            )
+            for row in stores
+        ]
+        self._stores = np.array(filters).reshape(len(stores), EXCHANGE + len(by.around))
+        warm = next(iter(known.predicted.values()), "")
+        self._winding = next((k for k, row in enumerate(stores) if row.name == warm), -1)
         cold = next(iter(known.reference.values()), math.nan)
         self._generator = generator
         self._particles = particles
         self._kind = kind
         self.backend = "numpy" if kind == "kalman" else backends.chosen(backend)
         pwm = voltage_sampling == "instant_pwm"
-        self._model = DrivenModel(driven_equations(known), parameters, period_s, noise, pwm, cold)
+        sigma[by.voltage] = noise.voltage_sample_v
+        sigmas = tuple(sigma[name] for name in by.readings)
+        self._model = DrivenModel(equations, parameters, period_s, noise, sigmas, pwm, cold)
         self._compiled = self.backend == "numba" and kind == "optimal"
         self._filter: Filter | None = None
 
@@ -161,7 +167,7 @@ class StateObserver:
             Compare, but correct nothing.
         """
         scans, measured = self._read(rows)
-        raw, lost = np.empty((len(rows), RAW)), np.empty(len(rows), dtype=bool)
+        raw, lost = np.empty((len(rows), self._layout.raw)), np.empty(len(rows), dtype=bool)
         done = 0
         while done < len(rows):
             if self._compiled:
@@ -170,10 +176,11 @@ class StateObserver:
                 self._one(scans, done, frozen, raw[done], lost)
                 done += 1
         if not self._compiled:
-            return Innovations.joined(raw, measured, lost)
-        table = np.empty((len(rows), len(ORDER)))
-        backends.exact(join_loops)(raw, measured, table)
-        return Innovations(table, measured, lost)
+            return Innovations.joined(self._layout, raw, measured, lost)
+        motion, predicted, _, _, order = self._layout
+        table = np.empty((len(rows), len(order)))
+        backends.exact(join_loops)(raw, measured, table, motion, predicted, order)
+        return Innovations(predicted, table, measured, lost)
 
     def _read(self, rows: Array) -> tuple[Scans, npt.NDArray[np.int64]]:
         """Input of the filter, and the number of motion channels measured in each scan."""
@@ -182,7 +189,7 @@ class StateObserver:
         if not self._compiled:
             read = Scans.read(rows, self._columns, absent, command, driving)
             return read, np.isfinite(read.y).sum(axis=1)
-        scans, measured = Scans.empty(len(rows)), np.empty(len(rows), dtype=np.int64)
+        scans, measured = Scans.empty(len(rows), self._columns), np.empty(len(rows), dtype=np.int64)
         read_of(self._columns)(rows, absent, command, driving, tuple(scans), measured)
         return scans, measured
 
@@ -207,7 +214,7 @@ class StateObserver:
         lost[taken] = particles.diverged
         if not frozen:
             compared = [0] if begun else measured[taken].tolist()
-            lost[taken] = particles.watch(raw[taken, WARM - 2].tolist(), compared)
+            lost[taken] = particles.watch(raw[taken, self._layout.warm - 2].tolist(), compared)
         self._end(end)
         return first + done
 
@@ -225,17 +232,18 @@ class StateObserver:
         else:
             estimate.predict(scans.u[k])
         moved = estimate.update(scans.y[k], frozen=frozen)
-        raw[:WARM], lost[k] = moved.row, moved.diverged
+        warm = self._layout.warm
+        raw[:warm], lost[k] = moved.row, moved.diverged
         model = self._model
         estimated = (*moved.mean.tolist()[:2], model.winding_degc)
         flows = model.equations.functions["supplies"](model.parameters, estimated)
         readings = scans.degc[k].tolist()
         for j, store in enumerate(self._stores):
-            told = raw[WARM + 4 * j : WARM + 4 * (j + 1)]
+            told = raw[warm + TOLD * j : warm + TOLD * (j + 1)]
             heat_loops(store, readings, j, float(flows[j]), frozen, told)
         end = 0 if frozen or math.isfinite(moved.nis) else LOST
-        warm = self._winding >= 0 and abs(self._winding_degc - model.winding_degc) > WARMED_K
-        self._end(end | (WARMED if warm else 0))
+        changed = self._winding >= 0 and abs(self._winding_degc - model.winding_degc) > WARMED_K
+        self._end(end | (WARMED if changed else 0))
 
     @property
     def _winding_degc(self) -> float:
@@ -265,7 +273,8 @@ class StateObserver:
     def _started(self, y: Array, u: Array) -> Filter:
         """A filter at the first scan: the prior, corrected by the readings of that scan."""
         noise, sigma = self._model.noise, dict(START_SIGMA)
-        voltage = self._model.voltage_v(float(np.nan_to_num(y[0])))
+        current = self._model.channels.index(self._model.equations.channels.current)
+        voltage = self._model.voltage_v(float(np.nan_to_num(y[current])))
         position = self._model.position_m(y)
         if math.isnan(position):
             position, sigma["position_m"] = 0.0, UNKNOWN_POSITION_M

@@ -26,6 +26,7 @@ import numpy as np
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parity import channel_of, rate_symbol, time_derivative
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.symbolic.collect import divided, solved_for, terms_of
 from flea_diag.core.symbolic.expression import (
     ZERO,
@@ -39,19 +40,67 @@ from flea_diag.core.symbolic.expression import (
 from flea_diag.core.symbolic.generated import compiled, function_source
 from flea_diag.errors import ModelError
 
-VOLTAGE, LOAD, COMMAND = "motor_voltage", "load_force", "commanded_voltage"
-CURRENT, POSITION = "motor_current", "actuator_position"
-SPEED = rate_symbol(POSITION)
-ACCELERATION = rate_symbol(SPEED)
 
-CHANNELS = (CURRENT, VOLTAGE, "motor_speed", POSITION, "load_position")
-"""Readings of the motion, in the order of the model's measurements."""
-HEATED = ("motor_temperature", "nut_temperature")
-"""Readings of stores that the motion heats."""
-ALOFT = (VOLTAGE, SPEED, POSITION)
-"""What readings depend on, beside parameters."""
-PUSHED = (CURRENT, SPEED, LOAD)
-"""What the acceleration depends on, beside parameters and friction."""
+@dataclass(frozen=True)
+class DrivenChannels(Frozen):
+    """Which channels drive a model and which it predicts, by the description; empty: none.
+
+    Attributes
+    ----------
+    voltage, load
+        Inputs. Without its own reading the voltage is given by ``command``.
+    readings
+        Of the motion, in the order of the model's measurements.
+    position
+        The one that is a state of the model.
+    heated
+        Readings of stores that the motion heats.
+    around
+        Readings that these exchange heat with, their own first.
+    """
+
+    voltage: str
+    load: str
+    command: str
+    current: str
+    position: str
+    readings: tuple[str, ...]
+    heated: tuple[str, ...]
+    around: tuple[str, ...]
+
+    @classmethod
+    def of(cls, known: RelationSet, rows: ResidualSet) -> DrivenChannels:
+        """Of one stand."""
+        stores = [row for row in known.predictions if row.supply != ZERO or row.exchange]
+        heated = tuple(row.channel for row in stores)
+        around = tuple(dict.fromkeys((*heated, *(n for row in stores for n in row.exchange))))
+        driven = rows.voltage, rows.load, rows.command, rows.current, rows.position
+        return cls(*driven, rows.observed, heated, around)
+
+    @property
+    def inputs(self) -> tuple[str, str]:
+        """Voltage and load."""
+        return self.voltage, self.load
+
+    @property
+    def predicted(self) -> tuple[str, ...]:
+        """All that is predicted, in the order of every innovation."""
+        return self.readings + self.heated
+
+    @property
+    def speed(self) -> str:
+        """Rate of the position."""
+        return rate_symbol(self.position)
+
+    @property
+    def aloft(self) -> tuple[str, str, str]:
+        """What readings depend on, beside parameters."""
+        return self.voltage, self.speed, self.position
+
+    @property
+    def pushed(self) -> tuple[str, str, str]:
+        """What the acceleration depends on, beside parameters and friction."""
+        return self.current, self.speed, self.load
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +109,12 @@ class DrivenEquations(Frozen):
 
     Attributes
     ----------
+    channels
+        What drives the model, and what it predicts.
     readings
-        Channel -> expression in ``ALOFT``; without those that no relation gives.
+        Channel -> expression in ``aloft``; without those that no relation gives.
     acceleration
-        Of the position, in ``PUSHED``; ``friction`` apart.
+        Of the position, in ``pushed``; ``friction`` apart.
     friction
         The part of it with shapes, in speed and load.
     shapes
@@ -76,6 +127,7 @@ class DrivenEquations(Frozen):
         Signal of the winding's temperature; empty: no relation has it.
     """
 
+    channels: DrivenChannels
     readings: Mapping[str, Expression]
     acceleration: Expression
     friction: Expression
@@ -87,31 +139,33 @@ class DrivenEquations(Frozen):
     @cached_property
     def source(self) -> str:
         """Text of the generated functions of parameters and signals."""
-        rows = [self._coefficients(self.readings.get(name, ZERO), ALOFT) for name in CHANNELS]
-        current = {CURRENT: self.readings[CURRENT]}
-        heats = [substitute(self.supplies.get(name, ZERO), current) for name in HEATED]
+        by = self.channels
+        rows = [self._coefficients(self.readings.get(n, ZERO), by.aloft) for n in by.readings]
+        current = {by.current: self.readings[by.current]}
+        # With a last zero: numba knows no empty tuple of results.
+        heats = [*(substitute(self.supplies[name], current) for name in by.heated), ZERO]
         warm = (self.winding,)
         return "\n".join(
             (
                 function_source(
-                    "readings", f"{', '.join(CHANNELS)} by {', '.join(ALOFT)}, 1.", warm, rows
+                    "readings", f"{', '.join(by.readings)} by {', '.join(by.aloft)}, 1.", warm, rows
                 ),
                 function_source(
                     "motion",
-                    f"Acceleration by {', '.join(PUSHED)}, 1; voltage by {COMMAND}, 1.",
+                    f"Acceleration by {', '.join(by.pushed)}, 1; voltage by {by.command}, 1.",
                     warm,
                     [
-                        self._coefficients(self.acceleration, PUSHED),
-                        self._coefficients(self.command, (COMMAND,)),
+                        self._coefficients(self.acceleration, by.pushed),
+                        self._coefficients(self.command, (by.command,)),
                     ],
                 ),
                 function_source(
-                    "friction", "Acceleration.", (SPEED, LOAD), [self.friction], self.shapes
+                    "friction", "Acceleration.", by.pushed[1:], [self.friction], self.shapes
                 ),
                 function_source(
                     "supplies",
-                    f"Unit per second of {', '.join(HEATED)}.",
-                    (VOLTAGE, SPEED, *warm),
+                    f"Unit per second of {', '.join(by.heated)}.",
+                    (by.voltage, by.speed, *warm),
                     heats,
                     self.shapes,
                 ),
@@ -131,7 +185,7 @@ class DrivenEquations(Frozen):
 
 
 @lru_cache(maxsize=8)
-def driven_equations(known: RelationSet) -> DrivenEquations:
+def driven_equations(known: RelationSet, rows: ResidualSet) -> DrivenEquations:
     """Solve a set of relations for what each of them leaves open.
 
     Raises
@@ -139,32 +193,37 @@ def driven_equations(known: RelationSet) -> DrivenEquations:
     ModelError
         No relation gives current or acceleration, or one is not linear in what drives it.
     """
-    shapes, found = known.shapes, dict(_solved(known))
-    if CURRENT not in found or ACCELERATION not in found:
-        lost = CURRENT if CURRENT not in found else "acceleration"
+    by = DrivenChannels.of(known, rows)
+    acceleration = rate_symbol(by.speed)
+    shapes, found = known.shapes, dict(_solved(known, by))
+    if by.current not in found or acceleration not in found:
+        lost = by.current if by.current not in found else "acceleration"
         raise ModelError(
-            f"the state observer needs {CURRENT} and the acceleration of {POSITION} by relations, "
-            f"and none gives the {lost}: draw what is missing, or set state_observer to none"
+            f"the state observer needs {by.current or 'a motor current'} and the acceleration of "
+            f"{by.position or 'a position'} by relations, and none gives the "
+            f"{lost or 'current'}: draw what is missing, or set state_observer to none"
         )
-    speeds = {name: e for name, e in found.items() if set(symbols(e)) & {SPEED, ACCELERATION}}
+    speeds = {name: e for name, e in found.items() if set(symbols(e)) & {by.speed, acceleration}}
     drawn = {name: substitute(shape, speeds) for name, shape in shapes.items()}
     rubbing: list[Expression] = []
     pushing: list[Expression] = []
-    for term in terms_of(divided(found[ACCELERATION])):
+    for term in terms_of(divided(found[acceleration])):
         (rubbing if set(symbols(term)) & set(shapes) else pushing).append(term)
-    readings = {name: found[name] for name in CHANNELS if name in found}
-    readings |= {name: Variable(name) for name in (VOLTAGE, POSITION)}
+    readings = {name: found[name] for name in by.readings if name in found}
+    readings |= {name: Variable(name) for name in (by.voltage, by.position)}
+    moving = {name: e for name, e in speeds.items() if name != by.current}
     supplies = {
-        row.channel: substitute(row.supply, {n: e for n, e in speeds.items() if n != CURRENT})
+        row.channel: substitute(row.supply, moving)
         for row in known.predictions
-        if row.channel in HEATED
+        if row.channel in by.heated
     }
     made = DrivenEquations(
+        by,
         readings,
         total(pushing),
         total(rubbing),
         drawn,
-        found.get(COMMAND, ZERO),
+        found.get(by.command, ZERO),
         supplies,
         next((name for name in known.predicted if name in known.signals), ""),
     )
@@ -172,18 +231,18 @@ def driven_equations(known: RelationSet) -> DrivenEquations:
     return made
 
 
-def _solved(known: RelationSet) -> Iterator[tuple[str, Expression]]:
+def _solved(known: RelationSet, by: DrivenChannels) -> Iterator[tuple[str, Expression]]:
     """Quantity -> by what relation it is given, in an order in which each has all that it needs."""
-    given = {VOLTAGE, LOAD, POSITION, SPEED, *known.predicted, *known.shapes}
+    given = {by.voltage, by.load, by.position, by.speed, *known.predicted, *known.shapes}
     solved: dict[str, Expression] = {}
     left = list(known.relations)
     while left:
         for row in left:
             expression = substitute(row.expression, solved)
-            inside = set(symbols(expression)) & {*known.signals, ACCELERATION}
+            inside = set(symbols(expression)) & {*known.signals, rate_symbol(by.speed)}
             unknown = inside - given
-            if inside == {VOLTAGE, COMMAND}:
-                unknown = {VOLTAGE}
+            if inside == {by.voltage, by.command}:
+                unknown = {by.voltage}
             if len(unknown) == 1:
                 break
         else:
@@ -194,25 +253,26 @@ def _solved(known: RelationSet) -> Iterator[tuple[str, Expression]]:
         if given_by is None:
             continue
         solution = divided(given_by)
-        if name == VOLTAGE:
-            yield COMMAND, solution
+        if name == by.voltage:
+            yield by.command, solution
             continue
         yield name, solution
-        if name == CURRENT:
-            given.add(CURRENT)  # the acceleration keeps it: with no load cell it is the push
+        if name == by.current:
+            given.add(name)  # the acceleration keeps it: with no load cell it is the push
             continue
         solved[name] = solution
-        constants = frozenset(n for n in symbols(solution) if channel_of(n)[0] != POSITION)
+        constants = frozenset(n for n in symbols(solution) if channel_of(n)[0] != by.position)
         solved[rate_symbol(name)] = time_derivative(solution, constants)
 
 
 def _check(made: DrivenEquations) -> None:
+    by = made.channels
     for what, row, names in (
-        *((name, row, ALOFT) for name, row in made.readings.items()),
-        ("acceleration", made.acceleration, PUSHED),
+        *((name, row, by.aloft) for name, row in made.readings.items()),
+        ("acceleration", made.acceleration, by.pushed),
     ):
         for name in names:
-            odd = set(symbols(derivative(row, name))) & {*ALOFT, *PUSHED}
+            odd = set(symbols(derivative(row, name))) & {*by.aloft, *by.pushed}
             if odd:
                 raise ModelError(
                     f"the state observer needs {what} linear in {', '.join(names)}, but its slope"

@@ -20,7 +20,6 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.residuals.channel_units import CURRENT, VOLTAGE
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.symbolic.collect import collect
 from flea_diag.core.symbolic.expression import Expression, Variable, symbols
@@ -65,7 +64,7 @@ class LeverageBasis:
 
     def __init__(self, relations: RelationSet) -> None:
         left_out, rows_of = set(relations.predicted), relations.residuals
-        responses = {rows_of.friction: CURRENT, rows_of.circuit: VOLTAGE}
+        responses = {rows_of.friction: rows_of.current, rows_of.circuit: rows_of.voltage}
         self.names: dict[str, tuple[str, ...]] = {}
         rows: list[tuple[Expression, ...]] = []
         for name in relations.differing:

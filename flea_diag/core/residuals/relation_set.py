@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
 from flea_diag.core.bond_graph.base_parameters import in_base, rewritten_in
+from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parity import ParityRelation, parity_relation
 from flea_diag.core.residuals.prediction import Prediction, prediction
@@ -100,6 +101,8 @@ class RelationSet(Frozen):
         Base parameter in the relations -> the description's value.
     residuals
         Of the description, whatever sensors are fitted.
+    tolerances
+        Name -> by how much healthy units differ, where the description says so.
     """
 
     relations: tuple[CompiledRelation, ...]
@@ -119,6 +122,7 @@ class RelationSet(Frozen):
     stop: Stop = field(default_factory=Stop)
     described: Mapping[str, float] = field(default_factory=dict)
     residuals: ResidualSet = field(default_factory=lambda: ResidualSet({}, ()))
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -250,7 +254,8 @@ def relation_set(
         actuator.units,
         predictions,
         stop=stop_of(actuator, [row.name for row in rows]),
-        described=_described(actuator, held, rows),
+        described=_described(actuator, held, rows, shapes),
+        tolerances=actuator.tolerances,
     )
 
 
@@ -273,13 +278,17 @@ def _closed(
 
 
 def _described(
-    actuator: Actuator, held: Collection[str], rows: Iterable[CompiledRelation]
+    actuator: Actuator,
+    held: Collection[str],
+    rows: Iterable[CompiledRelation],
+    shapes: Iterable[Function],
 ) -> Mapping[str, float]:
-    """Values of those base parameters that a calibration holds and a relation reads.
+    """Values of those base parameters that a calibration holds and a relation or shape reads.
 
     And of the inductance: no recording shows it, so a calibration holds that of the data sheet.
     """
-    read = {name for row in rows for name in symbols(row.expression)} & set(held)
+    forms = (*(row.expression for row in rows), *shapes)
+    read = {name for form in forms for name in symbols(form)} & set(held)
     read.add("winding_inductance_h")
     values, base = actuator.graph.values(), actuator.base_parameters
     return {name: float(evaluate(base[name], values)) for name in base if name in read}

@@ -91,6 +91,18 @@ class ResidualSet(Frozen):
         Channels that read a displacement.
     encoder
         Channel of the shaft's speed; empty: none.
+    voltage, current
+        Channels of effort and flow of the motor circuit; empty: none.
+    load
+        Channel of the force or torque on the load side; empty: none.
+    command
+        Input that the voltage is held against; empty: none.
+    observed
+        Channels of the motion that the state observer predicts: circuit, encoder, positions.
+    heated
+        Channels of the stores that it follows besides.
+    noise
+        Channel -> standard deviation of one reading, by the description.
     friction
         Relation that holds the friction, and with it the direction of motion; empty: none.
     circuit
@@ -113,6 +125,13 @@ class ResidualSet(Frozen):
     innovated: tuple[str, ...] = ()
     positions: tuple[str, ...] = ()
     encoder: str = ""
+    voltage: str = ""
+    current: str = ""
+    load: str = ""
+    command: str = ""
+    observed: tuple[str, ...] = ()
+    heated: tuple[str, ...] = ()
+    noise: Mapping[str, float] = field(default_factory=dict)
     friction: str = ""
     circuit: str = ""
     zeros: Mapping[str, str] = field(default_factory=dict)
@@ -141,6 +160,11 @@ class ResidualSet(Frozen):
         tested = {row.name for row in self.sensor_rows}
         stepping = tuple(name for name in self.positions if name in tested)
         return SensorSymptoms(stepping, self.motion, self.twins, self.own)
+
+    @property
+    def predicted(self) -> tuple[str, ...]:
+        """Channels that the state observer predicts, in the order of its innovations."""
+        return self.observed + self.heated
 
     @property
     def position(self) -> str:

@@ -12,9 +12,8 @@ from dataclasses import replace
 
 from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
 from flea_diag.core.bond_graph.bond_graph import SOURCES
-from flea_diag.core.residuals.channel_units import UNITS, VOLTAGE
-from flea_diag.core.residuals.driven_equations import CHANNELS as OBSERVED
-from flea_diag.core.residuals.driven_equations import driven_equations
+from flea_diag.core.residuals.channel_units import UNITS
+from flea_diag.core.residuals.driven_equations import DrivenChannels, driven_equations
 from flea_diag.core.residuals.parity import channel_of
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
 from flea_diag.core.residuals.residual_rows import SPEED, Parity, ResidualRow, ResidualSet
@@ -25,6 +24,7 @@ from flea_diag.errors import ModelError
 
 DRIVEN = "driven"
 """Model whose inputs are measured: that of the state observer."""
+MECHANICAL = ("rotation", "translation")
 COMPILED = ("junction", "power", "difference")
 """Kinds of residuals that are parity relations."""
 
@@ -41,23 +41,27 @@ def residual_set(actuator: Actuator, known: RelationSet) -> ResidualSet:
     twins = tuple(r.name for r in rows if {r.channel, r.reference} <= motion - {""})
     friction = next((row.name for row in known.relations if DIRECTION in row.signals), "")
     circuit = next((row.name for row in rows if _is_circuit(actuator, row)), "")
-    innovated = _innovated(actuator, known)
-    return ResidualSet(
+    voltage, current = (_reads(actuator, kind, ("electrical",)) for kind in ("0", "1"))
+    made = ResidualSet(
         units,
         parities,
         predictions,
         tuple(_sensor_rows(units)),
-        tuple(row for channel in innovated for row in _innovation_rows(channel)),
-        innovated,
-        positions,
-        encoder,
-        friction,
-        circuit,
-        _zeros(known, {friction: "current_offset_a", circuit: "voltage_offset_v"}),
-        twins,
-        tuple(name for name in twins if actuator.residuals[name].channel == encoder),
-        dict(_own(actuator, [*(row.name for row in parities), *predictions])),
+        positions=positions,
+        encoder=encoder,
+        voltage=voltage,
+        current=current,
+        load=_reads(actuator, "0", MECHANICAL),
+        command=_command(actuator, rows, voltage),
+        noise={sensor.channel: sensor.noise for sensor in actuator.sensors.values()},
+        friction=friction,
+        circuit=circuit,
+        zeros=_zeros(known, {friction: "current_offset_a", circuit: "voltage_offset_v"}),
+        twins=twins,
+        of_one_speed=tuple(n for n in twins if actuator.residuals[n].channel == encoder),
+        own=dict(_own(actuator, [*(row.name for row in parities), *predictions])),
     )
+    return _observed(actuator, known, made)
 
 
 def relation_names(actuator: Actuator) -> tuple[str, ...]:
@@ -77,13 +81,23 @@ def relation_of(actuator: Actuator, spec: ResidualSpec) -> str:
 
 def encoder_of(actuator: Actuator) -> str:
     """The sensor that reads a speed itself; empty: none."""
-    junctions = actuator.graph.elements
+    return _reads(actuator, "1", MECHANICAL)
+
+
+def _reads(actuator: Actuator, kind: str, domains: tuple[str, ...]) -> str:
+    """The first sensor of an effort (at "0") or a flow (at "1") itself; empty: none."""
     for sensor in actuator.sensors.values():
         if sensor.at and not sensor.integrates:
-            place = junctions[sensor.at]
-            if place.kind == "1" and place.domain in ("rotation", "translation"):
+            place = actuator.graph.elements[sensor.at]
+            if place.kind == kind and place.domain in domains:
                 return sensor.channel
     return ""
+
+
+def _command(actuator: Actuator, rows: list[ResidualSpec], voltage: str) -> str:
+    """The input that a difference holds the voltage against; empty: none."""
+    held = (row.reference for row in rows if row.kind == "difference" and row.channel == voltage)
+    return next((name for name in held if name in actuator.inputs), "")
 
 
 def _bare(spec: ResidualSpec) -> ResidualSpec:
@@ -163,25 +177,39 @@ def _sensor_rows(units: Mapping[str, str]) -> Iterator[ResidualRow]:
             yield ResidualRow(name, "1", (channel,), "sensor", (1,))
 
 
-def _innovated(actuator: Actuator, known: RelationSet) -> tuple[str, ...]:
-    """Channels of the motion that the state observer predicts, as the description names them.
+def _observed(actuator: Actuator, known: RelationSet, rows: ResidualSet) -> ResidualSet:
+    """The same with what the state observer predicts, and the innovations that are tested.
 
-    Not one that the model moves to another junction: its prediction rests on a rigid coupling.
+    Not those of a channel that the model moves to another junction: its prediction rests on a rigid
+    coupling.
     """
     view = actuator.views.get(DRIVEN)
     specs = [s for s in actuator.residuals.values() if s.kind == "measurement"]
-    names = [s.channel for s in specs if s.model == DRIVEN and s.channel in OBSERVED]
-    if view is None or not names or not set(view.measured) <= set(actuator.sensors):
-        return ()
+    named = [s.channel for s in specs if s.model == DRIVEN]
+    reads = (rows.current, rows.voltage, rows.encoder, *rows.positions)
+    rows = replace(rows, observed=tuple(name for name in reads if name))
+    if view is None or not set(view.measured) <= set(actuator.sensors):
+        return replace(rows, observed=())
     try:
-        driven_equations(known)
+        given = driven_equations(known, rows).readings
     except ModelError:
-        return ()
-    return tuple(name for name in names if name not in (*view.moved, *view.measured))
+        return replace(rows, observed=())
+    observed = tuple(name for name in rows.observed if name in given)
+    tested = (n for n in named if n in observed and n not in (*view.moved, *view.measured))
+    innovated = tuple(tested)
+    pairs = (row for name in innovated for row in _innovation_rows(name, rows.voltage))
+    heated = DrivenChannels.of(known, rows).heated
+    return replace(
+        rows,
+        observed=observed,
+        heated=heated,
+        innovated=innovated,
+        innovation_rows=tuple(pairs),
+    )
 
 
-def _innovation_rows(channel: str) -> tuple[ResidualRow, ResidualRow]:
-    needs = (channel, VOLTAGE, SPEED)
+def _innovation_rows(channel: str, voltage: str) -> tuple[ResidualRow, ResidualRow]:
+    needs = (channel, voltage, SPEED)
     raw = ResidualRow(f"innovation_{channel}", "1", needs, "moving", isolates=False)
     return raw, replace(raw, name=f"{raw.name}_dn")
 

@@ -1,15 +1,15 @@
 """Python functions generated from expressions: ``name(p, x)`` of parameters and signals.
 
 ``p`` has the parameters as attributes (a dataclass, or a record for numba), ``x`` is any sequence
-of signals: numbers of one scan, or columns of many. numba compiles the same source. It is kept in
-memory under the name of its digest, where tracebacks and profilers find its lines.
+of signals: numbers of one scan, or columns of many. numba compiles the same source. Tracebacks and
+profilers find its lines in the file that a keeper names, or without one in memory.
 """
 
 from __future__ import annotations
 
 import hashlib
 import linecache
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import FunctionType, MappingProxyType
 from typing import Any
 
@@ -20,6 +20,8 @@ SCOPE = {"fabs": abs, "__builtins__": {}}
 
 Others, such as tanh, numpy and the mathematics library round differently."""
 
+Keeper = Callable[[str, str], str]
+"""Takes digest and text of a source, and returns the name of the file that now holds it."""
 Results = Sequence[Expression] | Sequence[Sequence[Expression]]
 
 
@@ -54,6 +56,22 @@ def _entry(result: Expression | Sequence[Expression]) -> str:
     return "(" + " ".join(f"{_entry(expression)}," for expression in result) + ")"
 
 
+def in_memory(digest: str, source: str) -> str:
+    """The keeper without files."""
+    place = f"<generated {digest}>"
+    # Without a modification time the entry stays in the cache.
+    linecache.cache[place] = (len(source), None, source.splitlines(keepends=True), place)
+    return place
+
+
+_keepers: list[Keeper] = [in_memory]
+
+
+def keep_with(keeper: Keeper) -> None:
+    """Have this keeper name the files of all generated code."""
+    _keepers[:] = [keeper]
+
+
 def compiled(
     source: str, known: Mapping[str, Any] = MappingProxyType({})
 ) -> Mapping[str, FunctionType]:
@@ -61,10 +79,7 @@ def compiled(
 
     ``known`` are functions that it may call beside those of ``SCOPE``.
     """
-    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
-    place = f"<relations {digest}>"
-    # Without a modification time the entry stays in the cache.
-    linecache.cache[place] = (len(source), None, source.splitlines(keepends=True), place)
+    place = _keepers[0](hashlib.sha256(source.encode()).hexdigest(), source)
     scope: dict[str, Any] = {**SCOPE, **known}
     exec(compile(source, place, "exec"), scope)  # text of our own expressions
     own = (name for name in scope if name not in known)

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.residuals.channel_units import VOLTAGE
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.sensors.channel_loops import glance_loops
 from flea_diag.core.sensors.quality import BEYOND_BOUNDS, ChannelMonitor
@@ -49,7 +48,7 @@ class Channels:
         self, rows: ResidualSet, known: Collection[str], distrust: str, backend: str = "auto"
     ) -> None:
         self._index, self._width = rows.index, len(rows.channels)
-        self._voltage = rows.channel(VOLTAGE)
+        self._voltage = rows.channel(rows.voltage)
         self._compiled = backends.chosen(backend) == "numba"
         self._distrust = distrust
         self._monitors = {k: ChannelMonitor(n) for n, k in rows.index.items() if n in known}

@@ -18,7 +18,6 @@ from flea_diag.core.conditions.condition import NAMED
 from flea_diag.core.conditions.contact import LONGEST_S, Contact
 from flea_diag.core.conditions.end_of_travel import EndOfTravel
 from flea_diag.core.conditions.lingering import Lingering
-from flea_diag.core.residuals.channel_units import COMMAND
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
@@ -72,7 +71,7 @@ class ConditionWatch:
         c = calibration
         self._rows = relations.residuals
         limit = c.limit(self._rows.circuit)
-        self._commanded = self._rows.channel(COMMAND)
+        self._commanded = self._rows.channel(self._rows.command)
         self._stop = relations.stop
         self._columns = NAMED[END_OF_TRAVEL].columns(relations)
         self._travel = EndOfTravel(
@@ -99,7 +98,7 @@ class ConditionWatch:
         stop = self._stop.within(ranges)
         if stop != self._travel.stop:
             self._travel.use(stop)
-        self._range = ranges.get(COMMAND, self._range)
+        self._range = ranges.get(self._rows.command, self._range)
 
     def interrupt(self) -> None:
         """There is a gap before the next scan."""

@@ -15,8 +15,6 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.conditions.envelope_watch import EnvelopeWatch
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.likelihood.effect_set import EffectSet
-from flea_diag.core.observers.observer_block import PREDICTED
-from flea_diag.core.residuals.channel_units import COMMAND
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.smoothing import KERNEL_LENGTH
@@ -71,7 +69,7 @@ class ResidualStream:
     ) -> None:
         c, relations, known = calibration, effects.relations, effects.residuals
         self._sensor_columns = known.sensor_columns
-        self._is_predicted = np.array([name in PREDICTED for name in known.channels], dtype=bool)
+        self._is_predicted = np.isin(known.channels, known.predicted)
         self._p = c.parameters
         self._bank = ResidualBank(
             c.parameters,
@@ -81,7 +79,8 @@ class ResidualStream:
             backend=backend,
         )
         # The command corroborates the measured voltage, where the stand has it.
-        self._command = relations.signals.index(COMMAND) if COMMAND in relations.signals else None
+        signals, command = relations.signals, known.command
+        self._command = signals.index(command) if command in signals else None
         self._sensors = SensorValidation(known, c, backend)
         self._voltage = VoltageTrust(known, c.voltage_limit_v)
         self._estimate = estimate

@@ -16,9 +16,8 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.observers.innovation_residual import normalised, output_of
-from flea_diag.core.observers.observer_block import PREDICTED, Innovations, innovated_places
+from flea_diag.core.observers.observer_block import Innovations, innovated_places
 from flea_diag.core.observers.state_observer import StateObserver
-from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 
@@ -53,14 +52,15 @@ class StateEstimate:
     def __init__(
         self, calibration: Calibration, relations: RelationSet, kind: str, seed: int, backend: str
     ) -> None:
-        self._channels = tuple(name for name in PREDICTED if name in calibration.channels)
-        self._at = np.array([PREDICTED.index(name) for name in self._channels], dtype=int)
+        known = relations.residuals
+        predicted = known.predicted
+        self._channels = tuple(name for name in predicted if name in calibration.channels)
+        self._at = np.array([predicted.index(name) for name in self._channels], dtype=int)
         self._frozen = False
         self._compiled = backends.chosen(backend) == "numba"
         self._pwm = calibration.voltage_sampling == "instant_pwm"
         self._observer: StateObserver | None = None
-        known = relations.residuals
-        self._voltage, self._command = known.channel(VOLTAGE), known.channel(COMMAND)
+        self._voltage, self._command = known.channel(known.voltage), known.channel(known.command)
         self._innovated, self._columns = innovated_places(known), known.innovation_columns
         if kind != NONE and self._innovated:
             self._observer = StateObserver(

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.channel_units import VOLTAGE
 from flea_diag.core.residuals.plausibility import VoltagePlausibility
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 
@@ -38,7 +37,8 @@ class VoltageTrust:
     """Cross-check of the voltage against current and motion."""
 
     def __init__(self, known: ResidualSet, limit_v: float) -> None:
-        self._circuit, self.columns = known.column(known.circuit), known.needing(VOLTAGE)
+        self._circuit = known.column(known.circuit)
+        self.columns = known.needing(known.voltage)
         self._plausible = VoltagePlausibility(limit_v)
 
     @property

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from flea_diag.core.calibration.innovation_learning import ObserverStatistics
     from flea_diag.core.calibration.nominal_trace import Trace
     from flea_diag.core.calibration.thresholds import LimitFit
+    from flea_diag.core.residuals.parameters import UnitTolerance
     from flea_diag.core.residuals.relation_set import RelationSet
 
 NAME = "calibrate"
@@ -184,21 +185,22 @@ def _learn(
          for k, run in enumerate(runs)]
         for by in (lambda _: found, found.judging)
     )  # fmt: skip
-    innovations = _innovations(recordings, traces, found, relations)
+    tolerance = tolerance_of(found.parameters, relations)
+    innovations = _innovations(recordings, traces, found, relations, tolerance)
     traces, judged = (
         list(map(nominal_trace.with_innovations, part, innovations.residuals))
         for part in (traces, judged)
     )
     limits = thresholds.fit_limits(
-        traces, false_alarms_per_hour, period_s, folds, spread=innovations.spread, judged=judged
+        traces, false_alarms_per_hour, period_s, folds, tolerance, innovations.spread, judged
     )
     calibration = replace(
-        _calibration(name, recordings, found, traces, innovations, limits),
+        _calibration(name, recordings, found, traces, innovations, limits, tolerance),
         envelope=envelope_fit.envelope(traces, relations, limits.discrepancies()),
-        tolerance=tolerance_of(found.parameters, relations),
     )
+    spread = innovations.spread
     odd = thresholds.not_nominal(
-        traces, false_alarms_per_hour, period_s, folds, innovations.spread, limits, judged
+        traces, false_alarms_per_hour, period_s, folds, spread, limits, judged, tolerance
     )
     return CalibrationResult(calibration, tuple(traces), relations.signals, odd)
 
@@ -248,11 +250,11 @@ def _innovations(
     traces: Sequence[Trace],
     found: Identified,
     relations: RelationSet,
+    tolerance: UnitTolerance,
 ) -> ObserverStatistics:
     """Innovation residuals of the state observer, with its noise, from the usable voltage."""
     from flea_diag.core.calibration import innovation_learning
     from flea_diag.core.calibration.calibration import NominalRun
-    from flea_diag.core.residuals.parameters import UnitTolerance
 
     first = recordings[0]
     runs = [
@@ -263,7 +265,7 @@ def _innovations(
         runs,
         found.parameters,
         relations,
-        UnitTolerance(),
+        tolerance,
         first.period_s,
         first.sampling or "mean",
         [found.judging(k).parameters for k in range(len(runs))],
@@ -277,11 +279,11 @@ def _calibration(
     traces: Sequence[Trace],
     innovations: ObserverStatistics,
     limits: LimitFit,
+    tolerance: UnitTolerance,
 ) -> Calibration:
     """Calibration file content: identified parameters, and limits for the false-alarm rate."""
     from flea_diag.core.calibration import nominal_trace
     from flea_diag.core.calibration.calibration import Calibration
-    from flea_diag.core.residuals.parameters import UnitTolerance
     from flea_diag.core.sensors.sensor_limits import sensor_limits
 
     first, runs = recordings[0], [recording.run for recording in recordings]
@@ -295,7 +297,7 @@ def _calibration(
         parameters=found.parameters,
         sigmas=found.sigmas,
         not_identified=found.not_identified,
-        tolerance=UnitTolerance(),
+        tolerance=tolerance,
         limits=limits.limits(),
         false_alarms_per_hour=limits.rate_per_hour,
         voltage_limit_v=found.voltage_limit_v,
@@ -318,11 +320,9 @@ def _calibration(
 
 def _without_bad_voltage(run: NominalRun, trace: Trace) -> Any:
     """Rows with the voltage as NaN (not measured) where it failed its plausibility test."""
-    from flea_diag.core.residuals.channel_units import VOLTAGE
-
     rows = run.rows.copy()
-    if VOLTAGE in trace.rows.index:
-        rows[~trace.voltage_usable, trace.rows.index[VOLTAGE]] = float("nan")
+    if trace.rows.voltage:
+        rows[~trace.voltage_usable, trace.rows.channel(trace.rows.voltage)] = float("nan")
     return rows
 
 

@@ -54,9 +54,7 @@ def test_a_friction_below_0_counts_as_0_and_the_others_are_fitted_without_it(
     assert stepper.DRY_N - FALLING * 0.040 < drag_n < stepper.DRY_N
 
 
-def test_units_behind_a_drive_have_no_tolerance_of_a_dc_motor(
-    learned: Calibration, described: Path
-) -> None:
+def test_units_differ_by_what_their_description_says(learned: Calibration, described: Path) -> None:
     relations = compiled_relations(described, stepper.CHANNELS, has_encoder=False)
     parameters = replace(ActuatorParameters(), coulomb_friction_n=500.0, current_offset_a=0.4)
     found = tolerance_of(parameters, relations)
@@ -64,6 +62,13 @@ def test_units_behind_a_drive_have_no_tolerance_of_a_dc_motor(
     assert learned.tolerance.coulomb_friction_n == 0.01 * learned.parameters.coulomb_friction_n
 
 
-def test_a_motor_with_a_screw_keeps_its_tolerance() -> None:
+def test_a_tolerance_in_numbers_is_that_of_any_value() -> None:
     relations = compiled_relations("actuator.yaml")
     assert tolerance_of(ActuatorParameters(), relations) == UnitTolerance()
+
+
+def test_without_a_statement_it_is_a_tenth_of_the_value_or_three_noises_of_the_sensor() -> None:
+    relations = replace(compiled_relations("actuator.yaml"), tolerances={})
+    found = tolerance_of(ActuatorParameters(winding_resistance_ohm=0.5), relations)
+    assert found.winding_resistance_ohm == pytest.approx(0.05)
+    assert found.current_offset_a == pytest.approx(3.0 * 0.053)

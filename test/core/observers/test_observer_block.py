@@ -15,7 +15,7 @@ from support.observed import BACKENDS, HAVE_NUMBA, NOISE, P, recording
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core import backend as backends
-from flea_diag.core.observers.observer_block import ORDER, RAW, WARM, Innovations, Scans
+from flea_diag.core.observers.observer_block import Innovations, Scans, row_layout
 from flea_diag.core.observers.observer_loops import join_loops
 from flea_diag.core.observers.state_observer import StateObserver
 
@@ -24,6 +24,7 @@ FLEA = compiled_relations("actuator.yaml").residuals
 RELATIONS = compiled_relations("actuator.yaml")
 FILTERS = [*(("optimal", backend) for backend in BACKENDS), ("kalman", "numpy")]
 SCANS = 600
+LAYOUT = row_layout(5, 2)
 
 
 def observer(kind: str, backend: str, sampling: str = "mean") -> StateObserver:
@@ -105,11 +106,11 @@ def test_what_goes_in_and_out_has_the_same_bits_compiled(sampling):
     plain = Scans.read(rows, made._columns, made._model.absent, command, made._model.driving)
     assert [part.tobytes() for part in scans] == [part.tobytes() for part in plain]
     assert measured.tolist() == np.isfinite(plain.y).sum(axis=1).tolist()
-    raw = np.random.default_rng(4).standard_normal((300, RAW))
-    raw[::7, WARM + 1] = math.nan
-    lost, table = np.zeros(300, dtype=bool), np.empty((300, len(ORDER)))
-    joined = Innovations.joined(raw, measured[:300], lost)
-    backends.exact(join_loops)(raw, measured[:300], table)
+    raw = np.random.default_rng(4).standard_normal((300, LAYOUT.raw))
+    raw[::7, LAYOUT.warm + 1] = math.nan
+    lost, table = np.zeros(300, dtype=bool), np.empty((300, len(LAYOUT.order)))
+    joined = Innovations.joined(LAYOUT, raw, measured[:300], lost)
+    backends.exact(join_loops)(raw, measured[:300], table, 5, 7, LAYOUT.order)
     assert table.tobytes() == joined.table.tobytes()
     assert measured[:300].tolist() == joined.measured.tolist()
 

@@ -35,11 +35,12 @@ BACKENDS = ["numpy", *(["numba"] if HAVE_NUMBA else [])]
 
 
 RELATIONS = compiled_relations("actuator.yaml")
+SIGMAS = (0.26, 8.3, 1.0, 6e-5, 6e-5)
 
 
 def driven(pwm: bool = False, degc: float = 25.0) -> DrivenModel:
-    equations = driven_equations(RELATIONS)
-    return DrivenModel(equations, P, PERIOD, ObserverNoise(), pwm, degc)
+    equations = driven_equations(RELATIONS, RELATIONS.residuals)
+    return DrivenModel(equations, P, PERIOD, ObserverNoise(), SIGMAS, pwm, degc)
 
 
 def moved(backend: str, model: DrivenModel, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -121,8 +122,9 @@ def test_what_is_drawn_moves_as_what_was_written_by_hand(
     encoder: float, pwm: bool, degc: float
 ) -> None:
     p, noise = replace(P, encoder_m_per_rad=encoder), ObserverNoise()
-    equations = driven_equations(compiled_relations("actuator.yaml", None, bool(encoder)))
-    model = DrivenModel(equations, p, PERIOD, noise, pwm, degc)
+    known = compiled_relations("actuator.yaml", None, bool(encoder))
+    equations = driven_equations(known, known.residuals)
+    model = DrivenModel(equations, p, PERIOD, noise, SIGMAS, pwm, degc)
     rise = degc - 25.0
     for ours, wanted in zip((model.H, model.h), hand.readings(p, rise), strict=True):
         np.testing.assert_allclose(ours, wanted, rtol=1e-13, atol=1e-15)

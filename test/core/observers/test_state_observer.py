@@ -17,7 +17,6 @@ from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.identification import identify
 from flea_diag.core.calibration.noise_identification import fitted
-from flea_diag.core.observers.observer_block import PREDICTED
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.observers.thermal_filter import ESTIMATE, heat_loops, thermal_filter
@@ -30,7 +29,7 @@ from flea_diag.tools.recordings.flea_run import FleaRun
 ROWS = compiled_relations("actuator.yaml").residuals
 
 RELATIONS, SLOPE = (compiled_relations("actuator.yaml", None, has) for has in (True, False))
-AT = {name: k for k, name in enumerate(PREDICTED)}
+AT = {name: k for k, name in enumerate(ROWS.predicted)}
 
 
 def observer(backend: str = "numpy", **options: object) -> StateObserver:
@@ -276,10 +275,11 @@ def test_temperature_is_the_mean_of_its_readings_where_nothing_happens() -> None
 
 def test_noise_is_fitted_to_what_was_put_in() -> None:
     noise = fitted([NominalRun("nominal", recording(seed=1))], P, RELATIONS, 0.01, "mean")
-    assert noise.actuator_position_m == pytest.approx(6e-5, rel=0.1)
-    assert noise.motor_temperature_k == pytest.approx(0.57, rel=0.1)
+    readings = dict(noise.readings)
+    assert readings["actuator_position_m"] == pytest.approx(6e-5, rel=0.1)
+    assert readings["motor_temperature_k"] == pytest.approx(0.57, rel=0.1)
     # Searched in steps of the square root of two.
-    assert noise.motor_current_a == pytest.approx(0.053, rel=0.5)
+    assert readings["motor_current_a"] == pytest.approx(0.053, rel=0.5)
     assert noise.voltage_v == pytest.approx(0.2, rel=0.5)
     with pytest.raises(CalibrationError, match="300 scans"):
         fitted([NominalRun("short", recording()[:100])], P, RELATIONS, 0.01, "mean")
@@ -290,15 +290,17 @@ def test_a_shaft_that_runs_ahead_of_its_nut_counts_as_noise_of_the_speed() -> No
     ahead = recording(seed=3).copy()
     ahead[:, ROWS.index["motor_speed"]] += 10.0 * np.sin(0.4 * np.arange(len(ahead)))
     noise = fitted([NominalRun("lead", ahead)], P, RELATIONS, 0.01, "mean")
-    assert 4.0 < noise.motor_speed_rad_s < 12.0  # 10 / sqrt(2) and the 2 of the reading
+    readings = dict(noise.readings)
+    assert 4.0 < readings["motor_speed_rad_s"] < 12.0  # 10 / sqrt(2) and the 2 of the reading
 
 
 def test_gross_errors_do_not_shrink_the_fitted_noise() -> None:
     rough = recording(seed=2).copy()
     rough[::2, ROWS.index["load_force"]] += 4000.0  # as a load that jumps faster than the scans
     noise = fitted([NominalRun("rough", rough)], P, RELATIONS, 0.01, "mean")
+    readings = dict(noise.readings)
     assert noise.voltage_v > 0.02
-    assert noise.motor_current_a > 0.005
+    assert readings["motor_current_a"] > 0.005
 
 
 # --- real recordings ----------------------------------------------------------------------
@@ -339,8 +341,7 @@ def test_real_jam_shows_in_the_currents_residual_and_real_spall_does_not() -> No
     fresh = nominal[1::6]
     jam = [file for file in files if "_Jam_" in file.name][::3]
     spall = [file for file in files if "_Spall_" in file.name][::3]
-    drag = {
-        file: drag_shown(p, ObserverNoise(), real_rows(file)) for file in (*fresh, *jam, *spall)
-    }
+    noise = ObserverNoise(readings=(("motor_current_a", 0.26),))
+    drag = {file: drag_shown(p, noise, real_rows(file)) for file in (*fresh, *jam, *spall)}
     healthy = max(abs(drag[file]) for file in (*fresh, *spall))
     assert min(drag[file] for file in jam) > 1.3 * healthy, drag

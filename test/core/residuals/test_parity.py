@@ -49,7 +49,7 @@ def value(made: ParityRelation, channels: dict[str, float]) -> float:
 
 @pytest.fixture(scope="module")
 def flea() -> Actuator:
-    return actuator(load_yaml("actuator.yaml"))
+    return actuator(load_yaml("actuator.yaml")).with_parameters({"friction_smooth_speed": 3.0})
 
 
 @pytest.mark.parametrize("sensors", [ENCODER, FLEA], ids=["encoder", "position only"])

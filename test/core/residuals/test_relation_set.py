@@ -19,6 +19,7 @@ from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.knowledge import relations
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.bond_graph.actuator import actuator
+from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
 from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.residuals.relation_set import RelationSet, relation_set
@@ -233,7 +234,7 @@ def test_any_description_compiles(wing):
     """In its own parameters where it names no base parameters, with a shape for every width."""
     content = files.load_yaml(WING if wing else "actuator.yaml")
     if wing:
-        del content["base_parameters"]
+        del content["base_parameters"], content["tolerances"]
     model = actuator(content)
     rows = [row for row in model.residuals.values() if not row.predicts]
     names = [row.name for row in rows if not row.normalised]
@@ -277,7 +278,8 @@ def test_a_parameter_that_no_calibration_holds_keeps_the_description_s_value():
 def test_a_description_that_lacks_an_identified_parameter_is_refused(tmp_path):
     described = files.load_yaml("actuator.yaml")
     described["sensors"]["motor_current"].pop("offset")
-    described["base_parameters"].pop("current_offset_a")
+    for section in ("base_parameters", "tolerances"):
+        described[section].pop("current_offset_a")
     path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump(described))
     calibration = learned(load_stand())
@@ -290,3 +292,10 @@ def test_a_calibration_with_limits_of_what_the_description_lacks_is_refused():
     named = (replace(calibration.limits[0], name="parity_magic"), *calibration.limits[1:])
     with pytest.raises(ConfigurationError, match="limits of 'parity_magic', which is no residual"):
         relations(load_stand(), replace(calibration, limits=named))
+
+
+def test_noise_of_a_channel_that_nobody_knows_is_refused():
+    calibration = learned(load_stand())
+    noise = ObserverNoise.of(calibration.observer_noise.to_mapping() | {"motor_curent_a": 0.1})
+    with pytest.raises(ConfigurationError, match="observer_noise: 'motor_curent_a' is of no chann"):
+        relations(load_stand(), replace(calibration, observer_noise=noise))

@@ -91,6 +91,12 @@ DESCRIPTION: dict[str, Any] = {
             "unit": "W",
         },
     },
+    "tolerances": {
+        "coulomb_friction_n": "1 %",
+        "viscous_friction_n_s_per_m": "1 %",
+        "reflected_mass_kg": "1 %",
+        "current_offset_a": "1 %",
+    },
     "base_parameters": {
         "supply_voltage_v": "supply_voltage",
         "current_offset_a": "idle_current",

@@ -1,0 +1,58 @@
+"""By how much healthy units of one design differ in a parameter, as a description states it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+from flea_diag.core import schema
+from flea_diag.errors import ConfigurationError, shown
+
+LEAST = 1e-6
+"""A spread of 0 would make the differences of healthy units impossible."""
+_SHARE = re.compile(r"(\d+(?:\.\d+)?) ?%")
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """One standard deviation: a share of the value, or an amount in the parameter's unit."""
+
+    share: float = 0.0
+    amount: float = 0.0
+
+    def of(self, value: float) -> float:
+        """Standard deviation of a parameter with this value."""
+        return max(self.share * abs(value), self.amount, LEAST)
+
+
+def tolerances(content: Any, known: Collection[str], where: str) -> dict[str, Tolerance]:
+    """Name -> tolerance, as a description gives it: ``10 %`` of the value, or a number.
+
+    Raises
+    ------
+    ConfigurationError
+        A name is not among those known, or a tolerance is not above 0.
+    """
+    found = {}
+    for name, value in schema.rows(content, where).items():
+        if name not in known:
+            raise ConfigurationError(
+                f"{where}: {shown(name)} is no base parameter, known are {', '.join(known)}"
+            )
+        found[name] = _tolerance(value, f"{where}: {name}")
+    return found
+
+
+def _tolerance(value: Any, where: str) -> Tolerance:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    share = _SHARE.fullmatch(value) if isinstance(value, str) else None
+    if number and 0.0 < value < schema.LARGEST:
+        return Tolerance(amount=float(value))
+    if share and 0.0 < float(share[1]) <= 100.0:
+        return Tolerance(share=float(share[1]) / 100.0)
+    raise ConfigurationError(
+        f"{where} = {shown(value)} must be a share from above 0 to 100 such as '10 %', or one"
+        " standard deviation above 0 in the parameter's unit"
+    )

@@ -1,0 +1,36 @@
+"""Tolerances of healthy units, as a description states them."""
+
+from __future__ import annotations
+
+import pytest
+
+from flea_diag.core.bond_graph.tolerance import Tolerance, tolerances
+from flea_diag.errors import ConfigurationError
+
+KNOWN = ("winding_resistance_ohm", "voltage_offset_v")
+
+
+def test_a_share_is_of_the_value_and_a_number_is_an_amount() -> None:
+    found = tolerances(
+        {"winding_resistance_ohm": "2.5 %", "voltage_offset_v": 0.5}, KNOWN, "a.yaml"
+    )
+    assert found["winding_resistance_ohm"].of(-4.0) == pytest.approx(0.1)
+    assert found["voltage_offset_v"].of(0.0) == 0.5
+    assert Tolerance(share=0.1).of(0.0) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"lead": "5 %"}, "a.yaml: 'lead' is no base parameter, known are winding_resistance_ohm"),
+        ({"voltage_offset_v": 0.0}, "a.yaml: voltage_offset_v = 0.0 must be a share"),
+        ({"voltage_offset_v": "0 %"}, "voltage_offset_v = '0 %' must be a share"),
+        ({"voltage_offset_v": "120 %"}, "must be a share from above 0 to 100"),
+        ({"voltage_offset_v": "5 V"}, "voltage_offset_v = '5 V' must be a share"),
+        ({"voltage_offset_v": float("nan")}, "must be a share"),
+        ({"voltage_offset_v": True}, "must be a share"),
+    ],
+)
+def test_what_is_no_tolerance_is_refused(content: dict[str, object], said: str) -> None:
+    with pytest.raises(ConfigurationError, match=said):
+        tolerances(content, KNOWN, "a.yaml")
