@@ -13,31 +13,34 @@ affects all equally; results are medians over scans, on one core. The comparison
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+
 from summary import Figure, bench_parser, write_summary
+from support.models import linear_actuator
+from support.models.linear_actuator import START, sharpened, simulated
+from support.models.linear_model import LinearModel
 
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.configuration.files import load_yaml
-from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.observers.kalman import KalmanFilter
-from flea_diag.core.observers.observer_model import LinearModel, NoiseLevels, linear_model
 from flea_diag.core.observers.particle_filter import ParticleFilter
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.residuals.parameters import ActuatorParameters
 
 FLEA = compiled_relations("actuator.yaml").residuals
 
-PERIOD_S = 0.01
+PERIOD_S = linear_actuator.PERIOD
 STEPS = 1500
 SETTLE = 100
 BLOCK = 50
-START = np.diag([0.1, 1.0, 1e-8])
 HAVE_NUMBA = find_spec("numba") is not None
 HAVE_PROGPY = find_spec("progpy") is not None and find_spec("filterpy") is not None
 BACKENDS = ("numpy", "numba") if HAVE_NUMBA else ("numpy",)
@@ -51,38 +54,6 @@ def on_one_core() -> None:
     """Restrict to one core; matrices of this size do not benefit from threads."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-
-
-def ema() -> LinearModel:
-    """The actuator without Coulomb friction: linear, so the Kalman filter is optimal."""
-    frictionless = actuator(load_yaml("actuator.yaml")).with_parameters(
-        {"screw_coulomb_friction": 0.0}
-    )
-    space = frictionless.state_space("driven", ["motor_current", "actuator_position"])
-    noise = NoiseLevels(
-        channels={"motor_current": 0.053, "actuator_position": 6e-5},
-        inputs={"motor_voltage": 1.0, "load_force": 20.0},
-        rates={"i": 0.2, "omega": 10.0, "x_nut": 1e-4},
-    )
-    return linear_model(space, np.zeros(3), np.zeros(2), PERIOD_S, noise)
-
-
-def sharpened(model: LinearModel, factor: float) -> LinearModel:
-    """Model with sensor noise ``factor`` times smaller than the process noise of one scan."""
-    return replace(model, R=np.diag(np.diag(model.H @ model.Q @ model.H.T)) / factor**2)
-
-
-def simulated(model: LinearModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States, inputs and measurements, each (STEPS, ...)."""
-    draw, zero = np.random.default_rng(seed), np.zeros(3)
-    x, rows = draw.multivariate_normal(zero, START), []
-    for k in range(STEPS):
-        u = np.array([10.0 * np.sin(k / 30), 100.0 * np.cos(k / 50), 1.0])
-        x = model.A @ x + model.B @ u + draw.multivariate_normal(zero, model.Q)
-        y = model.H @ x + model.h + draw.multivariate_normal(np.zeros(2), model.R)
-        rows.append((x, u, y))
-    states, inputs, measurements = zip(*rows, strict=True)
-    return np.array(states), np.array(inputs), np.array(measurements)
 
 
 def ours(model: LinearModel, particles: int, proposal: str, backend: str) -> Rival:
@@ -197,7 +168,7 @@ def rivals(model: LinearModel) -> dict[str, Rival]:
 
 def compared(model: LinearModel, seed: int) -> dict[str, tuple[float, float]]:
     """Median time of a step in seconds and RMSE over Kalman's (root mean square of states)."""
-    X, U, Y = simulated(model, seed)
+    X, U, Y = simulated(model, STEPS, seed)
     field = rivals(model)
     times: dict[str, list[int]] = {name: [] for name in field}
     errors: dict[str, list[np.ndarray]] = {name: [] for name in field}
@@ -255,7 +226,7 @@ def main() -> None:
         print("no ratios against progpy: it is not installed (pip install progpy==1.9)")
     if not HAVE_NUMBA:
         print("no figures for numba: it is not installed (pip install 'flea_diag[numba]')")
-    plain = ema()
+    plain = linear_actuator.model()
     for title, model in (
         ("sensors as on the stand", plain),
         ("sensors five times better than the process noise", sharpened(plain, 5.0)),

@@ -29,7 +29,6 @@ from flea_diag.core.observers.motion_step import (
     put,
     put_loops,
 )
-from flea_diag.core.observers.observer_model import difference_jacobian
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.resampling_loops import exp_loops
 from flea_diag.core.observers.track_loops import TANH, TRACK, track_loops
@@ -200,6 +199,17 @@ class DrivenModel(Frozen):
     def jacobian(self, x: Array, u: Array) -> Array:
         """By central differences, (4, 4)."""
         return difference_jacobian(self.transition, x, u)
+
+
+def difference_jacobian(transition: Callable[[Array, Array], Array], x: Array, u: Array) -> Array:
+    """Partial derivatives of a transition by central differences, (n,) -> (n, n)."""
+    steps = 1e-6 * np.maximum(1.0, np.abs(x))
+    shifts = np.diag(steps)
+    both = x[:, None] + np.concatenate((shifts, -shifts), axis=1)
+    moved = transition(both, u)
+    n = len(x)
+    slopes: Array = (moved[:, :n] - moved[:, n:]) / (2.0 * steps)
+    return slopes
 
 
 @lru_cache(maxsize=8)

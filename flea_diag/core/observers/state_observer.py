@@ -31,9 +31,10 @@ from flea_diag.core.observers.particle_filter import ParticleFilter
 from flea_diag.core.observers.state_filter import Filter, Innovation
 from flea_diag.core.observers.thermal_filter import ESTIMATE, EXCHANGE, heat_loops, thermal_filter
 from flea_diag.core.observers.track_loops import LOST, WARMED
-from flea_diag.core.residuals.driven_equations import driven_equations
+from flea_diag.core.residuals.driven_equations import DrivenChannels, driven_equations
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.errors import ConfigurationError, shown
 
 Array = npt.NDArray[np.float64]
@@ -47,6 +48,16 @@ MEAN, LAST = STATES.index("mean_speed_m_s"), STATES.index("speed_m_s")
 UNKNOWN_POSITION_M = 0.1
 WARMED_K = 0.5
 """Change of the winding temperature at which the resistance is updated."""
+
+
+def _sigmas(noise: ObserverNoise, rows: ResidualSet, by: DrivenChannels) -> dict[str, float]:
+    """Channel -> standard deviation of one reading: learned, or as described."""
+    learned = dict(noise.readings)
+    found = {
+        name: learned.get(reading_key(name, rows.units[name]), rows.noise[name])
+        for name in by.predicted
+    }
+    return {**found, by.voltage: noise.voltage_sample_v}
 
 
 class StateObserver:
@@ -117,11 +128,7 @@ class StateObserver:
         self.channels = by.predicted
         self._columns = ReadingColumns.of(rows, by)
         self._layout = row_layout(len(by.readings), len(by.heated))
-        described = dict(noise.readings)
-        sigma = {
-            name: described.get(reading_key(name, rows.units[name]), rows.noise[name])
-            for name in by.predicted
-        }
+        sigma = _sigmas(noise, rows, by)
         stores = [row for row in known.predictions if row.channel in by.heated]
         filters = [
             thermal_filter(
@@ -141,7 +148,6 @@ class StateObserver:
         self._kind = kind
         self.backend = "numpy" if kind == "kalman" else backends.chosen(backend)
         pwm = voltage_sampling == "instant_pwm"
-        sigma[by.voltage] = noise.voltage_sample_v
         sigmas = tuple(sigma[name] for name in by.readings)
         self._model = DrivenModel(equations, parameters, period_s, noise, sigmas, pwm, cold)
         self._compiled = self.backend == "numba" and kind == "optimal"

@@ -9,8 +9,8 @@ from support.places import WING
 
 from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
-from flea_diag.core.bond_graph.discretisation import hold, phi_functions, process_noise, scan_step
-from flea_diag.core.bond_graph.state_space import Linear, StateSpace
+from flea_diag.core.bond_graph.discretisation import phi_functions
+from flea_diag.core.bond_graph.state_space import StateSpace
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, operating_values
 from flea_diag.errors import ModelError
 
@@ -105,23 +105,6 @@ def test_output_that_nothing_gives_is_named(flea: Actuator) -> None:
         flea.state_space("stand", ["torque"])
 
 
-def test_hold_of_one_lag_is_the_closed_form() -> None:
-    tau, gain = 0.004, 2.5
-    one = Linear(*(np.array([[v]]) for v in (-1 / tau, gain / tau, 1.0, 0.0)))
-    ad, bd = hold(one, PERIOD)
-    decay = np.exp(-PERIOD / tau)
-    assert ad[0, 0] == pytest.approx(decay, rel=1e-12)
-    assert bd[0, 0] == pytest.approx(gain * (1 - decay), rel=1e-12)
-    # Euler would have overshot: 1 - T/tau is -1.5.
-    assert abs(ad[0, 0]) < 1
-
-
-def test_noise_gathered_by_one_lag_is_the_closed_form() -> None:
-    rate, intensity = 250.0, 3.0
-    found = process_noise(np.array([[-rate]]), np.array([[intensity]]), PERIOD)
-    assert found[0, 0] == pytest.approx(intensity * (1 - np.exp(-2 * rate * PERIOD)) / (2 * rate))
-
-
 def test_phi_functions_of_a_number_and_of_zero() -> None:
     z = -2.5
     one, two = phi_functions(np.array([[z]]), 1.0)
@@ -131,83 +114,12 @@ def test_phi_functions_of_a_number_and_of_zero() -> None:
     assert (one[0, 0], two[0, 0]) == (1.0, 0.5)
 
 
-def fine(x: np.ndarray, u: dict[str, float], seconds: float, step: float = 2e-6) -> np.ndarray:
-    """Classical fourth-order Runge-Kutta on the hand-written equations."""
-    for _ in range(round(seconds / step)):
-        a = by_hand(x, u)
-        b = by_hand(x + step / 2 * a, u)
-        c = by_hand(x + step / 2 * b, u)
-        d = by_hand(x + step * c, u)
-        x = x + step / 6 * (a + 2 * b + 2 * c + d)
-    return x
-
-
-@pytest.mark.parametrize(
-    ("name", "start_speed", "volts", "substeps", "tolerance"),
-    [
-        ("cruise", 60.0, 9.0, None, 2e-3),
-        ("start from rest", 0.0, 6.0, None, 2e-3),
-        # The hardest scan: the friction torque turns round within it.
-        ("reversal", 20.0, -8.0, None, 3e-2),
-        ("reversal", 20.0, -8.0, 40, 1e-3),
-    ],
-)
-def test_one_scan_against_fine_integration(
-    flea: Actuator,
-    stand: StateSpace,
-    name: str,
-    start_speed: float,
-    volts: float,
-    substeps: int | None,
-    tolerance: float,
-) -> None:
-    """Through the whole motion of a scan: electrical 0.7 ms, mechanical 4 to 7 ms, friction."""
-    rho = P["screw_ratio"]
-    start = np.array([0.5, start_speed, 2e-5, rho * start_speed, 30, 28, 26, 0.05, 0.05])
-    given = {"commanded_voltage": volts, "commanded_load": 90.0, "ambient_temperature": 24.0}
-    values = operating_values(flea, QUADRANTS[0])
-    x = np.array([values[n] for n in stand.states])
-    u = np.array([values[n] for n in stand.inputs])
-    step = scan_step(stand, PERIOD, x, u, substeps)
-    order = [stand.states.index(s) for s in oracle.STATES]
-    ours = np.empty((1, 9))
-    ours[:, order] = start
-    found = step(ours, inputs(stand, **given))[0, order]
-    exact = fine(start, given, PERIOD, 1e-5)
-    scale = np.array([1, 60, 2e-5, 0.03, 1, 1, 1, 1e-3, 1e-3])
-    np.testing.assert_allclose((found - exact) / scale, 0.0, atol=tolerance, err_msg=name)
-
-
-def test_step_is_exact_where_the_model_is_linear(flea: Actuator) -> None:
-    model = flea.state_space("driven", ["motor_current", "motor_speed"])
-    values = operating_values(flea, QUADRANTS[0])
-    x = np.array([values[n] for n in model.states]) + np.array([0.3, 5.0])
-    u = np.array([values[n] for n in model.inputs])
-    step = scan_step(model, PERIOD, x, u, substeps=1)
-    linear = model.linearise(x, u)
-    ad, bd = hold(Linear(linear.a, model.derivatives(x, u)[:, None], linear.c, linear.d), PERIOD)
-    # At 60 rad/s the smooth sign is saturated, so the equations are linear there.
-    np.testing.assert_allclose(step(x[None], u)[0], x + bd[:, 0], rtol=1e-9)
-    assert np.all(np.abs(np.linalg.eigvals(ad)) < 1)
-
-
-def test_substeps_follow_the_stiffness_of_friction(flea: Actuator) -> None:
-    model = flea.state_space("driven")
-    values = operating_values(flea, QUADRANTS[0])
-    x = np.array([values[n] for n in model.states])
-    u = np.array([values[n] for n in model.inputs])
-    # Coulomb 0.02375 N m over 3 rad/s on 3.32e-5 kg m^2: 238 per second at standstill.
-    assert scan_step(model, PERIOD, x, u).substeps == 5
-    assert scan_step(model, PERIOD / 5, x, u).substeps == 1
-
-
 def test_second_actuator_goes_through_the_same_code() -> None:
     wing = actuator(load_yaml(WING))
     model = wing.state_space("driven")
     values = operating_values(wing, QUADRANTS[0])
     x = np.array([values[n] for n in model.states])
     u = np.array([values[n] for n in model.inputs])
-    after = scan_step(model, PERIOD, x, u)(x[None], u)[0]
-    moved = dict(zip(model.states, after - x, strict=True))
-    assert moved["i"] == pytest.approx(0.0, abs=1e-9)
-    assert moved["x_nut"] == pytest.approx(8.0e-4 * 0.25 * 120.0 * PERIOD)
+    rates = dict(zip(model.states, model.derivatives(x, u), strict=True))
+    assert rates["i"] == pytest.approx(0.0, abs=1e-6)
+    assert rates["x_nut"] == pytest.approx(8.0e-4 * 0.25 * 120.0)

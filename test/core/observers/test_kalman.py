@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 from support.models.linear_actuator import START, model, sharpened, simulated
+from support.models.linear_model import LinearModel
 
 from flea_diag.core.observers.kalman import KalmanFilter
-from flea_diag.core.observers.observer_model import LinearModel
 from flea_diag.core.observers.state_filter import LOST, ConsistencyMonitor
 
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.models.linear_actuator import START, model, sharpened, simulated
+from support.models.linear_model import LinearModel
 
 from flea_diag.core import backend as backends
 from flea_diag.core.observers.kalman import KalmanFilter
-from flea_diag.core.observers.observer_model import LinearModel
 from flea_diag.core.observers.particle_filter import ParticleFilter
 from flea_diag.core.observers.state_filter import Filter, Innovation
 from flea_diag.errors import ConfigurationError

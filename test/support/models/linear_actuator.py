@@ -8,7 +8,7 @@ import numpy as np
 
 from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import actuator
-from flea_diag.core.observers.observer_model import LinearModel, NoiseLevels, linear_model
+from support.models.linear_model import LinearModel, linear_model
 
 PERIOD = 0.01
 START = np.diag([0.1, 1.0, 1e-8])
@@ -18,12 +18,13 @@ def model() -> LinearModel:
     """Current (A), speed (rad/s, hidden) and position (m); current and position measured."""
     ema = actuator(load_yaml("actuator.yaml")).with_parameters({"screw_coulomb_friction": 0.0})
     space = ema.state_space("driven", ["motor_current", "actuator_position"])
-    noise = NoiseLevels(
+    return linear_model(
+        space,
+        PERIOD,
         channels={"motor_current": 0.053, "actuator_position": 6e-5},
         inputs={"motor_voltage": 1.0, "load_force": 20.0},
         rates={"i": 0.2, "omega": 10.0, "x_nut": 1e-4},
     )
-    return linear_model(space, np.zeros(3), np.zeros(2), PERIOD, noise)
 
 
 def sharpened(given: LinearModel, factor: float) -> LinearModel:

@@ -1,4 +1,4 @@
-"""Models of the observer against fine integration, steady states and the exact filter."""
+"""The driven model against fine integration, steady states and equations by hand."""
 
 from __future__ import annotations
 
@@ -12,20 +12,11 @@ from support.models import hand_driven_model as hand
 from support.models.linear_actuator import PERIOD
 
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.configuration.files import load_yaml
 from flea_diag.core import backend as backends
-from flea_diag.core.bond_graph.actuator import actuator
-from flea_diag.core.bond_graph.state_space import StateSpace
-from flea_diag.core.causal_graph.operating_point import QUADRANTS, operating_values
 from flea_diag.core.observers.driven_model import POSITION_WALK_M, DrivenModel, step_parts
-from flea_diag.core.observers.kalman import KalmanFilter
-from flea_diag.core.observers.observer_model import NoiseLevels, graph_model, linear_model
 from flea_diag.core.observers.observer_noise import ObserverNoise
-from flea_diag.core.observers.particle_filter import ParticleFilter
 from flea_diag.core.residuals.driven_equations import driven_equations
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.symbolic.expression import Variable, apply
-from flea_diag.errors import ConfigurationError
 
 P = ActuatorParameters(
     voltage_offset_v=1.5, current_offset_a=-0.3, load_friction_ratio=0.05, encoder_m_per_rad=5e-4
@@ -170,82 +161,3 @@ def test_warm_winding_carries_less_current() -> None:
     # Copper: 0.393 % per kelvin.
     assert 1.0 / warm.H[0, 0] == pytest.approx(2.95 * 1.1965)
     assert warm.voltage_v(1.7) == pytest.approx(1.5 + 2.95 * 1.1965 * 2.0)
-
-
-@pytest.fixture(scope="module")
-def ema() -> tuple[StateSpace, np.ndarray, np.ndarray]:
-    flea = actuator(load_yaml("actuator.yaml"))
-    space = flea.state_space("driven", ["motor_current", "motor_speed", "actuator_position"])
-    values = operating_values(flea, QUADRANTS[0])
-    x = np.array([values[name] for name in space.states])
-    u = np.array([values[name] for name in space.inputs])
-    return space, x, u
-
-
-NOISE = NoiseLevels(
-    channels={"motor_current": 0.05, "motor_speed": 0.5, "actuator_position": 6e-5},
-    inputs={"motor_voltage": 0.5, "load_force": 10.0},
-    rates={"x_nut": 1e-4, "i": 0.1},
-)
-
-
-def test_linear_model_holds_its_operating_point(
-    ema: tuple[StateSpace, np.ndarray, np.ndarray],
-) -> None:
-    space, x, u = ema
-    model = linear_model(space, x, u, PERIOD, NOISE)
-    still = model.transition(x[:, None], np.append(u, 1.0))[:, 0]
-    speed = dict(zip(space.states, x, strict=True))["omega"]
-    moved = dict(zip(space.states, still - x, strict=True))
-    assert moved["i"] == pytest.approx(0.0, abs=1e-9)
-    assert moved["x_nut"] == pytest.approx(5.0532e-4 * speed * PERIOD, rel=1e-9)
-    np.testing.assert_allclose(model.H @ x + model.h, space.measure(x, u), atol=1e-12)
-
-
-def test_graph_model_in_both_filters_tracks_its_own_equations(
-    ema: tuple[StateSpace, np.ndarray, np.ndarray],
-) -> None:
-    """Through two reversals; the truth is drawn from the model, the speed's sensor is off."""
-    space, x0, u0 = ema
-    model = graph_model(space, x0, u0, PERIOD, NOISE)
-    draw = np.random.default_rng(2)
-    x, start = np.zeros(3), np.diag([0.1, 1.0, 1e-4]) ** 2
-    particles = ParticleFilter(model, x, start, np.random.default_rng(0), backend="numpy")
-    kalman = KalmanFilter(model, x, start)
-    speed = space.states.index("omega")
-    errors = []
-    for k in range(300):
-        u = np.array([{"motor_voltage": 10 * math.sin(k / 40)}.get(n, 60.0) for n in space.inputs])
-        x = model.transition(x[:, None], u)[:, 0] + draw.multivariate_normal(np.zeros(3), model.Q)
-        y = model.H @ x + model.h + draw.normal(size=3) * np.sqrt(np.diag(model.R))
-        y[space.outputs.index("motor_speed")] = math.nan
-        for filtered in (particles, kalman):
-            filtered.predict(u)
-            filtered.update(y)
-        errors.append([particles.mean[speed] - x[speed], kalman.mean[speed] - x[speed]])
-    ours, linearised = np.sqrt(np.mean(np.square(errors), axis=0))
-    assert ours < 1.03 * linearised
-    assert ours < 4.0
-    assert not particles.diverged
-
-
-@pytest.mark.parametrize(
-    ("noise", "said"),
-    [
-        (replace(NOISE, channels={"motor_current": 0.05}), "'motor_speed' must be above 0"),
-        (replace(NOISE, inputs={"torque": 1.0}), "noise of input 'torque'"),
-        (replace(NOISE, rates={"y": 1.0}), "noise of state 'y'"),
-    ],
-)
-def test_noise_of_what_is_not_there_is_refused(
-    ema: tuple[StateSpace, np.ndarray, np.ndarray], noise: NoiseLevels, said: str
-) -> None:
-    with pytest.raises(ConfigurationError, match=said):
-        linear_model(*ema, PERIOD, noise)
-
-
-def test_measurement_that_is_not_linear_is_refused() -> None:
-    x = Variable("x")
-    space = StateSpace(("x",), (), ("y",), (), (x,), (apply("tanh", x),), {})
-    with pytest.raises(ConfigurationError, match="not linear"):
-        graph_model(space, np.zeros(1), np.zeros(0), PERIOD, NoiseLevels({"y": 1.0}))
