@@ -12,7 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
 from flea_diag.tools.calibrate import report as calibration_report
-from flea_diag.tools.calibrate.nominal_recording import NominalRecording, check_alike, read_nominal
+from flea_diag.tools.calibrate.nominal_recording import (
+    NominalRecording,
+    check_alike,
+    check_signs,
+    read_nominal,
+)
 from flea_diag.tools.extra import require
 from flea_diag.tools.stand_option import add_stand, chosen_stand
 from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_text
@@ -95,6 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
     stand = chosen_stand(arguments, "actuator")
     known = compiled_relations(stand.actuator).residuals
     recordings, refused = read_nominal(arguments.bags, known)
+    check_signs(recordings, known)
     found = learn(recordings, stand.actuator, arguments.false_alarms)
     calibration = found.calibration
     for row in calibration.left_out:

@@ -131,6 +131,32 @@ def _rows(channels: Sequence[str], values: Any, known: ResidualSet) -> Any:
     return rows
 
 
+def check_signs(recordings: Sequence[NominalRecording], known: ResidualSet) -> None:
+    """Refuse recordings whose signs the balance of power contradicts, all of them together.
+
+    Raises
+    ------
+    CalibrationError
+        Names the channel, the coefficient, its limit and the remedy.
+    """
+    import numpy as np
+
+    from flea_diag.core.calibration.sign_check import sign_contradiction
+
+    if not recordings:
+        return
+    present = [name for name in known.channels if name in recordings[0].channels]
+    rows = [r.run.rows[:, [known.index[name] for name in present]] for r in recordings]
+    gap = np.full((1, len(present)), np.nan)
+    values = np.concatenate([part for each in rows for part in (each, gap)])
+    units = {name: known.units[name] for name in present}
+    words = sign_contradiction(units, values, recordings[0].period_s)
+    if words:
+        raise CalibrationError(
+            f"{len(recordings)} recordings: {words} where they are imported, and import them again"
+        )
+
+
 def _check_units(bag: Path, table: ChannelTable, known: ResidualSet) -> None:
     """Refuse a channel in another unit; unlike for a diagnosis, one without a unit, too."""
     from flea_diag.core.residuals.channel_units import unit_refusal

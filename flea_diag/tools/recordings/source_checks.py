@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.calibration.sign_check import sign_contradiction
 from flea_diag.core.symbolic.converted_unit import CONVERTED
 from flea_diag.errors import RecordingError
-from flea_diag.tools.recordings.power_balance import sign_relations, turned
-from flea_diag.tools.recordings.signal_roles import roles_of
 from flea_diag.wire.records import Scan
 from flea_diag.wire.sources.mapping import ChannelMapping, SourceMapping
 
@@ -22,8 +21,6 @@ PIECE_S = 5.0
 """Length over which a rate is measured."""
 FEWEST = 10
 """Readings without which a rate is not measured."""
-CERTAIN = 8.0
-"""Coefficients of the balance of power count beyond so many standard errors."""
 
 
 def check_ranges(where: str, mapping: SourceMapping, scans: Sequence[Scan]) -> None:
@@ -110,36 +107,7 @@ def check_signs(where: str, mapping: SourceMapping, scans: Sequence[Scan]) -> No
         Names the channel whose sign, turned, would mend it, the coefficient, and its limit.
     """
     units = {row.channel: row.unit for row in mapping.channels}
-    words = sign_contradiction(units, np.array([scan.values for scan in scans]), mapping.period_ns)
+    values = np.array([scan.values for scan in scans])
+    words = sign_contradiction(units, values, 1e-9 * mapping.period_ns)
     if words:
         raise RecordingError(f"{where}: {words} in {mapping.where}")
-
-
-def sign_contradiction(
-    units: Mapping[str, str], values: npt.NDArray[np.float64], period_ns: int
-) -> str:
-    """What the balance of power says against the signs of channels; "" if nothing.
-
-    Parameters
-    ----------
-    units
-        SI unit of each channel, in the order of the columns.
-    values
-        Readings, shape (scans, channels), in SI.
-    period_ns
-        Time between two scans.
-    """
-    names, roles = list(units), roles_of(units)
-    signals = {role: values[:, names.index(name)] for role, name in roles.items()}
-    relations = [r for r in sign_relations(signals, 1e-9 * period_ns) if abs(r.certainty) > CERTAIN]
-    wrong = [relation for relation in relations if relation.slope < 0.0]
-    if not wrong:
-        return ""
-    worst = min(wrong, key=lambda relation: relation.certainty)
-    choices = [sorted(roles[role] for role in some) for some in turned(relations, list(roles))]
-    named = " or ".join(" and ".join(some) for some in choices if some)
-    return (
-        f"{named or roles[worst.one]}: {worst.meaning} is {worst.slope:.3g} "
-        f"({worst.certainty:.0f} standard errors), by the balance of power it must be above 0: "
-        "correct its sign"
-    )

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.calibration.power_balance import fitted, is_supply_current, rate_of, smoothed
 from flea_diag.core.symbolic.converted_unit import CONVERTED
-from flea_diag.tools.recordings.power_balance import fitted, is_supply_current, rate_of, smoothed
 from flea_diag.tools.stand_folder.channel_choice import ChosenChannel
 from flea_diag.tools.stand_folder.sign_choice import SignGuess, guessed_signs
 from flea_diag.tools.stand_folder.template import Template, fitting_template

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.tools.recordings.power_balance import (
+from flea_diag.core.calibration.power_balance import (
     POSITION,
     SignRelation,
     fitted,
     sign_relations,
     turned,
 )
-from flea_diag.tools.recordings.signal_roles import roles_of
+from flea_diag.core.calibration.sign_check import roles_of
 from flea_diag.tools.stand_folder.channel_choice import ChosenChannel
 
 Array = npt.NDArray[np.float64]

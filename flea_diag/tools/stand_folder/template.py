@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 from flea_diag.configuration.description import described
 from flea_diag.configuration.files import config_folders, load_yaml
 from flea_diag.configuration.stand import load_stand
+from flea_diag.core.calibration.power_balance import is_supply_current
 from flea_diag.core.schema import REQUIRED, Keys, read, texts
 from flea_diag.core.symbolic.expression import evaluate
 from flea_diag.errors import ConfigurationError, RecordingError, shown
 from flea_diag.formats import migrated
-from flea_diag.tools.recordings.power_balance import is_supply_current
 from flea_diag.tools.stand_folder.channel_choice import ChosenChannel, chosen_channels
 
 if TYPE_CHECKING:

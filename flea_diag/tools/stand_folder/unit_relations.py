@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.symbolic.converted_unit import CONVERTED
-from flea_diag.tools.recordings.power_balance import (
+from flea_diag.core.calibration.power_balance import (
     CURRENT,
     LOAD,
     VOLTAGE,
@@ -18,7 +17,8 @@ from flea_diag.tools.recordings.power_balance import (
     sign_relations,
     smoothed,
 )
-from flea_diag.tools.recordings.signal_roles import roles_of
+from flea_diag.core.calibration.sign_check import roles_of
+from flea_diag.core.symbolic.converted_unit import CONVERTED
 from flea_diag.tools.stand_folder.channel_choice import ChosenChannel
 from flea_diag.tools.stand_folder.series_words import COMMANDED, POSITION, SPEED, words_of
 from flea_diag.tools.stand_folder.unit_choice import UnitFactor, Units, factor_to_si
