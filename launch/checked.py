@@ -1,4 +1,4 @@
-"""What both launch files do: check every argument before a process starts, and end together.
+"""What all launch files do: check every argument before a process starts, and end together.
 
 Loaded by path, since a launch file may run in a Python that does not have our package. What a
 node refuses, its executable says itself (``--check``).
@@ -50,6 +50,10 @@ def _value(name, kind, text):
         if not math.isfinite(number):
             raise RuntimeError(f"{name}:={text} is not a finite number, write for example 5.0")
         return number
+    if kind is int:
+        if not text.isdecimal():
+            raise RuntimeError(f"{name}:={text} is not a whole number, write for example 2")
+        return int(text)
     return text
 
 
@@ -70,35 +74,40 @@ class Nodes:
     """The nodes of one launch, checked together and started together.
 
     ``needed`` of ``add`` are those without which there is nothing left to do: launch ends with
-    the first of them that ends. A node that fails ends launch with status 1 in any case.
+    the first of them that ends. A node that fails ends launch with status 1 in any case, but one
+    that is killed and noted with ``restart`` is started again.
     """
 
     def __init__(self, namespace):
         self._namespace = namespace
         self._rows = []
 
-    def add(self, executable, parameters, needed=True):
-        """Note a node with its parameters."""
-        self._rows.append((executable, parameters, needed))
+    def add(self, executable, parameters, needed=True, name=None, restart=False):
+        """Note a node with its parameters; ``name`` is that of the node, if not the usual one."""
+        self._rows.append((executable, parameters, needed, name, restart))
 
     def actions(self):
         """Check all nodes at once; the actions that start them."""
-        checks = [(name, _check(name, parameters)) for name, parameters, _ in self._rows]
+        checks = [(row[0], _check(*row[:2])) for row in self._rows]
         said = [check.communicate()[1].strip() for _, check in checks]
-        for (name, check), text, (_, parameters, _) in zip(checks, said, self._rows, strict=True):
+        for (name, check), text, (_, parameters, *_) in zip(checks, said, self._rows, strict=True):
             if check.returncode:
                 line = text.splitlines()[-1] if text else f"{name} cannot be checked"
                 raise RuntimeError(_named(line.removeprefix("flea_diag: "), parameters))
         return [self._node(*row) for row in self._rows]
 
-    def _node(self, executable, parameters, needed):
+    def _node(self, executable, parameters, needed, name, restart):
+        def again():
+            return self._node(executable, parameters, needed, name, restart)
+
         return Node(
             package=PACKAGE,
             executable=executable,
             namespace=self._namespace,
+            name=name,
             parameters=[parameters] if parameters else [],
             output="screen",
-            on_exit=_on_exit(executable, needed),
+            on_exit=_on_exit(executable, needed, again if restart else None),
         )
 
 
@@ -121,10 +130,12 @@ def _named(line, parameters):
     return line
 
 
-def _on_exit(executable, needed):
+def _on_exit(executable, needed, again):
     def ended(event, context):
         if context.is_shutdown:
             return None
+        if again and event.returncode < 0:
+            return [again()]
         if event.returncode:
             # Launch has no status of its own for this; it returns 1 after an exception, once all
             # other processes have ended.

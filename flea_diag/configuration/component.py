@@ -37,6 +37,21 @@ class Memory:
     )
 
 
+@dataclass(frozen=True)
+class Batch:
+    """How scans are taken together."""
+
+    batch_ms: int = parameter(
+        0,
+        "time for which scans are collected and then judged at once: same decisions for less CPU, "
+        "later by up to this; 0: each on arrival; 20 to 50 for many stands on one machine",
+        unit="ms",
+        minimum=0,
+        maximum=100,
+        read_only=True,
+    )
+
+
 P = TypeVar("P")
 
 
@@ -141,7 +156,7 @@ def _diagnoser(stand: Stand, values: Any) -> Pipeline:
 
 
 OBSERVER: Component[Any] = Component(
-    _joined("Observer", StandParameters, ObserverParameters), _observer
+    _joined("Observer", StandParameters, Batch, ObserverParameters), _observer
 )
 ISOLATOR: Component[Any] = Component(
     _joined("Isolator", StandParameters, IsolatorParameters), _isolator
@@ -154,6 +169,7 @@ DIAGNOSER: Component[Any] = Component(
         "Diagnoser",
         StandParameters,
         Memory,
+        Batch,
         ObserverParameters,
         IsolatorParameters,
         *(

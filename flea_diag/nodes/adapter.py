@@ -8,19 +8,23 @@ jump back (a looping replay). It uses a node through the bus and is none itself.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Protocol
 
 from flea_diag import __version__
 from flea_diag.nodes.compile_progress import CompileProgress
 from flea_diag.nodes.health import HealthReport
+from flea_diag.nodes.inbox import Inbox, Turns
 from flea_diag.nodes.malformed import with_malformed
 from flea_diag.nodes.record_log import RecordLog
 from flea_diag.nodes.stand_diagnostics import MIRRORED, mirrored
 from flea_diag.nodes.verdict import NumberedVerdict
 from flea_diag.nodes.verdict_memory import NONE, VerdictMemory
 from flea_diag.stages import Stage
+from flea_diag.stages.pipeline import Pipeline
+from flea_diag.wire.blocks import Block, ScanBlock
 from flea_diag.wire.bus import Bus, Program
 from flea_diag.wire.records import (
     AmbiguityGroup,
@@ -114,9 +118,10 @@ def stage_program(
     component: StageFactory,
     ports: StagePorts,
     examples: tuple[str, ...] = (),
+    shared: Turns | None = None,
 ) -> Program:
-    """Program of a node that runs one stage."""
-    begin_s = 0.0
+    """Program of a node that runs one stage; ``shared`` are the turns of its process's stands."""
+    begin_s = time.monotonic()
 
     def prepare(bus: Bus[Any], parameters: Any) -> None:
         nonlocal begin_s
@@ -126,8 +131,9 @@ def stage_program(
         component.warm_up(parameters, CompileProgress(bus.info))
 
     def start(bus: Bus[Any], parameters: Any) -> None:
-        memory = getattr(parameters, "memory", NONE)
-        Adapter(bus, component.build, parameters, ports, VerdictMemory(bus, memory))
+        memory = VerdictMemory(bus, getattr(parameters, "memory", NONE))
+        turns = shared or _own_turns(bus, parameters)
+        Adapter(bus, component.build, parameters, ports, memory, turns)
         topics = ", ".join(bus.full_name(kind) for kind in ports.subscribes)
         bus.info(f"ready after {time.monotonic() - begin_s:.1f} s, listening to {topics}")
 
@@ -142,6 +148,12 @@ def stage_program(
         prepare,
         component.check,
     )
+
+
+def _own_turns(bus: Bus[Any], parameters: Any) -> Turns | None:
+    """Turns of a node alone: none, each message is handled as it comes, unless in batches."""
+    batch_ms = getattr(parameters, "batch_ms", 0.0)
+    return Turns(bus, batch_ms) if batch_ms else None
 
 
 class Adapter:
@@ -160,6 +172,8 @@ class Adapter:
         Topics to advertise, and whether only the stand's own topics are subscribed to.
     memory
         Stored verdict, from which a restarted diagnosis resumes.
+    turns
+        Where messages wait for their turn; None: each is handled as it arrives.
     """
 
     def __init__(
@@ -169,11 +183,12 @@ class Adapter:
         parameters: Any,
         ports: StagePorts,
         memory: VerdictMemory,
+        turns: Turns | None = None,
     ) -> None:
         self._bus = bus
-        self._build = build
+        self._build = build if turns is None else lambda values: _pipeline(build(values))
         self._parameters = parameters
-        self._stage = build(parameters)
+        self._stage = self._build(parameters)
         self._verdict = NumberedVerdict()
         self._health = HealthReport(bus)
         self._log = RecordLog(bus)
@@ -190,9 +205,13 @@ class Adapter:
         if kept is not None:
             self._take(kept)
         bus.advertise(*ports.publishes, Health)
+        inbox = None if turns is None else Inbox(bus, turns, self._take, self._take_block)
         for record_type in self._stage.consumes:
             if record_type in SOURCES or not ports.sources_only:
-                bus.subscribe(record_type, self._take)
+                if inbox is None:
+                    bus.subscribe(record_type, self._take)
+                else:
+                    inbox.subscribe(record_type)
         if hasattr(self._stage, "reset"):
             bus.serve_trigger("~/reset", self._reset)
         bus.on_parameters(self._reconfigure)
@@ -205,6 +224,19 @@ class Adapter:
             if isinstance(due, SAID_ONCE):
                 self._said_once[type(due)] = due
             self._publish(self._stage.handle(due))
+
+    def _take_block(self, block: ScanBlock) -> bool:
+        """Handle scans at once; false, and nothing done, unless they go on where the last ended."""
+        stamps_ns = block.stamps_ns.tolist()
+        latest_ns = self._latest_ns.get(Scan, stamps_ns[0])
+        rising = all(a < b for a, b in pairwise((latest_ns - 1, *stamps_ns)))
+        if not isinstance(self._stage, Pipeline) or self._held or not rising:
+            return False
+        self._health.arrived(Scan, stamps_ns[0], late=False)
+        self._health.taken()
+        self._latest_ns[Scan] = stamps_ns[-1]
+        self._publish(tuple(_singly(self._stage.handle_block(block))))
+        return True
 
     def _publish(self, records: tuple[Record, ...]) -> None:
         for record in records:
@@ -332,3 +364,17 @@ class Adapter:
         for record in self._mirrored.values():
             self._bus.publish(mirrored(record, self._bus.name, self._bus.now_ns()))
         self._bus.publish(self._health.record())
+
+
+def _pipeline(stage: Stage) -> Pipeline:
+    """The stage as one that takes any block."""
+    return stage if isinstance(stage, Pipeline) else Pipeline((stage,))
+
+
+def _singly(caused: tuple[Record | Block, ...]) -> Iterator[Record]:
+    """Records one by one, as they are published."""
+    for each in caused:
+        if isinstance(each, Block):
+            yield from each.records()
+        else:
+            yield each

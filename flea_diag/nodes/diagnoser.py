@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from flea_diag.wire.bus import Program, run
 
+if TYPE_CHECKING:
+    from flea_diag.nodes.inbox import Turns
 
-def program() -> Program:
-    """Description of this node; its slow imports come after the signal handlers are installed."""
+
+def program(shared: Turns | None = None) -> Program:
+    """Description of this node; its slow imports come after the signal handlers are installed.
+
+    ``shared`` are the turns of a process with several stands.
+    """
     from flea_diag.configuration.component import DIAGNOSER
     from flea_diag.nodes.adapter import JUDGEMENTS, SOURCES, StagePorts, stage_program
     from flea_diag.wire import records as r
@@ -28,6 +35,7 @@ def program() -> Program:
             "ros2 run flea_diag diagnoser",
             "ros2 run flea_diag diagnoser --ros-args -r __ns:=/stand_2",
         ),
+        shared=shared,
     )
 
 

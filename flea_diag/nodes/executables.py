@@ -9,6 +9,7 @@ EXECUTABLES = {
     "diagnoser": "flea_diag.nodes.diagnoser",
     "extractor": "flea_diag.nodes.extractor",
     "fault_reporter": "flea_diag.nodes.operator.fault_reporter",
+    "fleet": "flea_diag.nodes.fleet.fleet",
     "isolator": "flea_diag.nodes.isolator",
     "observer": "flea_diag.nodes.observer",
     "player": "flea_diag.nodes.recording.player",

@@ -180,6 +180,7 @@ ARROWS = {
     },
     "flea_diag.nodes": {
         "": (),
+        "fleet": (),
         "operator": (),
         "recording": (),
         "run": ("operator",),

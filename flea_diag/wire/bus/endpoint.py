@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
@@ -77,6 +78,9 @@ class Bus(NodeLog, Generic[P]):
         self._hooks: defaultdict[str, list[Callable[[], None]]] = defaultdict(list)
         self.state = ACTIVE
         """State of the life cycle. Records and timers are served in ``active`` alone."""
+        self.on_failure: Callable[[Exception], None] | None = None
+        """Takes what a callback raises, in a process shared by several stands; without it the
+        program ends."""
         self.streams: dict[type, Subscription] = {}
         self.stand = node.get_namespace().strip("/") or "stand"
 
@@ -110,8 +114,36 @@ class Bus(NodeLog, Generic[P]):
 
     def end(self, error: FleaError | None = None) -> None:
         """End the program after this callback, with status 0, or 2 and the error as last line."""
-        if not self._finished.done():
+        if error is not None and self.on_failure is not None:
+            self.on_failure(error)
+        elif not self._finished.done():
             self._finished.set_result(error)
+
+    def soon(self, call: Callable[[], None]) -> None:
+        """Call once, after what the executor already has to do."""
+
+        def due() -> None:
+            try:
+                call()
+            except Exception as error:  # raised out of a task it would crash an EventsExecutor
+                if not self._finished.done():
+                    self._finished.set_exception(error)
+
+        self._executor.create_task(due)
+
+    def guarded(self, call: Callable[..., Any]) -> Callable[..., Any]:
+        """The same call, whose exceptions go to ``on_failure`` where that is set."""
+
+        def kept(*given: Any) -> Any:
+            try:
+                return call(*given)
+            except Exception as error:
+                if self.on_failure is None or not self.ok:
+                    raise
+                self.on_failure(error)
+                return None
+
+        return kept
 
     def full_name(self, record_type: type) -> str:
         """Topic name of a record type, with namespace and remapping applied."""
@@ -130,7 +162,7 @@ class Bus(NodeLog, Generic[P]):
 
     def on_parameters(self, apply: Callable[[P], None]) -> None:
         """Call ``apply`` with all parameters after a change of any of them."""
-        self._declared.on_change.append(apply)
+        self._declared.on_change.append(self.guarded(apply))
 
     # -- publishing
 
@@ -200,16 +232,8 @@ class Bus(NodeLog, Generic[P]):
             if not self.working:
                 return
             stream.received += 1
-            try:
+            with self.counted(stream):
                 take(data)
-            except WireError as error:
-                stream.malformed += 1
-                stream.kinds[error.kind] += 1
-                stream.malformed_ns = stream.malformed_ns or self.now_ns()
-                self.warn(f"{topic.name}: message skipped: {error}")
-            except InputError as error:
-                stream.refused += 1
-                self.warn(f"{topic.name}: record skipped: {error}")
 
         def lost(event: Any) -> None:
             stream.lost += event.total_count_change
@@ -220,13 +244,27 @@ class Bus(NodeLog, Generic[P]):
         self._node.create_subscription(
             codec.message_class(record_type),
             topic.name,
-            received,
+            self.guarded(received),
             _qos(topic, depth),
-            event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
+            event_callbacks=SubscriptionEventCallbacks(message_lost=self.guarded(lost)),
             qos_overriding_options=_overriding(),
             raw=True,
         )
         return stream
+
+    @contextmanager
+    def counted(self, stream: Subscription) -> Iterator[None]:
+        """Count and pass over a message that is malformed, or whose record is refused."""
+        try:
+            yield
+        except WireError as error:
+            stream.malformed += 1
+            stream.kinds[error.kind] += 1
+            stream.malformed_ns = stream.malformed_ns or self.now_ns()
+            self.warn(f"{stream.topic.name}: message skipped: {error}")
+        except InputError as error:
+            stream.refused += 1
+            self.warn(f"{stream.topic.name}: record skipped: {error}")
 
     def subscribe_foreign(self, topic: str, message: str, take: Callable[[Any], None]) -> None:
         """Call ``take`` with each message of a topic of any installed type, while active."""
@@ -257,15 +295,16 @@ class Bus(NodeLog, Generic[P]):
         from rclpy.clock import Clock, ClockType
 
         clock = Clock(clock_type=ClockType.STEADY_TIME)
-        return self._node.create_timer(seconds, call, clock=clock)
+        return self._node.create_timer(seconds, self.guarded(call), clock=clock)
 
     def serve_trigger(self, name: str, answer: Callable[[], str]) -> None:
         """Offer a std_srvs/Trigger service; ``answer`` executes it and returns its message."""
         from std_srvs.srv import Trigger
 
         def respond(_request: Any, response: Any) -> Any:
-            response.success = self.working
-            response.message = answer() if self.working else f"the node is {self.state}"
+            told = self.guarded(answer)() if self.working else None
+            response.success = told is not None
+            response.message = f"the node is {self.state}" if told is None else told
             return response
 
         self._node.create_service(Trigger, name, respond)

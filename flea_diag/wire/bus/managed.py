@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from flea_diag.errors import ConfigurationError, FleaError
@@ -59,11 +60,12 @@ class Managed:
         duties = {
             states.CONFIGURE: self._configure,
             states.ACTIVATE: lambda: bus.run_hooks(states.ACTIVATE),
-            states.DEACTIVATE: lambda: bus.run_hooks(states.DEACTIVATE),
+            states.DEACTIVATE: self._pause,
             states.CLEANUP: self._cleanup,
             states.SHUTDOWN: self._shut_down,
         }
-        self._life = LifeCycle(node, duties, self._entered)
+        kept = {transition: self._kept(duty) for transition, duty in duties.items()}
+        self._life = LifeCycle(node, kept, self._entered)
         self._own = self._entities()
 
     @property
@@ -81,6 +83,40 @@ class Managed:
         self._worker = threading.Thread(target=self._prepare, name="prepare", daemon=True)
         self._worker.start()
         self._watch = self._bus.always(LOOK_S, self._look)
+
+    def change(self, transition: str) -> None:
+        """Make a whole transition.
+
+        Raises
+        ------
+        FleaError
+            The transition failed; the node is in its previous state.
+        """
+        self._life.change(transition)
+
+    def set_aside(self) -> None:
+        """Deactivate and clean up after a failure, whatever else fails meanwhile."""
+        for transition, duty in ((states.DEACTIVATE, self._pause), (states.CLEANUP, self._withdraw)):
+            self._life.begin(transition)
+            with suppress(Exception):
+                duty()
+            self._life.end(success=True)
+
+    def _pause(self) -> None:
+        self._bus.run_hooks(states.DEACTIVATE)
+
+    def _kept(self, duty: Callable[[], None]) -> Callable[[], None]:
+        """A duty whose unexpected failure, among other nodes in the process, fails it alone."""
+
+        def done() -> None:
+            try:
+                duty()
+            except Exception as error:
+                if isinstance(error, FleaError) or self._bus.on_failure is None:
+                    raise
+                raise ConfigurationError(f"{type(error).__name__}: {error}") from error
+
+        return done
 
     def close(self) -> None:
         """Close what the program has open; without effect when nothing is."""

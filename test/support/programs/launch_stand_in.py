@@ -67,6 +67,7 @@ class Node:
     parameters: list[dict[str, Any]]
     output: str
     on_exit: Callable[[Exited, Context], list[Any] | None]
+    name: str | None = None
     process: subprocess.Popen[bytes] | None = None
     ended: int = -1
     """Descriptor that becomes readable when the process ends."""
@@ -75,8 +76,9 @@ class Node:
         """Start the executable as ``ros2 run`` finds it, with its parameters in a file."""
         place = Path(get_package_prefix(self.package), "lib", self.package, self.executable)
         arguments = ["-r", f"__ns:=/{self.namespace}"] if self.namespace else []
+        arguments += ["-r", f"__node:={self.name}"] if self.name else []
         for number, parameters in enumerate(self.parameters):
-            path = folder / f"{self.executable}_{number}.yaml"
+            path = folder / f"{self.name or self.executable}_{number}.yaml"
             path.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}), "utf-8")
             arguments += ["--params-file", str(path)]
         command = [str(place), "--ros-args", *arguments]
@@ -163,11 +165,15 @@ class LaunchService:
             return
         self._running.remove(node)
         os.close(node.ended)
+        self._nodes.clear()
         say("INFO" if not status else "ERROR", f"{node.executable}: ended with code {status}")
         try:
             self._visit(node.on_exit(Exited(node.executable, status), self._context) or [])
         except Exception as error:
             self._caught(error)
+        for fresh in self._nodes:
+            fresh.start(self._folder)
+            self._running.append(fresh)
 
     def _caught(self, error: Exception) -> None:
         say("ERROR", f"Caught exception in launch (see debug for traceback): {error}")

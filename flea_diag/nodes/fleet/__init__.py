@@ -1,0 +1,1 @@
+"""Many stands in one process: what they share, and what keeps each from the others."""

@@ -1,0 +1,71 @@
+"""The diagnosis of many stands, spread over processes and hosts.
+
+    ros2 launch flea_diag fleet.launch.py stands:="bay_1 bay_2=./mine bay_3=flea@./bay_3.yaml"
+    ros2 launch flea_diag fleet.launch.py hosts:=fleet.txt processes:=2 batch_ms:=20
+
+A hosts file has a line for each host, `pc_1: bay_1 bay_2=./mine`, and is the same on all of them:
+each starts the stands of its own line. A process that is killed is started again; the others go on.
+"""
+
+import os
+import runpy
+import socket
+
+from launch import LaunchDescription
+from launch.actions import OpaqueFunction
+
+BESIDE = runpy.run_path(os.path.join(os.path.dirname(os.path.realpath(__file__)), "checked.py"))
+
+ARGUMENTS = (
+    ("stands", "", str, "stands of this host, apart by blanks: NAMESPACE[=STAND[@CALIBRATION]]"),
+    ("hosts", "", str, "file with a line for each host, HOST: STANDS, instead of stands"),
+    ("host", "", str, "whose line of that file is started; empty: this machine's name"),
+    ("namespace", "", str, "namespace of the fleet, before those of its stands"),
+    ("processes", "1", int, "processes that share the stands, at most as many as cores"),
+    ("batch_ms", "0", int, "time for which scans are collected: 20 to 50 for many stands [ms]"),
+)
+
+
+def nodes(context):
+    given = BESIDE["values"](context, ARGUMENTS)
+    stands = _stands(given)
+    if not 1 <= given["processes"] <= len(stands):
+        raise RuntimeError(
+            f"processes:={given['processes']} must be from 1 to {len(stands)}, the number of stands"
+        )
+    started = BESIDE["Nodes"](given["namespace"])
+    for number in range(given["processes"]):
+        part = {"stands": stands[number :: given["processes"]], "batch_ms": given["batch_ms"]}
+        started.add("fleet", part, name=f"fleet_{number + 1}", restart=True)
+    return started.actions()
+
+
+def _stands(given):
+    """Entries of this host's stands."""
+    if bool(given["stands"]) == bool(given["hosts"]):
+        raise RuntimeError("give either stands:=\"bay_1 bay_2\" or hosts:=FILE")
+    stands = (_of_host(given) if given["hosts"] else given["stands"]).split()
+    if not stands:
+        raise RuntimeError(f"stands:={given['stands']} names no stand")
+    return stands
+
+
+def _of_host(given):
+    """Text of the line of this host."""
+    path, host = given["hosts"], given["host"] or socket.gethostname()
+    try:
+        with open(path, encoding="utf-8") as file:
+            lines = [line.partition("#")[0] for line in file]
+    except (OSError, UnicodeDecodeError) as error:
+        raise RuntimeError(f"hosts:={path} cannot be read: {error}") from None
+    rows = {name.strip(): stands for name, _, stands in (line.partition(":") for line in lines)}
+    rows.pop("", None)
+    if host not in rows:
+        known = ", ".join(rows) or "none"
+        raise RuntimeError(f"hosts:={path} has no line for host {host}, but for {known}")
+    return rows[host]
+
+
+def generate_launch_description():
+    declared = BESIDE["declared"](ARGUMENTS)
+    return LaunchDescription([*declared, OpaqueFunction(function=nodes)])

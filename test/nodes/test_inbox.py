@@ -1,0 +1,73 @@
+"""Scans that wait are handled in blocks: the same diagnosis as one by one."""
+
+from __future__ import annotations
+
+from support.decisions import BAGS
+from support.live import Peer
+
+from flea_diag.configuration.component import DIAGNOSER
+from flea_diag.nodes.adapter import Adapter, StagePorts
+from flea_diag.nodes.inbox import Turns
+from flea_diag.nodes.verdict_memory import NONE, VerdictMemory
+from flea_diag.stages.digest import digest
+from flea_diag.stages.pipeline import Pipeline
+from flea_diag.wire.bags.bag import BagReader
+from flea_diag.wire.blocks import Block, ScanBlock
+from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Outcome, Record, Scan
+
+AHEAD = 60
+"""Scans that are sent before those before them have been handled."""
+PORTS = StagePorts(subscribes=(ChannelTable, Scan), publishes=(), sources_only=True)
+
+
+class Noted(Pipeline):
+    """The diagnosis, which keeps what it said and how many scans came together."""
+
+    def __init__(self, whole: Pipeline) -> None:
+        super().__init__(whole._stages)
+        self.said: list[Record] = []
+        self.sizes: list[int] = []
+        self._in_block = False
+
+    def handle(self, record: Record) -> tuple[Record, ...]:
+        made = super().handle(record)
+        if not self._in_block:
+            self.said.extend(made)
+            self.sizes.extend([1] * isinstance(record, Scan))
+        return made
+
+    def handle_block(self, block: ScanBlock) -> tuple[Record | Block, ...]:
+        self._in_block = True
+        made = super().handle_block(block)
+        self._in_block = False
+        self.said.extend(each for each in made if not isinstance(each, Block))
+        self.sizes.append(len(block))
+        return made
+
+
+def diagnosis() -> Noted:
+    whole = DIAGNOSER.build(DIAGNOSER.parameters())
+    assert isinstance(whole, Pipeline)
+    return Noted(whole)
+
+
+def test_batches_decide_what_single_scans_decide(domain: int) -> None:
+    records = [r for _, r in BagReader(BAGS / "winding_short").records((ChannelTable, Scan))]
+    singly, batched = diagnosis(), diagnosis()
+    for record in records:
+        singly.handle(record)
+    with Peer(domain, name="source") as source, Peer(domain, name="node") as node:
+        turns = Turns(node.bus, batch_ms=20)
+        memory = VerdictMemory(node.bus, NONE)
+        Adapter(node.bus, lambda _: batched, None, PORTS, memory, turns)
+        assert source.bus.wait_for_subscribers(ChannelTable, Scan)
+        sent = 0
+        for record in records:
+            source.bus.publish(record)
+            sent += isinstance(record, Scan)
+            if sent % AHEAD == 0 or record is records[-1]:
+                node.until(lambda sent=sent: sum(batched.sizes) == sent)
+    assert max(batched.sizes) > 1
+    assert digest(batched.said) == digest(singly.said)
+    last = [record for record in batched.said if isinstance(record, AmbiguityGroup)][-1]
+    assert last.outcome is Outcome.ISOLATED
