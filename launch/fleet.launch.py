@@ -43,7 +43,7 @@ def nodes(context):
 def _stands(given):
     """Entries of this host's stands."""
     if bool(given["stands"]) == bool(given["hosts"]):
-        raise RuntimeError("give either stands:=\"bay_1 bay_2\" or hosts:=FILE")
+        raise RuntimeError('give either stands:="bay_1 bay_2" or hosts:=FILE')
     stands = (_of_host(given) if given["hosts"] else given["stands"]).split()
     if not stands:
         raise RuntimeError(f"stands:={given['stands']} names no stand")

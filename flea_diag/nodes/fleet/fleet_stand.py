@@ -14,7 +14,7 @@ from flea_diag.nodes.fleet.stand_list import StandEntry
 from flea_diag.nodes.inbox import Turns
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.bus.life_cycle import ACTIVATE, CONFIGURE, DEACTIVATE, INACTIVE
-from flea_diag.wire.bus.member import Member
+from flea_diag.wire.bus.node_beside import NodeBeside
 
 
 class FleetStand:
@@ -41,7 +41,7 @@ class FleetStand:
         """Why it was left out or set aside, the last time that it was."""
         self._failing = False
         prepared = replace(diagnoser.program(turns), prepare=None)
-        self._member = Member(host, prepared, entry.namespace, values_of(entry, parameters))
+        self._member = NodeBeside(host, prepared, entry.namespace, values_of(entry, parameters))
         self._member.bus.on_failure = self._failed
 
     @property

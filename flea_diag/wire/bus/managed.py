@@ -96,7 +96,10 @@ class Managed:
 
     def set_aside(self) -> None:
         """Deactivate and clean up after a failure, whatever else fails meanwhile."""
-        for transition, duty in ((states.DEACTIVATE, self._pause), (states.CLEANUP, self._withdraw)):
+        for transition, duty in (
+            (states.DEACTIVATE, self._pause),
+            (states.CLEANUP, self._withdraw),
+        ):
             self._life.begin(transition)
             with suppress(Exception):
                 duty()

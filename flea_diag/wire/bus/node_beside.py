@@ -13,7 +13,7 @@ from flea_diag.wire.bus.program import Program
 SIM_TIME = "use_sim_time"
 
 
-class Member:
+class NodeBeside:
     """A program that runs beside others in one process.
 
     Parameters

@@ -1,6 +1,6 @@
 """Creates the screenshots in docs: a live run with a jam, on each screen.
 
-    .venv/bin/python bench/pictures.py            all screenshots, into docs
+    .venv/bin/python bench/results/pictures.py            all screenshots, into docs
 
 Needs Chromium, like the tests of the page. Review the screenshots before committing them.
 """
@@ -13,7 +13,7 @@ import tempfile
 import threading
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "test"))
 
 from support.browser import Browser, chromium, missing
