@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
 from flea_diag.errors import FleaError
+from flea_diag.tools.stand_option import add_stand, chosen_stand
 from flea_diag.tools.terminal import IN_PART, progress, say, warn
 
 NAME = "bag"
 SUMMARY = "check the integrity of bags (flea bag check BAGDIR...)"
 EXAMPLES = """\
 examples:
-  flea bag check bags/*          exit status 1 if any bag has an error
+  flea bag check bags/*                     exit status 1 if any bag has an error
+  flea bag check mine/* --stand ./mine      units as its description states them
 """
 
 
@@ -21,17 +24,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     check_parser = actions.add_parser("check", help="check layout, metadata and every message")
     check_parser.add_argument("bags", nargs="+", type=Path, metavar="BAGDIR", help="bags to check")
+    add_stand(check_parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Check every bag."""
     from flea_diag.tools.bags.findings import BagFinding, check
 
-    bad = 0
+    bad, units = 0, _units(arguments)
     for number, bag in enumerate(arguments.bags, 1):
         progress(number, len(arguments.bags), bag.name)
         try:
-            findings = check(bag)
+            findings = check(bag, units)
         except FleaError as error:
             findings = [BagFinding(True, str(error))]
         bad += any(finding.error for finding in findings)
@@ -42,3 +46,14 @@ def run(arguments: argparse.Namespace) -> int:
     if bad and len(arguments.bags) > 1:
         warn(f"{bad} of {len(arguments.bags)} bags have errors")
     return IN_PART if bad else 0
+
+
+def _units(arguments: argparse.Namespace) -> Mapping[str, str]:
+    """Unit of each channel: standard ones, and those of the stand that is named."""
+    from flea_diag.core.residuals.channel_units import UNITS
+
+    if not arguments.stand:
+        return UNITS
+    from flea_diag.configuration.description import described
+
+    return {**UNITS, **described(chosen_stand(arguments).actuator).units}

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flea_diag.core.residuals.channel_units import unit_refusal
+from flea_diag.core.residuals.channel_units import UNITS, unit_refusal
 from flea_diag.errors import RecordingError, WireError, shown
 from flea_diag.tools.bags.recovery import mcap_files, merged
 from flea_diag.wire.bags import bag_layout as layout
@@ -29,8 +29,8 @@ class BagFinding(NamedTuple):
     words: str
 
 
-def check(bag: Path) -> list[BagFinding]:
-    """Errors of a bag, and notes on it.
+def check(bag: Path, units: Mapping[str, str] = UNITS) -> list[BagFinding]:
+    """Errors of a bag, and notes on it; ``units`` are those of the channels of its stand.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def check(bag: Path) -> list[BagFinding]:
         raise RecordingError(f"{bag} is not a folder: a bag is a folder with an .mcap file")
     scans = [McapScan(file) for file in mcap_files(bag)]
     counts: Counter[str] = Counter()
-    findings = [*_messages(scans, counts), *(f for scan in scans for f in _file(scan))]
+    findings = [*_messages(scans, counts, units), *(f for scan in scans for f in _file(scan))]
     return [*_metadata(bag, scans, counts), *findings]
 
 
@@ -83,13 +83,15 @@ def _channel(channel: Channel) -> Iterator[BagFinding]:
             yield BagFinding(True, f"{channel.topic}: type hash differs from that of ROS 2 Jazzy")
 
 
-def _messages(scans: list[McapScan], counts: Counter[str]) -> Iterator[BagFinding]:
+def _messages(
+    scans: list[McapScan], counts: Counter[str], units: Mapping[str, str]
+) -> Iterator[BagFinding]:
     """Check every message; each kind of error is reported once per topic with its count."""
     wrong: Counter[tuple[str, str]] = Counter()
     tables = 0
     for message in merged(scans):
         counts[message.channel.topic] += 1
-        for words in _message(message):
+        for words in _message(message, units):
             wrong[message.channel.topic, words] += 1
         tables += message.channel.topic.endswith(TABLE_TOPIC)
     for (topic, words), count in wrong.items():
@@ -98,7 +100,7 @@ def _messages(scans: list[McapScan], counts: Counter[str]) -> Iterator[BagFindin
         yield BagFinding(False, f"no {TABLE_TOPIC}: units and signs are unknown")
 
 
-def _message(message: McapMessage) -> Iterator[str]:
+def _message(message: McapMessage, units: Mapping[str, str]) -> Iterator[str]:
     ours = layout.split_name(message.channel.topic)
     if min(message.log_ns, message.publish_ns) < EPOCH_NS:
         yield "stamp before the year 2000: bags need wall-clock time"
@@ -110,7 +112,8 @@ def _message(message: McapMessage) -> Iterator[str]:
         yield f"unreadable: {error}"
         return
     if isinstance(record, ChannelTable):
-        yield from filter(None, (unit_refusal(row.name, row.unit) for row in record.channels))
+        refusals = (unit_refusal(row.name, row.unit, units) for row in record.channels)
+        yield from filter(None, refusals)
     if record.stamp_ns != message.publish_ns:
         yield "publish time differs from the stamp of acquisition"
 

@@ -14,6 +14,7 @@ from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.residuals.channel_units import UNITS, unit_refusal
 from flea_diag.tools.bags.findings import check
+from flea_diag.tools.main import main
 from flea_diag.wire.bags.bag import BagWriter, read_bag
 from flea_diag.wire.records import ChannelInfo, ChannelTable, Outcome, Scan
 
@@ -103,3 +104,16 @@ def test_every_bag_that_is_shipped_is_in_si(bag: str) -> None:
     for found in tables:
         assert isinstance(found, ChannelTable)
         assert not [words for row in found.channels if (words := unit_refusal(row.name, row.unit))]
+
+
+def test_bag_check_takes_the_units_of_a_stand_from_its_description(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = stands.table(extra=("surface_angle",))
+    rows = (replace(r, unit="deg") if r.name == "surface_angle" else r for r in made.channels)
+    with BagWriter(tmp_path / "wing") as bag:
+        bag.write(replace(made, channels=tuple(rows)), made.stamp_ns)
+    said = "surface_angle is in 'deg', must be in 'rad'"
+    for stand, told in (((), False), (("--stand", "wing"), True)):
+        main(["bag", "check", str(tmp_path / "wing"), *stand])
+        assert (said in capsys.readouterr().out) == told
