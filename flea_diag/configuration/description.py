@@ -22,7 +22,8 @@ from flea_diag.core.faults.fault import Fault, catalogue, of_sensors
 from flea_diag.core.likelihood.effect_set import EffectSet, effect_set
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
 from flea_diag.core.residuals.parity import parity_relation
-from flea_diag.core.residuals.relation_set import RelationSet, relation_set
+from flea_diag.core.residuals.relation_compiler import relation_set
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_set import (
     encoder_of,
     relation_names,

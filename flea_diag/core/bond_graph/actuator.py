@@ -20,6 +20,7 @@ from flea_diag.core.bond_graph.actuator_model import (
 from flea_diag.core.bond_graph.base_parameters import base_parameters
 from flea_diag.core.bond_graph.bond_graph import DOMAINS, BondGraph, Element, Parameter, bond_graph
 from flea_diag.core.bond_graph.causality import require_sound
+from flea_diag.core.bond_graph.described_residuals import check_residual, described_residuals
 from flea_diag.core.bond_graph.tolerance import tolerances
 from flea_diag.core.bond_graph.travel import travel
 from flea_diag.core.schema import REQUIRED
@@ -28,8 +29,6 @@ from flea_diag.errors import ConfigurationError, shown
 from flea_diag.formats import migrated
 
 __all__ = ["Actuator", "ModelView", "OperatingPoint", "ResidualSpec", "Sensor", "actuator"]
-
-KINDS_OF_RESIDUAL = ("measurement", "junction", "difference", "prediction", "power")
 
 _PARAMETER: schema.Keys = {
     "value": (float, REQUIRED),
@@ -58,24 +57,6 @@ _SENSOR: schema.Keys = {
 _INPUT: schema.Keys = {"unit": (str, REQUIRED), "noise": (float, 0.0), "sensor": (bool, False)}
 _VIEW: schema.Keys = {"measured": (list, []), "moved": (dict, {})}
 _OPERATING: schema.Keys = {"hold": (dict, REQUIRED), "by": (list, REQUIRED), "fixed": (dict, {})}
-_RESIDUAL: schema.Keys = {
-    "kind": (str, REQUIRED),
-    "unit": (str, REQUIRED),
-    "channel": (str, ""),
-    "model": (str, ""),
-    "junction": (str, ""),
-    "reference": (str, ""),
-    "gain": (str, ""),
-    "offset": (str, ""),
-    "divided_by": (str, ""),
-    "without": (list, []),
-    "normalised": (bool, False),
-    "motion": (str, ""),
-    "signs": (bool, True),
-    "lumped": (list, []),
-    "neglected": (list, []),
-    "junctions": (list, []),
-}
 _TOP: schema.Keys = {
     "name": (str, REQUIRED),
     "description": (str, ""),
@@ -131,7 +112,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         inputs,
         _views(top, sensors, graph, where),
         _operating(top, where),
-        _residuals(top, where),
+        described_residuals(top, where),
         base_parameters(top["base_parameters"], graph.parameters, f"{where}: base_parameters"),
         schema.pairs(top["predicted"], f"{where}: predicted"),
         travel(top["travel"], graph, {s.at for s in sensors.values() if s.integrates}, where),
@@ -267,21 +248,6 @@ def _operating(top: Mapping[str, Any], where: str) -> OperatingPoint:
     return OperatingPoint(hold, by, schema.numbers(values["fixed"], f"{place}: fixed"))
 
 
-def _residuals(top: Mapping[str, Any], where: str) -> dict[str, ResidualSpec]:
-    found = {}
-    for name, row in schema.rows(top["residuals"], f"{where}: residuals").items():
-        values = schema.read(row, f"{where}: residual {shown(name)}", _RESIDUAL)
-        if values["kind"] not in KINDS_OF_RESIDUAL:
-            raise ConfigurationError(
-                f"{where}: residual {shown(name)} has kind {shown(values['kind'])},"
-                f" known are {', '.join(KINDS_OF_RESIDUAL)}"
-            )
-        for key in ("without", "lumped", "neglected", "junctions"):
-            values[key] = schema.texts(values[key], f"{where}: residual {name}: {key}")
-        found[name] = ResidualSpec(name, **values)
-    return found
-
-
 def _check(made: Actuator, where: str) -> None:
     require_sound(made.graph, made.causality)
     fed = {e.signal for e in made.graph.elements.values() if e.kind in ("Se", "Sf", "MSe", "MSf")}
@@ -295,71 +261,10 @@ def _check(made: Actuator, where: str) -> None:
                 f"{where}: operating_point names {shown(name)}, no channel or input"
             )
     for spec in made.residuals.values():
-        _check_residual(made, spec, where)
+        check_residual(made, spec, where)
     for parameter, residual in made.predicted.items():
         if parameter not in made.graph.parameters or residual not in made.residuals:
             raise ConfigurationError(
                 f"{where}: predicted: {shown(parameter)} must be a parameter and"
                 f" {shown(residual)} a residual"
             )
-
-
-def _check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:
-    place = f"{where}: residual {shown(spec.name)}"
-    if spec.kind == "measurement" or spec.model:
-        made.view(spec.model)
-    if spec.kind == "prediction":
-        _check_prediction(made, spec, place)
-    if spec.balances:
-        for name in (spec.junction,) if spec.kind == "junction" else spec.junctions or ("",):
-            junction = made.graph.elements.get(name)
-            if junction is None or junction.kind not in ("0", "1"):
-                raise ConfigurationError(f"{place}: {shown(name)} is no junction")
-        if spec.motion and spec.motion not in made.graph.elements:
-            raise ConfigurationError(
-                f"{place}: motion {shown(spec.motion)} is no junction of the graph"
-            )
-        if spec.divided_by and spec.divided_by not in made.graph.parameters:
-            raise ConfigurationError(
-                f"{place}: divided_by {shown(spec.divided_by)} is no parameter"
-            )
-        return
-    for channel in (spec.channel, *((spec.reference,) if spec.kind == "difference" else ())):
-        if channel not in made.units:
-            raise ConfigurationError(f"{place}: {shown(channel)} is no channel or input")
-    _check_unit_of_difference(made, spec, place)
-
-
-def _check_prediction(made: Actuator, spec: ResidualSpec, place: str) -> None:
-    sensor = made.sensors.get(spec.channel)
-    for name in spec.neglected:
-        if name not in made.graph.parameters:
-            raise ConfigurationError(f"{place}: neglected {shown(name)} is no parameter")
-    for name in spec.lumped:
-        element = made.graph.elements.get(name)
-        if element is None or element.kind not in ("C", "I"):
-            raise ConfigurationError(f"{place}: lumped {shown(name)} is no store (C or I)")
-    ends = {bond.other(name) for name in spec.lumped for bond in made.graph.at(name)}
-    if spec.lumped and (sensor is None or sensor.at not in ends):
-        raise ConfigurationError(
-            f"{place}: lumps {', '.join(spec.lumped)}, none of them is where {spec.channel} is read"
-        )
-
-
-def _check_unit_of_difference(made: Actuator, spec: ResidualSpec, place: str) -> None:
-    """Both channels are in the unit of the residual; a displacement is, or its rate."""
-    wanted = dimension(spec.unit)
-    sensor, other = (made.sensors.get(name) for name in (spec.channel, spec.reference))
-    if sensor and other and other.integrates and not sensor.integrates:
-        channels, wanted = [spec.reference], times(wanted, SECOND)
-    else:
-        channels = [name for name in (spec.channel, spec.reference) if name]
-    for channel in channels:
-        if dimension(made.units[channel]) != wanted:
-            raise ConfigurationError(
-                f"{place} has unit {shown(spec.unit)}, but {channel} is in "
-                f"{shown(made.units[channel])}"
-            )
-    for role in (spec.gain, spec.offset):
-        if role and role not in made.graph.parameters:
-            raise ConfigurationError(f"{place}: {shown(role)} is no parameter")

@@ -24,8 +24,8 @@ from flea_diag.core.calibration.calibration import CovarianceBlock, NominalRun
 from flea_diag.core.calibration.heat_identification import NominalSignals
 from flea_diag.core.calibration.relation_fit import Regression, regression
 from flea_diag.core.residuals.channel_units import COMMAND, CURRENT, LOAD, VOLTAGE
+from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.parity import channel_of, rate_symbol
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.smoothing import hann_kernels

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.residuals.measured_graph import rate_symbol, time_derivative
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.residuals.parity import rate_symbol, time_derivative
 from flea_diag.core.residuals.relation_set import CompiledRelation, RelationSet
 from flea_diag.core.symbolic.collect import solved_for
 from flea_diag.core.symbolic.expression import Function, evaluate, symbols

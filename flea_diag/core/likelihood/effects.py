@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from flea_diag.core.residuals.parity import channel_of, rate_symbol
+from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
 from flea_diag.core.symbolic.collect import collect, power_of, solved_for
 from flea_diag.core.symbolic.expression import (

@@ -16,7 +16,7 @@ from flea_diag.core.faults.effect_row import SizeBounds
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.likelihood.effects import EffectRules, Effects, FaultEffect, Gains
 from flea_diag.core.likelihood.symbolic_model import SymbolicModel
-from flea_diag.core.residuals.parity import rate_symbol
+from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.core.symbolic.expression import ONE, ZERO, Constant, Expression, Variable, symbols

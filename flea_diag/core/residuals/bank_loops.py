@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.residuals.parity import channel_of
+from flea_diag.core.residuals.measured_graph import channel_of
 from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
 from flea_diag.core.residuals.residual import STALL
 from flea_diag.core.residuals.residual_rows import Parity

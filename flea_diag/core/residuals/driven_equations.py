@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.residuals.parity import channel_of, rate_symbol, time_derivative
+from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol, time_derivative
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.symbolic.collect import divided, solved_for, terms_of

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 
 from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
 from flea_diag.core.bond_graph.bond_graph import Bond, BondGraph
-from flea_diag.core.residuals.parity import junction_balance, rate_symbol
+from flea_diag.core.residuals.measured_graph import rate_symbol
+from flea_diag.core.residuals.parity import junction_balance
 from flea_diag.core.symbolic.collect import expand
 from flea_diag.core.symbolic.expression import (
     ZERO,

@@ -14,7 +14,7 @@ from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
 from flea_diag.core.bond_graph.bond_graph import SOURCES
 from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.core.residuals.driven_equations import DrivenChannels, driven_equations
-from flea_diag.core.residuals.parity import channel_of
+from flea_diag.core.residuals.measured_graph import channel_of
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
 from flea_diag.core.residuals.residual_rows import SPEED, Parity, ResidualRow, ResidualSet
 from flea_diag.core.sensors.sensor_tests import NAMES as SENSOR_TESTS

@@ -8,7 +8,8 @@ from flea_diag.core.causal_graph.operating_point import sign_of
 from flea_diag.core.causal_graph.propagation import SYMBOL, combined, scaled
 from flea_diag.core.faults.fault import Alternative, Fault, FaultHypothesis
 from flea_diag.core.faults.fault_signature import FaultSignature, signature
-from flea_diag.core.residuals.parity import ParityRelation, channel_of, rate_symbol
+from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
+from flea_diag.core.residuals.parity import ParityRelation
 from flea_diag.core.symbolic.collect import collect
 from flea_diag.core.symbolic.expression import (
     ONE,

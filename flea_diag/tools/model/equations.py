@@ -91,7 +91,7 @@ def _compiled(
     model: Actuator, arguments: argparse.Namespace, calibration: Calibration | None
 ) -> RelationSet:
     from flea_diag.configuration.knowledge import relations
-    from flea_diag.core.residuals.relation_set import relation_set
+    from flea_diag.core.residuals.relation_compiler import relation_set
 
     if calibration is not None:
         return relations(_stand(arguments), calibration)

@@ -9,7 +9,8 @@ import pytest
 from support.models.stepper import DESCRIPTION
 
 from flea_diag.core.bond_graph.actuator import actuator
-from flea_diag.core.residuals.relation_set import DIRECTION, relation_set
+from flea_diag.core.residuals.relation_compiler import relation_set
+from flea_diag.core.residuals.relation_set import DIRECTION
 
 P = SimpleNamespace(
     supply_voltage_v=44.0,

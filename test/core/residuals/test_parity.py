@@ -11,7 +11,8 @@ from support.models import ema_oracle as oracle
 from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, ResidualSpec, actuator
 from flea_diag.core.faults.fault import FaultHypothesis, hypothesis
-from flea_diag.core.residuals.parity import ParityRelation, channel_of, parity_relation
+from flea_diag.core.residuals.measured_graph import channel_of
+from flea_diag.core.residuals.parity import ParityRelation, parity_relation
 from flea_diag.core.symbolic.expression import evaluate
 from flea_diag.errors import ModelError
 

@@ -13,7 +13,8 @@ from support.models.stepper import DESCRIPTION, LEAD
 from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.faults.fault import FaultHypothesis
 from flea_diag.core.residuals.parity import parity_relation
-from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet, relation_set
+from flea_diag.core.residuals.relation_compiler import relation_set
+from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
 from flea_diag.core.symbolic.expression import evaluate, symbols
 from flea_diag.errors import ConfigurationError, ModelError
 

@@ -13,7 +13,8 @@ from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.prediction import lumped, prediction
-from flea_diag.core.residuals.relation_set import RelationSet, relation_set
+from flea_diag.core.residuals.relation_compiler import relation_set
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.symbolic.expression import evaluate, substitute
 from flea_diag.errors import ConfigurationError, ModelError
 

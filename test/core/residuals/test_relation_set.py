@@ -22,7 +22,8 @@ from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
 from flea_diag.core.residuals.parity import parity_relation
-from flea_diag.core.residuals.relation_set import RelationSet, relation_set
+from flea_diag.core.residuals.relation_compiler import relation_set
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.symbolic.collect import collect
 from flea_diag.core.symbolic.expression import derivative, evaluate, symbols
 from flea_diag.errors import ConfigurationError

@@ -13,7 +13,7 @@ from flea_diag.configuration.stand import load_stand
 from flea_diag.core.bond_graph.actuator import Actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant, operating_values
 from flea_diag.core.faults.fault import Alternative
-from flea_diag.core.residuals.parity import channel_of, rate_symbol
+from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import Parity
 from flea_diag.core.signatures.signature import signature_table
