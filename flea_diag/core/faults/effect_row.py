@@ -97,7 +97,10 @@ _SIZE: schema.Keys = {
     "opens": (list, []),
     "adds": (dict, {}),
 }
-_ERROR: schema.Keys = dict.fromkeys(("bias", "drift", "drift_as_speed"), (float, math.inf))
+_ERROR: schema.Keys = {
+    **dict.fromkeys(("bias", "drift", "drift_as_speed"), (float, math.inf)),
+    "ages_s": (list, list(UNBOUNDED.ages_s)),
+}
 
 
 def effect_rows(content: Any, actuator: Actuator, where: str) -> tuple[EffectRow, ...]:
@@ -125,7 +128,13 @@ def error_rows(content: Any, actuator: Actuator, where: str) -> Mapping[str, Err
                 f"{', '.join(actuator.sensors)}"
             )
         values = schema.read(row, f"{where}: {channel}", _ERROR)
-        found[channel] = ErrorRow(**values)
+        ages = values.pop("ages_s")
+        if not ages or not all(isinstance(age, float | int) and 0.0 < age < 1e4 for age in ages):
+            raise ConfigurationError(
+                f"{where}: {channel}: ages_s = {shown(ages)} must be times in s, above 0 and below"
+                " 10000, at which a drift may be detected"
+            )
+        found[channel] = ErrorRow(**values, ages_s=tuple(map(float, ages)))
     return found
 
 

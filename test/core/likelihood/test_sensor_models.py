@@ -15,8 +15,10 @@ from support.models.hand_relations import (
     slope_relations,
 )
 
-from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.configuration.description import compiled_relations, described
+from flea_diag.configuration.files import load_yaml
+from flea_diag.core.faults.fault import catalogue
+from flea_diag.core.likelihood.effect_set import EffectSet, effect_set
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.symbolic.expression import FUNCTIONS
@@ -174,3 +176,16 @@ def test_every_term_is_made_of_a_basis_signal(effects, encoder):
     assert len(set(effects.names)) == len(effects.names)
     channels = {m.fault.rsplit("_", 1)[0] for m in models if m.terms}
     assert ("motor_speed" in channels) is bool(encoder)
+
+
+def test_a_drift_has_grown_for_one_of_the_ages_that_the_catalogue_names():
+    content = load_yaml("faults.yaml")
+    content["sensor_errors"]["motor_current"]["ages_s"] = [0.5, 6.0]
+    rows = catalogue(content, described("actuator.yaml"))
+    found = effect_set(SLOPE.relations, rows.values()).bound(P)
+    mechanical = {}
+    for model in (m for m in found if m.fault == "motor_current_drift"):
+        gains = {t.regressor: t.gain for t in model.terms if t.residual == "parity_mechanical"}
+        mechanical[gains["one"] / gains["elapsed_s"]] = gains["elapsed_s"]
+    assert sorted(mechanical) == pytest.approx([0.5, 6.0])
+    assert set(mechanical.values()) == {P.force_constant_n_per_a}
