@@ -153,6 +153,9 @@ PLANT_FAULTS: Mapping[str, PlantFault] = {
     "ball_nut_friction": PlantFault(
         "ball nut friction (lubrication lost)", "times nominal viscous friction", "hybrid",
         _ball_nut_friction, ("dry_share",)),
+    "gear_friction": PlantFault(
+        "gear friction (lubrication lost)", "times nominal viscous friction", "hybrid",
+        _ball_nut_friction, ("dry_share",)),
     "backlash": PlantFault("backlash of the nut", "m", "hybrid", _backlash),
     "rotor_eccentricity": PlantFault("rotor shaft eccentricity", "of 0.1 mm", "hybrid",
                                      _rotor_eccentricity, ("ripple_n",)),
