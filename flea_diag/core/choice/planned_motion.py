@@ -96,7 +96,12 @@ def signals(
         rate_symbol(rate): -motion.peak_m_s * omega * np.sin(omega * times_s),
         load: np.full(len(times_s), motion.load_n),
     }
-    waiting = list(relations.relations)
+    return completed(relations, known)
+
+
+def completed(relations: RelationSet, known: Mapping[str, Array]) -> dict[str, Array]:
+    """The same signals, and those that follow from them by the relations, as far as they go."""
+    known, waiting = dict(known), list(relations.relations)
     while waiting:
         known |= _shapes(relations.shapes, known)
         ready = [(row, _unknown(row, known)) for row in waiting]

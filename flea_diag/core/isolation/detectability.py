@@ -31,7 +31,7 @@ def undetectable(
         name
         for name, fault in faults.items()
         if fault.channel in calibration.channels
-        and not _tested_alone(fault, sensors)
+        and not tested_alone(fault, sensors)
         and not any(_is_detectable(model, reach) for model in models if model.fault == name)
     )
 
@@ -46,8 +46,8 @@ def smallest_detectable_offsets(calibration: Calibration) -> dict[str, float]:
     return found
 
 
-def _tested_alone(fault: Fault, sensors: SensorSymptoms) -> bool:
-    """Whether a test of the sensor alone detects this mode."""
+def tested_alone(fault: Fault, sensors: SensorSymptoms) -> bool:
+    """Whether a test of the sensor alone detects this mode of its faults."""
     steps = fault.channel in sensors.positions and fault.mode in JUMP_MODES
     return steps or any(fault.mode in modes for modes in OWN_TESTS.values())
 

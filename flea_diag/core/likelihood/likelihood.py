@@ -124,6 +124,18 @@ class NormalEquations:
             sum_of.samples[index] = self.samples[index] + here * len(phi)
         return sum_of
 
+    def showing(self, model: FaultModel, sizes: Sequence[float]) -> NormalEquations:
+        """The same evidence, had ``model`` been present in these sizes throughout."""
+        self._fold()
+        sum_of = NormalEquations(self.residuals, self.basis)
+        sum_of.take(self, 1.0)
+        for index, name in enumerate(self.residuals):
+            effect = _effect(model, name, sizes, self.basis)
+            added = self._gram[index] @ effect
+            sum_of._cross[index] += added
+            sum_of._square[index] += 2.0 * float(effect @ self._cross[index]) + effect @ added
+        return sum_of
+
     def fit(
         self,
         models: Sequence[FaultModel],

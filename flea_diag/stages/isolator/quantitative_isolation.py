@@ -42,7 +42,7 @@ class QuantitativeIsolation:
         self._before_shift = residuals.circuit, residuals.friction
         self._tolerances = calibration.differences(effects.differences)
         self._sigma = {limit.name: limit.sigma[0] for limit in limits}
-        self._own_sigma = self._sigma | _own_sigma(calibration, self._before_shift)
+        self._own_sigma = self._sigma | own_sigma(calibration, self._before_shift)
         self._correlation = {limit.name: limit.correlation_samples for limit in limits}
         self.names = tuple(name for name in residuals.weighed if name in self._sigma)
         self.basis = effects.basis_of(fitted)
@@ -125,7 +125,7 @@ class QuantitativeIsolation:
         )
 
 
-def _own_sigma(calibration: Calibration, residuals: tuple[str, ...]) -> dict[str, float]:
+def own_sigma(calibration: Calibration, residuals: tuple[str, ...]) -> dict[str, float]:
     """Scatter of the relations about the level of one unit, from the limits of their shift tests.
 
     The scatter over all recordings includes the variation between units.

@@ -14,7 +14,7 @@ examples:
   flea stand new ./mine --from bag --template wing  from a bag; the kind of actuator is given
 """
 
-ACTIONS = ("new",)
+ACTIONS = ("new", "check")
 """Modules of the actions, in the order of ``flea stand --help``."""
 
 

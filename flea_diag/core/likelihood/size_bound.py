@@ -1,0 +1,165 @@
+"""Smallest sizes of faults that a motion shows: the information bound of its recordings.
+
+The signals of healthy running are given. A fault of some size adds its effect to the residuals,
+without noise, and the likelihood test of the isolator is applied to that expectation: from which
+size on does it explain the residuals better than no fault, and from which size on are all others
+behind it that ever will be? No test of these residuals does better on average; limits of tests,
+which also allow for what differs between recordings, lie above it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+from flea_diag.core.likelihood.fault_models import FaultModel, Size
+from flea_diag.core.likelihood.likelihood import NormalEquations
+
+STEPS = 4
+"""Bisections of a factor of two: sizes to within 5 %."""
+DOUBLINGS = 12
+RESOLVED = 0.1
+"""First size tried, in standard errors of the size."""
+
+
+@dataclass(frozen=True)
+class LikelihoodOf:
+    """What the likelihood test of a stand rests on, beside the signals.
+
+    ``sigma`` and ``correlation`` are the scatter of each residual and the samples to one independent
+    one, ``tolerance`` what healthy units differ by. ``settled`` are residuals in which the unit has
+    shown what it is by itself before the fault.
+    """
+
+    models: Sequence[FaultModel]
+    sigma: Mapping[str, float]
+    correlation: Mapping[str, float]
+    tolerance: Sequence[float]
+    explain_nats: float
+    drop_nats: float
+    settled: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SizeBound:
+    """One size of one fault: from where on it is detected and isolated; infinity: at no size.
+
+    ``group`` are the faults, itself included, that its largest size leaves.
+    """
+
+    fault: str
+    size: Size
+    detected_from: float
+    isolated_from: float
+    group: tuple[str, ...]
+
+
+def size_bounds(
+    evidence: NormalEquations, healthy: NormalEquations, test: LikelihoodOf
+) -> tuple[SizeBound, ...]:
+    """Bounds of every size of the first model of each fault.
+
+    Parameters
+    ----------
+    evidence
+        Signals of a motion as long as an episode; residuals without a fault are 0.
+    healthy
+        The same of the running before it, by which the unit is known.
+    """
+    found: list[SizeBound] = []
+    for fault, models in groupby(test.models, key=lambda model: model.fault):
+        first, *others = models
+        search = _Search(evidence, healthy, test, first, [first, *others])
+        found += [search.bound(index) for index in range(len(first.sizes)) if search.shows(index)]
+        if not any(bound.fault == fault for bound in found):
+            found.append(SizeBound(fault, first.sizes[0], math.inf, math.inf, ()))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """One fault, in its first model, against its own models and those of all faults."""
+
+    evidence: NormalEquations
+    healthy: NormalEquations
+    test: LikelihoodOf
+    model: FaultModel
+    own: Sequence[FaultModel]
+
+    def shows(self, index: int) -> bool:
+        """Whether this size moves a residual that was formed."""
+        counts = dict(zip(self.evidence.residuals, self.evidence.samples, strict=True))
+        terms = [term for term in self.model.terms if term.index == index]
+        return any(counts.get(term.residual, 0.0) > 0.0 for term in terms)
+
+    def bound(self, index: int) -> SizeBound:
+        """Bounds of one size, the others at their smallest."""
+        size, start = self.model.sizes[index], self._start(index)
+        detected = self._smallest(size, start, lambda s: self._explains(index, s))
+        if math.isinf(detected):
+            return SizeBound(self.model.fault, size, math.inf, math.inf, ())
+        largest = min(size.high, 2.0**DOUBLINGS * detected)
+        group = self._left(index, largest)
+        isolated = self._smallest(size, detected, lambda s: set(self._left(index, s)) <= set(group))
+        return SizeBound(self.model.fault, size, detected, isolated, group)
+
+    def _start(self, index: int) -> float:
+        """A size far too small to be seen."""
+        fit = self._fits([self.model], [0.0] * len(self.model.sizes))[0]
+        error = fit[1][index]
+        return RESOLVED * error if 0.0 < error < math.inf else 0.0
+
+    def _smallest(self, size: Size, start: float, holds: Callable[[float], bool]) -> float:
+        """The smallest size from ``start`` on for which this holds; infinity: none up to its limit."""
+        low = max(start, size.low)
+        if low <= 0.0:
+            return math.inf
+        if holds(low):
+            return low
+        for _ in range(DOUBLINGS):
+            high = min(2.0 * low, size.high)
+            if holds(high):
+                return _bisected(low, high, holds)
+            if high == size.high:
+                break
+            low = high
+        return math.inf
+
+    def _explains(self, index: int, value: float) -> bool:
+        nats = max(fit[0] for fit in self._fits(self.own, self._sizes(index, value)))
+        return nats >= self.test.explain_nats
+
+    def _left(self, index: int, value: float) -> tuple[str, ...]:
+        """Faults that this size of this fault leaves, best first."""
+        best: dict[str, float] = {}
+        fits = self._fits(self.test.models, self._sizes(index, value))
+        for model, (nats, _) in zip(self.test.models, fits, strict=True):
+            best[model.fault] = max(nats, best.get(model.fault, -math.inf))
+        leader = max(best.values())
+        names = [name for name, nats in best.items() if leader - nats <= self.test.drop_nats]
+        return tuple(sorted(names, key=lambda name: (-best[name], name)))
+
+    def _sizes(self, index: int, value: float) -> list[float]:
+        sizes = [max(size.low, 0.0) for size in self.model.sizes]
+        sizes[index] = value
+        return sizes
+
+    def _fits(
+        self, models: Sequence[FaultModel], sizes: Sequence[float]
+    ) -> list[tuple[float, tuple[float, ...]]]:
+        """Log-likelihood and standard errors of these models where the fault has these sizes."""
+        test = self.test
+        shown = self.evidence.showing(self.model, sizes)
+        fits = shown.fit(
+            models, test.sigma, test.correlation, test.tolerance, self.healthy, test.settled
+        )
+        return [(fit.log_likelihood, fit.sigmas) for fit in fits]
+
+
+def _bisected(low: float, high: float, holds: Callable[[float], bool]) -> float:
+    for _ in range(STEPS):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high

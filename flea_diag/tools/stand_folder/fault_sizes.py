@@ -1,0 +1,231 @@
+"""What the sensors of a stand can detect and isolate in the motion of its recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.description import compiled_relations, described, effects_of
+from flea_diag.configuration.stand import Stand
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.calibration.run_spread import tolerance_of
+from flea_diag.core.choice.planned_motion import completed
+from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.likelihood.likelihood import NormalEquations
+from flea_diag.core.likelihood.sensor_models import ELAPSED, expected
+from flea_diag.core.likelihood.size_bound import LikelihoodOf, SizeBound, size_bounds
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
+from flea_diag.core.residuals.parity import channel_of
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual_bank import ResidualBank
+from flea_diag.core.smoothing import KERNEL_LENGTH, hann_kernels
+from flea_diag.core.symbolic.expression import derivative, evaluate
+from flea_diag.stages.isolator.parameters import IsolatorParameters
+from flea_diag.stages.isolator.quantitative_isolation import own_sigma
+from flea_diag.stages.observer.regressor_table import MOTION_NAMES, RegressorTable
+from flea_diag.tools.stand_folder.recorded_motion import RecordedMotion
+
+Array = npt.NDArray[np.float64]
+EPISODE_S = 10.0
+"""Time that a fault is followed for; recordings count by their mean over so long."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Signals of all recordings: regressors of the fault models, and which residuals there are.
+
+    ``formed``, shape (scans, residuals), order of ``names``.
+    """
+
+    names: tuple[str, ...]
+    signals: Mapping[str, Array]
+    regressors: Array
+    formed: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class FaultSizes:
+    """A stand with the channels of its recordings; without a calibration as it is described."""
+
+    stand: Stand
+    channels: tuple[str, ...]
+    period_s: float
+
+    @cached_property
+    def calibration(self) -> Calibration | None:
+        """Of the stand; None where none has been made."""
+        return learned(self.stand) if self.stand.calibration.exists() else None
+
+    @cached_property
+    def parameters(self) -> ActuatorParameters:
+        """As calibrated, or as described."""
+        if self.calibration is not None:
+            return self.calibration.parameters
+        return replace(ActuatorParameters(), **self.relations.described)
+
+    @cached_property
+    def relations(self) -> RelationSet:
+        """Those that the recorded channels close."""
+        return compiled_relations(self.stand.actuator, self.channels)
+
+    def effects(self, relations: RelationSet, channels: tuple[str, ...]) -> EffectSet:
+        """Effects of the catalogue on relations."""
+        return effects_of(self.stand.actuator, self.stand.faults, relations, channels)
+
+    def bounds(self, motions: Sequence[RecordedMotion]) -> tuple[SizeBound, ...]:
+        """Bounds of all faults in this motion."""
+        effects = self.effects(self.relations, self.channels)
+        return self._bounds(effects, self.motion(motions, effects))
+
+    def with_sensor(
+        self, channel: str, motions: Sequence[RecordedMotion]
+    ) -> tuple[SizeBound, ...] | None:
+        """The same, were one more channel of the description recorded; None: it follows from none.
+
+        Its reading is what a relation makes of the others.
+        """
+        channels = (*self.channels, channel)
+        relations = compiled_relations(self.stand.actuator, channels)
+        effects = self.effects(relations, channels)
+        motion = self.motion(motions, self.effects(self.relations, self.channels))
+        constant = {
+            name: np.full(len(motion.regressors), x) for name, x in relations.reference.items()
+        }
+        known = completed(relations, {**asdict(self.parameters), **constant, **motion.signals})
+        gained = [name for name in relations.names if name not in self.relations.names]
+        if not gained or any(name not in known for name in relations.signals):
+            return None
+        return self._bounds(effects, _extended(effects, self.parameters, motion, known, gained))
+
+    def motion(self, motions: Sequence[RecordedMotion], effects: EffectSet) -> Motion:
+        """Signals of the recordings by the residual bank."""
+        parts = [self._of_one(motion, effects) for motion in motions]
+        names = parts[0].signals
+        return Motion(
+            effects.residuals.weighed,
+            {name: np.concatenate([part.signals[name] for part in parts]) for name in names},
+            np.concatenate([part.regressors for part in parts]),
+            np.concatenate([part.formed for part in parts]),
+        )
+
+    def _of_one(self, motion: RecordedMotion, effects: EffectSet) -> Motion:
+        known = effects.residuals
+        rows = motion.in_order(known.channels)
+        bank = ResidualBank(
+            self.parameters,
+            effects.relations,
+            period_s=motion.period_s,
+            kernel_length=KERNEL_LENGTH,
+        )
+        residuals = bank.step(rows, frozen=False)
+        table = RegressorTable(effects, self.parameters).rows(rows, residuals)
+        regressors = table[:, : -len(MOTION_NAMES)]
+        elapsed_s = np.mod((motion.stamps_ns - motion.stamps_ns[0]) * 1e-9, EPISODE_S)
+        regressors[:, effects.names.index(str(ELAPSED))] = elapsed_s
+        formed = np.isfinite(residuals.values[:, known.columns(known.weighed)])
+        for column, name in enumerate(known.weighed):
+            if name in known.in_motion:
+                formed[:, column] &= residuals.moving
+        signals = dict(zip(effects.relations.signals, residuals.signals.T, strict=True))
+        for name, channel in known.predictions.items():
+            read, off = rows[:, known.index[channel]], residuals.values[:, known.column(name)]
+            signals[expected(channel).name] = read - off
+        return Motion(known.weighed, signals, regressors, formed)
+
+    def _bounds(self, effects: EffectSet, motion: Motion) -> tuple[SizeBound, ...]:
+        sigma, correlation = self._noise(effects.relations, motion)
+        names = tuple(name for name in motion.names if name in sigma)
+        healthy = NormalEquations(names, effects.basis_of(self.parameters))
+        columns = [motion.names.index(name) for name in names]
+        healthy.add(np.where(motion.formed[:, columns], 0.0, np.nan), motion.regressors)
+        evidence = NormalEquations(names, healthy.basis)
+        evidence.take(healthy, EPISODE_S / (len(motion.regressors) * self.period_s))
+        known = effects.residuals
+        settled = tuple(name for name in (known.circuit, known.friction) if name in names)
+        bound = effects.bound(self.parameters)
+        models = [m for m in bound if any(term.residual in names for term in m.terms)]
+        rules = IsolatorParameters()
+        return size_bounds(
+            evidence,
+            healthy,
+            LikelihoodOf(
+                models,
+                sigma,
+                correlation,
+                self._tolerances(effects),
+                rules.explain_nats,
+                rules.drop_nats,
+                settled,
+            ),
+        )
+
+    def _tolerances(self, effects: EffectSet) -> tuple[float, ...]:
+        if self.calibration is not None:
+            return self.calibration.differences(effects.differences)
+        tolerance = tolerance_of(self.parameters, effects.relations)
+        rates = len(effects.differences) - len(UNIT_PARAMETERS)
+        parts = [getattr(tolerance, name) for name in UNIT_PARAMETERS]
+        return (*parts, *(tolerance.thermal_rate_k_per_s,) * rates)
+
+    def _noise(
+        self, relations: RelationSet, motion: Motion
+    ) -> tuple[dict[str, float], dict[str, float]]:
+        """Scatter of each residual, and the samples to one independent sample."""
+        kernels = hann_kernels(KERNEL_LENGTH, self.period_s)
+        gains = np.sqrt(np.square(kernels).sum(axis=1))
+        sensors = described(self.stand.actuator).sensors
+        known = {**asdict(self.parameters), **motion.signals}
+        sigma: dict[str, float] = {}
+        for row in relations.relations:
+            parts = [
+                _rms(evaluate(derivative(row.expression, name), known)) * gains[order] * noise
+                for name in row.signals
+                for channel, order in [channel_of(name)]
+                if channel in sensors and (noise := sensors[channel].noise)
+            ]
+            sigma[row.name] = float(np.sqrt(np.square(parts).sum()))
+        sigma |= {row.name: sensors[row.channel].noise for row in relations.predictions}
+        correlation = dict.fromkeys(sigma, float(1.0 / np.square(kernels[0]).sum()))
+        correlation |= {row.name: 1.0 for row in relations.predictions}
+        if self.calibration is None:
+            return sigma, correlation
+        limits = {limit.name: limit for limit in self.calibration.limits if limit.name in sigma}
+        friction, circuit = relations.residuals.friction, relations.residuals.circuit
+        sigma |= {name: limit.sigma[0] for name, limit in limits.items()}
+        sigma |= own_sigma(self.calibration, (circuit, friction))
+        return sigma, correlation | {n: row.correlation_samples for n, row in limits.items()}
+
+
+def _extended(
+    effects: EffectSet,
+    p: ActuatorParameters,
+    motion: Motion,
+    known: Mapping[str, Array],
+    gained: Sequence[str],
+) -> Motion:
+    """The motion with relations that one more channel closes, wherever their signals are known."""
+    count = len(motion.regressors)
+    inside = {n: evaluate(e, known) for n, e in effects.shapes.items() if n not in known}
+    found = {**known, **inside}
+    x = [np.asarray(found.get(name, np.full(count, np.nan))) for name in effects.signals]
+    regressors = np.empty((count, len(effects.names)))
+    for number, column in enumerate(effects.functions["columns"](p, x)):
+        regressors[:, number] = column
+    elapsed = effects.names.index(str(ELAPSED))
+    regressors[:, elapsed] = motion.regressors[:, elapsed]
+    formed = motion.formed.copy()
+    for name in gained:
+        read = [known[signal] for signal in effects.relations.named[name].signals]
+        formed[:, motion.names.index(name)] = np.isfinite(read).all(axis=0)
+    return Motion(motion.names, known, regressors, formed)
+
+
+def _rms(values: object) -> float:
+    read = np.asarray(values, dtype=np.float64)
+    read = read[np.isfinite(read)]
+    return float(np.sqrt(np.mean(np.square(read)))) if len(read) else 0.0
