@@ -28,9 +28,9 @@ RESOLVED = 0.1
 class LikelihoodOf:
     """What the likelihood test of a stand rests on, beside the signals.
 
-    ``sigma`` and ``correlation`` are the scatter of each residual and the samples to one independent
-    one, ``tolerance`` what healthy units differ by. ``settled`` are residuals in which the unit has
-    shown what it is by itself before the fault.
+    ``sigma`` and ``correlation`` are the scatter of each residual and the samples to one
+    independent one, ``tolerance`` what healthy units differ by. ``settled`` are residuals in which
+    the unit has shown what it is by itself before the fault.
     """
 
     models: Sequence[FaultModel]
@@ -112,7 +112,7 @@ class _Search:
         return RESOLVED * error if 0.0 < error < math.inf else 0.0
 
     def _smallest(self, size: Size, start: float, holds: Callable[[float], bool]) -> float:
-        """The smallest size from ``start`` on for which this holds; infinity: none up to its limit."""
+        """Smallest size from ``start`` on for which this holds; infinity: none within its limit."""
         low = max(start, size.low)
         if low <= 0.0:
             return math.inf

@@ -1,4 +1,4 @@
-"""What each channel of a stand gives in its recordings: range, gaps, noise, and whether it is usable."""
+"""What each channel of a stand gives in its recordings, and whether that is usable."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.residuals.channel_units import unit_refusal
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.tools.recordings.source_checks import MOST_OUTSIDE
 from flea_diag.tools.stand_folder.recorded_motion import RecordedMotion
@@ -76,7 +77,8 @@ def _check(
         missing,
         gap_s,
         tuple(_read_by(info.name, relations)),
-        _problem(info, read, missing, gap_s),
+        unit_refusal(info.name, info.unit, relations.units_of)
+        or _problem(info, read, missing, gap_s),
     )
 
 

@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the page; 0: all usable, 1: a recording or a channel is not."""
     from flea_diag.configuration.stand import load_stand
-    from flea_diag.tools.stand_folder.stand_page import as_mapping, as_text, stand_page
+    from flea_diag.tools.stand_folder.page_text import as_mapping, as_text
+    from flea_diag.tools.stand_folder.stand_page import stand_page
 
     stand = load_stand(arguments.folder)
     motions, refused = _read(arguments.recordings, stand)
