@@ -29,6 +29,7 @@ from flea_diag.core.residuals.residual_set import (
     relation_names,
     residual_set,
 )
+from flea_diag.core.signatures.diagnosability import usable_residuals
 from flea_diag.core.signatures.signature import SignatureTable, signature_table
 from flea_diag.core.symbolic.generated import keep_with
 from flea_diag.errors import ConfigurationError, ModelError, shown
@@ -176,7 +177,7 @@ def _signatures(
     whole = _described(*actuator)
     model = whole.with_sensors([name for name in channels if name in whole.sensors])
     rows = _catalogue(actuator, faults, channels)
-    names = tuple(name for name, spec in model.residuals.items() if spec.signs)
+    names = usable_residuals(model)
 
     def derived() -> dict[str, Any]:
         made = (signature_table(model, rows, names, q, period_s) for q in QUADRANTS)

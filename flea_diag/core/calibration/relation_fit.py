@@ -48,7 +48,9 @@ class Regression:
     """y = A x, and the parameters as expressions in x.
 
     ``columns`` has shape (n, k) and ``target`` (n,); x is named ``names``. ``quotients`` are x in
-    parameters.
+    parameters. ``unscaled`` are those of the regressand where every other term has an unknown
+    coefficient, too: then quotients alone are determined, and no parameter is before these are
+    known.
     """
 
     columns: Array
@@ -56,6 +58,7 @@ class Regression:
     names: tuple[str, ...]
     parameters: Mapping[str, Expression]
     quotients: Mapping[str, Expression]
+    unscaled: tuple[str, ...] = ()
 
     def not_fixed(self) -> tuple[str, ...]:
         """Parameters that the columns leave open, each alone in a column of which that is so.
@@ -68,6 +71,8 @@ class Regression:
         CalibrationError
             Such a column holds no parameter of its own, so that nothing can be kept at its default.
         """
+        if self.unscaled:
+            return self.unscaled
         length = np.linalg.norm(self.columns, axis=0)
         R, order = qr(self.columns / np.where(length > 0.0, length, 1.0), mode="r", pivoting=True)
         left = np.abs(np.diag(R[: len(order)]))
@@ -142,13 +147,11 @@ def _of_quotients(
         columns[monomial] = columns.get(monomial, 0.0) + factor * _column(basis, values, count)
     target = _column(Variable(regressand), values, count) - columns.pop(ONE, 0.0)
     quotients = {f"x_{number}": monomial for number, monomial in enumerate(columns)}
-    return Regression(
-        np.stack(list(columns.values()), axis=1),
-        target,
-        tuple(quotients),
-        {str(name): solved for name, solved in in_base(quotients, "quotients").items()},
-        quotients,
-    )
+    stacked = np.stack(list(columns.values()), axis=1)
+    if len({name for monomial in quotients.values() for name in symbols(monomial)}) > len(quotients):
+        return Regression(stacked, target, tuple(quotients), {}, quotients, tuple(symbols(own)))
+    solved = {str(name): form for name, form in in_base(quotients, "quotients").items()}
+    return Regression(stacked, target, tuple(quotients), solved, quotients)
 
 
 def _parted(quotient: Expression) -> tuple[float, Expression]:
