@@ -148,7 +148,9 @@ def _of_quotients(
     target = _column(Variable(regressand), values, count) - columns.pop(ONE, 0.0)
     quotients = {f"x_{number}": monomial for number, monomial in enumerate(columns)}
     stacked = np.stack(list(columns.values()), axis=1)
-    if len({name for monomial in quotients.values() for name in symbols(monomial)}) > len(quotients):
+    if len({name for monomial in quotients.values() for name in symbols(monomial)}) > len(
+        quotients
+    ):
         return Regression(stacked, target, tuple(quotients), {}, quotients, tuple(symbols(own)))
     solved = {str(name): form for name, form in in_base(quotients, "quotients").items()}
     return Regression(stacked, target, tuple(quotients), solved, quotients)

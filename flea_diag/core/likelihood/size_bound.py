@@ -10,7 +10,7 @@ which also allow for what differs between recordings, lie above it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -57,9 +57,12 @@ class SizeBound:
 
 
 def size_bounds(
-    evidence: NormalEquations, healthy: NormalEquations, test: LikelihoodOf
+    evidence: NormalEquations,
+    healthy: NormalEquations,
+    test: LikelihoodOf,
+    faults: Collection[str],
 ) -> tuple[SizeBound, ...]:
-    """Bounds of every size of the first model of each fault.
+    """Bounds of every size of the first model of each of these faults, against all models.
 
     Parameters
     ----------
@@ -70,6 +73,8 @@ def size_bounds(
     """
     found: list[SizeBound] = []
     for fault, models in groupby(test.models, key=lambda model: model.fault):
+        if fault not in faults:
+            continue
         first, *others = models
         search = _Search(evidence, healthy, test, first, [first, *others])
         found += [search.bound(index) for index in range(len(first.sizes)) if search.shows(index)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
@@ -54,7 +54,12 @@ class FaultSizes:
 
     stand: Stand
     channels: tuple[str, ...]
-    period_s: float
+    motions: tuple[RecordedMotion, ...]
+
+    @property
+    def period_s(self) -> float:
+        """Time between two scans."""
+        return self.motions[0].period_s
 
     @cached_property
     def calibration(self) -> Calibration | None:
@@ -73,26 +78,24 @@ class FaultSizes:
         """Those that the recorded channels close."""
         return compiled_relations(self.stand.actuator, self.channels)
 
-    def effects(self, relations: RelationSet, channels: tuple[str, ...]) -> EffectSet:
-        """Effects of the catalogue on relations."""
-        return effects_of(self.stand.actuator, self.stand.faults, relations, channels)
+    @cached_property
+    def effects(self) -> EffectSet:
+        """Effects of the catalogue on them."""
+        return effects_of(self.stand.actuator, self.stand.faults, self.relations, self.channels)
 
-    def bounds(self, motions: Sequence[RecordedMotion]) -> tuple[SizeBound, ...]:
-        """Bounds of all faults in this motion."""
-        effects = self.effects(self.relations, self.channels)
-        return self._bounds(effects, self.motion(motions, effects))
+    def bounds(self, faults: Collection[str]) -> tuple[SizeBound, ...]:
+        """Bounds of these faults in this motion."""
+        return self._bounds(self.effects, self.motion, faults)
 
-    def with_sensor(
-        self, channel: str, motions: Sequence[RecordedMotion]
-    ) -> tuple[SizeBound, ...] | None:
+    def with_sensor(self, channel: str, faults: Collection[str]) -> tuple[SizeBound, ...] | None:
         """The same, were one more channel of the description recorded; None: it follows from none.
 
         Its reading is what a relation makes of the others.
         """
         channels = (*self.channels, channel)
         relations = compiled_relations(self.stand.actuator, channels)
-        effects = self.effects(relations, channels)
-        motion = self.motion(motions, self.effects(self.relations, self.channels))
+        effects = effects_of(self.stand.actuator, self.stand.faults, relations, channels)
+        motion = self.motion
         constant = {
             name: np.full(len(motion.regressors), x) for name, x in relations.reference.items()
         }
@@ -100,11 +103,14 @@ class FaultSizes:
         gained = [name for name in relations.names if name not in self.relations.names]
         if not gained or any(name not in known for name in relations.signals):
             return None
-        return self._bounds(effects, _extended(effects, self.parameters, motion, known, gained))
+        extended = _extended(effects, self.parameters, motion, known, gained)
+        return self._bounds(effects, extended, faults)
 
-    def motion(self, motions: Sequence[RecordedMotion], effects: EffectSet) -> Motion:
+    @cached_property
+    def motion(self) -> Motion:
         """Signals of the recordings by the residual bank."""
-        parts = [self._of_one(motion, effects) for motion in motions]
+        effects = self.effects
+        parts = [self._of_one(motion, effects) for motion in self.motions]
         names = parts[0].signals
         return Motion(
             effects.residuals.weighed,
@@ -121,6 +127,7 @@ class FaultSizes:
             effects.relations,
             period_s=motion.period_s,
             kernel_length=KERNEL_LENGTH,
+            backend="numpy",
         )
         residuals = bank.step(rows, frozen=False)
         table = RegressorTable(effects, self.parameters).rows(rows, residuals)
@@ -137,7 +144,9 @@ class FaultSizes:
             signals[expected(channel).name] = read - off
         return Motion(known.weighed, signals, regressors, formed)
 
-    def _bounds(self, effects: EffectSet, motion: Motion) -> tuple[SizeBound, ...]:
+    def _bounds(
+        self, effects: EffectSet, motion: Motion, faults: Collection[str]
+    ) -> tuple[SizeBound, ...]:
         sigma, correlation = self._noise(effects.relations, motion)
         names = tuple(name for name in motion.names if name in sigma)
         healthy = NormalEquations(names, effects.basis_of(self.parameters))
@@ -162,6 +171,7 @@ class FaultSizes:
                 rules.drop_nats,
                 settled,
             ),
+            faults,
         )
 
     def _tolerances(self, effects: EffectSet) -> tuple[float, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flea_diag.configuration.description import faults_of
 from flea_diag.configuration.stand import Stand
@@ -73,14 +73,14 @@ def stand_page(stand: Stand, motions: Sequence[RecordedMotion]) -> StandPage:
         A file of the stand is refused.
     """
     every = tuple(dict.fromkeys(row.name for motion in motions for row in motion.channels))
-    whole = FaultSizes(stand, every, motions[0].period_s)
+    whole = FaultSizes(stand, every, tuple(motions))
     wanted = whole.relations.residuals.channels
     checks = channel_checks(motions, wanted, whole.relations)
     usable = tuple(row.name for row in checks if not row.problem)
-    sizes = FaultSizes(stand, usable, motions[0].period_s)
+    sizes = replace(whole, channels=usable)
     known = of_sensors(faults_of(stand.actuator, stand.faults), usable)
     sized = {name for name, fault in known.items() if fault.mode not in WHOLE}
-    bounds = [row for row in sizes.bounds(motions) if row.fault in sized]
+    bounds = sizes.bounds(sized)
     symptoms = sizes.relations.residuals.symptoms
     alone = tuple(
         name for name, row in known.items() if row.channel and tested_alone(row, symptoms)
@@ -101,7 +101,7 @@ def stand_page(stand: Stand, motions: Sequence[RecordedMotion]) -> StandPage:
         tuple(row for row in bounds if math.isfinite(row.detected_from)),
         alone,
         dict(_unseen(known, bounds, alone)),
-        tuple(_brought(sizes, sized, bounds, lacking, motions)),
+        tuple(_brought(sizes, sized, bounds, lacking)),
         promise,
         tuple(_problems(checks)),
     )
@@ -125,17 +125,15 @@ def _unseen(
 
 def _brought(
     sizes: FaultSizes,
-    known: Collection[str],
+    faults: Collection[str],
     bounds: Sequence[SizeBound],
     lacking: Sequence[str],
-    motions: Sequence[RecordedMotion],
 ) -> Iterator[OneMoreSensor]:
     """What each sensor of the description would bring that is not recorded, or not usable."""
     for channel in lacking:
-        found = sizes.with_sensor(channel, motions)
+        found = sizes.with_sensor(channel, faults)
         if found is not None:
-            rows = [row for row in found if row.fault in known]
-            yield OneMoreSensor(channel, tuple(dict.fromkeys(_gains(bounds, rows))))
+            yield OneMoreSensor(channel, tuple(dict.fromkeys(_gains(bounds, found))))
 
 
 def _gains(before: Sequence[SizeBound], after: Sequence[SizeBound]) -> Iterator[str]:
