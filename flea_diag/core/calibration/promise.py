@@ -12,6 +12,8 @@ import math
 from dataclasses import dataclass
 
 CONFIDENCE = 0.95
+FALSE_ALARMS_PER_HOUR = 0.1
+"""Stated rate, unless another is asked for."""
 LEAST_RECORDINGS = 3
 """Fewer cannot be judged by limits that were learned without them."""
 

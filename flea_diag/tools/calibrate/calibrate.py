@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flea_diag.core.calibration.promise import FALSE_ALARMS_PER_HOUR
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
 from flea_diag.tools.calibrate import report as calibration_report
 from flea_diag.tools.calibrate.nominal_recording import (
@@ -42,7 +43,6 @@ examples:
   flea calibrate bags/nominal_* -o calibration.yaml --plots pictures/
 """
 
-FALSE_ALARMS_PER_HOUR = 0.1
 LEAST_UNITS = 3
 """With fewer units of known serial number, recordings are left out one by one."""
 MOST_LEFT_OUT = 0.25

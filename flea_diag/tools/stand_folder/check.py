@@ -12,7 +12,7 @@ from flea_diag.tools.terminal import IN_PART, progress, say, warn
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
-    from flea_diag.tools.stand_folder.recorded_motion import RecordedMotion
+    from flea_diag.tools.stand_check.recorded_motion import RecordedMotion
 
 SUMMARY = "say what recordings of a stand are good for: channels, faults and sizes, what is missing"
 MOST_APART = 0.01
@@ -37,8 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the page; 0: all usable, 1: a recording or a channel is not."""
     from flea_diag.configuration.stand import load_stand
-    from flea_diag.tools.stand_folder.page_text import as_mapping, as_text
-    from flea_diag.tools.stand_folder.stand_page import stand_page
+    from flea_diag.tools.stand_check.page_text import as_mapping, as_text
+    from flea_diag.tools.stand_check.stand_page import stand_page
 
     stand = load_stand(arguments.folder)
     motions, refused = _read(arguments.recordings, stand)
@@ -57,7 +57,7 @@ def _read(paths: list[Path], stand: Stand) -> tuple[list[RecordedMotion], int]:
     RecordingError
         None is usable.
     """
-    from flea_diag.tools.stand_folder.recorded_motion import recorded_motions
+    from flea_diag.tools.stand_check.recorded_motion import recorded_motions
 
     found: list[RecordedMotion] = []
     refused = 0

@@ -13,9 +13,9 @@ from support.places import CONFIG
 
 from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.main import main
-from flea_diag.tools.stand_folder.page_text import as_mapping
-from flea_diag.tools.stand_folder.recorded_motion import recorded_motions
-from flea_diag.tools.stand_folder.stand_page import stand_page
+from flea_diag.tools.stand_check.page_text import as_mapping
+from flea_diag.tools.stand_check.recorded_motion import recorded_motions
+from flea_diag.tools.stand_check.stand_page import stand_page
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.records import Scan
 

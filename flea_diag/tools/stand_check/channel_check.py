@@ -12,7 +12,7 @@ import numpy.typing as npt
 from flea_diag.core.residuals.channel_units import unit_refusal
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.tools.recordings.source_checks import MOST_OUTSIDE
-from flea_diag.tools.stand_folder.recorded_motion import RecordedMotion
+from flea_diag.tools.stand_check.recorded_motion import RecordedMotion
 from flea_diag.wire.records import ChannelInfo
 
 Array = npt.NDArray[np.float64]

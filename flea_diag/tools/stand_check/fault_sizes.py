@@ -28,7 +28,7 @@ from flea_diag.core.symbolic.expression import derivative, evaluate
 from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.stages.isolator.quantitative_isolation import own_sigma
 from flea_diag.stages.observer.regressor_table import MOTION_NAMES, RegressorTable
-from flea_diag.tools.stand_folder.recorded_motion import RecordedMotion
+from flea_diag.tools.stand_check.recorded_motion import RecordedMotion
 
 Array = npt.NDArray[np.float64]
 EPISODE_S = 10.0

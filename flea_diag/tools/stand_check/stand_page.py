@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 
 from flea_diag.configuration.description import faults_of
 from flea_diag.configuration.stand import Stand
-from flea_diag.core.calibration.promise import FalseAlarmPromise
+from flea_diag.core.calibration.promise import FALSE_ALARMS_PER_HOUR, FalseAlarmPromise
 from flea_diag.core.faults.fault import Fault, of_sensors
 from flea_diag.core.isolation.detectability import tested_alone
 from flea_diag.core.likelihood.size_bound import SizeBound
-from flea_diag.tools.calibrate.calibrate import FALSE_ALARMS_PER_HOUR
-from flea_diag.tools.stand_folder.channel_check import ChannelCheck, channel_checks
-from flea_diag.tools.stand_folder.fault_sizes import FaultSizes
-from flea_diag.tools.stand_folder.recorded_motion import RecordedMotion
+from flea_diag.tools.stand_check.channel_check import ChannelCheck, channel_checks
+from flea_diag.tools.stand_check.fault_sizes import FaultSizes
+from flea_diag.tools.stand_check.recorded_motion import RecordedMotion
 
 WHOLE = ("dead", "noise", "dropout")
 """Modes of a sensor fault that have no size to be found from."""

@@ -8,9 +8,9 @@ from dataclasses import asdict
 from typing import Any
 
 from flea_diag.core.likelihood.size_bound import SizeBound
-from flea_diag.tools.stand_folder.channel_check import ChannelCheck
-from flea_diag.tools.stand_folder.fault_sizes import EPISODE_S
-from flea_diag.tools.stand_folder.stand_page import OneMoreSensor, StandPage, sized
+from flea_diag.tools.stand_check.channel_check import ChannelCheck
+from flea_diag.tools.stand_check.fault_sizes import EPISODE_S
+from flea_diag.tools.stand_check.stand_page import OneMoreSensor, StandPage, sized
 
 
 def as_mapping(page: StandPage) -> dict[str, Any]:

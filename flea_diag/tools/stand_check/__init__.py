@@ -1,0 +1,1 @@
+"""``flea stand check``: what recordings of a stand are good for."""
