@@ -1,0 +1,163 @@
+"""The tutorial as it stands: its commands are taken from the page and run, in their order."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+import shlex
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from support.live import Peer, Process, node
+from support.places import ROOT
+
+from flea_diag.tools.main import main
+from flea_diag.wire.records import AmbiguityGroup, Outcome, Residual
+
+PAGE = ROOT / "docs" / "tutorial_joint.md"
+BLOCK = re.compile(r'^```(\w+) title="([^"]+)"\n(.*?)^```', re.MULTILINE | re.DOTALL)
+BLOCKS = {found[2]: found[3] for found in BLOCK.finditer(PAGE.read_text(encoding="utf-8"))}
+GROUP = {"gear_friction", "jam", "magnet_loss"}
+MOST_COMMANDS = 4
+LIMIT_S = 60.0
+BATCH = 50
+
+
+def commands(title: str) -> list[list[str]]:
+    """Commands of one block, with the files that their patterns stand for."""
+    return [
+        [name for word in shlex.split(line) for name in matching(word)]
+        for line in BLOCKS[title].splitlines()
+    ]
+
+
+def matching(word: str) -> list[str]:
+    return sorted(map(str, Path().glob(word))) if "*" in word else [word]
+
+
+def run(title: str) -> None:
+    """Run a block, each command in this process."""
+    for line in BLOCKS[title].splitlines():
+        (program, *arguments) = (name for w in shlex.split(line) for name in matching(w))
+        if program == "python":
+            script, *rest = arguments
+            sys.argv = [script, *rest]
+            runpy.run_path(str(ROOT / script), run_name="__main__")
+        else:
+            assert program == "flea"
+            assert main(arguments) == 0, line
+
+
+def edit(path: Path, title: str) -> None:
+    """Put the lines of the page into the file."""
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    merge(content, yaml.safe_load(BLOCKS[title]))
+    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+
+
+def merge(content: dict[str, Any], more: dict[str, Any]) -> None:
+    for key, value in more.items():
+        if isinstance(value, dict):
+            merge(content[key], value)
+        else:
+            content[key] = value
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folder in which everything of the page but the live part and the table was done."""
+    place = tmp_path_factory.mktemp("tutorial")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        patch.setattr(sys, "argv", sys.argv)
+        run("recordings")
+        run("stand")
+        edit(place / "elbow" / "channels.yaml", "edit elbow/channels.yaml")
+        run("verdict")
+        yield place
+
+
+def verdict(path: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return content
+
+
+def test_a_bag_of_a_robot_leads_to_a_verdict(folder: Path) -> None:
+    told = verdict(folder / "verdict.json")
+    assert told["outcome"] == "INDISTINGUISHABLE"
+    assert set(told["ambiguity_group"]) == GROUP
+    assert 12.0 < told["detected_at_s"] < 14.0
+    assert "INDISTINGUISHABLE: one of gear_friction, jam, magnet_loss" in PAGE.read_text("utf-8")
+
+
+def test_it_takes_four_commands_and_one_file() -> None:
+    assert len(commands("stand")) + len(commands("verdict")) <= MOST_COMMANDS
+    assert [title for title in BLOCKS if title.startswith("edit")] == ["edit elbow/channels.yaml"]
+
+
+def test_the_page_of_the_recordings_is_printed(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run("check")
+    told = capsys.readouterr().out
+    assert told.startswith("Stand elbow: 4 recordings, 120 s")
+    assert "motor_voltage: " in told
+
+
+def test_a_table_leads_to_the_same_verdict(folder: Path) -> None:
+    run("csv")
+    told, of_bag = verdict(folder / "bench_verdict.json"), verdict(folder / "verdict.json")
+    assert set(told["ambiguity_group"]) == GROUP
+    assert told["detected_at_s"] == pytest.approx(of_bag["detected_at_s"], abs=0.1)
+
+
+def test_the_verdict_comes_live_on_ambiguity_group(folder: Path, domain: int) -> None:
+    pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
+    bridge, diagnoser, echo = commands("live")
+    assert echo == ["ros2", "topic", "echo", "/ambiguity_group"]
+    assert bridge[:3] == diagnoser[:3] == ["ros2", "run", "flea_diag"][:3]
+    reliable = "qos_overrides./joint_states.subscription.reliability:=reliable"
+    given = [*bridge[5:], "-p", reliable]
+    with (
+        Process(node("flea_diag.nodes.bridge", *given), domain, cwd=folder),
+        Process(
+            node("flea_diag.nodes.diagnoser", *diagnoser[5:], "-p", "memory:=none"),
+            domain,
+            cwd=folder,
+        ),
+        Peer(domain) as peer,
+    ):
+        peer.listen(AmbiguityGroup, Residual)
+        play(peer, folder / "recordings" / "sticky")
+        found = peer.find(lambda r: isinstance(r, AmbiguityGroup) and names(r) == GROUP, LIMIT_S)
+    assert found.outcome is Outcome.INDISTINGUISHABLE
+
+
+def names(record: AmbiguityGroup) -> set[str]:
+    return {member.fault for member in record.members}
+
+
+def play(peer: Peer, bag: Path) -> None:
+    """Send a recording faster than real time, no faster than the diagnosis follows."""
+    from rclpy.serialization import deserialize_message
+    from rosbags.rosbag2 import Reader
+    from sensor_msgs.msg import JointState, Temperature
+
+    kinds = {"/joint_states": JointState, "/elbow/temperature": Temperature}
+    writers = {topic: peer.node.create_publisher(k, topic, 100) for topic, k in kinds.items()}
+    peer.until(lambda: all(w.get_subscription_count() for w in writers.values()), LIMIT_S)
+
+    def follows(stamp_ns: int) -> bool:
+        return any(r.stamp_ns >= stamp_ns for r in peer.records[-BATCH:] if isinstance(r, Residual))
+
+    with Reader(bag) as recorded:
+        for number, (connection, stamp_ns, data) in enumerate(recorded.messages()):
+            message = deserialize_message(data, kinds[connection.topic])
+            writers[connection.topic].publish(message)
+            if number % BATCH == BATCH - 1:
+                peer.until(lambda stamp_ns=stamp_ns: follows(stamp_ns - 500_000_000), LIMIT_S)
