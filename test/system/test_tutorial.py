@@ -17,12 +17,13 @@ from support.live import Peer, Process, node
 from support.places import ROOT
 
 from flea_diag.tools.main import main
-from flea_diag.wire.records import AmbiguityGroup, Outcome, Residual
+from flea_diag.wire.records import AmbiguityGroup, Outcome, Residual, Scan
+from flea_diag.wire.topics import TOPIC_OF
 
 PAGE = ROOT / "docs" / "tutorial_joint.md"
 BLOCK = re.compile(r'^```(\w+) title="([^"]+)"\n(.*?)^```', re.MULTILINE | re.DOTALL)
 BLOCKS = {found[2]: found[3] for found in BLOCK.finditer(PAGE.read_text(encoding="utf-8"))}
-GROUP = {"gear_friction", "jam", "magnet_loss"}
+GROUP = {"gear_friction", "jam"}
 MOST_COMMANDS = 4
 LIMIT_S = 60.0
 BATCH = 50
@@ -92,7 +93,7 @@ def test_a_bag_of_a_robot_leads_to_a_verdict(folder: Path) -> None:
     assert told["outcome"] == "INDISTINGUISHABLE"
     assert set(told["ambiguity_group"]) == GROUP
     assert 12.0 < told["detected_at_s"] < 14.0
-    assert "INDISTINGUISHABLE: one of gear_friction, jam, magnet_loss" in PAGE.read_text("utf-8")
+    assert "\nINDISTINGUISHABLE: one of gear_friction, jam: not isolable" in PAGE.read_text("utf-8")
 
 
 def test_it_takes_four_commands_and_one_file() -> None:
@@ -132,14 +133,14 @@ def test_the_verdict_comes_live_on_ambiguity_group(folder: Path, domain: int) ->
         ),
         Peer(domain) as peer,
     ):
-        peer.listen(AmbiguityGroup, Residual)
+        peer.listen(AmbiguityGroup, Residual, Scan)
         play(peer, folder / "recordings" / "sticky")
-        found = peer.find(lambda r: isinstance(r, AmbiguityGroup) and names(r) == GROUP, LIMIT_S)
-    assert found.outcome is Outcome.INDISTINGUISHABLE
+        found = peer.find(lambda r: isinstance(r, AmbiguityGroup) and is_final(r), LIMIT_S)
+    assert {member.fault for member in found.members} == GROUP
 
 
-def names(record: AmbiguityGroup) -> set[str]:
-    return {member.fault for member in record.members}
+def is_final(record: AmbiguityGroup) -> bool:
+    return record.outcome not in (Outcome.NOMINAL, Outcome.NOT_OBSERVABLE, Outcome.DETECTED)
 
 
 def play(peer: Peer, bag: Path) -> None:
@@ -151,9 +152,13 @@ def play(peer: Peer, bag: Path) -> None:
     kinds = {"/joint_states": JointState, "/elbow/temperature": Temperature}
     writers = {topic: peer.node.create_publisher(k, topic, 100) for topic, k in kinds.items()}
     peer.until(lambda: all(w.get_subscription_count() for w in writers.values()), LIMIT_S)
+    peer.until(lambda: peer.node.count_subscribers(TOPIC_OF[Scan].name) == 2, LIMIT_S)
 
     def follows(stamp_ns: int) -> bool:
-        return any(r.stamp_ns >= stamp_ns for r in peer.records[-BATCH:] if isinstance(r, Residual))
+        """The bridge may not have found the diagnosis when it sends its first scans."""
+        last = next((r for r in reversed(peer.records) if isinstance(r, Residual)), None)
+        last = last or next((r for r in reversed(peer.records) if isinstance(r, Scan)), None)
+        return last is not None and last.stamp_ns >= stamp_ns
 
     with Reader(bag) as recorded:
         for number, (connection, stamp_ns, data) in enumerate(recorded.messages()):
