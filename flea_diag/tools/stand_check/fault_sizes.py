@@ -36,7 +36,7 @@ EPISODE_S = 10.0
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionSignals:
     """Signals of all recordings: regressors of the fault models, and which residuals there are.
 
     ``formed``, shape (scans, residuals), order of ``names``.
@@ -107,19 +107,19 @@ class FaultSizes:
         return self._bounds(effects, extended, faults)
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> MotionSignals:
         """Signals of the recordings by the residual bank."""
         effects = self.effects
         parts = [self._of_one(motion, effects) for motion in self.motions]
         names = parts[0].signals
-        return Motion(
+        return MotionSignals(
             effects.residuals.weighed,
             {name: np.concatenate([part.signals[name] for part in parts]) for name in names},
             np.concatenate([part.regressors for part in parts]),
             np.concatenate([part.formed for part in parts]),
         )
 
-    def _of_one(self, motion: RecordedMotion, effects: EffectSet) -> Motion:
+    def _of_one(self, motion: RecordedMotion, effects: EffectSet) -> MotionSignals:
         known = effects.residuals
         rows = motion.in_order(known.channels)
         bank = ResidualBank(
@@ -142,10 +142,10 @@ class FaultSizes:
         for name, channel in known.predictions.items():
             read, off = rows[:, known.index[channel]], residuals.values[:, known.column(name)]
             signals[expected(channel).name] = read - off
-        return Motion(known.weighed, signals, regressors, formed)
+        return MotionSignals(known.weighed, signals, regressors, formed)
 
     def _bounds(
-        self, effects: EffectSet, motion: Motion, faults: Collection[str]
+        self, effects: EffectSet, motion: MotionSignals, faults: Collection[str]
     ) -> tuple[SizeBound, ...]:
         sigma, correlation = self._noise(effects.relations, motion)
         names = tuple(name for name in motion.names if name in sigma)
@@ -183,7 +183,7 @@ class FaultSizes:
         return (*parts, *(tolerance.thermal_rate_k_per_s,) * rates)
 
     def _noise(
-        self, relations: RelationSet, motion: Motion
+        self, relations: RelationSet, motion: MotionSignals
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Scatter of each residual, and the samples to one independent sample."""
         kernels = hann_kernels(KERNEL_LENGTH, self.period_s)
@@ -214,10 +214,10 @@ class FaultSizes:
 def _extended(
     effects: EffectSet,
     p: ActuatorParameters,
-    motion: Motion,
+    motion: MotionSignals,
     known: Mapping[str, Array],
     gained: Sequence[str],
-) -> Motion:
+) -> MotionSignals:
     """The motion with relations that one more channel closes, wherever their signals are known."""
     count = len(motion.regressors)
     inside = {n: evaluate(e, known) for n, e in effects.shapes.items() if n not in known}
@@ -232,7 +232,7 @@ def _extended(
     for name in gained:
         read = [known[signal] for signal in effects.relations.named[name].signals]
         formed[:, motion.names.index(name)] = np.isfinite(read).all(axis=0)
-    return Motion(motion.names, known, regressors, formed)
+    return MotionSignals(motion.names, known, regressors, formed)
 
 
 def _rms(values: object) -> float:
