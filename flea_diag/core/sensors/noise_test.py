@@ -7,6 +7,7 @@ unit's own first seconds count, too: a sensor that has always been louder is no 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,6 +27,9 @@ QUIETER_LOG = 1.0
 WARM_UP_SCANS = 600
 LARGEST_BASELINE = 0.7
 """Most extra noise learned from this unit's first seconds, over nominal (logarithm)."""
+LOG_SCATTER = math.pi / math.sqrt(8.0)
+"""Scatter of the logarithm of one sample of white noise. A sensor whose noise lies below its
+resolution shows none in nominal recordings, and would be noisy with the first sample above it."""
 CLIP_LOG = 2.0
 """Cap of one sample's excess over the highest nominal level (logarithm)."""
 
@@ -48,7 +52,7 @@ class NoiseTest:
         self._loudest = np.array([limit.loudest for limit in limits])
         self._most = self._loudest + CLIP_LOG
         self._floor = np.array([limit.quietest for limit in limits]) - QUIETER_LOG
-        scatter = np.array([limit.scatter for limit in limits])
+        scatter = np.array([max(limit.scatter, LOG_SCATTER) for limit in limits])
         self._sigma = scatter / np.sqrt(WINDOWS)
         self._rows = RowRing(2 * count, NOISE_WINDOWS, np.int64)
         self._sums = np.zeros((len(NOISE_WINDOWS), 2 * count), dtype=np.int64)

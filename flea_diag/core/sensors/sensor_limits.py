@@ -34,6 +34,8 @@ RESOLUTIONS = {
 
 That of an encoder is about its counts: at rest it reads zero whatever its noise. Not the
 voltages: a drive that switches has no noise of its own, and ``plausibility`` judges it."""
+HELD = ("motor_voltage",)
+"""Sensors that are tested only for a reading that is held."""
 POSITIONS = ("actuator_position", "load_position")
 """Readings that cannot jump: those of a mass."""
 SPEED = "motor_speed"
@@ -96,10 +98,9 @@ class SensorLimit(Frozen):
         names = [entry.name for entry in fields(cls)]
         if not isinstance(value, Mapping) or set(value) != set(names):
             raise ValueError(f"a sensor limit has {', '.join(names)}")
-        if value["channel"] not in RESOLUTIONS:
-            raise ValueError(
-                f"channel {shown(value['channel'])}, known are {', '.join(RESOLUTIONS)}"
-            )
+        if value["channel"] not in (*RESOLUTIONS, *HELD):
+            known = ", ".join((*RESOLUTIONS, *HELD))
+            raise ValueError(f"channel {shown(value['channel'])}, known are {known}")
         for name in names[1:]:
             number = value[name]
             if isinstance(number, bool) or not isinstance(number, (int, float)):
@@ -115,7 +116,8 @@ class SensorLimit(Frozen):
         if test == self.channel:
             return self.step > 0.0
         channel, _, kind = test.rpartition("_")
-        return channel == self.channel and (kind == "noise" or self.repeats > 0)
+        noisy = kind == "noise" and channel in RESOLUTIONS
+        return channel == self.channel and (noisy or self.repeats > 0)
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain mapping of numbers and strings."""
@@ -154,13 +156,13 @@ def at_rest(positions: Array) -> npt.NDArray[np.bool_]:
 def sensor_limits(
     runs: Sequence[Mapping[str, Array]], false_alarms_per_hour: float, period_s: float
 ) -> tuple[SensorLimit, ...]:
-    """Limits of every channel of ``RESOLUTIONS`` that at least two recordings hold.
+    """Limits of every channel of ``RESOLUTIONS`` and ``HELD`` that at least two recordings hold.
 
     ``runs``: readings of each channel of one recording, shape (scans,), NaN where none.
     """
     rate_per_s = SENSOR_SHARE * false_alarms_per_hour / 3600.0 / (3 * len(RESOLUTIONS))
     found = []
-    for channel in RESOLUTIONS:
+    for channel in (*RESOLUTIONS, *HELD):
         long = [
             run
             for run in runs
@@ -185,6 +187,9 @@ def _limit(
     channel: str, runs: Sequence[Mapping[str, Array]], rate_per_s: float, period_s: float
 ) -> SensorLimit:
     columns = [run[channel] for run in runs]
+    if channel in HELD:
+        repeats = _repeats(columns, rate_per_s, period_s, False)
+        return SensorLimit(channel, 0.0, 0.0, 0.0, repeats, 0.0, 0.0, 0.0)
     quietest, loudest, scatter = _noise(columns, RESOLUTIONS[channel])
     steps = [np.abs(np.diff(column)) for column in columns]
     steps = [step[np.isfinite(step)] for step in steps]

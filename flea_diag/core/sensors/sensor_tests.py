@@ -17,7 +17,14 @@ from flea_diag.core import backend as backends
 from flea_diag.core.sensors.noise_test import NoiseTest
 from flea_diag.core.sensors.position_step import SPAN, position_steps
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
-from flea_diag.core.sensors.sensor_limits import POSITIONS, RESOLUTIONS, SPEED, SensorLimit, at_rest
+from flea_diag.core.sensors.sensor_limits import (
+    HELD,
+    POSITIONS,
+    RESOLUTIONS,
+    SPEED,
+    SensorLimit,
+    at_rest,
+)
 from flea_diag.core.sensors.sensor_loops import LOOKS
 
 Array = npt.NDArray[np.float64]
@@ -30,13 +37,15 @@ TESTS = ("noise", "stuck", "dropout")
 NAMES = (
     *POSITIONS,
     *(f"{channel}_{test}" for test in TESTS for channel in RESOLUTIONS),
+    *(f"{channel}_stuck" for channel in HELD),
 )
-"""Residuals that these tests fill, in the order of ``SensorTestResults.z``."""
+"""Residuals that these tests fill, in the order of ``SensorTestResults.z``; those of ``HELD`` by
+``held_reading``."""
 
 
 def channel_of(name: str) -> str:
     """Channel that one of ``NAMES`` tests."""
-    return next(channel for channel in RESOLUTIONS if name.startswith(channel))
+    return next(channel for channel in (*RESOLUTIONS, *HELD) if name.startswith(channel))
 
 
 @dataclass(slots=True)
@@ -72,7 +81,8 @@ class SensorTests:
         period_s: float = 0.01,
     ) -> None:
         self._compiled = backends.chosen(backend) == "numba"
-        self._limits = tuple(limit for limit in limits if limit.channel in channels)
+        tested = set(channels) - set(HELD)
+        self._limits = tuple(limit for limit in limits if limit.channel in tested)
         self._names = [limit.channel for limit in self._limits]
         self._columns = np.array([channels.index(name) for name in self._names], dtype=int)
         self._reach = np.array([limit.reach for limit in self._limits])

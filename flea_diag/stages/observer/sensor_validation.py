@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.sensors.held_reading import HeldReadings
 from flea_diag.core.sensors.position_step import SPAN
 from flea_diag.core.sensors.sensor_tests import SensorTests
 from flea_diag.wire.records import ChannelTable
@@ -24,8 +25,10 @@ class SensorValidation:
         names = [row.name for row in known.sensor_rows]
         c = calibration
         self._tests = SensorTests(c.sensors, known.channels, backend, names, c.period_s)
+        self._held = HeldReadings(c.sensors, known.channels, names, c.period_s)
         self._period_ns = round(calibration.period_s * 1e9)
-        self.k = self._tests.k
+        self.k = self._tests.k.copy()
+        self.k[self._held.places] = self._held.k
         """Limit of each test, NaN where the calibration has none."""
 
     def take_ranges(self, table: ChannelTable) -> None:
@@ -36,6 +39,7 @@ class SensorValidation:
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
         self._tests.interrupt()
+        self._held.interrupt()
 
     @property
     def stuck(self) -> Mapping[str, int]:
@@ -60,4 +64,6 @@ class SensorValidation:
 
     def _tested(self, rows: Array) -> tuple[Array, Array]:
         results = self._tests.step(rows)
+        if self._held.places:
+            results.z[:, self._held.places] = self._held.step(rows)
         return results.usable, results.z
