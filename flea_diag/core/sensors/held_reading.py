@@ -2,7 +2,8 @@
 
 What a voltage scatters by is the drive's doing, so noise, jumps and drop-outs of such a channel say
 nothing of its sensor. But a reading that healthy recordings never hold for long, and that stays the
-same to the last bit, is no measurement.
+same to the last bit while its command changes, is no measurement. Without a command nothing says
+that it should have changed.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 
 class HeldReadings:
-    """Equal readings in a row of each channel of ``HELD`` that has a limit.
+    """Changes of its command since each channel of ``HELD`` that has a limit last changed.
 
     Parameters
     ----------
@@ -36,14 +37,15 @@ class HeldReadings:
         tested = [
             limit
             for limit in limits
-            if limit.channel in HELD and limit.channel in channels and limit.repeats
+            if limit.repeats and {limit.channel, HELD.get(limit.channel)} <= set(channels)
         ]
         self._columns = [channels.index(limit.channel) for limit in tested]
         self.places = [names.index(f"{limit.channel}_stuck") for limit in tested]
         """Columns of the tests."""
         self.k = np.array([float(stuck_scans(limit, period_s)) for limit in tested])
         """Their limits, shape (tests,)."""
-        self._last = np.full((1, len(tested)), np.nan)
+        self._commands = [channels.index(HELD[limit.channel]) for limit in tested]
+        self._last = np.full((1, 2 * len(tested)), np.nan)
         self._run = np.zeros((1, len(tested)))
 
     def interrupt(self) -> None:
@@ -51,11 +53,13 @@ class HeldReadings:
         self._last[:], self._run[:] = np.nan, 0.0
 
     def step(self, rows: Array) -> Array:
-        """Equal readings before each of n rows, shape (n, tests); rows of shape (n, channels)."""
-        now = rows[:, self._columns]
-        same = now == np.concatenate((self._last, now[:-1]))
-        scans = np.arange(1.0, len(now) + 1.0)[:, None]
-        broken = np.maximum.accumulate(np.where(same, -self._run, scans))
-        self._last, run = now[-1:], scans - broken
+        """The number at each of n rows, shape (n, tests); rows of shape (n, channels)."""
+        now = rows[:, [*self._columns, *self._commands]]
+        change = now - np.concatenate((self._last, now[:-1]))
+        self._last = now[-1:]
+        held, asked = np.split(change, 2, axis=1)
+        same = held == 0.0
+        count = np.cumsum(same & (np.abs(asked) > 0.0), axis=0)
+        run = count - np.maximum.accumulate(np.where(same, -self._run, count))
         self._run = run[-1:]
-        return run
+        return np.asarray(run)

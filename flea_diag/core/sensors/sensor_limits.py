@@ -34,8 +34,8 @@ RESOLUTIONS = {
 
 That of an encoder is about its counts: at rest it reads zero whatever its noise. Not the
 voltages: a drive that switches has no noise of its own, and ``plausibility`` judges it."""
-HELD = ("motor_voltage",)
-"""Sensors that are tested only for a reading that is held."""
+HELD = {"motor_voltage": "commanded_voltage"}
+"""Sensors that are tested only for a reading that is held, and the command that they follow."""
 POSITIONS = ("actuator_position", "load_position")
 """Readings that cannot jump: those of a mass."""
 SPEED = "motor_speed"
@@ -116,8 +116,9 @@ class SensorLimit(Frozen):
         if test == self.channel:
             return self.step > 0.0
         channel, _, kind = test.rpartition("_")
-        noisy = kind == "noise" and channel in RESOLUTIONS
-        return channel == self.channel and (noisy or self.repeats > 0)
+        if channel in HELD:
+            return test == f"{self.channel}_stuck" and self.repeats > 0
+        return channel == self.channel and (kind == "noise" or self.repeats > 0)
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain mapping of numbers and strings."""

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from flea_diag.core.sensors.noise_test import WARM_UP_SCANS, NoiseTest
 from flea_diag.core.sensors.position_step import SPAN, position_steps
 from flea_diag.core.sensors.sensor_limits import SensorLimit, noise_logs, sensor_limits
 from flea_diag.core.sensors.sensor_tests import NAMES, SensorTests, channel_of
@@ -354,3 +355,14 @@ def test_compiled_gives_the_bits_of_numpy(block):
         stepped += int((np.abs(one.z[:, 0]) > one.k[0]).sum())
     assert stepped > 0
     assert tests[0].stuck == tests[1].stuck != dict.fromkeys(names, 0)
+
+
+def test_noise_below_the_resolution_is_no_measure_of_how_it_scatters() -> None:
+    # Healthy recordings of a fine encoder hold no sample above its resolution.
+    quiet = SensorLimit("motor_speed", math.log(0.5), math.log(0.5), 1e-6, 0, 100.0, 0.0, 5.4)
+    test = NoiseTest([quiet], "numpy")
+    random = np.random.default_rng(5)
+    test.step(np.zeros((WARM_UP_SCANS + 3, 1)))
+    hardly = test.step(0.6 * random.normal(size=(400, 1)))
+    loud = test.step(6.0 * random.normal(size=(400, 1)))
+    assert np.abs(hardly).max() < 5.4 < loud.max()
