@@ -23,6 +23,7 @@ ARGUMENTS = (
     ("namespace", "", str, "namespace of the fleet, before those of its stands"),
     ("processes", "1", int, "processes that share the stands, at most as many as cores"),
     ("batch_ms", "0", int, "time for which scans are collected: 20 to 50 for many stands [ms]"),
+    ("console", "true", bool, "print the verdicts in this terminal"),
 )
 
 
@@ -37,6 +38,9 @@ def nodes(context):
     for number in range(given["processes"]):
         part = {"stands": stands[number :: given["processes"]], "batch_ms": given["batch_ms"]}
         started.add("fleet", part, name=f"fleet_{number + 1}", restart=True)
+    if given["console"]:
+        names = [entry.partition("=")[0] for entry in stands]
+        started.add("console", {"stands": names}, needed=False)
     return started.actions()
 
 

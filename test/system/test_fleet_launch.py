@@ -25,7 +25,7 @@ def test_a_process_that_is_killed_comes_back_and_the_others_go_on(
 ) -> None:
     hosts = tmp_path / "fleet.txt"
     hosts.write_text("# two rooms\npc_1: bay_1 bay_2\npc_2: bay_3\n", encoding="utf-8")
-    command = launched(FILE, f"hosts:={hosts}", "host:=pc_1", "processes:=2")
+    command = launched(FILE, f"hosts:={hosts}", "host:=pc_1", "processes:=2", "console:=false")
     with Process(command, domain, AMENT_PREFIX_PATH=prefix) as process, Peer(domain) as peer:
         states: dict[str, str] = {}
         peer.bus.subscribe(Health, lambda record: states.update({record.node: record.message}))

@@ -68,7 +68,7 @@ class FleetStand:
                 raise refused
             self._member.managed.change(CONFIGURE)
         except Exception as error:  # whatever is wrong with one stand, the others start
-            self.trouble = _told(error)
+            self.trouble = self._member.managed.reason = _told(error)
             self._host.error(f"stand {self.namespace} is left out: {self.trouble}")
 
     def activate(self) -> None:
@@ -92,7 +92,7 @@ class FleetStand:
         if self._failing:
             return
         self._failing = True
-        self.trouble = _told(error)
+        self.trouble = self._member.managed.reason = _told(error)
         self._host.error(f"stand {self.namespace} is set aside: {self.trouble}; the others go on")
         self._member.bus.state = INACTIVE
         self._host.soon(self._set_aside)

@@ -7,16 +7,21 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TextIO
 
 from flea_diag.errors import ConfigurationError, visible
 from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
+from flea_diag.nodes.operator.hall import Hall
+from flea_diag.operator.hall_view import hall as listed
+from flea_diag.operator.hall_view import stand_rows
+from flea_diag.operator.panel import Panel
 from flea_diag.operator.state import SHOWN
 from flea_diag.operator.verdict_view import line
 from flea_diag.operator.view import page, view
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.parameters import parameter
-from flea_diag.wire.records import AmbiguityGroup, Record
+from flea_diag.wire.records import AmbiguityGroup, Level, Record
 
 REDRAW_S = 0.25
 CLEAR = "\x1b[H\x1b[2J"
@@ -43,13 +48,19 @@ class ConsoleParameters:
     author: str = parameter(
         "", "name stored with acknowledgements and comments; empty: login name", read_only=True
     )
+    stands: tuple[str, ...] = parameter(
+        (),
+        "namespaces of the stands to list, worst first, or * for all that are found; empty: the "
+        "stand of the node's own namespace",
+        read_only=True,
+    )
 
 
 class Plain:
-    """Writes the state as plain text whenever it has changed."""
+    """Writes the state as plain text whenever it has changed; ``before`` stands in each line."""
 
-    def __init__(self, desk: Desk, out: TextIO) -> None:
-        self._desk, self._out = desk, out
+    def __init__(self, desk: Desk, out: TextIO, before: str = "") -> None:
+        self._desk, self._out, self._before = desk, out, before
         self._shown = ""
 
     def verdict(self, record: Record) -> None:
@@ -59,7 +70,7 @@ class Plain:
 
     def line(self) -> None:
         """Print one line if the verdict has changed."""
-        self._write(line(self._desk.state, self._desk.now_ns()), end="\n")
+        self._write(self._before + line(self._desk.state, self._desk.now_ns()), end="\n")
 
     def page(self) -> None:
         """Print the whole page if it has changed."""
@@ -72,15 +83,43 @@ class Plain:
             self._out.flush()
 
 
+class PlainHall:
+    """Writes the states of several stands as plain text whenever they have changed."""
+
+    def __init__(self, hall: Hall, out: TextIO) -> None:
+        self._hall, self._out = hall, out
+        self._plain: dict[str, Plain] = {}
+        self._shown = ""
+
+    def lines(self) -> None:
+        """Print one line for each stand whose verdict has changed."""
+        for name, desk in self._hall.desks.items():
+            if name not in self._plain:
+                self._plain[name] = Plain(desk, self._out, f"{name}  ")
+                desk.on_record.append(self._plain[name].verdict)
+            self._plain[name].line()
+
+    def page(self) -> None:
+        """Print the list, and the page of the worst stand if it has a fault."""
+        now_ns, states = Desk.now_ns(), self._hall.states
+        panels = [listed(states, now_ns)]
+        worst = stand_rows(states, now_ns)[:1]
+        if worst and worst[0].level is Level.ERROR:
+            panels += [Panel("worst", worst[0].name.upper()), *view(states[worst[0].name], now_ns)]
+        text = page(tuple(panels))
+        if text != self._shown:
+            self._shown = text
+            self._out.write(CLEAR + visible(text))
+            self._out.flush()
+
+
 class Screen:
     """The full-screen console; it runs in the main thread, the node in another."""
 
-    def __init__(self, desk: Desk) -> None:
-        from flea_diag.nodes.operator.console_app import ConsoleApp
-
+    def __init__(self, make: Callable[[Callable[[], bool]], Any], end: Callable[[], None]) -> None:
         self._left = threading.Event()
-        self._app = ConsoleApp(desk, self._left.is_set)
-        self._desk = desk
+        self._app = make(self._left.is_set)
+        self._end = end
 
     def run(self) -> None:
         """Show the screen until the operator quits or the node ends."""
@@ -92,23 +131,37 @@ class Screen:
 
     def close(self) -> None:
         """Close the journal."""
-        self._desk.close()
+        self._end()
 
 
 def start(bus: Bus[Any], parameters: ConsoleParameters) -> Callable[[], None] | Screen:
     """Show incoming records on standard output or on the terminal."""
     style = chosen_style(parameters.style, sys.stdout.isatty(), _has_textual())
     author = parameters.author or getpass.getuser()
+    if parameters.stands:
+        return _start_hall(bus, Hall(bus, parameters.stands, parameters.journal, author), style)
     desk = Desk(open_journal(parameters.journal, bus), author)
     connect(bus, desk)
     if style == "screen":
-        return Screen(desk)
+        from flea_diag.nodes.operator.console_app import ConsoleApp
+
+        return Screen(partial(ConsoleApp, desk), desk.close)
     plain = Plain(desk, sys.stdout)
     if style == "lines":
         # A verdict is printed on arrival, not with the timer: two may arrive between two ticks.
         desk.on_record.append(plain.verdict)
     bus.every(REDRAW_S, plain.line if style == "lines" else plain.page)
     return desk.close
+
+
+def _start_hall(bus: Bus[Any], hall: Hall, style: str) -> Callable[[], None] | Screen:
+    if style == "screen":
+        from flea_diag.nodes.operator.console_hall import HallApp
+
+        return Screen(partial(HallApp, hall), hall.end)
+    plain = PlainHall(hall, sys.stdout)
+    bus.every(REDRAW_S, plain.lines if style == "lines" else plain.page)
+    return hall.end
 
 
 def chosen_style(asked: str, terminal: bool, textual: bool) -> str:
@@ -154,6 +207,8 @@ def program() -> Program:
             "ros2 run flea_diag console | tee verdicts.txt",
             "ros2 run flea_diag console --ros-args -p style:=page",
             "ros2 run flea_diag console --ros-args -r __ns:=/stand_2",
+            "ros2 run flea_diag console --ros-args -p stands:=\"['bay_1', 'bay_2']\"",
+            "ros2 run flea_diag console --ros-args -p stands:=\"['*']\"",
         ),
         check=check,
     )

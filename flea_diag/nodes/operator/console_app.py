@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable
+from functools import partial
 
 from rich.text import Text
 from textual.app import App, ComposeResult
@@ -12,12 +11,13 @@ from textual.binding import Binding
 from textual.containers import Horizontal, VerticalScroll
 from textual.screen import Screen
 from textual.widgets import Footer, OptionList, Static
-from textual.widgets.option_list import Option
 
 from flea_diag.errors import visible
+from flea_diag.nodes.operator.console_bell import Bell
 from flea_diag.nodes.operator.console_question import Ask
+from flea_diag.nodes.operator.console_text import STYLES, fill, highlighted, plain, styled
 from flea_diag.nodes.operator.desk import Desk
-from flea_diag.operator.alarm import Alarm, Key
+from flea_diag.operator.alarm import Alarm
 from flea_diag.operator.alarm_view import detail, key_text
 from flea_diag.operator.panel import Line, Panel
 from flea_diag.operator.verdict_view import level_of, why
@@ -25,16 +25,6 @@ from flea_diag.operator.view import view
 from flea_diag.wire.records import Level
 
 REDRAW_S = 0.2
-RING_EVERY_S = 5.0
-
-STYLES = {
-    None: "",
-    Level.OK: "green",
-    Level.WARN: "yellow",
-    Level.ERROR: "bold red",
-    Level.STALE: "bold magenta",
-}
-"""Colours repeat the text; no information is given by colour alone."""
 
 LEFT = ("possible", "why", "next", "steps", "dropped", "unseen")
 RIGHT = ("symbols", "features", "residuals", "streams", "channels", "nodes", "marks")
@@ -76,8 +66,7 @@ class ConsoleScreen(Screen[None]):
         super().__init__()
         self._desk, self._ended = desk, ended
         self._takes_faults = False
-        self._heard: set[Key] = set()
-        self._rang_s = -math.inf
+        self._bell = Bell()
         self._said = ""
         self._rows: dict[str, tuple[Line, ...]] = {}
 
@@ -105,7 +94,7 @@ class ConsoleScreen(Screen[None]):
             self.app.exit()
             return
         self._offer_faults()
-        self._ring()
+        self.ring()
         state = self._desk.state
         shown = {panel.name: panel for panel in view(state, self._desk.now_ns())}
         chosen = self._chosen_member()
@@ -114,7 +103,7 @@ class ConsoleScreen(Screen[None]):
         self._verdict(shown.pop("verdict"))
         for name in (*LEFT, *RIGHT, "episodes"):
             self._panel(name, shown.get(name))
-        self.query_one("#message", Static).update(_plain(self._desk.trouble or self._said))
+        self.query_one("#message", Static).update(plain(self._desk.trouble or self._said))
 
     def _offer_faults(self) -> None:
         """Show the injection key while a stand that accepts faults is running."""
@@ -143,38 +132,30 @@ class ConsoleScreen(Screen[None]):
         body.display = panel is not None
         if panel is None:
             return
-        title.update(_plain(panel.title))
+        title.update(plain(panel.title))
         if isinstance(body, OptionList):
             self._options(name, body, panel.lines)
         elif isinstance(body, Static):
             body.display = bool(panel.lines)
-            body.update(_styled(panel.lines))
+            body.update(styled(panel.lines))
 
     def _options(self, name: str, body: OptionList, lines: tuple[Line, ...]) -> None:
         if self._rows.get(name) == lines:
             return
         self._rows[name] = lines
-        chosen = _highlighted(body)
-        body.clear_options()
-        body.add_options([Option(_styled(rows), id=rows[0].key) for rows in _parts(lines)])
-        places = {option.id: place for place, option in enumerate(body.options)}
-        body.highlighted = places.get(chosen, 0) if places else None
+        fill(body, lines)
 
-    def _ring(self) -> None:
+    def ring(self) -> None:
         """Ring for a new alarm of the stand at once, then repeatedly until all are acknowledged."""
-        ringing = {alarm.key for alarm in self._desk.state.alarms if alarm.rings}
-        silent_s = time.monotonic() - self._rang_s
-        if ringing - self._heard or (ringing and silent_s >= RING_EVERY_S):
-            self._rang_s = time.monotonic()
+        if self._bell.due({alarm.key for alarm in self._desk.state.alarms if alarm.rings}):
             self.app.bell()
-        self._heard = ringing
 
     # -- selection and operator actions
 
     def _chosen_member(self) -> object:
         group = self._desk.state.group
         members = group.members if group is not None else ()
-        chosen = _highlighted(self.query_one("#possible", OptionList))
+        chosen = highlighted(self.query_one("#possible", OptionList))
         return next((m for m in members if m.fault == chosen), members[0] if members else None)
 
     def _chosen_alarm(self) -> Alarm | None:
@@ -182,7 +163,7 @@ class ConsoleScreen(Screen[None]):
         alarms = self._desk.state.alarms
         episodes = self.query_one("#episodes", OptionList)
         if episodes.has_focus:
-            chosen = _highlighted(episodes)
+            chosen = highlighted(episodes)
             return next((alarm for alarm in alarms if key_text(alarm.key) == chosen), None)
         standing = [alarm for alarm in alarms if alarm.standing] or list(alarms)
         return standing[-1] if standing else None
@@ -235,8 +216,30 @@ class ConsoleScreen(Screen[None]):
         self._said = text
 
 
-class ConsoleApp(App[None]):
-    """The console as a Textual application.
+class ScreenApp(App[None]):
+    """A Textual application with one main screen, on top of which others open.
+
+    Parameters
+    ----------
+    make
+        Makes the main screen.
+    """
+
+    CSS = CSS
+    TITLE = "flea_diag"
+    ENABLE_COMMAND_PALETTE = False
+
+    def __init__(self, make: Callable[[], Screen[None]]) -> None:
+        super().__init__()
+        self._make = make
+
+    def get_default_screen(self) -> Screen[None]:
+        """The main screen."""
+        return self._make()
+
+
+class ConsoleApp(ScreenApp):
+    """The console of one stand as a Textual application.
 
     Parameters
     ----------
@@ -246,50 +249,13 @@ class ConsoleApp(App[None]):
         Returns whether the node has ended; the screen then ends too.
     """
 
-    CSS = CSS
-    TITLE = "flea_diag"
-    ENABLE_COMMAND_PALETTE = False
-
     def __init__(self, desk: Desk, ended: Callable[[], bool] = lambda: False) -> None:
-        super().__init__()
-        self._make = lambda: ConsoleScreen(desk, ended)
-
-    def get_default_screen(self) -> Screen[None]:
-        """The main screen; questions open on top of it."""
-        return self._make()
+        super().__init__(partial(ConsoleScreen, desk, ended))
 
 
 def _block(name: str) -> tuple[Static | OptionList, ...]:
     body = OptionList(id=name) if name in LISTS else Static(id=name, classes="panel")
     return Static(id=f"{name}-title", classes="title"), body
-
-
-def _plain(text: str) -> Text:
-    """Text as it is: brackets in it are no markup of Textual's."""
-    return Text(visible(text))
-
-
-def _styled(lines: tuple[Line, ...]) -> Text:
-    text = Text()
-    for number, line in enumerate(lines):
-        text.append(("\n" if number else "") + visible(line.text), STYLES[line.level])
-    return text
-
-
-def _parts(lines: tuple[Line, ...]) -> list[tuple[Line, ...]]:
-    """Lines grouped into entries: a line with a key and the lines after it."""
-    parts: list[tuple[Line, ...]] = []
-    for line in lines:
-        if line.key or not parts:
-            parts.append((line,))
-        else:
-            parts[-1] += (line,)
-    return parts
-
-
-def _highlighted(options: OptionList) -> str | None:
-    place = options.highlighted
-    return None if place is None else options.get_option_at_index(place).id
 
 
 def _outcome(fault: str, why_not: str) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -160,8 +160,8 @@ class Desk:
             self._journal.close()
 
 
-def connect(bus: Bus[Any], desk: Desk) -> None:
-    """Subscribe a desk to the records of the bus."""
+def connect(bus: Bus[Any], desk: Desk, record_types: Sequence[type] = SHOWN) -> None:
+    """Subscribe a desk to the records of the bus, all that are shown or some of them."""
 
     def tick() -> None:
         desk.tick({s.topic.name.lstrip("/"): s.lost for s in bus.streams.values()})
@@ -169,6 +169,6 @@ def connect(bus: Bus[Any], desk: Desk) -> None:
     desk.faults = bus.remote_parameter(DAQ, "inject")
     bus.advertise(*SAID)
     desk.on_remark.append(bus.publish)
-    for record_type in (*SHOWN, *SAID):
+    for record_type in (*record_types, *SAID):
         bus.subscribe(record_type, desk.take)
     bus.every(TICK_S, tick)

@@ -74,6 +74,7 @@ class Bus(NodeLog, Generic[P]):
         self._declared = declared
         self._finished = finished
         self._publishers: dict[type, Any] = {}
+        self._subscriptions: dict[type, Any] = {}
         self._clock: Any = None
         self._hooks: defaultdict[str, list[Callable[[], None]]] = defaultdict(list)
         self.state = ACTIVE
@@ -94,6 +95,15 @@ class Bus(NodeLog, Generic[P]):
         """Whether records are taken and timers served."""
         return self.state == ACTIVE
 
+    @property
+    def speaks(self) -> bool:
+        """Whether records may be published; health may in any state."""
+        return self.state not in SILENT
+
+    def topic_name(self, topic: Topic) -> str:
+        """Name of a topic as it is given to the node."""
+        return topic.name
+
     def on(self, transition: str, call: Callable[[], None]) -> None:
         """Call at a transition of the life cycle: ``activate`` or ``deactivate``."""
         self._hooks[transition].append(call)
@@ -110,6 +120,7 @@ class Bus(NodeLog, Generic[P]):
         self._declared.on_change.clear()
         self._publishers = {kind: p for kind, p in self._publishers.items() if kind is Health}
         self._clock = None
+        self._subscriptions.clear()
         self.streams.clear()
 
     def end(self, error: FleaError | None = None) -> None:
@@ -147,7 +158,7 @@ class Bus(NodeLog, Generic[P]):
 
     def full_name(self, record_type: type) -> str:
         """Topic name of a record type, with namespace and remapping applied."""
-        return str(self._node.resolve_topic_name(TOPIC_OF[record_type].name))
+        return str(self._node.resolve_topic_name(self.topic_name(TOPIC_OF[record_type])))
 
     def now_ns(self) -> int:
         """Clock of the node (simulated with use_sim_time); for lags only, not for diagnosis."""
@@ -179,7 +190,7 @@ class Bus(NodeLog, Generic[P]):
     def publish_raw(self, record_type: type, data: bytes) -> None:
         """Publish bytes written by the codec; nothing but health while the node is inactive."""
         self.advertise(record_type)
-        if self.ok and (record_type is Health or self.state not in SILENT):
+        if self.ok and (record_type is Health or self.speaks):
             with unless_ended(self._node.context):
                 self._publishers[record_type].publish(data)
 
@@ -199,7 +210,7 @@ class Bus(NodeLog, Generic[P]):
         topic = TOPIC_OF[record_type]
         return self._node.create_publisher(
             codec.message_class(record_type),
-            topic.name,
+            self.topic_name(topic),
             _qos(topic, topic.depth),
             qos_overriding_options=_overriding(),
         )
@@ -241,9 +252,9 @@ class Bus(NodeLog, Generic[P]):
                 f"{topic.name}: {event.total_count} messages lost: subscriber or network too slow"
             )
 
-        self._node.create_subscription(
+        self._subscriptions[record_type] = self._node.create_subscription(
             codec.message_class(record_type),
-            topic.name,
+            self.topic_name(topic),
             self.guarded(received),
             _qos(topic, depth),
             event_callbacks=SubscriptionEventCallbacks(message_lost=self.guarded(lost)),
@@ -251,6 +262,12 @@ class Bus(NodeLog, Generic[P]):
             raw=True,
         )
         return stream
+
+    def unsubscribe(self, record_type: type) -> None:
+        """Take no more records of a type; its counters stay."""
+        known = self._subscriptions.pop(record_type, None)
+        if known is not None:
+            self._node.destroy_subscription(known)
 
     @contextmanager
     def counted(self, stream: Subscription) -> Iterator[None]:

@@ -21,6 +21,7 @@ from flea_diag.wire.records import Health, Level
 
 LOOK_S = 0.02
 REPORT_S = 1.0
+IDLE = "nothing is judged or recorded"
 ENTITIES = ("publishers", "subscriptions", "timers", "services", "clients")
 """What a node of rclpy holds; each has a function that destroys one."""
 
@@ -53,6 +54,8 @@ class Managed:
         self.screen: Foreground | None = None
         self._worker: threading.Thread | None = None
         self._raised: BaseException | None = None
+        self.reason = IDLE
+        """Why nothing is done, in the report of a node that is not active."""
         self._reports = Health in program.publishes
         if self._reports:
             bus.advertise(Health)
@@ -203,6 +206,6 @@ class Managed:
         if not self._reports or (state == states.ACTIVE and not also_active):
             return
         level = Level.OK if state == states.ACTIVE else Level.STALE
-        words = state if state == states.ACTIVE else f"{state}: nothing is judged or recorded"
+        words = state if state == states.ACTIVE else f"{state}: {self.reason}"
         values = (("state", state),)
         self._bus.publish(Health(self._bus.now_ns(), self._bus.name, level, words, values))

@@ -1,0 +1,59 @@
+"""Lines of panels as Textual shows them."""
+
+from __future__ import annotations
+
+from rich.text import Text
+from textual.widgets import OptionList
+from textual.widgets.option_list import Option
+
+from flea_diag.errors import visible
+from flea_diag.operator.panel import Line
+from flea_diag.wire.records import Level
+
+STYLES = {
+    None: "",
+    Level.OK: "green",
+    Level.WARN: "yellow",
+    Level.ERROR: "bold red",
+    Level.STALE: "bold magenta",
+}
+"""Colours repeat the text; no information is given by colour alone."""
+
+
+def plain(text: str) -> Text:
+    """Text as it is: brackets in it are no markup of Textual's."""
+    return Text(visible(text))
+
+
+def styled(lines: tuple[Line, ...]) -> Text:
+    """Lines in the colours of their levels."""
+    text = Text()
+    for number, line in enumerate(lines):
+        text.append(("\n" if number else "") + visible(line.text), STYLES[line.level])
+    return text
+
+
+def _parts(lines: tuple[Line, ...]) -> list[tuple[Line, ...]]:
+    """Lines grouped into entries: a line with a key and the lines after it."""
+    parts: list[tuple[Line, ...]] = []
+    for line in lines:
+        if line.key or not parts:
+            parts.append((line,))
+        else:
+            parts[-1] += (line,)
+    return parts
+
+
+def highlighted(options: OptionList) -> str | None:
+    """Key of the chosen entry."""
+    place = options.highlighted
+    return None if place is None else options.get_option_at_index(place).id
+
+
+def fill(options: OptionList, lines: tuple[Line, ...]) -> None:
+    """Replace the entries of a list; the chosen one stays chosen while it is there."""
+    chosen = highlighted(options)
+    options.clear_options()
+    options.add_options([Option(styled(rows), id=rows[0].key) for rows in _parts(lines)])
+    places = {option.id: place for place, option in enumerate(options.options)}
+    options.highlighted = places.get(chosen, 0) if places else None
