@@ -125,7 +125,8 @@ def _ends(model: Actuator, known: RelationSet) -> str:
     """Where the hard stops are, and the relations that contact voids."""
     void, travel = ", ".join(known.stop.reactions) or "no relation", model.travel
     if travel is not None:
-        ends = f"{travel.low_m:g} to {travel.high_m:g} m at {travel.at}"
+        turns = model.graph.elements[travel.at].domain == "rotation"
+        ends = f"{travel.low_m:g} to {travel.high_m:g} {'rad' if turns else 'm'} at {travel.at}"
         return f"Travel: {ends}; contact with a stop voids {void}"
     channels = " or ".join(known.stop.channels)
     source = f"taken from the range of {channels}, if it has one, else " if channels else ""

@@ -46,6 +46,20 @@ def test_a_product_of_parameters_is_found_by_quotients() -> None:
     assert values == pytest.approx({"K": 170.0, "i0": -0.3, "fc": 12.0})
 
 
+def test_without_a_force_of_known_size_the_scale_is_open_and_the_rest_follows_from_it() -> None:
+    """K (i - i0) = fc |v| + B v: every force could be twice as large."""
+    other = Variable("B")
+    made = relation(K * (CURRENT - OFFSET) - DRY * apply("fabs", SPEED) - other * SPEED)
+    speed = SIGNALS["speed"]
+    current = -0.3 + (12.0 * np.abs(speed) + 5.0 * speed) / 170.0
+    signals = {**SIGNALS, "current": current}
+    assert regression(made, {}, "current", signals, USE).not_fixed() == ("K",)
+    found = regression(made, {"K": 170.0}, "current", signals, USE)
+    assert found.not_fixed() == ()
+    values, _ = found.solved(solution(found.columns, found.target), np.eye(3))
+    assert values == pytest.approx({"i0": -0.3, "fc": 12.0, "B": 5.0})
+
+
 def test_covariances_follow_the_parameters() -> None:
     """Of 1/x a standard error of s is s / x^2."""
     made = relation(K * (CURRENT - OFFSET) - FORCE)
