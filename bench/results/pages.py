@@ -68,11 +68,11 @@ PAGES = (
     ResultPage(
         "machines",
         "Other machines",
-        "Two simulated machines that are not the FLEA, each with a file of its own "
+        "Simulated machines that are not the FLEA, each with a file of its own "
         "(`config/machines`) and a description written apart from it (`config/stands`). A run is "
         "right when the fault is detected after its onset with no alarm before it, the truth is in "
         "the final group, and the group holds nothing but what the campaign states beforehand.",
-        ("machine_ema", "machine_wing"),
+        ("machine_ema", "machine_wing", "machine_joint"),
     ),
     ResultPage(
         "performance",

@@ -160,4 +160,4 @@ def _problems(checks: Sequence[ChannelCheck]) -> Iterator[str]:
 
 def sized(value: float, row: SizeBound) -> str:
     """A size of a fault with its unit."""
-    return f"{value:.2g}" + ("" if row.size.unit == "1" else f" {row.size.unit}")
+    return f"{float(f'{value:.2g}'):g}" + ("" if row.size.unit == "1" else f" {row.size.unit}")
