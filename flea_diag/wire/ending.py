@@ -1,9 +1,10 @@
-"""Prompt exit on SIGINT and SIGTERM in every phase of a process: status 0, no traceback.
+"""Prompt and orderly end on SIGINT and SIGTERM in every phase of a process: status 0, no traceback.
 
-Three phases. Before rclpy is loaded, a signal ends the process at once: nothing is open yet.
-While rclpy installs its handlers, signals are blocked, so that none is lost between two handlers.
-From then on rclpy's handler shuts the context down, which ends the executor. A thread enforces
-the exit if the main thread does not return to Python in time, for example during compilation.
+Before rclpy is loaded, a signal ends the process at once: nothing is open yet. From then on both
+signals are blocked, in every thread, and a thread of its own waits for them: it asks the program to
+end, which closes what it has open and only then its context of rclpy. rclpy's own handlers would
+end the context in the middle of a call that publishes or logs. The same thread enforces the exit if
+the program does not end in time, for example during compilation.
 """
 
 from __future__ import annotations
@@ -12,45 +13,19 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
 LOOK_S = 0.05
 
 
 def end_at_once() -> None:
-    """Phase one: a signal ends the process, with status 0.
+    """Have a signal end the process, with status 0: nothing is open yet.
 
     An exception would be raised in the middle of an import.
     """
     for number in ENDING:
         signal.signal(number, lambda *_: os._exit(0))
-
-
-@contextmanager
-def handed_over() -> Iterator[None]:
-    """Phase two: block signals; on exit they are delivered to the handlers set inside.
-
-    rclpy also calls the previous handler; Python's default would raise KeyboardInterrupt anywhere.
-    """
-    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
-    try:
-        for number in ENDING:
-            signal.signal(number, lambda *_: None)
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
-
-
-def ignore() -> None:
-    """Ignore further signals during interpreter shutdown.
-
-    The interpreter restores the default handlers before it exits; a SIGINT would then kill the
-    process. Ignored signals stay ignored.
-    """
-    for number in ENDING:
-        signal.signal(number, signal.SIG_IGN)
 
 
 def leave() -> None:
@@ -63,30 +38,39 @@ def leave() -> None:
     os._exit(0)
 
 
-class Deadline:
-    """Phase three: ends the process if it does not end in time after a shutdown request.
+class Ending:
+    """Waits for SIGINT and SIGTERM in a thread, and enforces the end of the process.
+
+    To be made before rclpy starts its threads, which inherit that the signals are blocked. They
+    remain blocked until the process has gone: its interpreter restores the default handlers first.
 
     Parameters
     ----------
-    running
-        Whether no shutdown has been requested; called from another thread.
     patience_s
-        Time allowed for the shutdown. May be changed until a shutdown is requested.
+        Time allowed from a signal to the end of the process. May be changed until then.
     """
 
-    def __init__(self, running: Callable[[], bool], patience_s: float) -> None:
+    def __init__(self, patience_s: float) -> None:
         self.patience_s = patience_s
-        self._running = running
-        self._ended = threading.Event()
-        threading.Thread(target=self._watch, name="deadline", daemon=True).start()
+        self.on_signal: Callable[[], None] = lambda: None
+        """Asks the program to end; called at the first signal, in the thread of this object."""
+        self._begun = threading.Event()
+        self._met = threading.Event()
+        signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+        threading.Thread(target=self._watch, name="ending", daemon=True).start()
+
+    def begin(self) -> None:
+        """Begin the time allowed for the end, which the program has decided on itself."""
+        self._begun.set()
 
     def met(self) -> None:
-        """Cancel the deadline: the process ends by itself."""
-        self._ended.set()
+        """Cancel what enforces the end: the process ends by itself."""
+        self._met.set()
 
     def _watch(self) -> None:
-        while self._running():
-            if self._ended.wait(LOOK_S):
-                return
-        if not self._ended.wait(self.patience_s):
+        while not self._begun.is_set():
+            if signal.sigtimedwait(ENDING, LOOK_S) is not None:
+                self.on_signal()
+                break
+        if not self._met.wait(self.patience_s):
             os._exit(0)

@@ -45,7 +45,7 @@ def test_an_interrupted_run_ends_its_children_and_sums_up(domain: int, tmp_path:
 
 
 def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_path: Path) -> None:
-    with Process(command(tmp_path / "run", "--for", "120", "--at", "7"), domain) as process:
+    with Process(command(tmp_path / "run", "--for", "600", "--at", "7"), domain) as process:
         process.wait_for("ISOLATED", limit_s=180.0)
         for name in ("isolator", "recorder"):
             os.kill(process_of(process.child.pid, EXECUTABLES[name]), signal.SIGKILL)
@@ -54,7 +54,7 @@ def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_pa
         process.output = ""
         process.wait_for("jam", limit_s=180.0)  # the new isolator knows of the open episode
         until_recorded(tmp_path / "run_2")
-        assert process.signal(signal.SIGINT) == 1
+        assert process.signal(signal.SIGINT) == 1, process.output
     assert "interrupted" in process.output
     folders = sorted(each.name for each in tmp_path.iterdir() if each.is_dir())
     bags = [name for name in folders if not name.endswith("-clips")]
@@ -67,7 +67,7 @@ def test_nodes_that_are_killed_come_back_and_the_run_goes_on(domain: int, tmp_pa
 
 def test_a_diagnoser_that_was_killed_takes_its_verdict_over(domain: int, tmp_path: Path) -> None:
     """Nobody else is left to tell it of what was before."""
-    fault = ("--fault", "motor_temperature_bias", "--at", "8", "--for", "120")
+    fault = ("--fault", "motor_temperature_bias", "--at", "8", "--for", "600")
     run = command(tmp_path / "run", "--composed", *fault)
     with Process(run, domain, XDG_STATE_HOME=str(tmp_path)) as process:
         process.wait_for("DETECTED", limit_s=180.0)
@@ -76,7 +76,7 @@ def test_a_diagnoser_that_was_killed_takes_its_verdict_over(domain: int, tmp_pat
         process.output = ""
         process.wait_for("before observer and isolator restarted", limit_s=180.0)
         assert "NOMINAL" not in process.output
-        assert process.signal(signal.SIGINT) == 1
+        assert process.signal(signal.SIGINT) == 1, process.output
 
 
 def until_recorded(bag: Path, limit_s: float = 30.0) -> None:

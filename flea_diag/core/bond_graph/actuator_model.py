@@ -60,7 +60,8 @@ class ResidualSpec:
     parameters ``gain`` (of the reference) and ``offset``. A balance leaves out the elements
     ``without``. A residual without ``signs`` is in no signature table. A prediction takes the
     stores ``lumped`` for one and the parameters ``neglected`` as 0. A power is summed over the
-    bonds of ``junctions`` that lead out of them.
+    bonds of ``junctions`` that lead out of them. A residual that ``settles_s`` is not formed for so
+    long after a stop.
     """
 
     name: str
@@ -80,6 +81,7 @@ class ResidualSpec:
     lumped: tuple[str, ...] = ()
     neglected: tuple[str, ...] = ()
     junctions: tuple[str, ...] = ()
+    settles_s: float = 0.0
 
     @property
     def balances(self) -> bool:

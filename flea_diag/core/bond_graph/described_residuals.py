@@ -33,6 +33,7 @@ _RESIDUAL: schema.Keys = {
     "lumped": (list, []),
     "neglected": (list, []),
     "junctions": (list, []),
+    "settles_s": (float, 0.0),
 }
 
 
@@ -51,6 +52,11 @@ def described_residuals(top: Mapping[str, Any], where: str) -> dict[str, Residua
             raise ConfigurationError(
                 f"{where}: residual {shown(name)} has kind {shown(values['kind'])},"
                 f" known are {', '.join(KINDS_OF_RESIDUAL)}"
+            )
+        if values["settles_s"] < 0.0:
+            raise ConfigurationError(
+                f"{where}: residual {shown(name)}: settles_s = {values['settles_s']:g} must be 0 s "
+                "or more"
             )
         for key in ("without", "lumped", "neglected", "junctions"):
             values[key] = schema.texts(values[key], f"{where}: residual {name}: {key}")

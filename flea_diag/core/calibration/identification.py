@@ -28,6 +28,7 @@ from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.residuals.settling import scans_of, scans_since
 from flea_diag.core.smoothing import hann_kernels
 from flea_diag.core.symbolic.expression import evaluate, symbols
 from flea_diag.errors import CalibrationError
@@ -199,7 +200,7 @@ def identify(
             f"{MINIMUM_MOVING_S} s are needed: record the actuator while it moves"
         )
     fit = _Fit(data, relations, signals, result)
-    _friction(fit, moving)
+    _friction(fit, moving, _settled(data, moving, period_s, kernel_length))
     _electrical(fit)
     _drive(fit)
     _position(data, relations, result)
@@ -328,11 +329,22 @@ DRIVES = {
 """What turns a current into a force or into power, and why it is not identified."""
 
 
-def _friction(fit: _Fit, moving: npt.NDArray[np.bool_]) -> None:
+def _settled(
+    data: Smoothed, moving: npt.NDArray[np.bool_], period_s: float, kernel_length: int
+) -> npt.NDArray[np.bool_]:
+    """Rows in which the balance with the friction has settled after a stop."""
+    own = [row.settles_s for row in data.rows.parities if row.relation == data.rows.friction]
+    scans = scans_of(max(own, default=0.0), period_s, kernel_length)
+    starts = np.flatnonzero(np.diff(data.run)) + 1
+    since = np.concatenate([scans_since(part) for part in np.split(moving, starts)])
+    return np.asarray((since == 0) | (since > scans))
+
+
+def _friction(fit: _Fit, moving: npt.NDArray[np.bool_], settled: npt.NDArray[np.bool_]) -> None:
     """The balance that holds the friction: of forces, or of power."""
     names = (*NOT_NEGATIVE, *DRIVES)
     rows, relation = fit.data.rows, fit.data.rows.friction
-    use = moving.copy() if relation in rows.in_motion else np.ones_like(moving)
+    use = moving.copy() if relation in rows.in_motion else settled
     found = _not_negative(fit, relation, [*names, "current_offset_a"], use)
     if found is None:
         fit.result.missing(names, "no current, load and motion together")

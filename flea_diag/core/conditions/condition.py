@@ -47,6 +47,12 @@ def _reading(*channels: str) -> Callable[[RelationSet], Columns]:
     return lambda known: known.residuals.needing(*channels)
 
 
+def _settling(known: RelationSet) -> Columns:
+    """Residuals that the description gives time to settle."""
+    rows = known.residuals
+    return rows.columns(row.name for row in rows.parities if row.settles_s)
+
+
 def _nothing(_: RelationSet) -> Columns:
     return []
 
@@ -83,6 +89,12 @@ CONDITIONS: tuple[Condition, ...] = (
         "a position step reads as a speed, and no encoder measures it",
         "stages.observer.speed_trust",
         _reading(SPEED),
+    ),
+    Condition(
+        "settling_drive",
+        "it has just stopped: a drive that nobody reads keeps the current of motion for a while",
+        "core.residuals.settling",
+        _settling,
     ),
     Condition(
         "standing_against_push",

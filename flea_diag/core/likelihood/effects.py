@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from flea_diag.core.residuals.channel_units import CURRENT
 from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
 from flea_diag.core.symbolic.collect import collect, power_of, solved_for
@@ -44,6 +45,7 @@ class FaultEffect:
 
 
 Effects = tuple[FaultEffect, ...]
+POWER = "power"
 Gains = tuple[tuple[str, Expression], ...]
 """Residual and gain of a constant."""
 
@@ -78,9 +80,21 @@ class EffectRules:
         """The same of an error that grows by one a second, through the rate of the reading."""
         return self._constant(rate_symbol(channel))
 
+    def of_power(self, channel: str, rate: Expression, index: int = 0) -> Effects:
+        """Of an error of the rate of a reading in the balances of power, which multiply by it."""
+        symbol = rate_symbol(channel)
+        return tuple(
+            effect
+            for row in self._set.relations
+            if row.kind == POWER
+            for effect in self._effects(row, derivative(row.expression, symbol) * rate, index)
+        )
+
     def _constant(self, symbol: str) -> Gains:
         found = []
         for row in self._set.relations:
+            if row.kind == POWER and channel_of(symbol)[1]:
+                continue  # by its rate: see of_power
             parts = self._collected(row, derivative(row.expression, symbol))
             if ONE in parts:
                 found.append((row.name, parts[ONE]))
@@ -150,6 +164,20 @@ class EffectRules:
                     bare = substitute(bare, dict.fromkeys(self._moving(row), ZERO))
                 found += self._effects(row, bare, index)
         return tuple(found)
+
+    def response(self, channel: str) -> tuple[tuple[Expression, Expression], ...]:
+        """What the other terms of the only balance with this reading say that it should be.
+
+        As basis signals with their factors; none for any but a current that the balance with the
+        friction alone reads. Such a current answers to motion and load, and what the balance leaves
+        is its own scatter: a share of the reading would explain that scatter as well, and win over
+        any drag that is as large.
+        """
+        read = [row for row in self._set.relations if channel in row.signals]
+        if channel != CURRENT or len(read) != 1 or DIRECTION not in read[0].signals:
+            return ()
+        answer = solved_for(channel, read[0].expression)
+        return () if answer is None else tuple(self._collected(read[0], answer).items())
 
     def _readers(self, channel: str) -> int:
         return sum(channel in row.signals for row in self._set.relations)

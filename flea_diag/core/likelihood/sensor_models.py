@@ -4,7 +4,8 @@ The modes differ only in what the error e of the reading y is (y' is the true si
 
 bias e = b    drift e = d t    scaling e = (1 - 1/g) y    dead e = c - y'
 
-(scaling of a temperature: e = (g - 1) times what the thermal model expects)
+(scaling of a temperature, or of a current that one balance alone reads: e = (g - 1) times what its
+relation expects)
 """
 
 from __future__ import annotations
@@ -19,7 +20,15 @@ from flea_diag.core.likelihood.symbolic_model import SymbolicModel
 from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
-from flea_diag.core.symbolic.expression import ONE, ZERO, Constant, Expression, Variable, symbols
+from flea_diag.core.symbolic.expression import (
+    ONE,
+    ZERO,
+    Constant,
+    Expression,
+    Variable,
+    symbols,
+    total,
+)
 
 Signal = tuple[tuple[Expression, Expression], ...]
 """A sum of basis signals, each with its factor."""
@@ -51,6 +60,8 @@ class ReadingError:
     reading: Signal
     reading_rate: Signal
     shares: tuple[float, float]
+    rules: EffectRules | None = None
+    """Those of the balances that multiply by the rate of the reading; None: none does."""
 
     def level(self, signal: Signal, index: int = 0) -> Effects:
         """The error is a constant, or follows a signal."""
@@ -58,7 +69,9 @@ class ReadingError:
 
     def rate(self, signal: Signal) -> Effects:
         """The same of the rate of the error."""
-        return _times(self.rates, signal)
+        rate = total(basis * factor for basis, factor in signal)
+        powers = self.rules.of_power(self.fault.channel, rate) if self.rules else ()
+        return _times(self.rates, signal) + powers
 
 
 def sensor_models(
@@ -81,7 +94,9 @@ def _error(fault: Fault, rules: EffectRules, relations: RelationSet) -> ReadingE
         shares = low - 1.0, high - 1.0
         gains, drift = _of_prediction(channel, relations), fault.errors.drift
         return ReadingError(fault, "K", gains, (), (), drift, reading, (), shares)
-    reading = ((Variable(channel), ONE), (ONE, relations.offsets.get(channel, ZERO)))
+    response = rules.response(channel)
+    reading = response or ((Variable(channel), ONE), (ONE, relations.offsets.get(channel, ZERO)))
+    shares = (low - 1.0, high - 1.0) if response else (1.0 - 1.0 / low, 1.0 - 1.0 / high)
     # The rate of a speed acts through the inertia, by less than the noise: no effect.
     rates = rules.rates(channel) if channel in relations.displacements else ()
     return ReadingError(
@@ -93,7 +108,8 @@ def _error(fault: Fault, rules: EffectRules, relations: RelationSet) -> ReadingE
         _largest_drift(fault, relations),
         reading,
         ((Variable(rate_symbol(channel)), ONE),),
-        (1.0 - 1.0 / low, 1.0 - 1.0 / high),
+        shares,
+        rules if channel in relations.displacements else None,
     )
 
 

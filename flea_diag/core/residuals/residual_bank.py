@@ -24,6 +24,7 @@ from flea_diag.core.residuals.parameters import (
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual import STALL, Value, direction
 from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.residuals.settling import Settling
 from flea_diag.core.residuals.thermal import PredictedStores
 from flea_diag.core.smoothing import Smoother
 from flea_diag.core.symbolic.expression import FUNCTIONS, symbols
@@ -68,6 +69,7 @@ class ResidualBank:
         self._kernel_length = kernel_length
         self._still = 0
         self._smoother = Smoother(len(rows.channels), kernel_length, period_s)
+        self._settling = Settling(rows, period_s, kernel_length)
         self.has_encoder = bool(rows.encoder) and parameters.encoder_m_per_rad != 0.0
 
     def step(self, rows: Array, frozen: bool) -> ResidualRows:
@@ -79,10 +81,14 @@ class ResidualBank:
         values = np.full((len(rows), self._width), np.nan)
         spread = np.zeros((len(rows), self._spreading, len(UNIT_PARAMETERS)))
         if self._compiled:
-            return self._follow(rows, smooth, frozen, values, spread)
-        x, motion, moving = self._signals(rows, smooth, frozen, values)
-        self._parities(motion[1], x, values, spread)
-        return ResidualRows(values, spread, _table(x, len(rows)), _table(motion, len(rows)), moving)
+            formed = self._follow(rows, smooth, frozen, values, spread)
+        else:
+            x, way, moving = self._signals(rows, smooth, frozen, values)
+            self._parities(way[1], x, values, spread)
+            signals, motion = _table(x, len(rows)), _table(way, len(rows))
+            formed = ResidualRows(values, spread, signals, motion, moving)
+        self._settling.leave_out(formed)
+        return formed
 
     def _follow(
         self, rows: Array, smooth: Array, frozen: bool, values: Array, spread: Array

@@ -49,7 +49,8 @@ class Parity:
 
     ``needs`` names the channels without which there is no residual, ``relation`` the relation that
     it is the value of; ``gated`` says whether it needs motion, ``differs`` whether healthy units
-    differ in it, ``isolates`` whether it makes symbols.
+    differ in it, ``isolates`` whether it makes symbols, and ``settles_s`` for how long after a stop
+    it has no value.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Parity:
     relation: str
     differs: bool
     isolates: bool = True
+    settles_s: float = 0.0
 
     @property
     def row(self) -> ResidualRow:

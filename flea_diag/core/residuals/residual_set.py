@@ -142,6 +142,7 @@ def _parities(actuator: Actuator, known: RelationSet, motion: set[str]) -> Itera
                 relation.name,
                 relation.name in known.differing,
                 spec.signs or spec.kind == "difference",
+                spec.settles_s,
             )
 
 

@@ -11,6 +11,7 @@ import itertools
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -45,10 +46,16 @@ LATEST_S = 60.0
 class LiveRun:
     """One run from the first process to the last verdict."""
 
-    def __init__(self, options: argparse.Namespace, bus: Bus[Any], children: Children) -> None:
+    def __init__(
+        self,
+        options: argparse.Namespace,
+        bus: Bus[Any],
+        children: Children,
+        interrupted: threading.Event,
+    ) -> None:
         self._options, self._bus, self._children = options, bus, children
         self._listeners = COMPOSED if options.composed else SEPARATE
-        self.interrupted = False
+        self._interrupted = interrupted
         self.bags = [options.bag]
 
     def execute(self) -> None:
@@ -77,8 +84,9 @@ class LiveRun:
         def settled() -> bool:
             self._children.supervise(("daq", "console"), self._anew)
             # Quitting the console ends the run.
-            self.interrupted |= not self._plain() and self._children.ended("console")
-            return self.interrupted or predicate()
+            if not self._plain() and self._children.ended("console"):
+                self._interrupted.set()
+            return self._interrupted.is_set() or predicate()
 
         limit_s = READY_S + self._options.duration + LATEST_S
         if not self._bus.wait_until(settled, limit_s):
@@ -212,26 +220,29 @@ def _seconds(text: str) -> float:
 
 
 @contextmanager
-def _signals_to(interrupt: Callable[[], None]) -> Iterator[None]:
+def _interruption() -> Iterator[threading.Event]:
+    """Event that the signals set which end a run; also while its nodes end and it is summarised."""
+    interrupted = threading.Event()
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, lambda *_: interrupt()) for number in numbers}
+    before = {number: signal.signal(number, lambda *_: interrupted.set()) for number in numbers}
     try:
-        yield
+        yield interrupted
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-def _executed(options: argparse.Namespace, domain: int, log: IO[bytes]) -> LiveRun:
+def _executed(
+    options: argparse.Namespace, domain: int, log: IO[bytes], interrupted: threading.Event
+) -> LiveRun:
     """Execute a run from its first process to its last."""
     children = Children(log, say)
     with guest("live_run", domain) as bus:
-        run = LiveRun(options, bus, children)
-        with _signals_to(lambda: setattr(run, "interrupted", True)):
-            try:
-                run.execute()
-            finally:
-                children.end()
+        run = LiveRun(options, bus, children, interrupted)
+        try:
+            run.execute()
+        finally:
+            children.end()
     return run
 
 
@@ -244,6 +255,17 @@ def _recorded(bags: Iterable[Path]) -> Iterator[Record]:
 
 def live(options: argparse.Namespace) -> int:
     """Run, then evaluate the recorded bag; return the exit status."""
+    with _interruption() as interrupted:
+        run = _logged(options, interrupted)
+        summary = summarise(_recorded(run.bags))
+        print(visible(as_text(summary, ", ".join(map(str, run.bags)))))
+        if interrupted.is_set():
+            say("interrupted: the summary covers the recorded part")
+        return 1 if summary.failures or interrupted.is_set() else 0
+
+
+def _logged(options: argparse.Namespace, interrupted: threading.Event) -> LiveRun:
+    """Execute a run in a domain of its own, with the output of its nodes in a log."""
     log_path = options.bag.with_name(options.bag.name + ".log")
     with _domain() as domain, _opened(log_path) as log:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -252,14 +274,10 @@ def live(options: argparse.Namespace) -> int:
         os.environ.update(transport)
         words = " ".join(f"{name}={value}" for name, value in transport.items())
         say(f"ROS_DOMAIN_ID={domain} {words}, log: {log_path}")
-        run = _executed(options, domain, log)
+        run = _executed(options, domain, log, interrupted)
     if not options.bag.exists():
         raise RecordingError(f"no bag was written: see {log_path}")
-    summary = summarise(_recorded(run.bags))
-    print(visible(as_text(summary, ", ".join(map(str, run.bags)))))
-    if run.interrupted:
-        say("interrupted: the summary covers the recorded part")
-    return 1 if summary.failures or run.interrupted else 0
+    return run
 
 
 def discovery() -> dict[str, str]:

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 from flea_diag.errors import FleaError, InputError, WireError
-from flea_diag.wire.bus.context_end import unless_ended
 from flea_diag.wire.bus.declared import Declared
 from flea_diag.wire.bus.foreign_topic import subscribe_foreign
 from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
@@ -123,11 +122,16 @@ class Bus(NodeLog, Generic[P]):
         self._subscriptions.clear()
         self.streams.clear()
 
+    @property
+    def ended(self) -> bool:
+        """Whether the program has been asked to end, by a signal or by itself."""
+        return bool(self._finished.done())
+
     def end(self, error: FleaError | None = None) -> None:
         """End the program after this callback, with status 0, or 2 and the error as last line."""
         if error is not None and self.on_failure is not None:
             self.on_failure(error)
-        elif not self._finished.done():
+        elif not self.ended:
             self._finished.set_result(error)
 
     def soon(self, call: Callable[[], None]) -> None:
@@ -137,7 +141,7 @@ class Bus(NodeLog, Generic[P]):
             try:
                 call()
             except Exception as error:  # raised out of a task it would crash an EventsExecutor
-                if not self._finished.done():
+                if not self.ended:
                     self._finished.set_exception(error)
 
         self._executor.create_task(due)
@@ -149,7 +153,7 @@ class Bus(NodeLog, Generic[P]):
             try:
                 return call(*given)
             except Exception as error:
-                if self.on_failure is None or not self.ok:
+                if self.on_failure is None:
                     raise
                 self.on_failure(error)
                 return None
@@ -184,15 +188,20 @@ class Bus(NodeLog, Generic[P]):
                 self._publishers[record_type] = self._create_publisher(record_type)
 
     def publish(self, record: Record) -> None:
-        """Publish a record on its topic; does nothing during shutdown."""
+        """Publish a record on its topic."""
         self.publish_raw(type(record), codec.encode(record, self.stand))
 
     def publish_raw(self, record_type: type, data: bytes) -> None:
         """Publish bytes written by the codec; nothing but health while the node is inactive."""
         self.advertise(record_type)
+<<<<<<< HEAD
         if self.ok and (record_type is Health or self.speaks):
             with unless_ended(self._node.context):
                 self._publishers[record_type].publish(data)
+=======
+        if record_type is Health or self.state not in SILENT:
+            self._publishers[record_type].publish(data)
+>>>>>>> a1ca5a3 (Restore the orderly end of nodes and the supply current of Cranfield, which guessing the channels of a stand had undone)
 
     def publish_clock(self, stamp_ns: int) -> None:
         """Publish /clock, for nodes that use simulated time."""
@@ -202,9 +211,7 @@ class Bus(NodeLog, Generic[P]):
             self._clock = self._node.create_publisher(Clock, "/clock", 10)
         message = Clock()
         message.clock.sec, message.clock.nanosec = divmod(stamp_ns, 1_000_000_000)
-        if self.ok:
-            with unless_ended(self._node.context):
-                self._clock.publish(message)
+        self._clock.publish(message)
 
     def _create_publisher(self, record_type: type) -> Any:
         topic = TOPIC_OF[record_type]
@@ -389,7 +396,7 @@ class Bus(NodeLog, Generic[P]):
         """Spin until ``predicate`` is true; False on timeout or shutdown."""
         deadline_ns = time.monotonic_ns() + int(timeout_s * 1e9)
         while not predicate():
-            if not self.ok or time.monotonic_ns() > deadline_ns:
+            if self.ended or time.monotonic_ns() > deadline_ns:
                 return False
             self._executor.spin_once(timeout_sec=POLL_S)
         return True

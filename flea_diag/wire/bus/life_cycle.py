@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from flea_diag.errors import FleaError, line_of
-from flea_diag.wire.bus.context_end import unless_ended
 
 STATE_TOPIC = "state"
 UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
@@ -88,9 +87,8 @@ class LifeCycle:
         self.end(success=True)
 
     def _trigger(self, label: str) -> None:
-        with unless_ended(self._node.context):
-            self._machine.trigger_transition_by_label(label, True)
-            self._announce()
+        self._machine.trigger_transition_by_label(label, True)
+        self._announce()
 
     def _announce(self) -> None:
         from lifecycle_msgs.msg import State

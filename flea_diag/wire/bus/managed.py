@@ -13,7 +13,6 @@ from typing import Any
 
 from flea_diag.errors import ConfigurationError, FleaError
 from flea_diag.wire.bus import life_cycle as states
-from flea_diag.wire.bus.context_end import unless_ended
 from flea_diag.wire.bus.endpoint import Bus
 from flea_diag.wire.bus.life_cycle import LifeCycle
 from flea_diag.wire.bus.screen import Foreground
@@ -140,16 +139,15 @@ class Managed:
         """Go on in the thread of the executor once everything is prepared."""
         if self.preparing:
             return
-        with unless_ended(self._node.context):
-            self._node.destroy_timer(self._watch)
-            try:
-                if self._raised is not None:
-                    raise self._raised
-                self._start()
-            except FleaError as error:
-                self._bus.end(error)
-                return
-            self._begin_work()
+        self._node.destroy_timer(self._watch)
+        try:
+            if self._raised is not None:
+                raise self._raised
+            self._start()
+        except FleaError as error:
+            self._bus.end(error)
+            return
+        self._begin_work()
 
     def _begin_work(self) -> None:
         self._life.end(success=True)

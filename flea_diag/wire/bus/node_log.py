@@ -13,8 +13,6 @@ WARN_EVERY_S = 5.0
 class NodeLog:
     """Logs lines through the logger of a node.
 
-    Nothing is logged after a shutdown request: rcl would complain that /rosout is gone.
-
     Parameters
     ----------
     node
@@ -24,34 +22,24 @@ class NodeLog:
     def __init__(self, node: Any) -> None:
         self._node = node
 
-    @property
-    def ok(self) -> bool:
-        """Whether the node is running; false after SIGINT or SIGTERM."""
-        return bool(self._node.context.ok())
-
     # rclpy keeps severity and throttling by line of code, hence one line for each.
 
     def debug(self, text: str) -> None:
         """Log a line for those who ask for it."""
-        if self.ok:
-            self._node.get_logger().debug(line_of(text))
+        self._node.get_logger().debug(line_of(text))
 
     def info(self, text: str) -> None:
         """Log a line."""
-        if self.ok:
-            self._node.get_logger().info(line_of(text))
+        self._node.get_logger().info(line_of(text))
 
     def caution(self, text: str) -> None:
         """Log a warning each time."""
-        if self.ok:
-            self._node.get_logger().warning(line_of(text))
+        self._node.get_logger().warning(line_of(text))
 
     def error(self, text: str) -> None:
         """Log an error each time."""
-        if self.ok:
-            self._node.get_logger().error(line_of(text))
+        self._node.get_logger().error(line_of(text))
 
     def warn(self, text: str) -> None:
         """Log a warning, throttled: one limit for all such warnings of a node."""
-        if self.ok:
-            self._node.get_logger().warning(line_of(text), throttle_duration_sec=WARN_EVERY_S)
+        self._node.get_logger().warning(line_of(text), throttle_duration_sec=WARN_EVERY_S)

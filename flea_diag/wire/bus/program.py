@@ -14,12 +14,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from flea_diag.errors import ConfigurationError, FleaError, line_of, visible
-from flea_diag.wire.bus.context_end import shutdown_errors
 from flea_diag.wire.bus.declared import Common, Declared
 from flea_diag.wire.bus.endpoint import Bus
 from flea_diag.wire.bus.managed import Managed
 from flea_diag.wire.bus.screen import Foreground
-from flea_diag.wire.ending import Deadline, end_at_once, handed_over, ignore, leave
+from flea_diag.wire.ending import Ending, end_at_once, leave
 from flea_diag.wire.parameters import Descriptor, descriptors
 from flea_diag.wire.topics import TOPIC_OF
 
@@ -161,12 +160,10 @@ def _refuse_unknown(program: Program, arguments: list[str]) -> None:
 
 def _run(program: Program, arguments: list[str]) -> int:
     rclpy = _rclpy()
-    from rclpy.executors import ExternalShutdownException
     from rclpy.task import Future
 
-    with handed_over():
-        _init(rclpy, arguments)
-    deadline = Deadline(rclpy.ok, START_PATIENCE_S)
+    ending = Ending(START_PATIENCE_S)
+    _init(rclpy, arguments)
     managed: Managed | None = None
     node = None
     try:
@@ -176,31 +173,27 @@ def _run(program: Program, arguments: list[str]) -> int:
         executor.add_node(node)
         finished: Any = Future()
         bus = Bus(node, executor, declared, finished)
+        ending.on_signal = bus.end
         managed = Managed(program, bus, node, lambda: declared.value)
-        managed.on_open = lambda: setattr(deadline, "patience_s", CLOSE_PATIENCE_S)
+        managed.on_open = lambda: setattr(ending, "patience_s", CLOSE_PATIENCE_S)
         if declared.common.autostart:
             managed.autostart()
         if managed.screen is not None:
             _serve_behind(managed.screen, executor, finished)
         else:
             spin(executor, finished)
-        if finished.done() and isinstance(finished.result(), FleaError):
+        if isinstance(finished.result(), FleaError):
             raise finished.result()
-    except ExternalShutdownException:
-        pass
-    except shutdown_errors():
-        if rclpy.ok():
-            raise
     finally:
+        ending.begin()
         if managed is not None:
             managed.close()
+            if managed.preparing:
+                leave()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
-        ignore()
-        deadline.met()
-        if managed is not None and managed.preparing:
-            leave()
+        ending.met()
     return 0
 
 
@@ -228,8 +221,6 @@ def _check(program: Program, arguments: list[str]) -> None:
 
 def _serve_behind(screen: Foreground, executor: Any, finished: Any) -> None:
     """Spin the node in a thread while the screen runs in this one; either ends the other."""
-    import rclpy
-
     failures: list[BaseException] = []
 
     def serve() -> None:
@@ -245,21 +236,18 @@ def _serve_behind(screen: Foreground, executor: Any, finished: Any) -> None:
     try:
         screen.run()
     finally:
-        rclpy.try_shutdown()
+        if not finished.done():
+            finished.set_result(None)
         thread.join()
-    if failures and not isinstance(failures[0], _ended_errors()):
+    if failures:
         raise failures[0]
 
 
-def _ended_errors() -> tuple[type[Exception], ...]:
-    from rclpy.executors import ExternalShutdownException
-
-    return (ExternalShutdownException, *shutdown_errors())
-
-
 def _init(rclpy: Any, arguments: list[str]) -> None:
+    from rclpy.signals import SignalHandlerOptions
+
     try:
-        rclpy.init(args=["flea_diag", *arguments])
+        rclpy.init(args=["flea_diag", *arguments], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
         # rcl names the argument in an error of several lines.
         first = str(error).strip().splitlines()[0]
@@ -289,8 +277,6 @@ def make_executor(kind: str = "events") -> Any:
 
 
 def spin(executor: Any, finished: Any) -> None:
-    """Spin until the future is done or the context ends, which may also raise."""
-    import rclpy
-
-    while rclpy.ok() and not finished.done():
+    """Spin until the future is done."""
+    while not finished.done():
         executor.spin_until_future_complete(finished, timeout_sec=ENDLESS_S)
