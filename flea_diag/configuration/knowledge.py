@@ -79,12 +79,23 @@ def relations(stand: Stand, calibration: Calibration) -> RelationSet:
                 f"{stand.actuator}: the calibration holds limits of {shown(name)}, which is no "
                 "residual of this description; repeat 'flea calibrate'"
             )
-    _require_readings(stand, calibration, known)
+    _require_sensors(stand, calibration, known)
     return known
 
 
-def _require_readings(stand: Stand, calibration: Calibration, known: RelationSet) -> None:
-    """Refuse noise of a channel that neither the description nor the standard names."""
+def _require_sensors(stand: Stand, calibration: Calibration, known: RelationSet) -> None:
+    """Refuse limits and noise of channels that the description does not have.
+
+    Noise of a standard channel is in files of stands that lack it.
+    """
+    sensors = known.residuals.sensors
+    tested = (*sensors.resolutions, *sensors.held)
+    for limit in calibration.sensors:
+        if limit.channel not in tested:
+            raise ConfigurationError(
+                f"{stand.calibration}: sensors: {shown(limit.channel)} is no sensor of "
+                f"{stand.actuator} that is tested by itself, known are {', '.join(tested)}"
+            )
     units = {**UNITS, **known.residuals.units}
     keys = [reading_key(name, unit) for name, unit in units.items()]
     for key, _ in calibration.observer_noise.readings:

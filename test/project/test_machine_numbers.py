@@ -65,7 +65,6 @@ MACHINE: frozenset[Row] = frozenset(
         ("observers/state_observer.py", "UNKNOWN_POSITION_M", 0.1),
         ("residuals/thermal.py", "CORRECTION_S", 15.0),
         ("sensors/sensor_limits.py", "REST_SCANS", 3),
-        ("sensors/sensor_limits.py", "REST_M", 3e-4),
         ("vibration/features_envelope.py", "ENVELOPE_BAND_HZ", (1500.0, 9500.0)),
         ("vibration/features_envelope.py", "SLOWEST_RAD_S", 10.0),
         ("vibration/features_motion.py", "REST_RAD_S", 10.0),

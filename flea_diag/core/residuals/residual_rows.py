@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.sensors.sensor_set import SensorSet
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -105,6 +106,8 @@ class ResidualSet(Frozen):
         Channels of the stores that it follows besides.
     noise
         Channel -> standard deviation of one reading, by the description.
+    sensors
+        Those that are tested by themselves.
     friction
         Relation that holds the friction, and with it the direction of motion; empty: none.
     circuit
@@ -134,6 +137,7 @@ class ResidualSet(Frozen):
     observed: tuple[str, ...] = ()
     heated: tuple[str, ...] = ()
     noise: Mapping[str, float] = field(default_factory=dict)
+    sensors: SensorSet = field(default_factory=lambda: SensorSet({}, {}))
     friction: str = ""
     circuit: str = ""
     zeros: Mapping[str, str] = field(default_factory=dict)

@@ -10,15 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
+from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec, Sensor
 from flea_diag.core.bond_graph.bond_graph import SOURCES
 from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.core.residuals.driven_equations import DrivenChannels, driven_equations
 from flea_diag.core.residuals.measured_graph import channel_of
 from flea_diag.core.residuals.relation_set import DIRECTION, CompiledRelation, RelationSet
 from flea_diag.core.residuals.residual_rows import SPEED, Parity, ResidualRow, ResidualSet
-from flea_diag.core.sensors.sensor_tests import NAMES as SENSOR_TESTS
-from flea_diag.core.sensors.sensor_tests import channel_of as tested_by
+from flea_diag.core.sensors.sensor_set import SensorSet
 from flea_diag.core.symbolic.expression import symbols
 from flea_diag.errors import ModelError
 
@@ -42,17 +41,20 @@ def residual_set(actuator: Actuator, known: RelationSet) -> ResidualSet:
     friction = next((row.name for row in known.relations if DIRECTION in row.signals), "")
     circuit = next((row.name for row in rows if _is_circuit(actuator, row)), "")
     voltage, current = (_reads(actuator, kind, ("electrical",)) for kind in ("0", "1"))
+    command = _command(actuator, rows, voltage)
+    sensors = _sensors(actuator, units, encoder, voltage, command)
     made = ResidualSet(
         units,
         parities,
         predictions,
-        tuple(_sensor_rows(units)),
+        tuple(_sensor_rows(sensors)),
+        sensors=sensors,
         positions=positions,
         encoder=encoder,
         voltage=voltage,
         current=current,
         load=_reads(actuator, "0", MECHANICAL),
-        command=_command(actuator, rows, voltage),
+        command=command,
         noise={sensor.channel: sensor.noise for sensor in actuator.sensors.values()},
         friction=friction,
         circuit=circuit,
@@ -171,11 +173,30 @@ def _units(actuator: Actuator, known: RelationSet) -> Mapping[str, str]:
     return {name: actuator.units[name] for name in dict.fromkeys((*standard, *names))}
 
 
-def _sensor_rows(units: Mapping[str, str]) -> Iterator[ResidualRow]:
-    for name in SENSOR_TESTS:
-        channel = tested_by(name)
-        if channel in units:
-            yield ResidualRow(name, "1", (channel,), "sensor", (1,))
+def _sensors(
+    actuator: Actuator, units: Mapping[str, str], encoder: str, voltage: str, command: str
+) -> SensorSet:
+    """Those that are tested by themselves; voltages for held readings alone.
+
+    Steps are tested of positions that plant faults move through the motion alone: not of one whose
+    column in the signature tables is that of the stand with its control loops.
+    """
+    sensors = {name: actuator.sensors[name] for name in units if name in actuator.sensors}
+    noises = {n: s.noise for n, s in sensors.items() if not _is_voltage(actuator, s)}
+    specs = actuator.residuals.values()
+    looped = {s.channel for s in specs if s.kind == "measurement" and s.model != DRIVEN}
+    positions = {n: s.unit for n, s in sensors.items() if s.integrates and n not in looped}
+    return SensorSet.of(noises, positions, encoder, {voltage: command} if voltage else {})
+
+
+def _is_voltage(actuator: Actuator, sensor: Sensor) -> bool:
+    place = actuator.graph.elements.get(sensor.at)
+    return place is not None and (place.kind, place.domain) == ("0", "electrical")
+
+
+def _sensor_rows(sensors: SensorSet) -> Iterator[ResidualRow]:
+    for name in sensors.names:
+        yield ResidualRow(name, "1", (sensors.channel_of(name),), "sensor", (1,))
 
 
 def _observed(actuator: Actuator, known: RelationSet, rows: ResidualSet) -> ResidualSet:

@@ -14,37 +14,38 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.sensors.reading_guard import stuck_scans
-from flea_diag.core.sensors.sensor_limits import HELD, SensorLimit
+from flea_diag.core.sensors.sensor_limits import SensorLimit
+from flea_diag.core.sensors.sensor_set import SensorSet
 
 Array = npt.NDArray[np.float64]
 
 
 class HeldReadings:
-    """Changes of its command since each channel of ``HELD`` that has a limit last changed.
+    """Changes of its command since each channel of ``SensorSet.held`` that has a limit changed.
 
     Parameters
     ----------
-    limits, channels, names, period_s : as of ``SensorTests``
+    limits, channels, sensors, period_s : as of ``SensorTests``
     """
 
     def __init__(
         self,
         limits: Sequence[SensorLimit],
         channels: Sequence[str],
-        names: Sequence[str],
+        sensors: SensorSet,
         period_s: float,
     ) -> None:
         tested = [
             limit
             for limit in limits
-            if limit.repeats and {limit.channel, HELD.get(limit.channel)} <= set(channels)
+            if limit.repeats and {limit.channel, sensors.held.get(limit.channel)} <= set(channels)
         ]
         self._columns = [channels.index(limit.channel) for limit in tested]
-        self.places = [names.index(f"{limit.channel}_stuck") for limit in tested]
+        self.places = [sensors.names.index(f"{limit.channel}_stuck") for limit in tested]
         """Columns of the tests."""
         self.k = np.array([float(stuck_scans(limit, period_s)) for limit in tested])
         """Their limits, shape (tests,)."""
-        self._commands = [channels.index(HELD[limit.channel]) for limit in tested]
+        self._commands = [channels.index(sensors.held[limit.channel]) for limit in tested]
         self._last = np.full((1, 2 * len(tested)), np.nan)
         self._run = np.zeros((1, len(tested)))
 

@@ -16,7 +16,8 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.row_ring import RowRing
 from flea_diag.core.sensors.noise_loops import noise_loops
-from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, RESOLUTIONS, SensorLimit, noise_logs
+from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, SensorLimit, noise_logs
+from flea_diag.core.sensors.sensor_set import SensorSet
 
 Array = npt.NDArray[np.float64]
 
@@ -45,10 +46,12 @@ class NoiseTest:
     by numpy or by numba (``backend``).
     """
 
-    def __init__(self, limits: Sequence[SensorLimit], backend: str = "auto") -> None:
+    def __init__(
+        self, limits: Sequence[SensorLimit], sensors: SensorSet, backend: str = "auto"
+    ) -> None:
         self._compiled = backends.chosen(backend) == "numba"
         count = len(limits)
-        self._resolution = np.array([RESOLUTIONS[limit.channel] for limit in limits])
+        self._resolution = np.array([sensors.resolutions[limit.channel] for limit in limits])
         self._loudest = np.array([limit.loudest for limit in limits])
         self._most = self._loudest + CLIP_LOG
         self._floor = np.array([limit.quietest for limit in limits]) - QUIETER_LOG

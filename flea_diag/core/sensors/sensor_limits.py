@@ -16,34 +16,13 @@ import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.sensors.position_step import position_steps
+from flea_diag.core.sensors.sensor_set import SensorSet
 from flea_diag.errors import shown
 
 Array = npt.NDArray[np.float64]
 
-RESOLUTIONS = {
-    "motor_current": 1e-3,
-    "motor_speed": 0.5,
-    "actuator_position": 1e-6,
-    "load_position": 1e-6,
-    "load_force": 0.1,
-    "motor_temperature": 1e-2,
-    "nut_temperature": 1e-2,
-    "ambient_temperature": 1e-3,
-}
-"""Sensors that are tested by themselves, and the noise below which they count as quiet (SI).
-
-That of an encoder is about its counts: at rest it reads zero whatever its noise. Not the
-voltages: a drive that switches has no noise of its own, and ``plausibility`` judges it."""
-HELD = {"motor_voltage": "commanded_voltage"}
-"""Sensors that are tested only for a reading that is held, and the command that they follow."""
-POSITIONS = ("actuator_position", "load_position")
-"""Readings that cannot jump: those of a mass."""
-SPEED = "motor_speed"
-"""A reading that is exactly zero at rest: to hold it there is right."""
 REST_SCANS = 3
-REST_M = 3.0e-4
-"""No position that has gone less than this in so many scans moves; far above their noise, and
-known within fewer scans than a drop-out lasts."""
+"""Scans within which a position is seen to move: fewer than a drop-out lasts."""
 
 NOISE_WINDOWS = (100, 400)
 STEP_GUARD = 1.25
@@ -98,9 +77,8 @@ class SensorLimit(Frozen):
         names = [entry.name for entry in fields(cls)]
         if not isinstance(value, Mapping) or set(value) != set(names):
             raise ValueError(f"a sensor limit has {', '.join(names)}")
-        if value["channel"] not in (*RESOLUTIONS, *HELD):
-            known = ", ".join((*RESOLUTIONS, *HELD))
-            raise ValueError(f"channel {shown(value['channel'])}, known are {known}")
+        if not isinstance(value["channel"], str):
+            raise ValueError(f"channel {shown(value['channel'])} is no name")
         for name in names[1:]:
             number = value[name]
             if isinstance(number, bool) or not isinstance(number, (int, float)):
@@ -116,7 +94,7 @@ class SensorLimit(Frozen):
         if test == self.channel:
             return self.step > 0.0
         channel, _, kind = test.rpartition("_")
-        if channel in HELD:
+        if not self.k:  # no noise of its own
             return test == f"{self.channel}_stuck" and self.repeats > 0
         return channel == self.channel and (kind == "noise" or self.repeats > 0)
 
@@ -142,68 +120,81 @@ def noise_logs(values: Array, resolution: float | Array) -> Array:
     return logs
 
 
-def at_rest(positions: Array) -> npt.NDArray[np.bool_]:
+def at_rest(positions: Array, rest: Array) -> npt.NDArray[np.bool_]:
     """Where no position has moved lately, shape (n, positions) gives (n - ``REST_SCANS``,).
 
-    Without a position nothing says so.
+    ``rest`` are their ``SensorSet.positions``. Without a position nothing says so.
     """
     with np.errstate(invalid="ignore"):
-        moved = np.abs(positions[REST_SCANS:] - positions[:-REST_SCANS]) > REST_M
+        moved = np.abs(positions[REST_SCANS:] - positions[:-REST_SCANS]) > rest
     rests = np.full(len(moved), bool(positions.shape[1]))
     rests &= ~moved.any(axis=1)
     return rests
 
 
 def sensor_limits(
-    runs: Sequence[Mapping[str, Array]], false_alarms_per_hour: float, period_s: float
+    runs: Sequence[Mapping[str, Array]],
+    sensors: SensorSet,
+    false_alarms_per_hour: float,
+    period_s: float,
 ) -> tuple[SensorLimit, ...]:
-    """Limits of every channel of ``RESOLUTIONS`` and ``HELD`` that at least two recordings hold.
+    """Limits of every one of the sensors, also of those held, that at least two recordings hold.
 
     ``runs``: readings of each channel of one recording, shape (scans,), NaN where none.
     """
-    rate_per_s = SENSOR_SHARE * false_alarms_per_hour / 3600.0 / (3 * len(RESOLUTIONS))
+    rate_per_s = SENSOR_SHARE * false_alarms_per_hour / 3600.0 / (3 * len(sensors.resolutions))
     found = []
-    for channel in (*RESOLUTIONS, *HELD):
+    for channel in (*sensors.resolutions, *sensors.held):
         long = [
             run
             for run in runs
             if channel in run and np.isfinite(run[channel]).sum() > NOISE_WINDOWS[-1]
         ]
         if len(long) >= 2 and any(np.nanmax(r[channel]) > np.nanmin(r[channel]) for r in long):
-            found.append(_limit(channel, long, rate_per_s, period_s))
+            found.append(_limit(channel, sensors, long, rate_per_s, period_s))
     return tuple(found)
 
 
-def _in_use(channel: str, run: Mapping[str, Array]) -> Array:
+def _in_use(channel: str, sensors: SensorSet, run: Mapping[str, Array]) -> Array:
     """Readings of a channel without those in which it rightly stands still."""
     readings = run[channel]
-    positions = [run[name] for name in POSITIONS if name in run]
-    if channel != SPEED or not positions:
+    known = {name: rest for name, rest in sensors.positions.items() if name in run}
+    if channel != sensors.speed or not known:
         return readings
-    rests = np.append(np.zeros(REST_SCANS, dtype=bool), at_rest(np.stack(positions, axis=1)))
+    still = at_rest(np.stack([run[name] for name in known], axis=1), np.array(list(known.values())))
+    rests = np.append(np.zeros(REST_SCANS, dtype=bool), still)
     return np.where(rests, np.nan, readings)
 
 
 def _limit(
-    channel: str, runs: Sequence[Mapping[str, Array]], rate_per_s: float, period_s: float
+    channel: str,
+    sensors: SensorSet,
+    runs: Sequence[Mapping[str, Array]],
+    rate_per_s: float,
+    period_s: float,
 ) -> SensorLimit:
     columns = [run[channel] for run in runs]
-    if channel in HELD:
+    if channel in sensors.held:
         repeats = _repeats(columns, rate_per_s, period_s, False)
         return SensorLimit(channel, 0.0, 0.0, 0.0, repeats, 0.0, 0.0, 0.0)
-    quietest, loudest, scatter = _noise(columns, RESOLUTIONS[channel])
+    quietest, loudest, scatter = _noise(columns, sensors.resolutions[channel])
     steps = [np.abs(np.diff(column)) for column in columns]
     steps = [step[np.isfinite(step)] for step in steps]
     way = max(float(np.quantile(step, REACH_QUANTILE)) for step in steps)
     sudden = 0.0
-    if channel in POSITIONS:
+    if channel in sensors.positions:
         sudden = max(float(np.nanmax(np.abs(position_steps(c)), initial=0.0)) for c in columns)
     return SensorLimit(
         channel,
         quietest,
         loudest,
         scatter,
-        _repeats([_in_use(channel, run) for run in runs], rate_per_s, period_s, channel == SPEED),
+        _repeats(
+            [_in_use(channel, sensors, run) for run in runs],
+            rate_per_s,
+            period_s,
+            channel == sensors.speed,
+        ),
         REACH_GUARD * way,
         _step_limit(sudden, way),
         _quantile(rate_per_s * period_s * NOISE_WINDOWS[0]),

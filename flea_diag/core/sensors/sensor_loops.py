@@ -14,18 +14,19 @@ Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 
-def own_loops(recent: Array, at: int, positions: Counts, steps: Array) -> None:
+def own_loops(recent: Array, at: int, positions: Counts, paired: bool, steps: Array) -> None:
     """``SensorTests._own_steps`` of the scans from ``at`` on."""
     for s in range(len(positions)):
         steps[s] = step_of(recent[at : at + 2 * SPAN, positions[s]], min, max)
-    if len(positions) == 2 and steps[0] * steps[1] > 0.0:
+    if paired and steps[0] * steps[1] > 0.0:
         alike = min(abs(steps[0]), abs(steps[1]))
         steps[0] -= math.copysign(alike, steps[0])
         steps[1] -= math.copysign(alike, steps[1])
 
 
 def look_loops(
-    rows: Array, columns: Counts, bounds: tuple[Array, Array, Array], positions: Counts,
+    rows: Array, columns: Counts, bounds: tuple[Array, Array, Array],
+    stepping: tuple[Counts, bool],
     recent: Array, inside: Array, steps: Array, odd: Flags,
 ) -> bool:  # fmt: skip
     """Scan after scan; returns whether any reading leaps or stands still.
@@ -34,6 +35,7 @@ def look_loops(
     with the scans before, and ``inside`` three scans before the first.
     """
     low, high, reach = bounds
+    positions, paired = stepping
     before = len(recent) - len(rows)
     anywhere = False
     for i in range(len(rows)):
@@ -42,7 +44,7 @@ def look_loops(
             recent[before + i, c] = value
             odd[i, c] = abs(value - last) > reach[c] or value == last
             anywhere |= odd[i, c]
-        own_loops(recent, i, positions, steps[i])
+        own_loops(recent, i, positions, paired, steps[i])
     for i in range(len(inside)):
         for c in range(len(columns)):
             value = recent[len(recent) - len(inside) + i, c]

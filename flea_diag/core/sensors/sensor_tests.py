@@ -17,15 +17,9 @@ from flea_diag.core import backend as backends
 from flea_diag.core.sensors.noise_test import NoiseTest
 from flea_diag.core.sensors.position_step import SPAN, position_steps
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
-from flea_diag.core.sensors.sensor_limits import (
-    HELD,
-    POSITIONS,
-    RESOLUTIONS,
-    SPEED,
-    SensorLimit,
-    at_rest,
-)
+from flea_diag.core.sensors.sensor_limits import SensorLimit, at_rest
 from flea_diag.core.sensors.sensor_loops import LOOKS
+from flea_diag.core.sensors.sensor_set import TESTS, SensorSet
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
@@ -33,19 +27,6 @@ Flags = npt.NDArray[np.bool_]
 
 TWICE = 1.5
 """Limit of the number of drop-outs: the second one exceeds it."""
-TESTS = ("noise", "stuck", "dropout")
-NAMES = (
-    *POSITIONS,
-    *(f"{channel}_{test}" for test in TESTS for channel in RESOLUTIONS),
-    *(f"{channel}_stuck" for channel in HELD),
-)
-"""Residuals that these tests fill, in the order of ``SensorTestResults.z``; those of ``HELD`` by
-``held_reading``."""
-
-
-def channel_of(name: str) -> str:
-    """Channel that one of ``NAMES`` tests."""
-    return next(channel for channel in (*RESOLUTIONS, *HELD) if name.startswith(channel))
 
 
 @dataclass(slots=True)
@@ -68,7 +49,7 @@ class SensorTests:
     ----------
     limits : nominal behaviour; a channel without one is not tested
     channels : names of the columns of a row
-    names : tests to be filled in, in the order of ``SensorTestResults.z``
+    sensors : what is tested; its names are those of the columns of ``SensorTestResults.z``
     period_s : time between two rows
     """
 
@@ -76,12 +57,13 @@ class SensorTests:
         self,
         limits: Sequence[SensorLimit],
         channels: Sequence[str],
+        sensors: SensorSet,
         backend: str = "auto",
-        names: Sequence[str] = NAMES,
         period_s: float = 0.01,
     ) -> None:
+        names, self._sensors = sensors.names, sensors
         self._compiled = backends.chosen(backend) == "numba"
-        tested = set(channels) - set(HELD)
+        tested = set(channels) & set(sensors.resolutions)
         self._limits = tuple(limit for limit in limits if limit.channel in tested)
         self._names = [limit.channel for limit in self._limits]
         self._columns = np.array([channels.index(name) for name in self._names], dtype=int)
@@ -91,9 +73,11 @@ class SensorTests:
         self._guards = [ReadingGuard(limit, period_s) for limit in self._limits]
         self._watched: set[int] = set()
         """Channels in which a jump, a hold or a drop-out is still of effect."""
-        self._noise = NoiseTest(self._limits, backend)
+        self._noise = NoiseTest(self._limits, sensors, backend)
         self._recent = np.full((2 * SPAN - 1, len(self._limits)), np.nan)
-        self._positions = [self._names.index(name) for name in POSITIONS if name in self._names]
+        rests = {name: rest for name, rest in sensors.positions.items() if name in self._names}
+        self._positions = [self._names.index(name) for name in rests]
+        self._rest = np.array(list(rests.values()))
         self._scan = 0
         self.stuck = dict.fromkeys(self._names, 0)
         """Number of readings of each channel held longer than chance allows."""
@@ -106,6 +90,7 @@ class SensorTests:
             for index, limit in enumerate(self._limits)
             if limit.step > 0.0
         ]
+        self._paired = sensors.paired and len(self._steps) == 2
         self._step_places = np.array([place for place, _ in self._steps], dtype=int)
         self._stepping = np.array([index for _, index in self._steps], dtype=int)
         self._sizes = np.array([self._limits[index].step for _, index in self._steps])
@@ -144,7 +129,8 @@ class SensorTests:
         steps = np.empty((count, len(self._steps)))
         look = backends.exact(*LOOKS) if self._compiled else self._look
         bounds = self._low, self._high, self._reach
-        anywhere = look(rows, self._columns, bounds, self._stepping, recent, inside, steps, odd)
+        stepping = self._stepping, self._paired
+        anywhere = look(rows, self._columns, bounds, stepping, recent, inside, steps, odd)
         self._recent = recent[count:]
         usable, z = rows.copy(), np.empty((count, len(self._calm)))
         z[:] = self._calm
@@ -160,7 +146,7 @@ class SensorTests:
         rows: Array,
         columns: Counts,
         bounds: tuple[Array, Array, Array],
-        _: Counts,
+        _: tuple[Counts, bool],
         recent: Array,
         inside: Array,
         steps: Array,
@@ -189,14 +175,14 @@ class SensorTests:
 
     def _rests(self, index: int, recent: Array) -> Flags:
         """Rows in which a constant reading is correct: the encoder speed at rest."""
-        if self._names[index] != SPEED:
+        if self._names[index] != self._sensors.speed:
             return np.zeros(len(recent), dtype=bool)
-        return at_rest(recent[:, self._positions])
+        return at_rest(recent[:, self._positions], self._rest)
 
     def _own_steps(self, recent: Array) -> list[Array]:
         """Step of each position; the part that two of them share is motion, e.g. an impact."""
         steps = [position_steps(recent[:, index]) for _, index in self._steps]
-        if len(steps) != len(POSITIONS):
+        if not self._paired:
             return steps
         one, other = steps
         alike = np.where(one * other > 0.0, np.minimum(np.abs(one), np.abs(other)), 0.0)

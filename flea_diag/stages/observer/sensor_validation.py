@@ -22,10 +22,9 @@ class SensorValidation:
     """Sensor tests of one stream; a missing scan is an empty row to them, so no step spans it."""
 
     def __init__(self, known: ResidualSet, calibration: Calibration, backend: str) -> None:
-        names = [row.name for row in known.sensor_rows]
         c = calibration
-        self._tests = SensorTests(c.sensors, known.channels, backend, names, c.period_s)
-        self._held = HeldReadings(c.sensors, known.channels, names, c.period_s)
+        self._tests = SensorTests(c.sensors, known.channels, known.sensors, backend, c.period_s)
+        self._held = HeldReadings(c.sensors, known.channels, known.sensors, c.period_s)
         self._period_ns = round(calibration.period_s * 1e9)
         self.k = self._tests.k.copy()
         self.k[self._held.places] = self._held.k

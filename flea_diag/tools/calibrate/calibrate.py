@@ -315,6 +315,7 @@ def _calibration(
         observer_noise=innovations.noise,
         sensors=sensor_limits(
             [{name: run.rows[:, k] for name, k in index.items()} for run in runs],
+            traces[0].rows.sensors,
             limits.rate_per_hour,
             period_s,
         ),

@@ -71,6 +71,8 @@ class RunResult:
         File with the complete replay summary, relative to the evaluation's folder.
     date, commit
         Day and source commit of the diagnosis; empty in results of older versions.
+    stand
+        Name or folder of the stand; empty in results of older versions: the shipped FLEA.
     """
 
     id: str
@@ -108,6 +110,7 @@ class RunResult:
     detail: str = ""
     date: str = ""
     commit: str = ""
+    stand: str = ""
     schema_version: int = FORMATS["run result"].version
 
     @property

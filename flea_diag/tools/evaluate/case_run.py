@@ -178,6 +178,7 @@ def _scored(case: Case, expect: Expect, done: Diagnosis) -> tuple[RunResult, dic
         detail=f"{DETAILS}/{case.configuration}/{case.id.replace('/', '.')}{case.fold}.json",
         date=today(),
         commit=commit(),
+        stand=case.stand,
         duration_s=summary["duration_s"],
         **told,
         **verdict,

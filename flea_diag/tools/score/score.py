@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
+from flea_diag.errors import InputError
 from flea_diag.tools.campaign.run_result import RunResult
 from flea_diag.tools.interval import rate_interval, wilson
 
@@ -60,29 +61,31 @@ def _utility(said: frozenset[str], truth: frozenset[str], f: int) -> float:
 
 
 @cache
-def components() -> Mapping[str, str]:
-    """Component of every fault of the catalogue."""
-    from flea_diag.configuration.calibrations import learned
-    from flea_diag.configuration.knowledge import knowledge
+def components(stand: str = "") -> Mapping[str, str]:
+    """Component of every fault of a stand's catalogue; empty where the stand is gone."""
+    from flea_diag.configuration.description import faults_of
     from flea_diag.configuration.stand import load_stand
 
-    stand = load_stand()
-    rows = knowledge(stand, learned(stand)).faults
+    try:
+        files = load_stand(stand)
+        rows = faults_of(files.actuator, files.faults)
+    except InputError:
+        return {}
     return {name: f"{row.component} {row.channel}".strip() for name, row in rows.items()}
 
 
-def component_of(fault: str) -> str:
-    """Component of a fault; the fault itself if the catalogue does not list it."""
-    return components().get(fault, fault)
+def component_of(fault: str, stand: str = "") -> str:
+    """Component of a fault; the fault itself if the stand's catalogue does not list it."""
+    return components(stand).get(fault, fault)
 
 
 def component_right(result: RunResult) -> bool:
     """Whether the final group names the right component only, in any mode."""
     if not result.faulty:
         return result.right
-    blamed = {component_of(fault) for fault in result.group}
+    blamed = {component_of(fault, result.stand) for fault in result.group}
     sound = result.detected and not result.false_alarms and not result.failure
-    return sound and blamed == {component_of(result.truth)}
+    return sound and blamed == {component_of(result.truth, result.stand)}
 
 
 def missed(result: RunResult) -> bool:
@@ -93,9 +96,15 @@ def missed(result: RunResult) -> bool:
     return result.faulty and bool(result.expected) and not (result.detected or result.unseen)
 
 
-def by_component(diagnosis: Candidates) -> Candidates:
-    """The candidates as sets of components."""
-    return tuple((frozenset(map(component_of, faults)), weight) for faults, weight in diagnosis)
+def component_utility(result: RunResult) -> float:
+    """``utility`` where all positions and modes of a sensor are one component."""
+
+    def of(faults: frozenset[str]) -> frozenset[str]:
+        return frozenset(component_of(fault, result.stand) for fault in faults)
+
+    said = tuple((of(faults), weight) for faults, weight in candidates(result))
+    count = len(set(components(result.stand).values()))
+    return utility(said, of(truth_of(result)), max(count, 1))
 
 
 def once(results: Sequence[RunResult]) -> tuple[RunResult, ...]:
@@ -173,14 +182,8 @@ def _times(runs: Sequence[RunResult]) -> dict[str, Any]:
 
 def _diagnoses(runs: Sequence[RunResult]) -> dict[str, Any]:
     """Metrics that compare the weighted candidates with the truth."""
-    diagnoses = [(candidates(result), truth_of(result)) for result in runs]
-    # All positions and modes of a sensor are one component.
-    count = len(set(components().values()))
-    errors = [classification_errors(said, truth) for said, truth in diagnoses]
-    utilities = [
-        utility(by_component(said), frozenset(map(component_of, truth)), count)
-        for said, truth in diagnoses
-    ]
+    errors = [classification_errors(candidates(run), truth_of(run)) for run in runs]
+    utilities = [component_utility(run) for run in runs]
     return {"classification_errors": _rounded(sum(errors)), "utility": _mean(utilities)}
 
 

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 from support.models.hand_relations import HEATED_BY_HAND, Signals, channels_of, direction
+from support.places import SHIPPED_STANDS
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import actuator
+from flea_diag.core.calibration.run_spread import tolerance_of
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.prediction import lumped, prediction
 from flea_diag.core.residuals.relation_compiler import relation_set
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.symbolic.expression import evaluate, substitute
+from flea_diag.core.residuals.thermal import CORRECTION_S
+from flea_diag.core.symbolic.expression import derivative, evaluate, substitute
 from flea_diag.errors import ConfigurationError, ModelError
 
 DESCRIBED = load_yaml("actuator.yaml")
@@ -168,3 +171,19 @@ def test_nothing_is_left_of_the_assumed_capacities() -> None:
     moved = relation_set(actuator(other), [], held, [])
     for one, two in zip(known.predictions, moved.predictions, strict=True):
         assert substitute(one.rate, {}) == two.rate
+
+
+@pytest.mark.parametrize("stand", ["flea", "ema", "wing"])
+def test_the_error_of_a_predicted_winding_is_small_beside_what_units_differ_by(stand):
+    """Its variance needs no place in the weights: 0.2 % of that of the resistance at most."""
+    known = compiled_relations(SHIPPED_STANDS[stand] / "actuator.yaml")
+    circuit = known.named[known.residuals.circuit].expression
+    p = replace(ActuatorParameters(), **known.described)
+    point = {**asdict(p), **known.reference, "motor_current": 3.0, "motor_voltage": 5.0}
+    spread = tolerance_of(p, known)
+    error_k = spread.thermal_rate_k_per_s * CORRECTION_S
+    (warm,) = known.predicted
+    slopes = (derivative(circuit, name) for name in (warm, "winding_resistance_ohm"))
+    by_kelvin, by_ohm = (float(evaluate(slope, point)) for slope in slopes)
+    share = abs(by_kelvin * error_k / (by_ohm * spread.winding_resistance_ohm))
+    assert 0.01 < share < 0.045

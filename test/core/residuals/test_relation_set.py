@@ -295,8 +295,13 @@ def test_a_calibration_with_limits_of_what_the_description_lacks_is_refused():
         relations(load_stand(), replace(calibration, limits=named))
 
 
-def test_noise_of_a_channel_that_nobody_knows_is_refused():
+def test_noise_and_limits_of_a_channel_that_nobody_knows_are_refused():
     calibration = learned(load_stand())
     noise = ObserverNoise.of(calibration.observer_noise.to_mapping() | {"motor_curent_a": 0.1})
     with pytest.raises(ConfigurationError, match="observer_noise: 'motor_curent_a' is of no chann"):
         relations(load_stand(), replace(calibration, observer_noise=noise))
+    sensors = (replace(calibration.sensors[0], channel="motor_speedo"),)
+    with pytest.raises(
+        ConfigurationError, match=r"sensors: 'motor_speedo' is no sensor of .* known"
+    ):
+        relations(load_stand(), replace(calibration, sensors=sensors))

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.sensors.held_reading import HeldReadings
 from flea_diag.core.sensors.sensor_limits import SensorLimit, sensor_limits
 
+FLEA = compiled_relations("actuator.yaml").residuals.sensors
 CHANNELS = ("motor_current", "motor_voltage", "commanded_voltage")
 LIMIT = SensorLimit("motor_voltage", 0.0, 0.0, 0.0, 4, 0.0, 0.0, 0.0)
 VOLTS = [1.0, 2.0, 2.0, 2.0, 2.0, 3.0, np.nan, np.nan, 3.0, 3.0]
@@ -16,8 +18,8 @@ COMMANDS = [1.0, 2.0, 2.5, 2.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
 
 def runs(cuts: list[int]) -> list[float]:
     """Changes of the command under a held voltage, of scans that come in these parts."""
-    tested = HeldReadings([LIMIT], CHANNELS, ["other", "motor_voltage_stuck"], 0.01)
-    assert tested.places == [1]
+    tested = HeldReadings([LIMIT], CHANNELS, FLEA, 0.01)
+    assert [FLEA.names[at] for at in tested.places] == ["motor_voltage_stuck"]
     # 0.5 s of 0.01 s.
     assert tested.k.tolist() == [50.0]
     rows = np.stack((np.zeros(len(VOLTS)), VOLTS, COMMANDS), axis=1)
@@ -30,11 +32,11 @@ def test_changes_of_the_command_are_counted_whatever_the_blocks(cuts: list[int])
 
 
 def test_a_voltage_without_a_command_is_not_tested() -> None:
-    assert HeldReadings([LIMIT], CHANNELS[:2], ["motor_voltage_stuck"], 0.01).places == []
+    assert HeldReadings([LIMIT], CHANNELS[:2], FLEA, 0.01).places == []
 
 
 def test_a_gap_ends_a_run() -> None:
-    tested = HeldReadings([LIMIT], CHANNELS, ["motor_voltage_stuck"], 0.01)
+    tested = HeldReadings([LIMIT], CHANNELS, FLEA, 0.01)
     rows = np.array([[0.0, 2.0, 1.0], [0.0, 2.0, 2.0], [0.0, 2.0, 3.0]])
     assert tested.step(rows)[:, 0].tolist() == [0, 1, 2]
     tested.interrupt()
@@ -45,9 +47,9 @@ def test_a_voltage_that_healthy_recordings_hold_for_seconds_is_not_tested() -> N
     random = np.random.default_rng(3)
     busy = [{"motor_voltage": random.normal(size=2000)} for _ in range(2)]
     held = [{"motor_voltage": np.repeat(random.normal(size=5), 400)} for _ in range(2)]
-    (of_busy,), (of_held,) = (sensor_limits(runs, 0.1, 0.01) for runs in (busy, held))
+    (of_busy,), (of_held,) = (sensor_limits(runs, FLEA, 0.1, 0.01) for runs in (busy, held))
     assert (of_busy.repeats, of_held.repeats) == (2, 0)
     assert of_busy.has("motor_voltage_stuck")
     assert not of_held.has("motor_voltage_stuck")
     assert not of_busy.has("motor_voltage_noise")
-    assert HeldReadings([of_held], CHANNELS, ["motor_voltage_stuck"], 0.01).places == []
+    assert HeldReadings([of_held], CHANNELS, FLEA, 0.01).places == []

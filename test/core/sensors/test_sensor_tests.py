@@ -7,12 +7,16 @@ import math
 
 import numpy as np
 import pytest
+from support.places import WING
 
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.sensors.noise_test import WARM_UP_SCANS, NoiseTest
 from flea_diag.core.sensors.position_step import SPAN, position_steps
 from flea_diag.core.sensors.sensor_limits import SensorLimit, noise_logs, sensor_limits
-from flea_diag.core.sensors.sensor_tests import NAMES, SensorTests, channel_of
+from flea_diag.core.sensors.sensor_tests import SensorTests
 
+FLEA = compiled_relations("actuator.yaml").residuals.sensors
+NAMES = FLEA.names
 CHANNELS = ("motor_current", "actuator_position", "motor_temperature")
 SIGMA = np.array([0.2, 6e-5, 0.4])
 RESOLUTION = np.array([1e-3, 4e-6, 0.01])
@@ -31,11 +35,11 @@ def healthy(seed: int, scans: int = SCANS) -> np.ndarray:
 @pytest.fixture(scope="module")
 def limits() -> tuple[SensorLimit, ...]:
     runs = [dict(zip(CHANNELS, healthy(seed).T, strict=True)) for seed in range(8)]
-    return sensor_limits(runs, 0.1, 0.01)
+    return sensor_limits(runs, FLEA, 0.1, 0.01)
 
 
 def run(limits, rows: np.ndarray, block: int = 1):
-    tests = SensorTests(limits, CHANNELS)
+    tests = SensorTests(limits, CHANNELS, FLEA)
     done = [tests.step(rows[k : k + block]) for k in range(0, len(rows), block)]
     z = np.concatenate([part.z for part in done])
     return np.concatenate([part.usable for part in done]), z, done[0].k
@@ -61,7 +65,7 @@ def test_log_noise_of_white_noise_is_that_of_a_normal_variable():
 def test_a_reading_at_the_end_of_its_range_is_not_quiet_either(limits):
     rows = healthy(12)
     rows[1000:2200, 1] = 0.1
-    tests = SensorTests(limits, CHANNELS)
+    tests = SensorTests(limits, CHANNELS, FLEA)
     tests.bound("actuator_position", 0.0, 0.1)
     z = np.concatenate([tests.step(rows[k : k + 50]).z for k in range(0, SCANS, 50)])
     quiet = NAMES.index("actuator_position_noise")
@@ -80,7 +84,7 @@ def test_an_encoder_that_holds_zero_at_rest_is_not_stuck_and_in_motion_it_is(blo
         return np.round(np.stack((speed, position), axis=1) / [0.01, 4e-6]) * [0.01, 4e-6]
 
     learned = sensor_limits(
-        [dict(zip(names, recording(seed).T, strict=True)) for seed in range(8)], 0.1, 0.01
+        [dict(zip(names, recording(seed).T, strict=True)) for seed in range(8)], FLEA, 0.1, 0.01
     )
     stuck = NAMES.index("motor_speed_stuck")
     for rests in (True, False):
@@ -88,7 +92,7 @@ def test_an_encoder_that_holds_zero_at_rest_is_not_stuck_and_in_motion_it_is(blo
         rows[1000:1600, 0] = 0.0
         if rests:
             rows[1000:1600, 1] = 0.05 + 6e-5 * np.random.default_rng(3).standard_normal(600)
-        tests = SensorTests(learned, names)
+        tests = SensorTests(learned, names, FLEA)
         z = np.concatenate([tests.step(rows[k : k + block]).z for k in range(0, SCANS, block)])
         assert (z[:, stuck] > tests.k[stuck]).any() == (not rests)
 
@@ -113,7 +117,7 @@ def encoded(seed: int) -> np.ndarray:
 def test_an_encoder_that_rests_half_of_the_time_is_tested_while_it_turns(kind, spoil):
     names = ("motor_speed", "actuator_position")
     runs = [dict(zip(names, encoded(seed).T, strict=True)) for seed in range(8)]
-    learned = sensor_limits(runs, 0.1, 0.01)
+    learned = sensor_limits(runs, FLEA, 0.1, 0.01)
     (limit,) = (limit for limit in learned if limit.channel == "motor_speed")
     assert limit.scatter < 2.0
     assert 0 < limit.repeats <= 4
@@ -122,7 +126,7 @@ def test_an_encoder_that_rests_half_of_the_time_is_tested_while_it_turns(kind, s
         rows = encoded(30)
         if wrong:
             rows[1500:, 0] = [spoil(v, k) for k, v in enumerate(rows[1500:, 0])]
-        tests = SensorTests(learned, names)
+        tests = SensorTests(learned, names, FLEA)
         z = np.concatenate([tests.step(rows[k : k + 50]).z for k in range(0, SCANS, 50)])
         first = int(np.argmax(z[:, at] > tests.k[at]))
         assert (1500 < first < 1900) if wrong else first == 0
@@ -137,11 +141,11 @@ def test_a_step_of_both_positions_is_motion_and_one_of_either_is_the_sensors(blo
         return 0.05 + MOVES[:, None] + noise
 
     runs = [dict(zip(names, readings(seed).T, strict=True)) for seed in range(8)]
-    learned = sensor_limits(runs, 0.1, 0.01)
+    learned = sensor_limits(runs, FLEA, 0.1, 0.01)
     for stepped in ((0, 1), (0,), (1,)):
         rows = readings(20)
         rows[1500:, stepped] += 0.0012
-        tests = SensorTests(learned, names)
+        tests = SensorTests(learned, names, FLEA)
         z = np.concatenate([tests.step(rows[k : k + block]).z for k in range(0, SCANS, block)])
         seen = {
             column for column in (0, 1) if np.nanmax(np.abs(z[:, NAMES.index(names[column])])) > 1.0
@@ -235,7 +239,7 @@ def test_a_reading_at_the_end_of_its_range_is_clipped_not_held(limits):
     rows[1500:, 1] = np.minimum(rows[1500:, 1], 0.1)
     rows[2000:, 1] = 0.1
     assert "actuator_position_stuck" in called(limits, rows)
-    tests = SensorTests(limits, CHANNELS)
+    tests = SensorTests(limits, CHANNELS, FLEA)
     tests.bound("actuator_position", 0.0, 0.1)
     z = tests.step(rows).z
     assert z[:, NAMES.index("actuator_position_stuck")].max() < 10
@@ -277,7 +281,7 @@ def test_compiled_loops_give_the_bits_of_numpy(limits):
     noise = [NAMES.index(f"{channel}_noise") for channel in CHANNELS]
     results = []
     for backend, block in (("numpy", 700), ("numba", 700), ("numba", 1)):
-        tests = SensorTests(limits, CHANNELS, backend)
+        tests = SensorTests(limits, CHANNELS, FLEA, backend)
         parts = [tests.step(rows[k : k + block]).z[:, noise] for k in range(0, SCANS, block)]
         results.append(np.concatenate(parts))
     assert (np.abs(results[0]) > 1.0).any(axis=0)[[0, 2]].all()
@@ -311,18 +315,18 @@ def test_limits_say_what_the_recordings_show(limits):
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("reach", math.nan), ("channel", "motor_speedo"), ("k", -1.0), ("k", "5")]
+    ("key", "value"), [("reach", math.nan), ("channel", 7), ("k", -1.0), ("k", "5")]
 )
 def test_a_spoilt_limit_is_refused_by_name(limits, key, value):
-    with pytest.raises(ValueError, match=key if key != "channel" else "motor_speedo"):
+    with pytest.raises(ValueError, match=key):
         SensorLimit.from_mapping({**limits[0].to_mapping(), key: value})
     with pytest.raises(ValueError, match="a sensor limit has"):
         SensorLimit.from_mapping({key: value})
 
 
 def test_every_test_names_its_channel():
-    assert channel_of("actuator_position") == "actuator_position"
-    assert channel_of("motor_temperature_dropout") == "motor_temperature"
+    assert FLEA.channel_of("actuator_position") == "actuator_position"
+    assert FLEA.channel_of("motor_temperature_dropout") == "motor_temperature"
 
 
 @pytest.mark.parametrize("block", [1, 700, SCANS])
@@ -338,13 +342,13 @@ def test_compiled_gives_the_bits_of_numpy(block):
         )
 
     runs = [dict(zip(names, recording(seed).T, strict=True)) for seed in range(8)]
-    learned = sensor_limits(runs, 0.1, 0.01)
+    learned = sensor_limits(runs, FLEA, 0.1, 0.01)
     rows = recording(20)
     rows[800:, 1] += 0.01
     rows[1200:, 1:] += 0.004
     rows[1500:1560, 2] = rows[1500, 2]
     rows[2000:2010, 1] = math.nan
-    tests = [SensorTests(learned, names, backend) for backend in ("numpy", "numba")]
+    tests = [SensorTests(learned, names, FLEA, backend) for backend in ("numpy", "numba")]
     stepped = 0
     for test in tests:
         test.bound("load_position", 0.0, 0.07)
@@ -360,9 +364,22 @@ def test_compiled_gives_the_bits_of_numpy(block):
 def test_noise_below_the_resolution_is_no_measure_of_how_it_scatters() -> None:
     # Healthy recordings of a fine encoder hold no sample above its resolution.
     quiet = SensorLimit("motor_speed", math.log(0.5), math.log(0.5), 1e-6, 0, 100.0, 0.0, 5.4)
-    test = NoiseTest([quiet], "numpy")
+    test = NoiseTest([quiet], FLEA, "numpy")
     random = np.random.default_rng(5)
     test.step(np.zeros((WARM_UP_SCANS + 3, 1)))
     hardly = test.step(0.6 * random.normal(size=(400, 1)))
     loud = test.step(6.0 * random.normal(size=(400, 1)))
     assert np.abs(hardly).max() < 5.4 < loud.max()
+
+
+def test_other_channels_are_tested_by_their_described_noise_and_a_loop_hides_no_step():
+    rows = compiled_relations(WING).residuals
+    found = rows.sensors
+    assert found.resolutions["surface_angle"] == pytest.approx(2e-4 / 50.0)
+    assert list(found.positions) == ["actuator_position"]
+    assert found.positions["actuator_position"] == pytest.approx(1e-4)
+    assert "motor_voltage" not in found.resolutions
+    assert {"surface_angle_noise", "surface_angle_stuck"} <= set(rows.place)
+    assert "surface_angle" not in rows.place
+    assert not found.paired
+    assert FLEA.paired

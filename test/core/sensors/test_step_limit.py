@@ -13,6 +13,9 @@ from flea_diag.core.sensors.sensor_limits import (
     SensorLimit,
     sensor_limits,
 )
+from flea_diag.core.sensors.sensor_set import SensorSet
+
+SENSORS = SensorSet.of({"actuator_position": 6e-5}, {"actuator_position": "m"}, "")
 
 
 def strokes(period_s: float, kick_m: float) -> np.ndarray:
@@ -33,7 +36,7 @@ def test_a_step_is_no_shorter_than_healthy_motion_may_look(
     period_s: float, kick_m: float, of_way: float, of_sudden: float
 ) -> None:
     columns = [strokes(period_s, share * kick_m) for share in (1.0, 0.9)]
-    (limit,) = sensor_limits([{"actuator_position": c} for c in columns], 0.1, period_s)
+    (limit,) = sensor_limits([{"actuator_position": c} for c in columns], SENSORS, 0.1, period_s)
     way = max(float(np.quantile(np.abs(np.diff(c)), 0.999)) for c in columns)
     sudden = max(float(np.abs(position_steps(c)).max()) for c in columns)
     assert (sudden > 0.5 * way) == (of_way == REACH_GUARD)

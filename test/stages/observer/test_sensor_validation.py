@@ -7,7 +7,6 @@ from support import stands
 from support.observer_scans import after, counters, healthy
 
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.sensors.sensor_tests import NAMES
 from flea_diag.stages.observer.sensor_validation import SensorValidation
 
 FLEA = compiled_relations("actuator.yaml").residuals
@@ -34,7 +33,7 @@ def position_steps(missing: range) -> np.ndarray:
     stamps_ns = stands.START_NS + stands.PERIOD_NS * kept
     before_ns = stands.START_NS - stands.PERIOD_NS
     _, z = tests.step(before_ns, stamps_ns, rows[kept])
-    return z[:, NAMES.index("actuator_position")]
+    return z[:, FLEA.sensors.names.index("actuator_position")]
 
 
 def test_no_test_spans_a_missing_scan():

@@ -113,6 +113,17 @@ def test_the_component_may_be_right_where_the_mode_is_not() -> None:
     assert not component_right(replace(wrong_mode, group=("motor_current_scaling", "jam")))
 
 
+def test_components_are_those_of_the_stand_of_the_run() -> None:
+    other = replace(
+        JAM, truth="surface_angle_bias", expected=("surface_angle_bias",),
+        group=("surface_angle_dead",), stand="wing",
+    )  # fmt: skip
+    assert component_right(other)
+    # The FLEA has no such sensor, and of a stand that is gone nothing is known.
+    assert not component_right(replace(other, stand=""))
+    assert not component_right(replace(other, stand="/nowhere/mine"))
+
+
 def test_the_confusion_names_what_was_said_first() -> None:
     assert confusion(ALL) == {"jam": {"jam": 3, "nominal": 1}, "nominal": {"nominal": 1}}
 

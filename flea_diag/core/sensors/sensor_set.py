@@ -1,0 +1,82 @@
+"""Which sensors of a stand are tested by themselves, and what healthy ones may do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+
+from flea_diag.core.frozen import Frozen
+
+RESOLUTIONS = {
+    "motor_current": 1e-3,
+    "motor_speed": 0.5,
+    "actuator_position": 1e-6,
+    "load_position": 1e-6,
+    "load_force": 0.1,
+    "motor_temperature": 1e-2,
+    "nut_temperature": 1e-2,
+    "ambient_temperature": 1e-3,
+}
+"""Noise below which a standard channel counts as quiet (SI).
+
+That of an encoder is about its counts: at rest it reads zero whatever its noise."""
+FINEST = 0.02
+"""The same of any other channel, as a share of its described noise."""
+AT_REST = 5.0
+"""No position that has gone less than so many of its noises within a few scans moves."""
+TESTS = ("noise", "stuck", "dropout")
+
+
+@dataclass(frozen=True, eq=False)
+class SensorSet(Frozen):
+    """Sensors that are tested by themselves, in the order of their tests.
+
+    Voltages for held readings alone: a drive that switches has no noise of its own, and
+    ``plausibility`` judges it.
+
+    Attributes
+    ----------
+    resolutions
+        Channel -> noise below which it counts as quiet.
+    positions
+        Readings that cannot jump, those of a mass -> the way below which they are at rest.
+    speed
+        Reading that is exactly zero at rest: to hold it there is right; empty: none.
+    paired
+        Two positions read one motion: a step that both share is an impact.
+    held
+        Voltages, tested for readings that are held alone -> the command that they follow; empty:
+        none is read.
+    """
+
+    resolutions: Mapping[str, float]
+    positions: Mapping[str, float]
+    speed: str = ""
+    paired: bool = False
+    held: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        noises: Mapping[str, float],
+        positions: Mapping[str, str],
+        speed: str,
+        held: Mapping[str, str] = MappingProxyType({}),
+    ) -> SensorSet:
+        """From the described noise of each channel, and the unit of each position."""
+        fine = {n: RESOLUTIONS.get(n, FINEST * noise) for n, noise in noises.items()}
+        rest = {name: AT_REST * noises[name] for name in positions}
+        paired = len(positions) == 2 and len(set(positions.values())) == 1
+        return cls(fine, rest, speed, paired, held)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Residuals that the tests fill: steps, each test of each channel, then those of ``held``."""
+        tests = (f"{name}_{test}" for test in TESTS for name in self.resolutions)
+        return (*self.positions, *tests, *(f"{name}_stuck" for name in self.held))
+
+    def channel_of(self, name: str) -> str:
+        """Channel that one of ``names`` tests."""
+        return name if name in self.positions else name.rpartition("_")[0]
