@@ -20,6 +20,7 @@ from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.plant_models import plant_models
 from flea_diag.core.likelihood.sensor_models import ELAPSED, expected, sensor_models
 from flea_diag.core.likelihood.symbolic_model import SymbolicModel
+from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
@@ -40,8 +41,11 @@ from flea_diag.core.symbolic.expression import (
 )
 from flea_diag.core.symbolic.generated import compiled, function_source
 
-MOTION = ("motor_current", "load_force", DIRECTION, "motor_speed", "d_actuator_position")
-"""Signals that the isolator follows beside those of the models; NaN on stands without them."""
+
+def motion_signals(rows: ResidualSet) -> tuple[str, ...]:
+    """Signals that the isolator follows beside those of the models; NaN on stands without them."""
+    current, load, speed, position = rows.followed
+    return current, load, DIRECTION, speed, rate_symbol(position)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +97,8 @@ class EffectSet(Frozen):
 
         Signals of the relations, expected temperatures, shapes, and what this stand lacks.
         """
-        lacking = [name for name in MOTION if name not in self.relations.signals]
+        followed = motion_signals(self.residuals)
+        lacking = [name for name in followed if name not in self.relations.signals]
         temperatures = [expected(name).name for name in self.temperatures]
         return (*self.relations.signals, *temperatures, *self.shapes, *lacking)
 
@@ -155,7 +160,8 @@ def effect_set(relations: RelationSet, faults: Iterable[Fault]) -> EffectSet:
     units = (*_of_parameters(rules), *_of_temperatures(relations.residuals.predictions))
     used = [effect.basis for model in models for effect in model.effects]
     used += [effect.basis for _, effect in units]
-    basis = dict.fromkeys((ONE, ELAPSED, *map(Variable, MOTION), *used))
+    followed = map(Variable, motion_signals(relations.residuals))
+    basis = dict.fromkeys((ONE, ELAPSED, *followed, *used))
     return EffectSet(relations, tuple(models), units, tuple(basis), dict(rules.shapes))
 
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.residuals.channel_units import CURRENT, ENCODER, LOAD, POSITION
 from flea_diag.core.sensors.sensor_set import SensorSet
 
 Array = npt.NDArray[np.float64]
@@ -166,6 +167,16 @@ class ResidualSet(Frozen):
         tested = {row.name for row in self.sensor_rows}
         stepping = tuple(name for name in self.positions if name in tested)
         return SensorSymptoms(stepping, self.motion, self.twins, self.own)
+
+    @property
+    def followed(self) -> tuple[str, str, str, str]:
+        """Channels of current, load, speed and position, standard ones where the stand has none."""
+        return (
+            self.current or CURRENT,
+            self.load or LOAD,
+            self.encoder or ENCODER,
+            self.position or POSITION,
+        )
 
     @property
     def predicted(self) -> tuple[str, ...]:

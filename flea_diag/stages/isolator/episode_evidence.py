@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.likelihood import NormalEquations
+from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION
+from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.wire.blocks import ResidualBlock
 
 Array = npt.NDArray[np.float64]
 
-MOTION_CHANNELS = {"actuator_position": "d_actuator_position", "motor_speed": "motor_speed"}
-"""Channels of motion, and the signals that are their speeds."""
 MOVED_SAMPLES = 50
 """Scans in motion since the detection after which a channel counts as alive."""
 
@@ -30,7 +30,7 @@ class EpisodeEvidence:
     detected_ns : stamp of the detection
     onset_ns : time after it in which scans are left out (smoothing transient)
     parameters : of the actuator, by which it is in motion
-    in_motion : residuals that are evidence in motion alone
+    known : residuals of the stand
     """
 
     def __init__(
@@ -40,9 +40,12 @@ class EpisodeEvidence:
         detected_ns: int,
         onset_ns: int,
         parameters: ActuatorParameters,
-        in_motion: Collection[str],
+        known: ResidualSet,
     ) -> None:
-        self._in_motion = in_motion
+        self._in_motion = known.in_motion
+        _, _, speed, position = known.followed
+        self._speeds = {position: rate_symbol(position), speed: speed}
+        """Channels of motion, and the signals that are their speeds."""
         self.equations = NormalEquations(residuals, basis)
         self._basis = basis
         self._per_unit = np.array([1.0, parameters.encoder_m_per_rad])
@@ -50,7 +53,7 @@ class EpisodeEvidence:
         self.scans = self.moving = 0
         self._detected_ns, self._onset_ns = detected_ns, onset_ns
         self._out = self._back = 0
-        self._moved = np.zeros(len(MOTION_CHANNELS), dtype=np.int64)
+        self._moved = np.zeros(len(self._speeds), dtype=np.int64)
 
     def add(self, block: ResidualBlock) -> None:
         """Add n scans, in order."""
@@ -68,7 +71,7 @@ class EpisodeEvidence:
         regressors = block.regressors[late, : len(places)]
         regressors[:, places["elapsed_s"]] = (block.stamps_ns[late] - self._detected_ns) / 1e9
         self.equations.add(values, regressors)
-        speeds = regressors[:, [places[name] for name in MOTION_CHANNELS.values()]] * self._per_unit
+        speeds = regressors[:, [places[name] for name in self._speeds.values()]] * self._per_unit
         directions = regressors[np.isfinite(values[:, 0]), places[DIRECTION]]
         self._count(moving, speeds, directions)
 
@@ -87,5 +90,5 @@ class EpisodeEvidence:
 
     def moved_channels(self) -> tuple[str, ...]:
         """Channels whose reading has moved since the detection."""
-        pairs = zip(MOTION_CHANNELS, self._moved, strict=True)
+        pairs = zip(self._speeds, self._moved, strict=True)
         return tuple(channel for channel, samples in pairs if samples >= MOVED_SAMPLES)

@@ -146,7 +146,7 @@ class EpisodeLifecycle:
                 shared.detected_ns,
                 self._onset_ns,
                 self._k.calibration.parameters,
-                self._k.effects.residuals.in_motion,
+                self._k.effects.residuals,
             ),
             FeatureQuery(shared.detected_ns, self._window_ns, self._windows),
         )

@@ -65,7 +65,7 @@ class IsolatorStage:
             knowledge.calibration.parameters.encoder_m_per_rad,
             round(parameters.feature_window_s * 1e9),
             self._vibration.monitor,
-            knowledge.effects.names,
+            knowledge.effects,
         )
         quantitative = QuantitativeIsolation(knowledge.calibration, knowledge.effects)
         self._episodes = EpisodeLifecycle(knowledge, parameters, quantitative, merge)

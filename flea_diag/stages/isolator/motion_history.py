@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from flea_diag.core.causal_graph.operating_point import Quadrant
+from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.relation_set import DIRECTION
 from flea_diag.core.vibration.vibration_monitor import SCANS, VibrationMonitor
 from flea_diag.stages.isolator.motion_window import MotionWindow
@@ -28,7 +29,7 @@ class MotionHistory:
     encoder_m_per_rad : travel of the nut, 0 where no speed of the shaft is known
     window_ns : length of ``window``
     monitor : receives speed and load of each scan
-    basis : names of the first regressors
+    effects : whose basis signals are the first regressors
     """
 
     def __init__(
@@ -36,10 +37,12 @@ class MotionHistory:
         encoder_m_per_rad: float,
         window_ns: int,
         monitor: VibrationMonitor,
-        basis: Sequence[str],
+        effects: EffectSet,
     ) -> None:
-        self._load = basis.index("load_force")
-        self._current, self._direction = basis.index("motor_current"), basis.index(DIRECTION)
+        current, load, _, _ = effects.residuals.followed
+        self._load, self._current, self._direction = map(
+            effects.names.index, (load, current, DIRECTION)
+        )
         self._lead = encoder_m_per_rad
         self._monitor = monitor
         self._visited: deque[tuple[float, float]] = deque(maxlen=VISITED_SCANS)

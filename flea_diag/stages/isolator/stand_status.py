@@ -179,10 +179,10 @@ def mismatch(calibration: Calibration, table: ChannelTable, known: ResidualSet) 
             f"the calibration requires {missing[0]}, which this stand does not have: "
             "calibrate on recordings of this stand"
         )
-    voltage = table.info("motor_voltage")
+    voltage = table.info(known.voltage)
     if voltage is not None and voltage.sampling != calibration.voltage_sampling:
         return (
-            "the calibration is for a motor_voltage sampled as "
+            f"the calibration is for a {known.voltage} sampled as "
             f"{shown(calibration.voltage_sampling)}, "
             f"this stand samples {shown(voltage.sampling)}: calibrate on recordings of this stand"
         )
