@@ -216,7 +216,11 @@ def test_attachments_of_an_old_bag_say_what_the_shipped_files_say(tmp_path: Path
         s.channel: s.at for s in shipped.sensors.values()
     }
     # Faults name parameters of the graph: more of them are drawn now, none has gone.
-    assert old.graph.values().items() <= shipped.graph.values().items()
+    before, after = old.graph.values(), shipped.graph.values()
+    # But the width of the friction is that which calibrations have held all along.
+    assert after.pop("friction_smooth_speed") * after["screw_ratio"] == pytest.approx(0.004)
+    assert before.pop("friction_smooth_speed") == 3.0
+    assert before.items() <= after.items()
     # Nor did a catalogue say how large a fault is.
     now = faults(FLEA_STAND / "faults.yaml")
     unsized = {n: replace(row, effects=(), errors=UNBOUNDED) for n, row in now.items()}
