@@ -73,7 +73,7 @@ class SensorSet(Frozen):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Residuals that the tests fill: steps, each test of each channel, then those of ``held``."""
+        """Residuals that the tests fill: steps, each test of each channel, those of ``held``."""
         tests = (f"{name}_{test}" for test in TESTS for name in self.resolutions)
         return (*self.positions, *tests, *(f"{name}_stuck" for name in self.held))
 

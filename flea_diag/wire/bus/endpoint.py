@@ -194,14 +194,8 @@ class Bus(NodeLog, Generic[P]):
     def publish_raw(self, record_type: type, data: bytes) -> None:
         """Publish bytes written by the codec; nothing but health while the node is inactive."""
         self.advertise(record_type)
-<<<<<<< HEAD
-        if self.ok and (record_type is Health or self.speaks):
-            with unless_ended(self._node.context):
-                self._publishers[record_type].publish(data)
-=======
-        if record_type is Health or self.state not in SILENT:
+        if record_type is Health or self.speaks:
             self._publishers[record_type].publish(data)
->>>>>>> a1ca5a3 (Restore the orderly end of nodes and the supply current of Cranfield, which guessing the channels of a stand had undone)
 
     def publish_clock(self, stamp_ns: int) -> None:
         """Publish /clock, for nodes that use simulated time."""
