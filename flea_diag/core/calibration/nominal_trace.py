@@ -10,10 +10,10 @@ import numpy.typing as npt
 from flea_diag.core.calibration.calibration import BadStretch, NominalRun
 from flea_diag.core.calibration.identification import Identified
 from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
-from flea_diag.core.residuals.plausibility import ENTER_SAMPLES, usable
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.sensors.plausibility import ENTER_SAMPLES, usable
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]

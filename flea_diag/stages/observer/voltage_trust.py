@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.plausibility import VoltagePlausibility
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+from flea_diag.core.sensors.plausibility import VoltagePlausibility
 
 Flags = npt.NDArray[np.bool_]
 

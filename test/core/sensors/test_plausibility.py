@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flea_diag.core.residuals.plausibility import (
+from flea_diag.core.sensors.plausibility import (
     CLEAN_SAMPLES,
     ENTER_SAMPLES,
     VoltagePlausibility,
