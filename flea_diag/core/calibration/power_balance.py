@@ -4,7 +4,7 @@ With a voltage u, current i, speed v of the moved part and an opposing load F, a
 positive:
 
     u = R i + K v,   R > 0 (copper loss), K > 0 (work of the motor)
-    i = c sgn(v) + m dv/dt + b F,   c > 0 (friction), b > 0 (work against the load)
+    i = c sgn(v) + d v + m dv/dt + b F,   c > 0 (friction), b > 0 (work against the load)
     i = c |v| + b F v for the current of a supply, which never turns with the direction
 
 A coefficient of the wrong sign, far beyond its error, says that one of its two signals is turned.
@@ -70,10 +70,19 @@ def rate_of(values: Array, period_s: float) -> Array:
     return np.gradient(values, period_s) if len(values) > 2 else np.full(len(values), np.nan)
 
 
-def is_supply_current(current: Array) -> bool:
-    """Whether a current never turns with the direction, as that of a supply."""
+def is_supply_current(current: Array, position: Array, period_s: float) -> bool:
+    """Whether a current is that of a supply: never fed back, and more either way than at rest."""
     finite = current[np.isfinite(current)]
-    return len(finite) > 0 and float(np.mean(finite < 0.0)) < ONE_WAY
+    if not len(finite) or float(np.mean(finite < 0.0)) >= ONE_WAY:
+        return False
+    mean, speed = smoothed(current, period_s), rate_of(smoothed(position, period_s), period_s)
+    moving = _moving(speed)
+    ways = [mean[moving & (speed > 0.0)], mean[moving & (speed < 0.0)]]
+    rest = mean[np.isfinite(speed) & ~moving]
+    rest = rest[np.isfinite(rest)]
+    if len(rest) < FEWEST_ROWS:
+        return True
+    return all(float(np.nanmean(way)) > float(np.mean(rest)) for way in ways if len(way))
 
 
 def fitted(target: Array, columns: Sequence[Array], spread: float) -> list[tuple[float, float]]:
@@ -112,7 +121,7 @@ def sign_relations(signals: Mapping[str, Array], period_s: float) -> list[SignRe
     if SPEED in mean:
         ((slope, sure),) = fitted(mean[SPEED], [speed], spread)
         found.append(SignRelation(SPEED, POSITION, slope, sure, "speed by rate of position"))
-    if CURRENT in mean and is_supply_current(signals[CURRENT]):
+    if CURRENT in mean and is_supply_current(signals[CURRENT], signals[POSITION], period_s):
         found += _of_supply(mean, speed, spread)
     elif CURRENT in mean:
         found += _of_circuit(mean, speed, spread)
@@ -138,13 +147,17 @@ def _of_forces(
     mean: Mapping[str, Array], speed: Array, gain: Array, spread: float
 ) -> Iterator[SignRelation]:
     way = np.where(_moving(speed), np.sign(speed), np.nan)
-    columns = [way, gain, *([mean[LOAD]] if LOAD in mean else [])]
-    drag, _, *load = fitted(mean[CURRENT], columns, spread)
-    if LOAD in mean and load[0][1] == 0.0:
-        drag, *_ = fitted(mean[CURRENT], [way, gain], spread)
+    if LOAD not in mean:
+        drag, _ = fitted(mean[CURRENT], [way, gain], spread)
+        yield SignRelation(CURRENT, POSITION, *drag, "friction: current by direction")
+        return
+    drag, _, _ = fitted(mean[CURRENT], [way, gain, mean[LOAD]], spread)
+    # Viscous friction apart, which a load that goes with the speed would take for its own.
+    *_, load = fitted(mean[CURRENT], [way, gain, speed, mean[LOAD]], spread)
+    if not load[1]:
+        drag, _ = fitted(mean[CURRENT], [way, gain], spread)
     yield SignRelation(CURRENT, POSITION, *drag, "friction: current by direction")
-    if load:
-        yield SignRelation(CURRENT, LOAD, *load[0], "work on the load: current by load")
+    yield SignRelation(CURRENT, LOAD, *load, "work on the load: current by load")
 
 
 def _of_supply(mean: Mapping[str, Array], speed: Array, spread: float) -> Iterator[SignRelation]:

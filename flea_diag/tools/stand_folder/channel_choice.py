@@ -119,6 +119,8 @@ def _because(source: SeriesSum, channel: str) -> str:
     said = " ".join(sorted(words.qualifiers - {COMMANDED}))
     if len(source.terms) > 1:
         return "set point and error of the position loop are one"
+    if source.because:
+        return source.because
     if channel in source.name.lower():
         return "it has its name"
     if COMMANDED in words.qualifiers and "load" in channel:

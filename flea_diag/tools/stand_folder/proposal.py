@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.calibration.power_balance import fitted, is_supply_current, rate_of, smoothed
+from flea_diag.core.calibration.power_balance import fitted, rate_of, smoothed
 from flea_diag.core.symbolic.converted_unit import CONVERTED
 from flea_diag.tools.stand_folder.channel_choice import ChosenChannel
 from flea_diag.tools.stand_folder.sign_choice import SignGuess, guessed_signs
-from flea_diag.tools.stand_folder.template import Template, fitting_template
+from flea_diag.tools.stand_folder.template import Template, fitting_template, has_supply_current
 from flea_diag.tools.stand_folder.unit_choice import UnitGuess, factor_to_si, guessed_units
 from flea_diag.tools.stand_folder.unit_relations import unit_relations
 
@@ -83,8 +83,9 @@ def proposal(grid: ReadingGrid, wanted: str = "") -> StandProposal:
     units = guessed_units(chosen, unit_relations(chosen, grid.period_s), grid.times is None)
     signs = guessed_signs(chosen, grid.period_s)
     scales = _scales(chosen, units, grid.period_s, kind)
+    supply = bool(has_supply_current(chosen, grid.period_s))
     rows = tuple(
-        _row(each, units[each.channel], signs[each.channel], scales.get(each.channel), grid)
+        _row(each, units[each.channel], signs[each.channel], scales.get(each.channel), supply, grid)
         for each in chosen
     )
     return StandProposal(kind, grid, rows, _travel(rows, chosen))
@@ -121,9 +122,10 @@ def _row(
     unit: UnitGuess,
     sign: SignGuess,
     scale: tuple[float, str] | None,
+    supply: bool,
     grid: ReadingGrid,
 ) -> ChannelProposal:
-    supply = each.si_unit == "A" and is_supply_current(each.source.values)
+    supply = supply and each.si_unit == "A"
     if supply and not sign.sure:
         sign = SignGuess(1, "it never turns with the direction: the current of a supply")
     guesses = [f"source: {each.because}", f"unit: {unit.because}", f"sign: {sign.because}"]
@@ -132,7 +134,7 @@ def _row(
         doubts.append(f"unit {unit.unit} or {unit.other}")
     if not sign.sure:
         doubts.append("sign")
-    if each.merit < 0.65:
+    if each.merit < 0.65 or each.source.because:
         doubts.append("source")
     factor = 1.0
     written = unit.unit
@@ -142,7 +144,7 @@ def _row(
             factor, written = factor * factor_to_si(written), each.si_unit
         guesses.append(f"scale: {scale[1]}")
         doubts.append("scale")
-    low, high = _range(each, written, sign.sign * factor)
+    low, high = _range(each, written, sign.sign * factor, supply)
     scan_hz, own_hz = 1.0 / grid.period_s, each.source.rate_hz
     rate_hz = scan_hz if grid.times is not None or not math.isfinite(own_hz) else own_hz
     return ChannelProposal(
@@ -166,7 +168,7 @@ def in_si(values: Array, unit: str, factor: float) -> Array:
     return np.asarray(to_si * factor * values + offset)
 
 
-def _range(each: ChosenChannel, unit: str, factor: float) -> tuple[float, float]:
+def _range(each: ChosenChannel, unit: str, factor: float, one_way: bool) -> tuple[float, float]:
     """A range that readings of other runs of this stand should keep, too."""
     values = in_si(each.source.values[np.isfinite(each.source.values)], unit, factor)
     low, high = float(values.min()), float(values.max())
@@ -176,7 +178,7 @@ def _range(each: ChosenChannel, unit: str, factor: float) -> tuple[float, float]
         margin = TRAVEL_MARGIN * (high - low)
         return _rounded(low - margin, -1), _rounded(high + margin, 1)
     most = RANGE_FACTOR * max(abs(low), abs(high))
-    if each.si_unit == "A" and is_supply_current(each.source.values):
+    if one_way:
         return _rounded(-0.4 * most, -1), _rounded(2.0 * most, 1)
     return _rounded(-most, -1), _rounded(most, 1)
 

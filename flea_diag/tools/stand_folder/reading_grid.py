@@ -43,11 +43,14 @@ class SeriesSum:
         What its name says.
     values
         Readings on the grid, shape (n,), as recorded; NaN between two recordings.
+    because
+        How its quantity is known, where the name does not say it.
     """
 
     terms: tuple[tuple[Series, int], ...]
     words: NameWords
     values: Array
+    because: str = ""
 
     @property
     def name(self) -> str:

@@ -16,13 +16,12 @@ QUANTITIES: dict[str, str] = {
         ("position", "pos", "displacement", "stroke", "extension", "angle", "lvdt", "encoder"),
         POSITION,
     ),
-    **dict.fromkeys(
-        ("potentiometer", "pot", "travel", "setpoint", "point", "at", "theta", "elongation"),
-        POSITION,
-    ),
+    **dict.fromkeys(("potentiometer", "pot", "travel", "theta", "elongation"), POSITION),
     **dict.fromkeys(("speed", "velocity", "vel", "omega", "rpm", "rate", "tacho"), SPEED),
-    **dict.fromkeys(("current", "curr", "amps", "ampere", "amp", "i", "iq", "amperage"), CURRENT),
-    **dict.fromkeys(("voltage", "volt", "volts", "u", "uq"), VOLTAGE),
+    **dict.fromkeys(
+        ("current", "curr", "amps", "ampere", "amp", "i", "iq", "imot", "amperage"), CURRENT
+    ),
+    **dict.fromkeys(("voltage", "volt", "volts", "u", "uq", "umot"), VOLTAGE),
     **dict.fromkeys(("force", "loadcell", "thrust", "tension", "fz", "fx", "fy"), FORCE),
     **dict.fromkeys(("torque", "moment", "tq", "tau"), TORQUE),
     "effort": EFFORT,
@@ -60,7 +59,9 @@ QUALIFIERS: dict[str, str] = {
     **dict.fromkeys(("reference", "ref", "sp", "set", "goal", "wanted"), COMMANDED),
     **dict.fromkeys(("error", "err", "deviation", "lag"), ERROR),
     **dict.fromkeys(("ambient", "air", "room", "environment", "env", "lab", "outside"), "ambient"),
-    **dict.fromkeys(("motor", "winding", "stator", "coil", "mot", "drive", "servo"), "motor"),
+    **dict.fromkeys(
+        ("motor", "winding", "stator", "coil", "mot", "imot", "umot", "drive", "servo"), "motor"
+    ),
     **dict.fromkeys(("nut", "screw", "ballscrew", "spindle"), "nut"),
     **dict.fromkeys(("load", "output", "brake", "external", "loadcell"), "load"),
     **dict.fromkeys(("actuator", "ram", "rod", "piston", "cylinder"), "actuator"),
@@ -163,6 +164,10 @@ def words_of(name: str, message: str = "") -> NameWords:
     words = [word.lower() for part in parts for word in _WORD.findall(part)]
     said = [QUANTITIES[word] for word in words if word in QUANTITIES]
     quantity = OTHER if OTHER in said else (said[-1] if said else "")
+    if not said and {"setpoint", "point", "at"} & set(words):
+        quantity = POSITION
+    if not said and "ambient" in (QUALIFIERS.get(word) for word in words):
+        quantity = TEMPERATURE
     if not said and len(words) == 1:
         quantity = LETTERS.get(words[0], "")
     unit = next((u for part in reversed(parts) if (u := _unit(part, quantity))), "")

@@ -53,7 +53,7 @@ def guessed_signs(channels: Sequence[ChosenChannel], period_s: float) -> dict[st
     flipped = turned(relations, list(roles), fixed=(POSITION,))[0]
     for role, name in roles.items():
         if role != POSITION:
-            found[name] = _by_balance(role, role in flipped, relations)
+            found[name] = _by_balance(role, flipped, relations)
     for name in units:
         if name not in found:
             found[name] = _by_likeness(name, units, values, found, origin)
@@ -71,13 +71,15 @@ def _of_position(values: Array) -> SignGuess:
     return SignGuess(1, "more of it is taken for extension", sure=False)
 
 
-def _by_balance(role: str, flipped: bool, relations: Sequence[SignRelation]) -> SignGuess:
+def _by_balance(role: str, flipped: frozenset[str], relations: Sequence[SignRelation]) -> SignGuess:
     """Sign of a signal, by the surest relation that holds it."""
     telling = [r for r in relations if role in (r.one, r.other)]
     if not telling:
         return SignGuess(1, "nothing in the recording tells it", sure=False)
     best = max(telling, key=lambda r: abs(r.certainty))
-    return SignGuess(-1 if flipped else 1, f"{best.meaning} must be positive")
+    # A defect of one channel leaves a relation that no choice of signs satisfies.
+    kept = [((r.one in flipped) != (r.other in flipped)) == (r.slope < 0.0) for r in telling]
+    return SignGuess(-1 if role in flipped else 1, f"{best.meaning} must be positive", all(kept))
 
 
 def _by_likeness(

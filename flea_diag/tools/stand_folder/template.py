@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 from flea_diag.configuration.description import described
 from flea_diag.configuration.files import config_folders, load_yaml
 from flea_diag.configuration.stand import load_stand
-from flea_diag.core.calibration.power_balance import is_supply_current
+from flea_diag.core.calibration.power_balance import CURRENT, POSITION, is_supply_current
+from flea_diag.core.calibration.sign_check import roles_of
 from flea_diag.core.schema import REQUIRED, Keys, read, texts
 from flea_diag.core.symbolic.expression import evaluate
 from flea_diag.errors import ConfigurationError, RecordingError, shown
 from flea_diag.formats import migrated
+from flea_diag.tools.stand_folder.behaviour import named_by_behaviour
 from flea_diag.tools.stand_folder.channel_choice import ChosenChannel, chosen_channels
 
 if TYPE_CHECKING:
@@ -117,9 +119,12 @@ def fitting_template(grid: ReadingGrid, wanted: str) -> tuple[Template, tuple[Ch
     RecordingError
         Nothing in the recording is a channel that a template needs.
     """
+    sources = named_by_behaviour(grid.sources, grid.period_s)
     known = [template(name) for name in ([wanted] if wanted else template_files())]
-    fits = [(each, chosen_channels(grid.sources, each.units)) for each in known]
-    usable = [(each, found) for each, found in fits if _is_of(each, found, bool(wanted))]
+    fits = [(each, chosen_channels(sources, each.units)) for each in known]
+    usable = [
+        (each, found) for each, found in fits if _is_of(each, found, grid.period_s, bool(wanted))
+    ]
     if usable:
         return max(usable, key=lambda row: sum(channel.merit for channel in row[1]))
     best, found = max(fits, key=lambda row: sum(channel.merit for channel in row[1]))
@@ -131,11 +136,17 @@ def fitting_template(grid: ReadingGrid, wanted: str) -> tuple[Template, tuple[Ch
     )
 
 
-def _is_of(kind: Template, found: Sequence[ChosenChannel], wanted: bool) -> bool:
+def _is_of(kind: Template, found: Sequence[ChosenChannel], period_s: float, wanted: bool) -> bool:
     channels = {each.channel: each for each in found}
     if not set(kind.needs) <= channels.keys():
         return False
-    current = channels.get("motor_current")
-    if current is None or wanted:
-        return True
-    return is_supply_current(current.source.values) == (kind.current == SUPPLY)
+    return bool(wanted) or has_supply_current(found, period_s) in (None, kind.current == SUPPLY)
+
+
+def has_supply_current(found: Sequence[ChosenChannel], period_s: float) -> bool | None:
+    """Whether the current is that of a supply; None without a current and a position."""
+    roles = roles_of({each.channel: each.si_unit for each in found})
+    values = {each.channel: each.source.values for each in found}
+    if not {CURRENT, POSITION} <= roles.keys():
+        return None
+    return is_supply_current(values[roles[CURRENT]], values[roles[POSITION]], period_s)

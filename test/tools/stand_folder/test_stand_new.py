@@ -71,8 +71,11 @@ def nothing_moves(folder: Path) -> Path:
     return folder / "run.csv"
 
 
-def of_letters(folder: Path) -> Path:
-    return csv(folder / "run.csv", tuple(Sent(s.channel, f"q{k}") for k, s in enumerate(SENT)))
+def of_noise(folder: Path) -> Path:
+    time = 0.01 * np.arange(600)[:, None]
+    rows = np.hstack([time, np.random.default_rng(2).normal(size=(600, 3))])
+    np.savetxt(folder / "run.csv", rows, delimiter=",", header="time,q0,q1,q2", comments="")
+    return folder / "run.csv"
 
 
 def without_times(folder: Path) -> Path:
@@ -89,7 +92,7 @@ def full(folder: Path) -> Path:
 
 REFUSED = {
     full: ("mine exists and is not empty: name a new folder", ()),
-    of_letters: ("no motor_current and no actuator_position for dc_screw among q0, q1, q2", ()),
+    of_noise: ("no motor_current and no actuator_position for dc_screw among q0, q1, q2", ()),
     without_times: ("no column holds times, it has current, position: give the rate, --rate", ()),
     nothing_moves: ("no column holds times", ()),
     lambda folder: csv(folder / "run.csv", SENT): (
