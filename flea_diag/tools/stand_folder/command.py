@@ -7,11 +7,12 @@ import importlib
 from typing import Any
 
 NAME = "stand"
-SUMMARY = "make the folder of a stand of your own"
+SUMMARY = "make the folder of a stand of your own; check what recordings are good for"
 EXAMPLES = """\
 examples:
-  flea stand new ./mine --from run.csv           channels, units and signs guessed from a table
+  flea stand new ./mine --from run.csv              channels, units and signs guessed from a table
   flea stand new ./mine --from bag --template wing  from a bag; the kind of actuator is given
+  flea stand check ./mine recordings/healthy_*      what they show, and what is missing
 """
 
 ACTIONS = ("new", "check")

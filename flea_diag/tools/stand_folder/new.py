@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--template",
         default="",
         metavar="NAME",
-        help="kind of actuator: dc_screw, stepper_screw, wing (default: the one that fits)",
+        help="dc_screw, geared_joint, stepper_screw or wing (default: the one that fits)",
     )
     add(
         "--rate",
