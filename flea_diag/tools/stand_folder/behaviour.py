@@ -36,6 +36,8 @@ RATE_SHARE, LIKE, LIKE_COMMAND = 0.995, 0.995, 0.95
 """Shares of variance from which on one is the rate, a second reading or the command of another."""
 SAME_SHARE = 0.97
 """Share of a voltage that no current explains, at any load."""
+SECOND_VOLTAGE = 0.85
+"""Share of a load that no voltage explains."""
 LEAST_DECADES = 0.5
 """What the equations of a motor must explain at least."""
 LESS_NOISE = 0.3
@@ -160,16 +162,22 @@ class _Behaviour:
             by_speed = [explained(self._mean[k], [speed]) for k in (voltage, current)]
             same = explained(self._mean[voltage], [self._mean[current]]) > SAME_SHARE
             # The equations hold for either; the back-EMF is in the voltage.
-            if same or by_speed[0] < by_speed[1]:
+            if same or by_speed[0] < by_speed[1] or self._follows(load, voltage):
                 return -1.0
             merit += _decades(explained(self._mean[voltage], [self._mean[current], speed])) - 0.5
         drag = [np.sign(speed), speed, gain]
         forces = drag if load is None else [*drag, self._mean[load]]
         return merit + _decades(explained(self._mean[current], forces)) - 0.2 * (load is not None)
 
+    def _follows(self, load: int | None, voltage: int) -> bool:
+        """Whether a load is rather a second voltage: it explains the current as well."""
+        if load is None:
+            return False
+        return explained(self._mean[load], [self._mean[voltage]]) > SECOND_VOLTAGE
+
     def others(self) -> None:
         """What goes with a known one, its command or another reading; and a load that is left."""
-        for quantity, least in ((POSITION, LIKE), (VOLTAGE, LIKE_COMMAND)):
+        for quantity, least in ((POSITION, LIKE), (VOLTAGE, SECOND_VOLTAGE)):
             for known, other in itertools.product(self._are(quantity), self._unknown()):
                 share = explained(self._mean[other], [self._mean[known]])
                 if self.is_unknown(other) and share > least:
