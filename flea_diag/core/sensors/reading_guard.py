@@ -37,7 +37,7 @@ class ReadingGuard:
 
     def interrupt(self) -> None:
         """Forget the readings, not the drop-outs."""
-        self._last = self._speed = math.nan
+        self._last = self._level = self._speed = math.nan
         self._leapt = 0.0
         self._away = self._calm = self.run = 0
 
@@ -54,14 +54,15 @@ class ReadingGuard:
     def wake(self, before: float, last: float) -> None:
         """Set the two readings before the next one, if none of them was unusual."""
         if not self.busy:
-            self._last, self._speed = last, last - before
+            self._last, self._level, self._speed = last, last, last - before
 
     def take(
         self, scan: int, value: float, at_end: bool, rests: bool = False
     ) -> tuple[bool, float]:
         """Judge one reading: whether it is withheld, and the size of a confirmed jump (else 0).
 
-        While the actuator ``rests`` a held reading is not counted.
+        While the actuator ``rests`` a held reading is not counted. A reading that is missing neither
+        ends a hold nor begins one.
         """
         while self.events and self.events[0] <= scan - self._memory:
             self.events.popleft()
@@ -74,13 +75,13 @@ class ReadingGuard:
 
     def _held(self, scan: int, value: float, at_end: bool, rests: bool) -> bool:
         least = self._limit.repeats
-        if value == self._last and not at_end:
+        if value == self._level and not at_end:
             self.run += not rests
         else:
             if least and least <= self.run < self._stuck:
                 self.events.append(scan)
             self.run = 0
-        self._last = value
+        self._last = self._level = value
         return bool(least) and self.run >= least
 
     def _leap(self, change: float) -> float:

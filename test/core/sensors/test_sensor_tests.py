@@ -214,6 +214,17 @@ def test_a_held_reading_is_stuck_and_withheld(limits, column, level):
 
 
 @pytest.mark.parametrize("column", [0, 1, 2])
+def test_a_missing_reading_ends_no_hold(limits, column):
+    """Another channel that is saturated may take a reading away for a scan."""
+    rows = healthy(10)
+    rows[1500:, column] = 0.0
+    rows[[1527, 1534], column] = np.nan
+    found = called(limits, rows)
+    assert found[f"{CHANNELS[column]}_stuck"] == pytest.approx(1552, abs=3)
+    assert not any(each.endswith("dropout") for each in found)
+
+
+@pytest.mark.parametrize("column", [0, 1, 2])
 def test_the_second_drop_out_is_called_and_neither_reaches_a_mean(limits, column):
     rows = healthy(11)
     for start in (1500, 2100):
