@@ -119,7 +119,7 @@ class _Search:
     def _smallest(self, size: Size, start: float, holds: Callable[[float], bool]) -> float:
         """Smallest size from ``start`` on for which this holds; infinity: none within its limit."""
         low = max(start, size.low)
-        if low <= 0.0:
+        if not 0.0 < low <= size.high:
             return math.inf
         if holds(low):
             return low

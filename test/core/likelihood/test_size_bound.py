@@ -60,7 +60,12 @@ def test_faults_of_one_effect_stay_a_group() -> None:
 
 
 @pytest.mark.parametrize(
-    ("made", "formed"), [(model("small", "a", high=0.01), COUNT), (model("gone", "a"), 0)]
+    ("made", "formed"),
+    [
+        (model("small", "a", high=0.01), COUNT),
+        (model("smaller", "a", high=1e-4), COUNT),
+        (model("gone", "a"), 0),
+    ],
 )
 def test_what_cannot_be_seen_is_detected_at_no_size(made: FaultModel, formed: int) -> None:
     (found,) = bounds(made, formed=formed).values()
