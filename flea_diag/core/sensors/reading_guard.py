@@ -61,8 +61,8 @@ class ReadingGuard:
     ) -> tuple[bool, float]:
         """Judge one reading: whether it is withheld, and the size of a confirmed jump (else 0).
 
-        While the actuator ``rests`` a held reading is not counted. A reading that is missing neither
-        ends a hold nor begins one.
+        While the actuator ``rests`` a held reading is not counted. A missing reading neither ends
+        a hold nor begins one.
         """
         while self.events and self.events[0] <= scan - self._memory:
             self.events.popleft()
