@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from flea_diag.configuration.files import text_of
 from flea_diag.tools.stand_folder.channel_file import yaml_text
+from flea_diag.tools.stand_folder.seen_values import seen_values
 
 if TYPE_CHECKING:
     from flea_diag.tools.stand_folder.proposal import StandProposal
@@ -98,6 +99,8 @@ def _description(kind: Template, text: str, name: str, found: StandProposal | No
         f"# That of the shipped stand {kind.stand.name}, taken over with the parameters\n"
         "# of that actuator; check. A calibration replaces those that recordings identify.\n"
     )
+    seen = seen_values(found) if found is not None else ()
+    note += "".join(f"# Seen in the recording: {words}.\n" for words in seen)
     for key, value in lines.items():
         before, line, after = _split(text, key)
         text = f"{before}{key}: {value}{after}" if line else text

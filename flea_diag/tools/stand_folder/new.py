@@ -93,6 +93,7 @@ def _write(folder: Path, texts: dict[str, str]) -> None:
 def _print(folder: Path, recording: Path, found: StandProposal) -> None:
     """One page: what was taken for what, what to check, and how to go on."""
     from flea_diag.tools.stand_folder.folder_files import shown_folder
+    from flea_diag.tools.stand_folder.seen_values import seen_values
 
     kind, rate = found.template, found.rate_hz
     joint = f", joint {found.grid.joint}" if found.grid.joint else ""
@@ -122,6 +123,8 @@ def _print(folder: Path, recording: Path, found: StandProposal) -> None:
     if found.unused:
         say(f"not used: {', '.join(name for name, _ in found.unused[:8])}"
             f"{f' and {len(found.unused) - 8} more' if len(found.unused) > 8 else ''}")  # fmt: skip
+    for words in seen_values(found):
+        say(f"seen: {words}")
     name = shown_folder(folder)
     say(f"check in {name}/channels.yaml the lines that say check; positive must extend")
     say(f"check in {name}/actuator.yaml screw or gear ratio and travel")

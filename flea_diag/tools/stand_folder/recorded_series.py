@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -20,7 +21,8 @@ from flea_diag.wire.sources.message_terms import stamp_of
 Array = npt.NDArray[np.float64]
 
 MOST_SERIES = 200
-MOST_MESSAGES = 200_000
+MOST_CELLS = 5_000_000
+"""Numbers that are read of a bag: its beginning will do."""
 MOST_ELEMENTS = 32
 """Elements of an array that are looked at: a longer one is a waveform, an image or a map."""
 DEEPEST = 5
@@ -135,7 +137,8 @@ def _of_bag(path: Path) -> RecordedSeries:
     places: dict[str, list[FieldPath]] = {}
     stamps: dict[str, list[int]] = {}
     values: dict[str, list[list[float]]] = {}
-    for number, (topic, log_ns, content) in enumerate(bag.messages(bag.topics)):
+    cells = 0
+    for topic, log_ns, content in bag.messages(bag.topics):
         if topic not in places:
             kind = bag.topics[topic].rpartition("/")[2]
             places[topic] = [] if kind in WAVEFORMS else _places(content)
@@ -143,7 +146,8 @@ def _of_bag(path: Path) -> RecordedSeries:
         if places[topic]:
             stamps[topic].append(stamp_of(content, log_ns))
             values[topic].append([_read(place, content) for place in places[topic]])
-        if number >= MOST_MESSAGES:
+        cells += 1 + len(places[topic])
+        if cells > MOST_CELLS:
             break
     start_ns = min((min(each) for each in stamps.values() if each), default=0)
     series = []
@@ -173,7 +177,7 @@ def _read(place: FieldPath, message: Any) -> float:
 def _places(message: Any) -> list[FieldPath]:
     """Paths of all numbers in a message."""
     found = []
-    for text in _paths(message, "", 0):
+    for text in itertools.islice(_paths(message, "", 0), MOST_SERIES):
         try:
             path = FieldPath.parsed(text, "")
             if path.read(message) is not None:

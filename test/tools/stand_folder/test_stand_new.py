@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +44,10 @@ def test_a_bag_of_ours_becomes_a_stand_of_its_own_name(
     found = channel_sources(stand)
     assert found.rate_hz == 100.0
     assert {row.written for row in found.channels} == {"A", "V", "m", "rad/s", "N", "degC"}
-    assert len(page.splitlines()) < 25
+    assert len(page.splitlines()) < 30
+    # The lead of the simulated FLEA is 3.175 mm; see config/machines/flea.yaml.
+    (lead,) = re.findall(r"seen: ([\d.]+) mm for one turn of the motor", page)
+    assert float(lead) == pytest.approx(3.175, rel=2e-3)
     assert f"flea import --stand {folder} {BAGS / 'nominal'} -o bags" in page
 
 
