@@ -32,6 +32,17 @@ def add_jobs(parser: ArgumentParser) -> None:
     )
 
 
+def add_cluster(parser: ArgumentParser) -> None:
+    """Declare ``--dask``, for commands whose work a cluster may share."""
+    parser.add_argument(
+        "--dask",
+        default="",
+        metavar="ADDRESS",
+        help="share the work among the workers of a Dask scheduler, who see the same files; "
+        "results are the same",
+    )
+
+
 def _jobs(text: str) -> int:
     number = int(text) if text.isdecimal() else 0
     if not 1 <= number <= MOST_JOBS:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
@@ -44,6 +45,14 @@ def chosen_stand(arguments: argparse.Namespace, *replaced: str) -> Stand:
     from flea_diag.configuration.stand import load_stand
 
     return load_stand(arguments.stand, **{key: getattr(arguments, key) for key in replaced})
+
+
+def absolute(stand: Stand) -> Stand:
+    """The stand for a process in another folder."""
+    from flea_diag.configuration.stand import FILES
+
+    paths: dict[str, Any] = {key: getattr(stand, key) for key in FILES}
+    return replace(stand, **{k: path.absolute() for k, path in paths.items() if path.exists()})
 
 
 def given_stand(arguments: argparse.Namespace) -> Stand | None:

@@ -6,10 +6,10 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from threading import Thread
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from flea_diag.errors import FleaError
 from flea_diag.tools.garbage import search_less
+from flea_diag.tools.refused import DIED, Refused
 from flea_diag.wire.command_budget import begin_command, shared_sums
 
 if TYPE_CHECKING:
@@ -17,23 +17,20 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-DIED = "the process died: killed, out of memory, or a crash in a library"
-
-
-class Refused(NamedTuple):
-    """In place of a result: why there is none."""
-
-    words: str
 
 
 def in_order(
-    work: Callable[[Item], Result], items: Sequence[Item], jobs: int = 1
+    work: Callable[[Item], Result], items: Sequence[Item], jobs: int = 1, cluster: str = ""
 ) -> Iterator[Result | Refused]:
     """Results in the order of the items, from so many processes; with one, from this one.
 
     ``work`` and what it returns must be picklable. If a process dies, the next item that has no
     result is worked on alone, then the rest as before: it ends its own item and no other.
+    ``cluster`` is the address of a Dask scheduler, whose workers then take the place of processes.
     """
+    if cluster:
+        yield from _from_cluster(work, items, cluster)
+        return
     if min(jobs, len(items)) <= 1:
         yield from map(work, items)
         return
@@ -46,6 +43,20 @@ def in_order(
             alone = _until_it_breaks(work, items[done : done + 1], 1)
             yield next(alone, Refused(f"{items[done]}: {DIED}"))
             done += 1
+
+
+def _from_cluster(
+    work: Callable[[Item], Result], items: Sequence[Item], address: str
+) -> Iterator[Result | Refused]:
+    from flea_diag.tools.cluster import on_cluster
+
+    early: dict[int, Result | Refused] = {}
+    due = 0
+    for number, _, result in on_cluster(work, items, address):
+        early[number] = result
+        while due in early:
+            yield early.pop(due)
+            due += 1
 
 
 def _until_it_breaks(
@@ -65,14 +76,6 @@ def _until_it_breaks(
             for worker in active_children():
                 worker.terminate()
             raise
-
-
-def refusing(work: Callable[[], Result]) -> Result | Refused:
-    """What the work returns, or the words of the error with which it refuses its input."""
-    try:
-        return work()
-    except FleaError as error:
-        return Refused(str(error))
 
 
 def worker_pool(jobs: int) -> ProcessPoolExecutor:

@@ -9,7 +9,8 @@ import sys
 
 import pytest
 
-from flea_diag.tools.workers import DIED, Refused, in_order
+from flea_diag.tools.refused import DIED, Refused
+from flea_diag.tools.workers import in_order
 
 PROGRAM = """
 import os, sys, threading

@@ -11,13 +11,12 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
-from typing import Any
 
-from flea_diag.errors import ConfigurationError
 from flea_diag.tools.campaign.case import Case
 from flea_diag.tools.campaign.run_result import RunResult
-from flea_diag.tools.extra import require
-from flea_diag.tools.workers import DIED, worker_pool
+from flea_diag.tools.cluster import on_cluster
+from flea_diag.tools.refused import DIED, Refused
+from flea_diag.tools.workers import worker_pool
 
 Work = Callable[[Case], RunResult]
 
@@ -74,14 +73,6 @@ def failed(case: Case, reason: str) -> RunResult:
     return RunResult(case.id, case.kind, case.row, case.configuration, case.fold, failure=reason)
 
 
-# --- Dask ---------------------------------------------------------------------------------
-
-MOST_WAITING = 1000
-"""Runs that a cluster is given ahead."""
-TRIES = 3
-"""Workers that may die during a run before the run itself is blamed."""
-
-
 def run_on_dask(
     cases: Iterable[Case], work: Work, address: str, timeout_s: float = 10.0
 ) -> Iterator[RunResult]:
@@ -92,33 +83,5 @@ def run_on_dask(
     ConfigurationError
         Dask is not installed, or no scheduler answers at the address.
     """
-    require("dask", "--dask")
-    import distributed
-
-    try:
-        client = distributed.Client(address, timeout=timeout_s)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise ConfigurationError(
-            f"--dask {address}: no scheduler answers ({error}); start one with "
-            "`dask scheduler` and workers with `dask worker ADDRESS`"
-        ) from error
-    with client:
-        running: dict[str, Case] = {}
-        rest = enumerate(cases)
-
-        def submitted(most: int) -> list[Any]:
-            """The next runs, handed to the cluster."""
-            part = {f"flea-{number}-{case.id}": case for number, case in islice(rest, most)}
-            running.update(part)
-            return [
-                client.submit(work, case, key=key, pure=False, retries=TRIES)
-                for key, case in part.items()
-            ]
-
-        futures = distributed.as_completed(submitted(MOST_WAITING))
-        for future in futures:
-            error = future.exception()
-            case = running.pop(future.key)
-            yield future.result() if error is None else failed(case, f"{DIED} ({error!r:.200})")
-            future.release()
-            futures.update(submitted(1))
+    for _, case, result in on_cluster(work, cases, address, timeout_s):
+        yield failed(case, result.words) if isinstance(result, Refused) else result

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.tools.argument import add_cluster
 from flea_diag.tools.extra import require
 from flea_diag.tools.planned_runs import add_option, check_planned
 from flea_diag.tools.stand_option import add_stand
@@ -54,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, metavar="FOLDER", help="results (default: evaluations/NAME)"
     )
     parser.add_argument("-j", "--jobs", type=int, help="processes (default: one per core)")
-    parser.add_argument("--dask", metavar="ADDRESS", help="run on the Dask cluster at ADDRESS")
+    add_cluster(parser)
     parser.add_argument(
         "--drawn",
         type=int,
@@ -151,7 +152,7 @@ def _begin_anew(folder: Path) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
-def _results(left: Iterable[Case], work: Work, jobs: int, dask: str | None) -> Iterator[RunResult]:
+def _results(left: Iterable[Case], work: Work, jobs: int, dask: str) -> Iterator[RunResult]:
     from flea_diag.tools.evaluate.case_pool import run_all, run_on_dask
 
     return run_on_dask(left, work, dask) if dask else run_all(left, work, jobs)

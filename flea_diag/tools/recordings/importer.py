@@ -5,14 +5,19 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
+import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from flea_diag.errors import ConfigurationError, FleaError, RecordingError
+from flea_diag.tools.argument import add_jobs
+from flea_diag.tools.refused import Refused
 from flea_diag.tools.stand_option import add_stand
 from flea_diag.tools.terminal import IN_PART, progress, say, warn
+from flea_diag.tools.workers import in_order
 
 if TYPE_CHECKING:
     from flea_diag.tools.recordings.flea_run import FleaRun
@@ -25,7 +30,7 @@ EXAMPLES = """\
 examples:
   flea import --stand ./mine runs/*.csv.gz -o bags  tables, by the stand's channels.yaml
   flea import --stand ./mine joint_bag -o bags     a bag of ROS 2 or ROS 1 with topics of your own
-  flea import FLEA/*.data -o bags                  one bag per run, below bags/
+  flea import FLEA/*.data -o bags -j 4             one bag per run, below bags/, 4 processes
   flea import run_Low.data -o bags --force         replace the bag of an earlier import
   flea import FLEA/*_Jam_* -o bags --serial X-1    with the serial number, for `flea trend`
 """
@@ -48,6 +53,13 @@ class Imported:
     backward_stamps: int = 0
 
 
+class FileImport(NamedTuple):
+    """The bags of one file, and why the rest of it is refused."""
+
+    bags: tuple[Imported, ...]
+    refused: str = ""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument(
@@ -67,29 +79,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "bags by it",
     )
     add_stand(parser)
+    add_jobs(parser)
     parser.add_argument("--force", action="store_true", help="replace existing bags")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Import all files; a refused file does not stop the others."""
-    done: list[Imported] = []
-    refused: list[str] = []
     mapping = _mapping(arguments.stand)
     if mapping is not None and arguments.serial:
         raise ConfigurationError(
             f"--serial {arguments.serial}: serials of this stand are in {mapping.where} (serial)"
         )
-    for number, file in enumerate(arguments.files, 1):
-        progress(number, len(arguments.files), file.name)
-        try:
-            for imported in _imports(file, mapping, arguments):
-                done.append(imported)
-                for warning in imported.warnings:
-                    warn(warning)
-        except FleaError as error:
-            refused.append(str(error))
-            warn(str(error))
+    done: list[Imported] = []
+    refused: list[str] = []
+    files, began_s = arguments.files, time.monotonic()
+    work = partial(_import_file, mapping=mapping, output=arguments.output, force=arguments.force,
+                   serial=arguments.serial)  # fmt: skip
+    # Files of one name would have one bag, which is refused of the second: one after the other.
+    names = {file.name.partition(".")[0] for file in files}
+    jobs = arguments.jobs if len(names) == len(files) else 1
+    progress(1, len(files), files[0].name)
+    for number, result in enumerate(in_order(work, files, jobs), 2):
+        found = FileImport((), result.words) if isinstance(result, Refused) else result
+        done += found.bags
+        for words in (warning for bag in found.bags for warning in bag.warnings):
+            warn(words)
+        if found.refused:
+            refused.append(found.refused)
+            warn(found.refused)
+        if number <= len(files):
+            progress(number, len(files), files[number - 1].name, began_s)
     _report(done, arguments.json)
     incomplete = sum(1 for each in done if each.dropped_lines)
     if not refused and not incomplete:
@@ -113,19 +133,30 @@ def _mapping(stand: str) -> SourceMapping | None:
     return None if found.format == FLEA_TEXT else found
 
 
+def _import_file(
+    file: Path, mapping: SourceMapping | None, output: Path, force: bool, serial: str
+) -> FileImport:
+    """Write the bags of one file, as far as it is not refused."""
+    done: list[Imported] = []
+    try:
+        done.extend(_imports(file, mapping, output, force, serial))
+    except FleaError as error:
+        return FileImport(tuple(done), str(error))
+    return FileImport(tuple(done))
+
+
 def _imports(
-    file: Path, mapping: SourceMapping | None, arguments: argparse.Namespace
+    file: Path, mapping: SourceMapping | None, output: Path, force: bool, serial: str
 ) -> Iterator[Imported]:
-    """Write the bags of one file."""
     if mapping is None:
-        yield import_run(file, arguments.output, arguments.force, arguments.serial)
+        yield import_run(file, output, force, serial)
         return
     from flea_diag.tools.recordings.mapped_recording import mapped_recordings
 
     # All of them, so that nothing is written of a file that is refused.
     for recording in list(mapped_recordings(file, mapping)):
-        directory = arguments.output / recording.name
-        _make_room(directory, arguments.force)
+        directory = output / recording.name
+        _make_room(directory, force)
         _write(recording, directory, mapping.stand)
         yield _mapped(file, recording, directory)
 

@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError, RecordingError, shown
-from flea_diag.tools.argument import add_jobs
+from flea_diag.tools.argument import add_cluster, add_jobs
 from flea_diag.tools.numeric_backend import numeric_backend
-from flea_diag.tools.stand_option import add_calibration, add_stand, chosen_stand
+from flea_diag.tools.refused import Refused, refusing
+from flea_diag.tools.stand_option import absolute, add_calibration, add_stand, chosen_stand
 from flea_diag.tools.terminal import IN_PART, make_folder, progress, say, warn, write_json
-from flea_diag.tools.workers import Refused, in_order, refusing
+from flea_diag.tools.workers import in_order
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
@@ -48,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--namespace", help="namespace of the stand, if a bag contains several")
     add_jobs(parser)
+    add_cluster(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="do not print the verdict")
 
 
@@ -55,14 +57,19 @@ def run(arguments: argparse.Namespace) -> int:
     """Replay all bags; a refused bag does not stop the others."""
     _check_names(arguments.json, arguments.bags)
     stand = chosen_stand(arguments, "calibration")
+    if arguments.dask:  # its workers are elsewhere, in another folder
+        stand = absolute(stand)
     summaries: list[dict[str, Any]] = []
     bags, began_s = arguments.bags, time.monotonic()
+    read = [bag.absolute() for bag in bags] if arguments.dask else bags
     work = partial(_replayed, stand=stand, namespace=arguments.namespace)
     progress(1, len(bags), bags[0].name)
-    for number, summary in enumerate(in_order(work, bags, arguments.jobs), 2):
+    summed = in_order(work, read, arguments.jobs, arguments.dask)
+    for number, summary in enumerate(summed, 2):
         if isinstance(summary, Refused):
             warn(summary.words)
         else:
+            summary["bag"] = str(bags[number - 2])
             summaries.append(summary)
             _say(summary, arguments)
         if number <= len(bags):

@@ -210,10 +210,18 @@ def test_a_batch_goes_on_and_says_so(tmp_path: Path, capsys: pytest.CaptureFixtu
     good = write(tmp_path, [line(number) for number in range(50)])
     bad = tmp_path / "notes.data"
     bad.write_text("shopping list\n")
-    assert main(["import", str(bad), str(good), "-o", str(tmp_path / "bags")]) == 1
-    errors = capsys.readouterr().err.splitlines()
-    assert errors[-1] == "flea: 1 of 2 files imported, 1 refused, 0 with lines dropped"
-    assert len(scans_of(tmp_path / "bags" / NAME.removesuffix(".data"))) == 50
+    command = ["import", str(bad), str(good), "-o", str(tmp_path / "bags")]
+    assert main(command) == 1
+    told = capsys.readouterr()
+    assert told.err.splitlines()[-1] == (
+        "flea: 1 of 2 files imported, 1 refused, 0 with lines dropped"
+    )
+    (bag,) = (tmp_path / "bags").rglob("*.mcap")
+    assert len(scans_of(bag.parent)) == 50
+    alone = bag.read_bytes()
+    assert main([*command, "--force", "-j", "2"]) == 1
+    assert capsys.readouterr() == told
+    assert bag.read_bytes() == alone
 
 
 def test_a_bag_is_replaced_only_by_force_and_only_a_bag(tmp_path: Path) -> None:
