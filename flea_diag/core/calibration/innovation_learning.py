@@ -6,8 +6,9 @@ nominal recordings with each parameter offset by its tolerance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import starmap
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +31,9 @@ Trace = Callable[[ActuatorParameters, Array], Array]
 """Innovation residuals of a whole recording by an observer of an actuator with these parameters,
 shape (scans, innovations); the seed is fixed."""
 
+Followed = Callable[[ObserverNoise, Sequence[tuple[ActuatorParameters, Array]]], Iterable[Array]]
+"""Innovation residuals of recordings, each with the parameters for it, as by ``Observing``."""
+
 SEED = 1
 PIECES = 4
 PIECE_SCANS = 1000
@@ -48,6 +52,28 @@ class ObserverStatistics:
     spread: Mapping[str, tuple[float, ...]]
 
 
+@dataclass(frozen=True)
+class Observing:
+    """The state observer as recordings are judged with it."""
+
+    relations: RelationSet
+    period_s: float
+    voltage_sampling: str
+    noise: ObserverNoise
+
+    def trace(self, tried: ActuatorParameters, rows: Array) -> Array:
+        """Innovation residuals of a recording, shape (scans, innovations)."""
+        observer = StateObserver(
+            tried,
+            self.relations,
+            self.period_s,
+            np.random.default_rng(SEED),
+            noise=self.noise,
+            voltage_sampling=self.voltage_sampling,
+        )
+        return normalised(observer.follow(rows), innovated_places(self.relations.residuals))
+
+
 def learn(
     runs: Sequence[NominalRun],
     parameters: ActuatorParameters,
@@ -56,11 +82,13 @@ def learn(
     period_s: float,
     voltage_sampling: str,
     judging: Sequence[ActuatorParameters] = (),
+    followed: Followed | None = None,
 ) -> ObserverStatistics:
     """Fit noise levels, then compute residuals with them; unreliable voltage in ``runs`` is NaN.
 
-    ``judging``: parameters for the residuals of each recording, fitted without it. Nothing is
-    learned for a stand whose description allows no state observer.
+    ``judging``: parameters for the residuals of each recording, fitted without it.
+    ``followed`` computes them, by default one after the other. Nothing is learned for a stand
+    whose description allows no state observer.
 
     Raises
     ------
@@ -73,18 +101,10 @@ def learn(
         return ObserverStatistics(ObserverNoise(), nothing, {})
     noise = noise_identification.fitted(runs, parameters, relations, period_s, voltage_sampling)
 
-    def make(tried: ActuatorParameters) -> StateObserver:
-        generator = np.random.default_rng(SEED)
-        return StateObserver(
-            tried, relations, period_s, generator, noise=noise, voltage_sampling=voltage_sampling
-        )
-
-    def trace(tried: ActuatorParameters, rows: Array) -> Array:
-        return normalised(make(tried).follow(rows), tested)
-
+    trace = Observing(relations, period_s, voltage_sampling, noise).trace
     rows = [run.rows for run in runs]
-    known = judging or (parameters,) * len(rows)
-    residuals = tuple(trace(own, each) for own, each in zip(known, rows, strict=True))
+    judged = list(zip(judging or (parameters,) * len(rows), rows, strict=True))
+    residuals = tuple(followed(noise, judged) if followed else starmap(trace, judged))
     spread = unit_spread(rows, parameters, tolerance, trace)
     named = zip(relations.residuals.innovations, spread.tolist(), strict=True)
     return ObserverStatistics(noise, residuals, {name: tuple(row) for name, row in named})

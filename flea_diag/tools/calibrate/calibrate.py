@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.core.calibration.promise import FALSE_ALARMS_PER_HOUR
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
+from flea_diag.tools.argument import add_cluster, add_jobs
 from flea_diag.tools.calibrate import report as calibration_report
 from flea_diag.tools.calibrate.nominal_recording import (
     NominalRecording,
@@ -19,18 +20,20 @@ from flea_diag.tools.calibrate.nominal_recording import (
     check_signs,
     read_nominal,
 )
+from flea_diag.tools.calibrate.shared_work import ALONE, RecordingWork, Sharing
 from flea_diag.tools.extra import require
-from flea_diag.tools.stand_option import add_stand, chosen_stand
+from flea_diag.tools.stand_option import absolute, add_stand, chosen_stand
 from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_text
 
 if TYPE_CHECKING:
     from flea_diag.core.bond_graph.actuator_model import Actuator
     from flea_diag.core.calibration.calibration import Calibration, NominalRun
     from flea_diag.core.calibration.identification import Identified, RelationsOf
-    from flea_diag.core.calibration.innovation_learning import ObserverStatistics
+    from flea_diag.core.calibration.innovation_learning import Array, ObserverStatistics
     from flea_diag.core.calibration.nominal_trace import Trace
     from flea_diag.core.calibration.thresholds import LimitFit
-    from flea_diag.core.residuals.parameters import UnitTolerance
+    from flea_diag.core.observers.observer_noise import ObserverNoise
+    from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
     from flea_diag.core.residuals.relation_set import RelationSet
 
 NAME = "calibrate"
@@ -78,6 +81,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--plot-format", choices=("png", "svg"), default="png", help="format of the plots"
     )
     add_stand(parser)
+    add_jobs(parser)
+    add_cluster(parser)
     parser.add_argument(
         "--actuator", metavar="FILE", help="actuator description (default: that of the stand)"
     )
@@ -99,9 +104,11 @@ def run(arguments: argparse.Namespace) -> int:
         require("plot", "--plots")
     stand = chosen_stand(arguments, "actuator")
     known = compiled_relations(stand.actuator).residuals
-    recordings, refused = read_nominal(arguments.bags, known)
+    sharing = Sharing(arguments.jobs, arguments.dask)
+    recordings, refused = read_nominal(arguments.bags, known, sharing)
     check_signs(recordings, known)
-    found = learn(recordings, stand.actuator, arguments.false_alarms)
+    actuator = absolute(stand).actuator if arguments.dask else stand.actuator
+    found = learn(recordings, actuator, arguments.false_alarms, sharing)
     calibration = found.calibration
     for row in calibration.left_out:
         warn(f"{row.recording}: left out: {row.reason}")
@@ -139,7 +146,10 @@ def calibrate(
 
 
 def learn(
-    recordings: list[NominalRecording], actuator: str | Path, false_alarms_per_hour: float
+    recordings: list[NominalRecording],
+    actuator: str | Path,
+    false_alarms_per_hour: float,
+    sharing: Sharing = ALONE,
 ) -> CalibrationResult:
     """Calibration from recordings of one stand, with the residuals behind its limits.
 
@@ -159,11 +169,11 @@ def learn(
     model = described(actuator)
     _check_recordings(recordings, model, actuator)
     relations_of = partial(compiled_relations, actuator, recordings[0].channels)
-    result = _learn(recordings, model.name, relations_of, false_alarms_per_hour)
+    result = _learn(recordings, model.name, relations_of, false_alarms_per_hour, sharing)
     kept = [r for r in recordings if r.run.name not in result.not_nominal]
     if result.not_nominal:
         _check_left_out(recordings, result.not_nominal)
-        nominal = _learn(kept, model.name, relations_of, false_alarms_per_hour)
+        nominal = _learn(kept, model.name, relations_of, false_alarms_per_hour, sharing)
         result = replace(nominal, not_nominal=result.not_nominal)
     left_out = tuple(LeftOut(name, reason) for name, reason in result.not_nominal.items())
     digest = description_sha256(actuator)
@@ -176,6 +186,7 @@ def _learn(
     name: str,
     relations_of: RelationsOf,
     false_alarms_per_hour: float,
+    sharing: Sharing,
 ) -> CalibrationResult:
     """Calibration from these recordings, and which of them the others show not to be nominal."""
     from flea_diag.core.calibration import envelope_fit, identification, nominal_trace, thresholds
@@ -185,14 +196,18 @@ def _learn(
     runs = [recording.run for recording in recordings]
     period_s, folds = recordings[0].period_s, folds_of(recordings)
     found = identification.identify(runs, relations_of, KERNEL_LENGTH, period_s, folds)
-    relations = relations_of(found.parameters.encoder_m_per_rad != 0.0)
-    traces, judged = (
-        [nominal_trace.trace(run, by(k), relations, KERNEL_LENGTH, period_s)
-         for k, run in enumerate(runs)]
-        for by in (lambda _: found, found.judging)
-    )  # fmt: skip
+    has_encoder = found.parameters.encoder_m_per_rad != 0.0
+    relations = relations_of(has_encoder)
+    work = RecordingWork(relations_of, has_encoder, period_s, recordings[0].sampling or "mean")
+    by = [found] * len(runs), map(found.judging, range(len(runs)))
+    items = [(run, each) for part in by for run, each in zip(runs, part, strict=True)]
+    traced = [
+        replace(trace, rows=relations.residuals)
+        for trace in sharing.over(work.trace, items, "residuals")
+    ]
+    traces, judged = traced[: len(runs)], traced[len(runs) :]
     tolerance = tolerance_of(found.parameters, relations)
-    innovations = _innovations(recordings, traces, found, relations, tolerance)
+    innovations = _innovations(recordings, traces, found, relations, tolerance, work, sharing)
     traces, judged = (
         list(map(nominal_trace.with_innovations, part, innovations.residuals))
         for part in (traces, judged)
@@ -257,12 +272,18 @@ def _innovations(
     found: Identified,
     relations: RelationSet,
     tolerance: UnitTolerance,
+    work: RecordingWork,
+    sharing: Sharing,
 ) -> ObserverStatistics:
     """Innovation residuals of the state observer, with its noise, from the usable voltage."""
     from flea_diag.core.calibration import innovation_learning
     from flea_diag.core.calibration.calibration import NominalRun
 
-    first = recordings[0]
+    def followed(
+        noise: ObserverNoise, judged: Sequence[tuple[ActuatorParameters, Array]]
+    ) -> Iterator[Array]:
+        return sharing.over(work._replace(noise=noise).innovations, judged, "innovations")
+
     runs = [
         NominalRun(recording.run.name, _without_bad_voltage(recording.run, trace))
         for recording, trace in zip(recordings, traces, strict=True)
@@ -272,9 +293,10 @@ def _innovations(
         found.parameters,
         relations,
         tolerance,
-        first.period_s,
-        first.sampling or "mean",
+        work.period_s,
+        work.sampling,
         [found.judging(k).parameters for k in range(len(runs))],
+        followed,
     )
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flea_diag.errors import CalibrationError, FleaError, shown
-from flea_diag.tools.terminal import progress, warn
+from flea_diag.tools.calibrate.shared_work import ALONE, Sharing
+from flea_diag.tools.terminal import warn
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import NominalRun
@@ -32,7 +34,7 @@ class NominalRecording:
 
 
 def read_nominal(
-    bags: Sequence[Path], known: ResidualSet
+    bags: Sequence[Path], known: ResidualSet, sharing: Sharing = ALONE
 ) -> tuple[list[NominalRecording], list[str]]:
     """Usable recordings, and the reasons against the others, which are also printed at once.
 
@@ -40,28 +42,48 @@ def read_nominal(
     """
     recordings: list[NominalRecording] = []
     refused: list[str] = []
-    seen: set[Path] = set()
-    for number, bag in enumerate(bags, 1):
-        progress(number, len(bags), bag.name)
-        try:
-            if bag.resolve() in seen:
-                raise CalibrationError(f"{bag} is given twice: list each recording once")
-            seen.add(bag.resolve())
-            recordings.append(_read(bag, known))
-        except FleaError as error:
-            refused.append(str(error))
-            warn(str(error))
+    places = [bag.resolve() for bag in bags]
+    items = [(place if sharing.cluster else bag, place in places[:number])
+             for number, (bag, place) in enumerate(zip(bags, places, strict=True))]  # fmt: skip
+    for found in sharing.over(partial(_read_or_refused, known=known), items, "recordings"):
+        for words in found.warnings:
+            warn(words)
+        if found.recording is None:
+            refused.append(found.refused)
+            warn(found.refused)
+        else:
+            recordings.append(found.recording)
     return recordings, refused
 
 
-def _read(bag: Path, known: ResidualSet) -> NominalRecording:
+class NominalRead(NamedTuple):
+    """What came of one bag: a recording, or why there is none."""
+
+    recording: NominalRecording | None
+    warnings: tuple[str, ...] = ()
+    refused: str = ""
+
+
+def _read_or_refused(item: tuple[Path, bool], known: ResidualSet) -> NominalRead:
+    """Read one bag; the second part of the item says whether it was named before."""
+    bag, again = item
+    warnings: list[str] = []
+    try:
+        if again:
+            raise CalibrationError(f"{bag} is given twice: list each recording once")
+        return NominalRead(_read(bag, known, warnings), tuple(warnings))
+    except FleaError as error:
+        return NominalRead(None, tuple(warnings), str(error))
+
+
+def _read(bag: Path, known: ResidualSet, warnings: list[str]) -> NominalRecording:
     """Rows, channels and period of one bag; a bag with a fault is refused."""
     import numpy as np
 
     from flea_diag.core.calibration.calibration import NominalRun
     from flea_diag.core.residuals.channel_units import UNITS
 
-    table, stamps, measured, read = _content(bag, known)
+    table, stamps, measured, read = _content(bag, known, warnings)
     if len(stamps) < 2 or table is None:
         missing = "channel table" if table is None else "scans"
         raise CalibrationError(f"{bag}: no {missing} ({len(stamps)} scans)")
@@ -79,7 +101,9 @@ def _read(bag: Path, known: ResidualSet) -> NominalRecording:
     )
 
 
-def _content(bag: Path, known: ResidualSet) -> tuple[ChannelTable | None, list[int], Any, set[str]]:
+def _content(
+    bag: Path, known: ResidualSet, warnings: list[str]
+) -> tuple[ChannelTable | None, list[int], Any, set[str]]:
     """Channel table, stamps (ns), readings, shape (scans, channels), and channels with values."""
     import numpy as np
 
@@ -107,8 +131,7 @@ def _content(bag: Path, known: ResidualSet) -> tuple[ChannelTable | None, list[i
             rows.append(_rows(record.channels, np.array([record.values]), known))
             read.update(_with_values(record.channels, np.array([record.values])))
             stamps.append(record.stamp_ns)
-    for loss in reader.losses:
-        warn(f"{bag}: {loss}")
+    warnings += (f"{bag}: {loss}" for loss in reader.losses)
     return table, stamps, np.concatenate(rows), read
 
 

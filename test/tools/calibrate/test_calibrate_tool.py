@@ -93,6 +93,12 @@ def test_the_file_names_its_bags_and_holds_what_the_same_runs_teach_directly(mad
     assert calibration.limits == direct.limits
 
 
+def test_several_processes_make_the_same_file(made, bags, tmp_path):
+    again = tmp_path / "again.yaml"
+    assert main(["calibrate", *map(str, bags), "-o", str(again), "-j", "2"]) == 0
+    assert again.read_bytes() == made.read_bytes()
+
+
 def test_every_parameter_has_a_covariance_or_the_reason_why_not(made):
     calibration = load_calibration(made)
     fitted = [name for block in calibration.covariance for name in block.parameters]
