@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
 from threading import Thread
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,19 +16,27 @@ from flea_diag.wire.command_budget import begin_command, shared_sums
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
 
+    PoolOf = Callable[[int], AbstractContextManager[ProcessPoolExecutor]]
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
 def in_order(
-    work: Callable[[Item], Result], items: Sequence[Item], jobs: int = 1, cluster: str = ""
+    work: Callable[[Item], Result],
+    items: Sequence[Item],
+    jobs: int = 1,
+    cluster: str = "",
+    pool_of: PoolOf | None = None,
 ) -> Iterator[Result | Refused]:
     """Results in the order of the items, from so many processes; with one, from this one.
 
     ``work`` and what it returns must be picklable. If a process dies, the next item that has no
     result is worked on alone, then the rest as before: it ends its own item and no other.
-    ``cluster`` is the address of a Dask scheduler, whose workers then take the place of processes.
+    ``cluster`` is the address of a Dask scheduler, whose workers then take the place of processes;
+    ``pool_of`` gives the pool of so many processes, by default a new one.
     """
+    pool_of = pool_of or worker_pool
     if cluster:
         yield from _from_cluster(work, items, cluster)
         return
@@ -36,11 +45,11 @@ def in_order(
         return
     done = 0
     while done < len(items):
-        for result in _until_it_breaks(work, items[done:], jobs):
+        for result in _until_it_breaks(work, items[done:], jobs, pool_of):
             yield result
             done += 1
         if done < len(items):
-            alone = _until_it_breaks(work, items[done : done + 1], 1)
+            alone = _until_it_breaks(work, items[done : done + 1], 1, worker_pool)
             yield next(alone, Refused(f"{items[done]}: {DIED}"))
             done += 1
 
@@ -60,22 +69,56 @@ def _from_cluster(
 
 
 def _until_it_breaks(
-    work: Callable[[Item], Result], items: Sequence[Item], jobs: int
+    work: Callable[[Item], Result], items: Sequence[Item], jobs: int, pool_of: PoolOf
 ) -> Iterator[Result]:
     """Results until a process dies."""
     from concurrent.futures.process import BrokenProcessPool
-    from multiprocessing import active_children
 
-    with worker_pool(min(jobs, len(items))) as pool:
+    with suppress(BrokenProcessPool), pool_of(min(jobs, len(items))) as pool:
         try:
             yield from pool.map(work, items)
         except BrokenProcessPool:
-            return
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in active_children():
-                worker.terminate()
             raise
+        except BaseException:
+            _end(pool)
+            raise
+
+
+def _end(pool: ProcessPoolExecutor) -> None:
+    """End a pool at once, whatever it is working on."""
+    from multiprocessing import active_children
+
+    pool.shutdown(wait=False, cancel_futures=True)
+    for worker in active_children():
+        worker.terminate()
+
+
+class KeptPool:
+    """A pool for several rounds of work: its processes import and compile once.
+
+    Use as ``pool_of``, inside a ``with``, which ends it.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._pool: ProcessPoolExecutor | None = None
+
+    @contextmanager
+    def __call__(self, _jobs: int) -> Iterator[ProcessPoolExecutor]:
+        """The pool, a new one if the last has broken."""
+        self._pool = self._pool or worker_pool(self._jobs)
+        try:
+            yield self._pool
+        except BaseException:
+            self._pool = None
+            raise
+
+    def __enter__(self) -> KeptPool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown()
 
 
 def worker_pool(jobs: int) -> ProcessPoolExecutor:

@@ -24,6 +24,7 @@ from flea_diag.tools.calibrate.shared_work import ALONE, RecordingWork, Sharing
 from flea_diag.tools.extra import require
 from flea_diag.tools.stand_option import absolute, add_stand, chosen_stand
 from flea_diag.tools.terminal import IN_PART, make_folder, say, warn, write_text
+from flea_diag.tools.workers import KeptPool
 
 if TYPE_CHECKING:
     from flea_diag.core.bond_graph.actuator_model import Actuator
@@ -104,11 +105,12 @@ def run(arguments: argparse.Namespace) -> int:
         require("plot", "--plots")
     stand = chosen_stand(arguments, "actuator")
     known = compiled_relations(stand.actuator).residuals
-    sharing = Sharing(arguments.jobs, arguments.dask)
-    recordings, refused = read_nominal(arguments.bags, known, sharing)
-    check_signs(recordings, known)
     actuator = absolute(stand).actuator if arguments.dask else stand.actuator
-    found = learn(recordings, actuator, arguments.false_alarms, sharing)
+    with KeptPool(arguments.jobs) as pool:
+        sharing = Sharing(arguments.jobs, arguments.dask, pool)
+        recordings, refused = read_nominal(arguments.bags, known, sharing)
+        check_signs(recordings, known)
+        found = learn(recordings, actuator, arguments.false_alarms, sharing)
     calibration = found.calibration
     for row in calibration.left_out:
         warn(f"{row.recording}: left out: {row.reason}")

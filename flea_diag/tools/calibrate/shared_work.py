@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from flea_diag.errors import CalibrationError
 from flea_diag.tools.refused import Refused
 from flea_diag.tools.terminal import progress
-from flea_diag.tools.workers import in_order
+from flea_diag.tools.workers import KeptPool, in_order
 
 if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import NominalRun
@@ -30,6 +30,7 @@ class Sharing:
 
     jobs: int = 1
     cluster: str = ""
+    pool: KeptPool | None = None
 
     def over(
         self, work: Callable[[Item], Result], items: Sequence[Item], step: str
@@ -42,7 +43,8 @@ class Sharing:
             A process died.
         """
         began_s = time.monotonic()
-        for number, result in enumerate(in_order(work, items, self.jobs, self.cluster), 1):
+        results = in_order(work, items, self.jobs, self.cluster, self.pool)
+        for number, result in enumerate(results, 1):
             if isinstance(result, Refused):
                 raise CalibrationError(f"{step}: {result.words}")
             progress(number, len(items), step, began_s)
