@@ -10,8 +10,8 @@ from pathlib import Path
 from flea_diag.configuration.description import described, description_sha256
 from flea_diag.configuration.files import found_file, parsed, text_of
 from flea_diag.configuration.stand import Stand, load_stand, shipped_stands
-from flea_diag.core.calibration import calibration as calibrations
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
 
 
@@ -23,7 +23,7 @@ def load_calibration(path: str | Path) -> Calibration:
 @lru_cache(maxsize=8)
 def _calibration(name: str, text: str) -> Calibration:
     """Parsed calibration, cached since parsing takes longer than diagnosing minutes of data."""
-    return calibrations.from_mapping(parsed(text, Path(name)), name)
+    return from_mapping(parsed(text, Path(name)), name)
 
 
 def calibration_sha256(calibration: Calibration) -> str:

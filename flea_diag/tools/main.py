@@ -31,6 +31,7 @@ MODULES = {
     "import": "recordings.importer",
     "replay": "replay.replay",
     "evaluate": "evaluate.evaluate",
+    "coverage": "evaluate.coverage",
     "diff": "score.diff",
     "trend": "replay.trend",
     "events": "replay.events",

@@ -17,7 +17,7 @@ import yaml
 from flea_diag.configuration import component, files
 from flea_diag.configuration.stand import load_stand, stand_from_mapping
 from flea_diag.core.bond_graph.actuator import actuator
-from flea_diag.core.calibration import calibration
+from flea_diag.core.calibration import calibration_reader
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.faults.fault import catalogue
 from flea_diag.errors import FleaError
@@ -234,7 +234,7 @@ def targets() -> tuple[Target, ...]:
             lambda tree: FaultFeatureTable.from_mapping(tree, "x"), trees["feature_table.yaml"],
         ),
         "calibration": (
-            lambda tree: calibration.from_mapping(tree, "x"), trees[CALIBRATION],
+            lambda tree: calibration_reader.from_mapping(tree, "x"), trees[CALIBRATION],
         ),
         "scenario": (
             lambda tree: scenario_from_mapping(tree, "x"), trees[SCENARIO],

@@ -23,13 +23,13 @@ from flea_diag.core.calibration import heat_identification
 from flea_diag.core.calibration.calibration import CovarianceBlock, NominalRun
 from flea_diag.core.calibration.heat_identification import NominalSignals
 from flea_diag.core.calibration.relation_fit import Regression, regression
+from flea_diag.core.calibration.robust_regression import fitted_without, robust_fit
+from flea_diag.core.calibration.smoothed_columns import Smoothed, smooth
 from flea_diag.core.residuals.channel_units import COMMAND, CURRENT, LOAD, VOLTAGE
 from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.residuals.settling import scans_of, scans_since
-from flea_diag.core.smoothing import hann_kernels
 from flea_diag.core.symbolic.expression import evaluate, symbols
 from flea_diag.errors import CalibrationError
 
@@ -37,8 +37,6 @@ Array = npt.NDArray[np.float64]
 RelationsOf = Callable[[bool], RelationSet]
 
 MINIMUM_MOVING_S = 5.0
-HUBER = 2.0
-"""Residuals beyond this number of robust standard deviations lose weight."""
 
 
 @dataclass
@@ -69,94 +67,6 @@ class Identified:
     def missing(self, names: Sequence[str], reason: str) -> None:
         """Record parameters that keep their defaults."""
         self.not_identified.update(dict.fromkeys(names, reason))
-
-
-@dataclass(frozen=True)
-class Smoothed:
-    """Smoothed columns of all runs, concatenated; ``run`` is the recording of each row.
-
-    ``rows`` says which column is which channel.
-    """
-
-    rows: ResidualSet
-    value: Array
-    first: Array
-    second: Array
-    run: npt.NDArray[np.int64]
-    fold: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    """Of each recording, the number of the group that is left out together with it."""
-
-    def column(self, channel: str) -> Array:
-        """Smoothed values of one channel."""
-        return self.of_order(0, channel)
-
-    def of_order(self, order: int, channel: str) -> Array:
-        """Smoothed derivative of one channel; NaN where the stand lacks it."""
-        column = self.rows.channel(channel)
-        table = (self.value, self.first, self.second)[order]
-        return table[:, column] if column >= 0 else np.full(len(table), np.nan)
-
-
-def smooth(
-    runs: Sequence[NominalRun], rows: ResidualSet, kernel_length: int, period_s: float
-) -> Smoothed:
-    """All runs, smoothed with the kernel of the diagnoser."""
-    kernels = hann_kernels(kernel_length, period_s)
-    parts: list[list[Array]] = [[], [], []]
-    numbers = []
-    for number, run in enumerate(runs):
-        if len(run.rows) < kernel_length:
-            continue
-        windows = np.lib.stride_tricks.sliding_window_view(run.rows, kernel_length, axis=0)
-        for part, kernel in zip(parts, kernels, strict=True):
-            part.append(windows @ kernel)
-        numbers.append(np.full(len(windows), number))
-    if not numbers:
-        raise CalibrationError("no recording is as long as the smoothing window")
-    value, first, second = (np.concatenate(part) for part in parts)
-    return Smoothed(rows, value, first, second, np.concatenate(numbers))
-
-
-def robust_fit(
-    A: Array, y: Array, run: npt.NDArray[np.int64], start: Array | None = None
-) -> tuple[Array, Array, Array]:
-    """Huber regression y = A x: solution, cluster-robust covariance, final weights.
-
-    With ``start`` the first residuals are those of that solution, so that gross errors with
-    leverage cannot dominate the fit.
-    """
-    x = np.linalg.lstsq(A, y, rcond=None)[0] if start is None else start
-    weight = np.ones_like(y)
-    for _ in range(20):
-        residual = y - A @ x
-        scale = 1.4826 * np.median(np.abs(residual)) + 1e-12
-        weight = 1.0 / np.maximum(1.0, np.abs(residual) / (HUBER * scale))
-        # Far outliers have weight 0: they come from a bad channel, not from a long tail.
-        weight[np.abs(residual) > 6.0 * scale] = 0.0
-        renewed = np.linalg.lstsq(A * weight[:, None], y * weight, rcond=None)[0]
-        if np.allclose(renewed, x, rtol=1e-9, atol=1e-12):
-            break
-        x = renewed
-    residual = (y - A @ x) * weight**2
-    bread = np.linalg.pinv((A * weight[:, None] ** 2).T @ A)
-    scores = np.array([A[run == number].T @ residual[run == number] for number in np.unique(run)])
-    covariance: Array = bread @ (scores.T @ scores) @ bread
-    return np.asarray(x, dtype=np.float64), covariance, weight
-
-
-def fitted_without(
-    A: Array, y: Array, weight: Array, fold: npt.NDArray[np.int64], folds: int
-) -> Array:
-    """Solutions of a robust regression without each fold in turn, shape (folds, k).
-
-    From the normal equations less those of the fold, at the weights of the whole fit.
-    """
-    weighted = A * weight[:, None] ** 2
-    parts = [fold == number for number in range(folds)]
-    squares = np.array([weighted[part].T @ A[part] for part in parts])
-    products = np.array([weighted[part].T @ y[part] for part in parts])
-    left = zip(squares.sum(axis=0) - squares, products.sum(axis=0) - products, strict=True)
-    return np.array([np.linalg.pinv(N, hermitian=True, rcond=1e-15) @ b for N, b in left])
 
 
 def identify(

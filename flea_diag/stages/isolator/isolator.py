@@ -55,6 +55,7 @@ class IsolatorStage:
 
     def __init__(self, knowledge: Knowledge, parameters: IsolatorParameters) -> None:
         self._calibration, self._residuals = knowledge.calibration, knowledge.effects.residuals
+        parameters = parameters.covering(knowledge.calibration.coverage)
         self._gating = parameters.gating
         self._merge = merge = Merge(
             Residual, round(parameters.watermark_s * 1e9), round(parameters.answer_limit_s * 1e9)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.calibration.coverage import GroupCoverage
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.faults.fault import Fault
@@ -66,9 +67,17 @@ class IsolatorParameters:
     )
     drop_nats: float = parameter(
         3.5,
-        "log-likelihood below the most likely fault at which a fault is dropped",
+        "log-likelihood below the most likely fault at which a fault is dropped, where the "
+        "calibration does not set it for the stated coverage",
         unit="1",
         minimum=0.1,
+    )
+    coverage: float = parameter(
+        0.95,
+        "share of groups that hold the fault, if the calibration has scores of faulty runs; 0: "
+        "drop_nats",
+        minimum=0.0,
+        maximum=0.999,
     )
     explain_nats: float = parameter(
         3.0,
@@ -92,6 +101,12 @@ class IsolatorParameters:
         choices=("optimal", "information", "balanced", "paper"),
     )
     source: str = parameter("live", "source of the data", choices=("live", "replay"))
+
+    def covering(self, known: GroupCoverage | None) -> IsolatorParameters:
+        """The same with the limit that gives the stated coverage, where a calibration knows one."""
+        if known is None or not self.coverage:
+            return self
+        return replace(self, drop_nats=known.limit_nats(min(self.coverage, known.most)))
 
 
 @dataclass(frozen=True)

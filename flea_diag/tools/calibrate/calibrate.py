@@ -117,15 +117,23 @@ def run(arguments: argparse.Namespace) -> int:
     refused += [row.recording for row in calibration.left_out]
     write_calibration(arguments.output, calibration)
     if arguments.plots is not None:
-        from flea_diag.tools.calibrate import plots
-
-        plots.draw(calibration, found.traces, arguments.plots, arguments.plot_format)
-        plots.draw_envelope(found.traces, found.signals, arguments.plots, arguments.plot_format)
+        _draw(found, arguments.plots, arguments.plot_format)
     report = json.dumps(calibration.to_mapping(), indent=2) if arguments.json else None
-    say(report or calibration_report.words(calibration))
+    say(report or calibration_report.words(calibration, found.relations))
     if refused:
         warn(f"{len(refused)} of {len(arguments.bags)} bags not used")
     return IN_PART if refused else 0
+
+
+def _draw(found: CalibrationResult, folder: Path, kind: str) -> None:
+    """One picture of each recording, and one of the envelope where there is one."""
+    from flea_diag.tools.calibrate import envelope_picture, plots
+
+    plots.draw(found.calibration, found.traces, folder, kind)
+    if found.calibration.envelope is not None:
+        envelope_picture.draw_envelope(
+            found.calibration, found.traces, found.relations, folder, kind
+        )
 
 
 @dataclass(frozen=True)
@@ -134,8 +142,7 @@ class CalibrationResult:
 
     calibration: Calibration
     traces: tuple[Trace, ...]
-    signals: tuple[str, ...]
-    """Names of the signals in the traces."""
+    relations: RelationSet
     not_nominal: Mapping[str, str]
     """Recordings that the others show not to be nominal, and why."""
 
@@ -225,7 +232,7 @@ def _learn(
     odd = thresholds.not_nominal(
         traces, false_alarms_per_hour, period_s, folds, spread, limits, judged, tolerance
     )
-    return CalibrationResult(calibration, tuple(traces), relations.signals, odd)
+    return CalibrationResult(calibration, tuple(traces), relations, odd)
 
 
 def _check_left_out(recordings: Sequence[NominalRecording], odd: Mapping[str, str]) -> None:

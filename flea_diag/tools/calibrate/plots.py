@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 COLUMNS = 3
-EVERY = 5
-"""One scan in this many is drawn in the picture of the envelope."""
 PANEL_IN = (5.2, 1.7)
 RESIDUAL, LIMIT, OUTSIDE = "#0072b2", "#d55e00", "#999999"
 """Blue, vermilion and grey: distinguishable with colour vision deficiency."""
@@ -56,42 +54,6 @@ def draw(calibration: Calibration, traces: Sequence[Trace], folder: Path, kind: 
             figure.savefig(target, dpi=80)
         made.append(target)
     return made
-
-
-SEEN = (("speed_m_s", "load_force"), ("actuator_position", "load_force"))
-"""Pairs of signals that the picture of the envelope shows."""
-
-
-def draw_envelope(traces: Sequence[Trace], signals: Sequence[str], folder: Path, kind: str) -> Path:
-    """Draw where the recordings lie, ``envelope.<kind>`` in the folder."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(2 * PANEL_IN[0], 4.0), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle("Where the recordings lie: limits grow outside")
-    for panel, names in zip(figure.subplots(1, 2), SEEN, strict=True):
-        for trace in traces:
-            x, y = (_signal(trace, signals, name)[trace.moving] for name in names)
-            panel.plot(x[::EVERY], y[::EVERY], ".", color=RESIDUAL, markersize=1.5, alpha=0.5)
-        panel.set_xlabel(names[0], fontsize=8)
-        panel.set_ylabel(names[1], fontsize=8)
-    target = folder / f"envelope.{kind}"
-    with writing(target):
-        figure.savefig(target, dpi=80)
-    return target
-
-
-def _signal(trace: Trace, signals: Sequence[str], name: str) -> Array:
-    """A signal of the relations, the speed or the position; NaN where there is none."""
-    if name == "speed_m_s":
-        way = trace.signals[:, list(signals).index("direction")] if "direction" in signals else 1.0
-        return np.asarray(trace.speed_m_s * np.sign(way))
-    if name == "actuator_position":
-        return trace.position
-    if name in signals:
-        return trace.signals[:, list(signals).index(name)]
-    return np.full(len(trace.values), np.nan)
 
 
 def _panel(panel: Any, limit: ResidualLimit, trace: Trace, period_s: float) -> None:

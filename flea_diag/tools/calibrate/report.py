@@ -6,16 +6,19 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
+from flea_diag.tools.calibrate.operating_points import OperatingPoints
+
 if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import Calibration
     from flea_diag.core.calibration.out_of_sample import OutOfSample
     from flea_diag.core.residuals.leverage import CalibrationEnvelope
+    from flea_diag.core.residuals.relation_set import RelationSet
 
 STRONG = 0.7
 """Correlation above which two parameters are reported as hard to separate."""
 
 
-def words(calibration: Calibration) -> str:
+def words(calibration: Calibration, relations: RelationSet) -> str:
     """The whole report."""
     c = calibration
     lines = [f"{len(c.sources)} nominal recordings, {c.nominal_s:.0f} s", ""]
@@ -29,7 +32,7 @@ def words(calibration: Calibration) -> str:
     for row in c.left_out:
         lines.append(f"left out: {row.recording}: {row.reason}")
     if c.envelope:
-        lines += ["", *_envelope(c.envelope)]
+        lines += ["", *_envelope(c.envelope, OperatingPoints(c, relations))]
     if c.bad_stretches:
         lines += ["", "stretches excluded as implausible"]
     for bad in c.bad_stretches:
@@ -47,7 +50,7 @@ def _judged(shown: OutOfSample) -> Iterator[str]:
         yield f"limits widened by up to {shown.widening:.2f}, as the tails of these figures ask for"
 
 
-def _envelope(seen: CalibrationEnvelope) -> Iterator[str]:
+def _envelope(seen: CalibrationEnvelope, points: OperatingPoints) -> Iterator[str]:
     """Where the recordings lie, and what would widen that."""
     from flea_diag.core.residuals.leverage import ABSTAIN
 
@@ -57,7 +60,8 @@ def _envelope(seen: CalibrationEnvelope) -> Iterator[str]:
     for row in seen.relations:
         far = f"{row.most:.1f} at most (mean 1), tests abstain beyond {ABSTAIN * row.most:.0f}"
         yield f"{row.relation}: leverage up to {row.reach:.1f} in 99 % of the scans, {far}"
-    yield "recordings with speeds, loads and positions beyond these, in new combinations, widen it"
+    yield "recordings beyond these values widen it, and those that bring them together:"
+    yield from points.not_covered()
 
 
 def _promise(c: Calibration) -> Iterator[str]:

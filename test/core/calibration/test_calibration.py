@@ -13,7 +13,8 @@ from support.places import WING
 
 from flea_diag.configuration import calibrations, files, knowledge
 from flea_diag.configuration.stand import load_stand
-from flea_diag.core.calibration.calibration import LATER, BadStretch, from_mapping
+from flea_diag.core.calibration.calibration import BadStretch
+from flea_diag.core.calibration.calibration_reader import LATER, from_mapping
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.errors import CalibrationError, ConfigurationError, InputError
 from flea_diag.tools.calibrate import calibrate as tool

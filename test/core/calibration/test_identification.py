@@ -10,7 +10,8 @@ from support.models import linear_ema as ema
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.calibration import NominalRun
-from flea_diag.core.calibration.identification import fitted_without, identify, robust_fit
+from flea_diag.core.calibration.identification import identify
+from flea_diag.core.calibration.robust_regression import fitted_without, robust_fit
 from flea_diag.errors import CalibrationError
 
 TRUE = {

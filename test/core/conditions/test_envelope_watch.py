@@ -9,7 +9,7 @@ import numpy as np
 from support import stands
 from support.models import linear_ema as ema
 
-from flea_diag.core.calibration.calibration import from_mapping
+from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.core.conditions.envelope_watch import BACK, BEYOND, EnvelopeWatch
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows

@@ -10,7 +10,8 @@ import yaml
 from support.models import stepper
 
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.calibration.calibration import Calibration, NominalRun, from_mapping
+from flea_diag.core.calibration.calibration import Calibration, NominalRun
+from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.core.likelihood.effect_set import effect_set
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters

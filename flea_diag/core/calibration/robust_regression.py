@@ -1,0 +1,53 @@
+"""Robust linear regression with errors clustered by recording, also without each recording."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+HUBER = 2.0
+"""Residuals beyond this number of robust standard deviations lose weight."""
+
+
+def robust_fit(
+    A: Array, y: Array, run: npt.NDArray[np.int64], start: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """Huber regression y = A x: solution, cluster-robust covariance, final weights.
+
+    With ``start`` the first residuals are those of that solution, so that gross errors with
+    leverage cannot dominate the fit.
+    """
+    x = np.linalg.lstsq(A, y, rcond=None)[0] if start is None else start
+    weight = np.ones_like(y)
+    for _ in range(20):
+        residual = y - A @ x
+        scale = 1.4826 * np.median(np.abs(residual)) + 1e-12
+        weight = 1.0 / np.maximum(1.0, np.abs(residual) / (HUBER * scale))
+        # Far outliers have weight 0: they come from a bad channel, not from a long tail.
+        weight[np.abs(residual) > 6.0 * scale] = 0.0
+        renewed = np.linalg.lstsq(A * weight[:, None], y * weight, rcond=None)[0]
+        if np.allclose(renewed, x, rtol=1e-9, atol=1e-12):
+            break
+        x = renewed
+    residual = (y - A @ x) * weight**2
+    bread = np.linalg.pinv((A * weight[:, None] ** 2).T @ A)
+    scores = np.array([A[run == number].T @ residual[run == number] for number in np.unique(run)])
+    covariance: Array = bread @ (scores.T @ scores) @ bread
+    return np.asarray(x, dtype=np.float64), covariance, weight
+
+
+def fitted_without(
+    A: Array, y: Array, weight: Array, fold: npt.NDArray[np.int64], folds: int
+) -> Array:
+    """Solutions of a robust regression without each fold in turn, shape (folds, k).
+
+    From the normal equations less those of the fold, at the weights of the whole fit.
+    """
+    weighted = A * weight[:, None] ** 2
+    parts = [fold == number for number in range(folds)]
+    squares = np.array([weighted[part].T @ A[part] for part in parts])
+    products = np.array([weighted[part].T @ y[part] for part in parts])
+    left = zip(squares.sum(axis=0) - squares, products.sum(axis=0) - products, strict=True)
+    return np.array([np.linalg.pinv(N, hermitian=True, rcond=1e-15) @ b for N, b in left])

@@ -1,0 +1,62 @@
+"""Columns of nominal recordings, smoothed with the kernel of the diagnoser."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.smoothing import hann_kernels
+from flea_diag.errors import CalibrationError
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """Smoothed columns of all runs, concatenated; ``run`` is the recording of each row.
+
+    ``rows`` says which column is which channel.
+    """
+
+    rows: ResidualSet
+    value: Array
+    first: Array
+    second: Array
+    run: npt.NDArray[np.int64]
+    fold: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    """Of each recording, the number of the group that is left out together with it."""
+
+    def column(self, channel: str) -> Array:
+        """Smoothed values of one channel."""
+        return self.of_order(0, channel)
+
+    def of_order(self, order: int, channel: str) -> Array:
+        """Smoothed derivative of one channel; NaN where the stand lacks it."""
+        column = self.rows.channel(channel)
+        table = (self.value, self.first, self.second)[order]
+        return table[:, column] if column >= 0 else np.full(len(table), np.nan)
+
+
+def smooth(
+    runs: Sequence[NominalRun], rows: ResidualSet, kernel_length: int, period_s: float
+) -> Smoothed:
+    """All runs, smoothed with the kernel of the diagnoser."""
+    kernels = hann_kernels(kernel_length, period_s)
+    parts: list[list[Array]] = [[], [], []]
+    numbers = []
+    for number, run in enumerate(runs):
+        if len(run.rows) < kernel_length:
+            continue
+        windows = np.lib.stride_tricks.sliding_window_view(run.rows, kernel_length, axis=0)
+        for part, kernel in zip(parts, kernels, strict=True):
+            part.append(windows @ kernel)
+        numbers.append(np.full(len(windows), number))
+    if not numbers:
+        raise CalibrationError("no recording is as long as the smoothing window")
+    value, first, second = (np.concatenate(part) for part in parts)
+    return Smoothed(rows, value, first, second, np.concatenate(numbers))

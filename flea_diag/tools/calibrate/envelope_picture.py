@@ -1,0 +1,108 @@
+"""Picture of the envelope of a calibration: where recordings lie, and where limits grow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.tools.calibrate.operating_points import OperatingPoints
+from flea_diag.tools.terminal import writing
+
+if TYPE_CHECKING:
+    from flea_diag.core.calibration.calibration import Calibration
+    from flea_diag.core.calibration.nominal_trace import Trace
+    from flea_diag.core.residuals.relation_set import RelationSet
+
+Array = npt.NDArray[np.float64]
+
+EVERY = 5
+"""One scan in this many is drawn."""
+FINE = 60
+"""Points of a grid along each axis."""
+MARGIN = 0.6
+"""Share of a range by which the picture goes beyond it on both sides."""
+SCANS, GROWS, ABSTAINS = "#0072b2", "#e69f00", "#d55e00"
+"""Blue, orange and vermilion: distinguishable with colour vision deficiency."""
+PANEL_IN = (5.2, 4.0)
+
+
+def draw_envelope(
+    calibration: Calibration,
+    traces: Sequence[Trace],
+    relations: RelationSet,
+    folder: Path,
+    kind: str,
+) -> Path:
+    """Draw ``envelope.<kind>`` in the folder: of each relation every pair of its signals."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    points = OperatingPoints(calibration, relations)
+    names = [row.relation for row in points.envelope.relations]
+    pairs = {name: _pairs(points.axes(name)) for name in names}
+    width = max(map(len, pairs.values()))
+    size = PANEL_IN[0] * width, PANEL_IN[1] * len(names)
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(
+        "Scans of the recordings; limits grow outside orange, no test outside vermilion"
+    )
+    panels = figure.subplots(len(names), width, squeeze=False)
+    for row, name in zip(panels, names, strict=True):
+        for panel in row[len(pairs[name]) :]:
+            panel.set_visible(False)
+        for panel, pair in zip(row, pairs[name], strict=False):
+            _panel(panel, points, name, pair, [_columns(t, relations, pair) for t in traces])
+    target = folder / f"envelope.{kind}"
+    with writing(target):
+        figure.savefig(target, dpi=80)
+    return target
+
+
+def _pairs(axes: Sequence[str]) -> list[tuple[str, str]]:
+    return [(a, b) for k, a in enumerate(axes) for b in axes[k + 1 :]] or [(axes[0], axes[0])]
+
+
+def _columns(trace: Trace, relations: RelationSet, pair: tuple[str, str]) -> Array:
+    """The two signals of a recording in motion, shape (scans, 2)."""
+    place = {name: k for k, name in enumerate(relations.signals)}
+    columns = [
+        trace.position if name == trace.position_channel else trace.signals[:, place[name]]
+        for name in pair
+    ]
+    return np.stack(columns, axis=1)[trace.moving][::EVERY]
+
+
+def _panel(
+    panel: Any, points: OperatingPoints, name: str, pair: tuple[str, str], parts: list[Array]
+) -> None:
+    """Scans, and where the leverage reaches its two bounds with all other signals as usual."""
+    from flea_diag.core.residuals.leverage import ABSTAIN
+
+    for part in parts:
+        panel.plot(*part.T, ".", color=SCANS, markersize=1.2, alpha=0.4)
+    seen = np.concatenate(parts)
+    x, y = (_around(seen[:, k]) for k in (0, 1))
+    grid = np.meshgrid(x, y)
+    others = {n: sum(points.envelope.ranges[n]) / 2.0 for n in points.axes(name) if n not in pair}
+    given = {n: np.full(grid[0].size, value) for n, value in others.items()}
+    h = points.leverages(given | {n: g.ravel() for n, g in zip(pair, grid, strict=True)})[name]
+    row = next(r for r in points.envelope.relations if r.relation == name)
+    for level, colour in ((row.reach, GROWS), (ABSTAIN * row.most, ABSTAINS)):
+        if h.min() < level < h.max():
+            panel.contour(*grid, h.reshape(grid[0].shape), levels=[level], colors=colour)
+    panel.set_title(name, fontsize=8, loc="left")
+    panel.set_xlabel(pair[0], fontsize=8)
+    panel.set_ylabel(pair[1], fontsize=8)
+    panel.tick_params(labelsize=7)
+
+
+def _around(values: Array) -> Array:
+    """A line of values from below the smallest to above the largest."""
+    low, high = np.nanmin(values), np.nanmax(values)
+    more = MARGIN * (high - low)
+    return np.linspace(low - more, high + more, FINE)
