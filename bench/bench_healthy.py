@@ -29,15 +29,9 @@ from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import Stand, load_stand
 from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
 from flea_diag.errors import ConfigurationError
-from flea_diag.wire.blocks import ScanBlock
-from flea_diag.wire.records import (
-    TAKEN_BACK,
-    AmbiguityGroup,
-    ChannelTable,
-    DataQuality,
-    Detection,
-    Scan,
-)
+from flea_diag.tools.evaluate.case_run import Diagnosis, diagnose
+from flea_diag.wire.records import TAKEN_BACK, AmbiguityGroup, DataQuality, Detection, Scan
+from flea_diag.wire.vocabulary import OUTSIDE_CALIBRATION
 from flea_sim_driver.machine.library import find_machine
 from flea_sim_driver.machine.machine import Machine
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
@@ -45,8 +39,7 @@ from flea_sim_driver.stand import SimulatedStand
 
 SCORED_SEED = 9700
 MACHINES = ("flea", "ema", "wing")
-DURATION_S, MORE_LOAD, BLOCK = 60.0, 1.5, 500
-OUTSIDE = "outside_calibration"
+DURATION_S, MORE_LOAD = 60.0, 1.5
 Values = dict[str, Any]
 Draw = np.random.Generator
 
@@ -193,42 +186,32 @@ def bad_in_stretches(draw: Draw, records: list[Any]) -> list[Any]:
     return [changed.get(id(record), record) for record in records]
 
 
-def blocks(records: list[Any]) -> list[Any]:
-    """Channel tables, and the scans as blocks."""
-    scans = [record for record in records if isinstance(record, Scan)]
-    stamps = np.array([scan.stamp_ns for scan in scans])
-    values = np.array([scan.values for scan in scans])
-    whole = ScanBlock(stamps, scans[0].channels, values)
-    cut = [whole.part(slice(k, k + BLOCK)) for k in range(0, len(scans), BLOCK)]
-    return [*(record for record in records if isinstance(record, ChannelTable)), *cut]
-
-
-def diagnosed(stand: Stand, given: list[Any]) -> tuple[tuple[str, ...], int, float, str]:
-    """Alarms in words, how many were taken back, share of scans outside, the last outcome."""
-    pipeline, out = make_pipeline(stand), []
-    for record in given:
-        out += pipeline.handle(record)
-    out += pipeline.finish()
-    groups = [record for record in out if isinstance(record, AmbiguityGroup)]
-    back = sum(isinstance(r, Detection) and TAKEN_BACK in r.test for r in out)
+def diagnosed(stand: Stand, records: list[Any]) -> tuple[tuple[str, ...], int, float, str]:
+    """Alarms in words, how many were taken back, share of time outside, the last outcome."""
+    done = diagnose(records, make_pipeline(stand))
+    groups = [record for record in done.kept if isinstance(record, AmbiguityGroup)]
+    detections = [record for record in done.kept if isinstance(record, Detection)]
     last = {group.episode: group for group in groups if group.episode}
-    first_ns = given[-1].stamps_ns[-1] - int(1e9 * DURATION_S)
     words = [
-        f"{g.opened_by} at {(g.detected_stamp_ns - first_ns) / 1e9:.1f} s: {g.outcome.name} "
+        f"{g.opened_by} at {(g.detected_stamp_ns - done.start_ns) / 1e9:.1f} s: {g.outcome.name} "
         f"{[member.fault for member in g.members][:4]}"
         for g in last.values()
     ]
-    return tuple(words), back, _outside(out, given), groups[-1].outcome.name if groups else ""
+    back = sum(TAKEN_BACK in detection.test for detection in detections)
+    return tuple(words), back, _outside(done), groups[-1].outcome.name
 
 
-def _outside(out: list[Any], given: list[Any]) -> float:
+def _outside(done: Diagnosis) -> float:
     """Share of the run in which something was outside the calibration."""
-    known = [(r.stamp_ns, any(c.channel == OUTSIDE for c in r.channels))
-             for r in out if isinstance(r, DataQuality)]  # fmt: skip
-    begins, ends = int(given[-1].stamps_ns[-1]) - int(1e9 * DURATION_S), given[-1].stamps_ns[-1]
-    edges = [*(stamp for stamp, _ in known), int(ends)]
-    lengths = [edges[k + 1] - edges[k] for k, (_, outside) in enumerate(known) if outside]
-    return float(sum(lengths) / (ends - begins))
+    told = [record for record in done.kept if isinstance(record, DataQuality)]
+    ends = done.start_ns + round(DURATION_S * 1e9)
+    edges = [*(record.stamp_ns for record in told), ends]
+    outside_ns = sum(
+        after - record.stamp_ns
+        for record, after in zip(told, edges[1:], strict=True)
+        if any(row.channel == OUTSIDE_CALIBRATION for row in record.channels)
+    )
+    return outside_ns / (ends - done.start_ns)
 
 
 def wider(name: str, folder: Path) -> str:
@@ -248,7 +231,7 @@ def judged(stand: Stand, machine: Machine, file: str, kind: str, number: int, se
     records = list(SimulatedStand(scenario(draw, kind, machine, file)))
     if kind in BAD_VOLTAGE:
         records = bad_in_stretches(draw, records)
-    return Judged(machine.name, kind, number, *diagnosed(stand, blocks(records)))
+    return Judged(machine.name, kind, number, *diagnosed(stand, records))
 
 
 def report(runs: list[Judged], name: str) -> list[Figure]:
