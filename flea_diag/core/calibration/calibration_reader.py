@@ -217,7 +217,7 @@ def _envelope(value: Any) -> CalibrationEnvelope:
         LeverageFit(
             _text(row["relation"]),
             tuple(tuple(map(_number, _list(line))) for line in _list(row["root"])),
-            *(_positive(row[name]) for name in ("reach", "most", "discrepancy")),
+            *(_positive(row[name]) for name in ("reach", "most")),
         )
         for row in _list(value["relations"])
     )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.residuals.leverage import (
+    PLACE,
     CalibrationEnvelope,
     LeverageBasis,
     LeverageFit,
@@ -25,16 +26,8 @@ MOST = 0.999
 """Share of them below its largest leverage: a spike of the acceleration is no operating point."""
 
 
-def envelope(
-    traces: Sequence[Trace], relations: RelationSet, discrepancy: Mapping[str, float]
-) -> CalibrationEnvelope | None:
-    """Envelope of the recordings; None where they show none.
-
-    Parameters
-    ----------
-    discrepancy
-        Relation -> scatter of its windowed means out of sample.
-    """
+def envelope(traces: Sequence[Trace], relations: RelationSet) -> CalibrationEnvelope | None:
+    """Envelope of the recordings; None where they show none."""
     basis = LeverageBasis(relations)
     position = traces[0].position_channel
     seen = [basis.rows(trace.signals, trace.position) for trace in traces]
@@ -46,14 +39,14 @@ def envelope(
         # What is tested at rest, too, has seen the rests and the ways into them.
         tested = moving if name in relations.residuals.in_motion else np.ones_like(moving)
         psi = psi[tested & np.isfinite(psi).all(axis=1)]
-        if name not in discrepancy or len(psi) <= psi.shape[1]:
+        if len(psi) <= psi.shape[1] or not psi.std(axis=0).any():
             continue
         root = leverage_root(psi)
         h = leverages(psi, root, (0,))[:, 0]
         reach, most = np.quantile(h, (REACH, MOST)).tolist()
         table = tuple(map(tuple, root.tolist()))
-        fits.append(LeverageFit(name, table, reach, most, discrepancy[name]))
-    if not fits:
+        fits.append(LeverageFit(name, table, reach, most))
+    if not any(fit.relation != PLACE for fit in fits):
         return None
     return CalibrationEnvelope(position, tuple(fits), _ranges(traces, relations, position))
 

@@ -85,11 +85,6 @@ class LimitFit:
         spread = self.spread.get(name, ())
         return ResidualLimit(name, tuple(windows), (scatter,) * REGIONS, correlation, spread)
 
-    def discrepancies(self) -> dict[str, float]:
-        """Scatter of the shortest windowed mean of each residual, out of sample."""
-        shortest = {fit.name: fit for fit in sorted(self.tests, key=lambda fit: -fit.window)}
-        return {name: max(fit.sigma) for name, fit in shortest.items()}
-
     def shift_limits(self) -> tuple[MeanShiftLimit, ...]:
         """Limits of the mean shift within a recording, for residuals with unit variability."""
         return tuple(

@@ -53,6 +53,12 @@ def _settling(known: RelationSet) -> Columns:
     return rows.columns(row.name for row in rows.parities if row.settles_s)
 
 
+def _of_relations(known: RelationSet) -> Columns:
+    """All that is formed from readings: those that need the clipped one."""
+    tested = range(len(known.residuals.rows))[known.residuals.sensor_columns]
+    return [column for column in known.residuals.needing() if column not in tested]
+
+
 def _nothing(_: RelationSet) -> Columns:
     return []
 
@@ -65,6 +71,13 @@ CONDITIONS: tuple[Condition, ...] = (
         _with_reaction,
         LONGEST_S,
         TAKES_BACK_S,
+    ),
+    Condition(
+        "clipped_reading",
+        "at an end that it moved to, a reading is at a limit of its range: there may be more",
+        "core.conditions.clipped",
+        _of_relations,
+        LONGEST_S,
     ),
     Condition(
         "saturated_drive",

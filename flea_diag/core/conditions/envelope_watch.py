@@ -1,6 +1,8 @@
 """Where a stream of scans lies outside what its calibration has seen.
 
-Beyond the reach of the calibration the variance of a relation's tests grows with the leverage.
+Beyond the reach of the calibration the variance of a relation's tests grows with the leverage, and
+that of all other tests but those of single sensors by the same factor: what two sensors differ by,
+and what a prediction neglects, depends on load and place as well.
 Where the leverage stays beyond ``ABSTAIN`` times the largest that nominal recordings had (twice
 their distance), the tests that rest on the relation say nothing, until the motion has been back
 within for ``BACK`` scans.
@@ -9,11 +11,18 @@ within for ``BACK`` scans.
 from __future__ import annotations
 
 import math
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.leverage import ABSTAIN, CalibrationEnvelope, LeverageBasis, leverages
+from flea_diag.core.residuals.leverage import (
+    ABSTAIN,
+    PLACE,
+    CalibrationEnvelope,
+    LeverageBasis,
+    leverages,
+)
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.smoothing import KERNEL_LENGTH
@@ -40,16 +49,15 @@ class EnvelopeWatch:
                 self._root[block, block] = row.root
         self._reach = np.array([row.reach if row else np.inf for row in fitted])
         self._far = np.array([ABSTAIN * row.most if row else np.inf for row in fitted])
-        self._discrepancy = np.array([row.discrepancy if row else 0.0 for row in fitted])
+        # Nothing rests on the place alone.
+        self._far[[name == PLACE for name in self._basis.names]] = np.inf
         self._known = table = relations.residuals
         self._channel, self._position = known.position, table.channel(known.position)
         self._ranges, self._signals = known.ranges, relations.signals
         self._units = relations.units_of
-        spreading = table.spreading
-        self._columns = [
-            [j for j in table.of_relation(name) if j in spreading] for name in self._basis.names
-        ]
-        self._places = [[spreading.index(j) for j in columns] for columns in self._columns]
+        self._columns = [table.of_relation(name) for name in self._basis.names]
+        alone = {*chain(range(len(table.rows))[table.sensor_columns], *self._columns)}
+        self._others = [j for j in range(len(table.rows)) if j not in alone]
         self._beyond = [0] * len(fitted)
         self._within = [BACK] * len(fitted)
         self.outside: tuple[int, ...] = ()
@@ -57,22 +65,22 @@ class EnvelopeWatch:
         self.words = ""
         self.turned = False
         """Whether the last scan has changed what abstains."""
-        self.excess = np.empty((0, len(spreading)))
-        """Sigma to be added to the tests of ``ResidualSet.spreading`` in each scan."""
+        self.beyond: Array | None = None
+        """Leverage of each residual beyond the reach, shape (n, residuals); None in no scan."""
 
     def step(self, rows: Array, residuals: ResidualRows) -> int:
         """Take n scans; the first that changes what abstains, or n. Nothing counts from there."""
-        count, self.turned = len(rows), False
+        count, self.turned, self.beyond = len(rows), False, None
         position = rows[:, self._position] if self._position >= 0 else np.zeros(count)
         psi = self._basis.rows(residuals.signals, position)
         h = leverages(psi, self._root, self._basis.starts)
-        self.excess = np.zeros((count, len(self._known.spreading)))
         # A reading that is missing says nothing of where it is: NaN is beyond nothing.
         if (h > self._reach).any():
             over = np.where(h > self._reach, h - self._reach, 0.0)
-            added = self._discrepancy * np.sqrt(over)
-            for k, places in enumerate(self._places):
-                self.excess[:, places] = added[:, k, None]
+            self.beyond = np.zeros((count, len(self._known.rows)))
+            self.beyond[:, self._others] = over.max(axis=1)[:, None]
+            for k, columns in enumerate(self._columns):
+                self.beyond[:, columns] = over[:, k, None]
         elif not self.outside and not any(self._beyond):
             return count
         far = h > self._far

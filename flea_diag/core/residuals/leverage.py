@@ -3,12 +3,12 @@
 A relation r(s; theta) = 0 was fitted where its regressors phi lay. The variance of a prediction
 grows with the leverage
 
-    h = psi' (Psi' Psi / n)^-1 psi / p,      psi = (phi, x phi),
+    h = psi' (Psi' Psi / n)^-1 psi / p,
 
-whose mean over the recordings is 1: with phi alone where the relation is linear, and with x phi,
-x the position, because what a relation neglects (a screw that is worn here and not there) varies
-along the travel. phi leaves out the response, the signal that a fault of the plant moves first:
-a fault must not look like a place that nobody has seen.
+whose mean over the recordings is 1. psi is phi for the motor circuit, and (phi, x phi) for the
+balance that holds the friction, x the position: what that one neglects (a screw that is worn here
+and not there) varies along the travel. phi leaves out the response, the signal that a fault of the
+plant moves first: a fault must not look like a place that nobody has seen.
 """
 
 from __future__ import annotations
@@ -20,15 +20,18 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.residuals.measured_graph import channel_of
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.symbolic.collect import collect
-from flea_diag.core.symbolic.expression import Expression, Variable, symbols
+from flea_diag.core.symbolic.expression import ONE, Expression, Variable, symbols
 from flea_diag.core.symbolic.generated import compiled, function_source
 
 Array = npt.NDArray[np.float64]
 
 ABSTAIN = 4.0
 """Leverage, in times ``LeverageFit.most``, beyond which the tests of a relation abstain."""
+PLACE = "place"
+"""Load and position: what sensors that read one quantity at two places differ by."""
 LEAST_SINGULAR = 1e-2
 """Of a direction in which the recordings hardly vary, against the largest."""
 
@@ -37,16 +40,13 @@ LEAST_SINGULAR = 1e-2
 class LeverageFit(Frozen):
     """Leverage of one relation: h = |psi root|^2.
 
-    ``reach`` is what 99 % of nominal scans stay below, ``most`` what all but spikes do;
-    ``discrepancy``, in the unit of the relation, scales what is added to its variance beyond
-    ``reach``.
+    ``reach`` is what 99 % of nominal scans stay below, ``most`` what all but spikes do.
     """
 
     relation: str
     root: tuple[tuple[float, ...], ...]
     reach: float
     most: float
-    discrepancy: float
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class CalibrationEnvelope(Frozen):
 
 
 class LeverageBasis:
-    """psi of every relation with a known response, from the signals of the relations."""
+    """psi of every relation with a known response, and of ``PLACE``, from the signals."""
 
     def __init__(self, relations: RelationSet) -> None:
         left_out, rows_of = set(relations.predicted), relations.residuals
@@ -75,14 +75,31 @@ class LeverageBasis:
             if name in responses:
                 self.names[name] = tuple(map(str, known))
                 rows.append(tuple(known))
-        counts = [2 * len(row) for row in rows]
+        loads = [s for s in self._loads(relations, rows) if s not in left_out]
+        self.names[PLACE] = ("1", *loads)
+        rows.append((ONE, *map(Variable, loads)))
+        self._along = [name != rows_of.circuit for name in self.names]
+        counts = [len(row) * (1 + along) for row, along in zip(rows, self._along, strict=True)]
         self.starts = tuple(sum(counts[:k]) for k in range(len(rows)))
         self.width = sum(counts)
-        used = dict.fromkeys(s for row in rows for basis in row for s in symbols(basis))
-        self.signals = tuple(used)
-        """Signals that the regressors are made of."""
+        self.read = {
+            name: tuple(dict.fromkeys(s for basis in row for s in symbols(basis)))
+            for name, row in zip(self.names, rows, strict=True)
+        }
+        """Signals that the regressors of each relation are made of."""
+        self.signals = tuple(dict.fromkeys(s for read in self.read.values() for s in read))
+        """Those of all."""
         source = function_source("regressors", "phi of each relation.", relations.signals, rows)
         self._regressors = compiled(source)["regressors"] if rows else None
+
+    def _loads(
+        self, relations: RelationSet, rows: Sequence[tuple[Expression, ...]]
+    ) -> tuple[str, ...]:
+        """Signals of the regressors that are a load: no motion, no current, no shape."""
+        known = relations.residuals
+        other = {*relations.shapes, *known.motion, known.current, known.voltage}
+        read = dict.fromkeys(s for row in rows for basis in row for s in symbols(basis))
+        return tuple(s for s in read if s not in other and not channel_of(s)[1])
 
     def rows(self, signals: Array, position: Array) -> Array:
         """Psi of all relations side by side, shape (n, columns).
@@ -95,12 +112,15 @@ class LeverageBasis:
         if len(signals) == 1:
             x = float(position[0])
             known = self._regressors(None, signals[0].tolist())
-            return np.array([[v for row in known for v in (*row, *(x * each for each in row))]])
+            parts = zip(known, self._along, strict=True)
+            return np.array([[v for row, a in parts for v in (*row, *(x * u for u in row * a))]])
         psi = np.empty((len(signals), self.width))
-        for start, row in zip(self.starts, self._regressors(None, list(signals.T)), strict=True):
+        known = self._regressors(None, list(signals.T))
+        for start, row, along in zip(self.starts, known, self._along, strict=True):
             for k, column in enumerate(row):
                 psi[:, start + k] = column
-                psi[:, start + len(row) + k] = position * column
+                if along:
+                    psi[:, start + len(row) + k] = position * column
         return psi
 
 

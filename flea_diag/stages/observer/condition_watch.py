@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.conditions.clipped import ClippedReadings
 from flea_diag.core.conditions.condition import NAMED
 from flea_diag.core.conditions.contact import LONGEST_S, Contact
 from flea_diag.core.conditions.end_of_travel import EndOfTravel
@@ -83,6 +84,7 @@ class ConditionWatch:
         )
         self._command = NAMED["saturated_drive"].columns(relations)
         self._saturated = Lingering(KERNEL_LENGTH)
+        self._clipped = ClippedReadings(self._rows, KERNEL_LENGTH)
         self._range = -math.inf, math.inf
         self._void_drive: Flags | None = None
         self._voids = self._held = False
@@ -99,6 +101,7 @@ class ConditionWatch:
         if stop != self._travel.stop:
             self._travel.use(stop)
         self._range = ranges.get(self._rows.command, self._range)
+        self._clipped.use(ranges)
 
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
@@ -118,6 +121,7 @@ class ConditionWatch:
             self._void_drive = self._saturated.step(at_end)
         turn = self._travel.step(p, rows, residuals, voltage_usable)
         contact, said = self._travel.contact, self._since_ns
+        self._clipped.step(rows, contact not in (Contact.FREE, Contact.OVERDUE))
         self.begins = None
         if turn < len(rows):
             begins = contact is Contact.HELD and said == NEVER_NS
@@ -140,6 +144,7 @@ class ConditionWatch:
             residuals.leave_out(np.ones(len(residuals), dtype=bool), self._columns)
         if self._held:
             residuals.moving[:] = False
+        self._clipped.leave_out(residuals)
         if self._void_drive is not None and len(self._void_drive) == len(residuals):
             residuals.leave_out(self._void_drive, self._command)
 

@@ -198,8 +198,8 @@ class ResidualStream:
         if self.envelope is not None:
             self.envelope.leave_out(residuals)
         regressors = self._regressors.rows(rows, residuals)
-        excess = self.envelope.excess if self.envelope is not None else None
-        results = self._tests.step(residuals, (sensors, self._sensors.k), alone, excess)
+        beyond = self.envelope.beyond if self.envelope is not None else None
+        results = self._tests.step(residuals, (sensors, self._sensors.k), alone, beyond)
         results.void = void
         return StreamOutput(residuals, results, regressors, voltage, estimate, turn)
 

@@ -31,11 +31,9 @@ class ResidualTests:
         limits = [limit for limit in c.limits if estimates or limit.name not in known.innovations]
         thermal = c.tolerance.thermal_rate_k_per_s
         self._tolerance = c.tolerance
-        # The last column of a spread is what the envelope adds, in sigmas of the residual.
-        self._beyond = (1.0,) if c.envelope is not None else ()
-        tolerances = (*c.tolerances(), *self._beyond)
-        self._z_tests = Detector(known, limits, tolerances, thermal, backend)
-        self._mean_shift = MeanShiftTest(known, c.shifts, tolerances, backend)
+        self._z_tests = Detector(known, limits, c.tolerances(), thermal, backend)
+        self._mean_shift = MeanShiftTest(known, c.shifts, c.tolerances(), backend)
+        self._discrepancy = _discrepancies(known, c)
         self._disabled: list[int] = []
 
     def step(
@@ -43,26 +41,31 @@ class ResidualTests:
         residuals: ResidualRows,
         sensors: tuple[Array, Array],
         alone: Flags,
-        excess: Array | None = None,
+        beyond: Array | None = None,
     ) -> TestResults:
         """Results after each of n scans.
 
         ``sensors``: statistics, shape (n, sensor tests), and limits of the tests of single
-        sensors. ``alone``, shape (n,): where nothing corroborates the voltage. ``excess``, shape
-        (n, ``ResidualSet.spreading``): sigma that the place adds, where there is an
-        envelope.
+        sensors. ``alone``, shape (n,): where nothing corroborates the voltage. ``beyond``, shape
+        (n, residuals): leverage beyond the reach of the calibration; None where there is none.
         """
-        if excess is not None:
-            residuals = _with_excess(residuals, excess)
         residuals.values[:, self._disabled] = np.nan
-        results = self._z_tests.step(residuals)
+        near = residuals if beyond is None else self._scaled(residuals, np.sqrt(1.0 + beyond))
+        results = self._z_tests.step(near)
         results.z[:, self._sensors], results.k[:, self._sensors] = sensors
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;
         # what alternates with the motion (direction-normalised) still is one.
         if self._circuit >= 0:
             results.z[alone, self._circuit] = np.nan
-        self._mean_shift.step(residuals, results, alone)
+        if beyond is not None:
+            near = self._scaled(residuals, np.sqrt(1.0 + beyond * self._discrepancy))
+        self._mean_shift.step(near, results, alone)
         return results
+
+    def _scaled(self, rows: ResidualRows, factor: Array) -> ResidualRows:
+        """The same residuals where they scatter by so much more, shape (n, residuals)."""
+        spread = rows.spread / factor[:, self._known.spreading, None]
+        return ResidualRows(rows.values / factor, spread, rows.signals, rows.motion, rows.moving)
 
     def forget(self, columns: list[int]) -> None:
         """Empty the windows of these residuals."""
@@ -85,16 +88,21 @@ class ResidualTests:
         change = dict.fromkeys(UNIT_PARAMETERS, 0.0)
         for name, (by, sigma) in offsets.items():
             change[name], tolerance[name] = by, sigma
-        changes = [*change.values(), *(0.0 for _ in self._beyond)]
-        self._mean_shift.adopt(changes)
-        self._z_tests.adopt(changes, [*tolerance.values(), *self._beyond])
+        self._mean_shift.adopt(list(change.values()))
+        self._z_tests.adopt(list(change.values()), list(tolerance.values()))
         # How an innovation moves with a parameter is known in size alone.
         self._z_tests.forget(self._innovations)
 
 
-def _with_excess(rows: ResidualRows, excess: Array) -> ResidualRows:
-    """The same residuals with one more column of spread."""
-    count, places, units = rows.spread.shape
-    spread = np.empty((count, places, units + 1))
-    spread[:, :, :units], spread[:, :, units] = rows.spread, excess
-    return ResidualRows(rows.values, spread, rows.signals, rows.motion, rows.moving)
+def _discrepancies(known: ResidualSet, calibration: Calibration) -> Array:
+    """Variance of a residual between recordings over that of its shift within one, at least 1.
+
+    What a relation neglects at one place and not at another is a shift for a run that goes there.
+    """
+    found = np.ones(len(known.rows))
+    for shift in calibration.shifts:
+        limit, column = calibration.limit(shift.name), known.column(shift.name)
+        if limit is not None:
+            between = max(max(window.sigma) for window in limit.windows)
+            found[column] = max(found[column], (between / shift.sigma) ** 2)
+    return found

@@ -226,7 +226,7 @@ def _learn(
     )
     calibration = replace(
         _calibration(name, recordings, found, traces, innovations, limits, tolerance),
-        envelope=envelope_fit.envelope(traces, relations, limits.discrepancies()),
+        envelope=envelope_fit.envelope(traces, relations),
     )
     spread = innovations.spread
     odd = thresholds.not_nominal(

@@ -81,7 +81,7 @@ def _panel(
     panel: Any, points: OperatingPoints, name: str, pair: tuple[str, str], parts: list[Array]
 ) -> None:
     """Scans, and where the leverage reaches its two bounds with all other signals as usual."""
-    from flea_diag.core.residuals.leverage import ABSTAIN
+    from flea_diag.core.residuals.leverage import ABSTAIN, PLACE
 
     for part in parts:
         panel.plot(*part.T, ".", color=SCANS, markersize=1.2, alpha=0.4)
@@ -92,7 +92,8 @@ def _panel(
     given = {n: np.full(grid[0].size, value) for n, value in others.items()}
     h = points.leverages(given | {n: g.ravel() for n, g in zip(pair, grid, strict=True)})[name]
     row = next(r for r in points.envelope.relations if r.relation == name)
-    for level, colour in ((row.reach, GROWS), (ABSTAIN * row.most, ABSTAINS)):
+    levels = {GROWS: row.reach} | ({} if name == PLACE else {ABSTAINS: ABSTAIN * row.most})
+    for colour, level in levels.items():
         if h.min() < level < h.max():
             panel.contour(*grid, h.reshape(grid[0].shape), levels=[level], colors=colour)
     panel.set_title(name, fontsize=8, loc="left")

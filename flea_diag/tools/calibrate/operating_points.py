@@ -35,18 +35,16 @@ class OperatingPoints:
 
     def axes(self, relation: str) -> tuple[str, ...]:
         """Signals that make an operating point of a relation: speed, load or current, position."""
-        from flea_diag.core.symbolic.expression import symbols
-
-        used = symbols(self._relations.named[relation].expression)
-        held = [s for s in self._basis.signals if s in used and self._is_free(s)]
-        return (*held, *((self.envelope.position,) if self.envelope.position else ()))
+        held = filter(self._is_free, self._basis.read[relation])
+        along = relation != self._relations.residuals.circuit and self.envelope.position
+        return (*held, *((self.envelope.position,) if along else ()))
 
     def _is_free(self, signal: str) -> bool:
         """Whether it is no shape, and no acceleration."""
         return signal not in self._relations.shapes and not self._is_acceleration(signal)
 
     def _is_acceleration(self, signal: str) -> bool:
-        from flea_diag.core.residuals.parity import channel_of
+        from flea_diag.core.residuals.measured_graph import channel_of
 
         channel, order = channel_of(signal)
         return order > (channel != self._relations.residuals.encoder)

@@ -52,14 +52,14 @@ def _judged(shown: OutOfSample) -> Iterator[str]:
 
 def _envelope(seen: CalibrationEnvelope, points: OperatingPoints) -> Iterator[str]:
     """Where the recordings lie, and what would widen that."""
-    from flea_diag.core.residuals.leverage import ABSTAIN
+    from flea_diag.core.residuals.leverage import ABSTAIN, PLACE
 
     yield "envelope: signal                 smallest    largest"
     for name, (low, high) in seen.ranges.items():
         yield f"{name:31s}  {low:9.4g}  {high:9.4g}"
     for row in seen.relations:
-        far = f"{row.most:.1f} at most (mean 1), tests abstain beyond {ABSTAIN * row.most:.0f}"
-        yield f"{row.relation}: leverage up to {row.reach:.1f} in 99 % of the scans, {far}"
+        far = "" if row.relation == PLACE else f", no test beyond {ABSTAIN * row.most:.0f}"
+        yield f"{row.relation}: leverage up to {row.reach:.1f} (99 % of the scans; mean 1){far}"
     yield "recordings beyond these values widen it, and those that bring them together:"
     yield from points.not_covered()
 

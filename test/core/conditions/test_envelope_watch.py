@@ -11,12 +11,12 @@ from support.models import linear_ema as ema
 
 from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.core.conditions.envelope_watch import BACK, BEYOND, EnvelopeWatch
+from flea_diag.core.residuals.leverage import LeverageBasis
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.wire.records import OUTSIDE_CALIBRATION, AmbiguityGroup, DataQuality, Outcome
 
 MECHANICAL = ["parity_mechanical", "parity_mechanical_dn"]
-OTHER = "parity_electrical"
 
 
 def of(residuals: ResidualRows, scans: slice, *names: str) -> np.ndarray:
@@ -30,13 +30,13 @@ def columns(load_n: float) -> ema.Columns:
     return ema.noisy(ema.run(seconds=12.0, load=lambda t: load_n if 4.0 < t < 8.0 else 60.0), 3)
 
 
-def watched(load_n: float, pieces: int = 1) -> tuple[EnvelopeWatch, ResidualRows, list[int]]:
-    """A watch after a run, the residuals that it left, and the scans at which it turned."""
+def watched(load_n: float) -> tuple[ResidualRows, list[int], list[tuple[int, ...]]]:
+    """Residuals that a watch left, the scans at which it turned, what was outside in each."""
     calibration, relations = stands.calibration(), stands.relations()
     watch = EnvelopeWatch(calibration.envelope, relations)
     rows = ema.rows(columns(load_n), ema.STAND)
     residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
-    turns = []
+    turns, outside = [], []
     for k in range(len(rows)):
         part = slice(k, k + 1)
         one = ResidualRows(*(getattr(residuals, n)[part] for n in ResidualRows.__slots__))
@@ -44,33 +44,36 @@ def watched(load_n: float, pieces: int = 1) -> tuple[EnvelopeWatch, ResidualRows
             turns.append(k)
         watch.leave_out(one)
         residuals.values[part] = one.values
-    return watch, residuals, turns
+        outside.append(watch.outside)
+    assert watch.beyond is None or load_n > 60.0
+    return residuals, turns, outside
 
 
 def test_within_what_was_seen_nothing_is_added_and_nothing_abstains() -> None:
-    watch, residuals, turns = watched(60.0)
+    residuals, turns, _ = watched(60.0)
     assert turns == []
     assert np.isfinite(of(residuals, slice(100, None), *MECHANICAL)).all()
-    assert watch.excess.shape == (1, len(stands.relations().residuals.spreading))
 
 
-def test_a_load_far_beyond_silences_the_balance_of_forces_and_nothing_else() -> None:
-    # The balance of forces at first; the relation of the winding follows where its current does.
-    watch, residuals, (begins, second, *_, ends) = watched(420.0)
+def test_a_load_far_beyond_silences_what_rests_on_it_and_nothing_else() -> None:
+    """The relation of the winding at first, whose current is three times as large."""
+    residuals, (begins, *_, ends), outside = watched(420.0)
     assert begins >= 400 + BEYOND
     assert 800 + BACK - 31 <= ends <= 800 + BACK + 31
-    during = slice(begins, second)
-    assert np.isnan(of(residuals, during, *MECHANICAL)).all()
-    assert np.isfinite(of(residuals, during, OTHER)).all()
-    assert np.isfinite(of(residuals, slice(ends, None), *MECHANICAL)).all()
-    assert watch.outside == ()
+    names = list(LeverageBasis(stands.relations()).names)
+    for name in ("parity_mechanical", "parity_electrical"):
+        silent = np.array([names.index(name) in place for place in outside[100:]])
+        gone = np.isnan(of(residuals, slice(100, None), name, f"{name}_dn"))
+        assert (gone == silent[:, None]).all()
+        assert silent.any()
+    assert outside[-1] == ()
 
 
 def test_blocks_turn_where_single_scans_do() -> None:
     calibration, relations = stands.calibration(), stands.relations()
     rows = ema.rows(columns(420.0), ema.STAND)
     residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
-    _, _, (begins, *_) = watched(420.0)
+    _, (begins, *_), _ = watched(420.0)
     assert EnvelopeWatch(calibration.envelope, relations).step(rows, residuals) == begins
 
 

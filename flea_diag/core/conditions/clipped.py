@@ -1,0 +1,59 @@
+"""Readings at a limit of their range while a part is at an end of its travel.
+
+A stop stretches what lies between two positions and loads what pushes against it: a position
+stands at the end of its scale while the other goes on, a load cell reads what it can. Such a
+reading says that there is at least so much, so no relation holds with it. Away from the ends it is
+the sensor that is at fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+
+Array = npt.NDArray[np.float64]
+
+
+class ClippedReadings:
+    """State of one stream: which channels are clipped, or were within so many scans."""
+
+    def __init__(self, rows: ResidualSet, scans: int) -> None:
+        tested = range(len(rows.rows))[rows.sensor_columns]
+        self._columns = [
+            [column for column in rows.needing(name) if column not in tested]
+            for name in rows.channels
+        ]
+        self._channels, self._scans = rows.channels, scans
+        self.use({})
+        self._left = np.zeros(len(rows.channels), dtype=np.int64)
+        self._void: npt.NDArray[np.bool_] | None = None
+
+    def use(self, ranges: Mapping[str, tuple[float, float]]) -> None:
+        """Take the ranges of channels; one without a range is never clipped."""
+        bounds = [ranges.get(name, (-np.inf, np.inf)) for name in self._channels]
+        self._low, self._high = np.array(bounds).T
+
+    def step(self, rows: Array, at_end: bool) -> None:
+        """Take n scans, shape (n, channels); ``at_end``: the part came to an end of its travel."""
+        self._void = None
+        clipped = (rows <= self._low) | (rows >= self._high)
+        if not at_end or not clipped.any():
+            if not self._left.any():
+                return
+            clipped = clipped & at_end
+        void = np.empty_like(clipped)
+        for scan, now in enumerate(clipped):
+            self._left = np.where(now, self._scans, np.maximum(self._left - 1, 0))
+            void[scan] = self._left > 0
+        self._void = void
+
+    def leave_out(self, residuals: ResidualRows) -> None:
+        """Drop what needs a clipped reading."""
+        if self._void is None or len(self._void) != len(residuals):
+            return
+        for channel in np.flatnonzero(self._void.any(axis=0)).tolist():
+            residuals.leave_out(self._void[:, channel], self._columns[channel])
