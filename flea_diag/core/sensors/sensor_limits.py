@@ -158,12 +158,19 @@ def sensor_limits(
 def _in_use(channel: str, sensors: SensorSet, run: Mapping[str, Array]) -> Array:
     """Readings of a channel without those in which it rightly stands still."""
     readings = run[channel]
+    return (
+        np.where(_rests(sensors, run), np.nan, readings) if channel == sensors.speed else readings
+    )
+
+
+def _rests(sensors: SensorSet, run: Mapping[str, Array]) -> npt.NDArray[np.bool_]:
+    """Where the actuator rests, shape (scans,); nowhere without a position."""
     known = {name: rest for name, rest in sensors.positions.items() if name in run}
-    if channel != sensors.speed or not known:
-        return readings
-    still = at_rest(np.stack([run[name] for name in known], axis=1), np.array(list(known.values())))
-    rests = np.append(np.zeros(REST_SCANS, dtype=bool), still)
-    return np.where(rests, np.nan, readings)
+    rests = np.zeros(len(next(iter(run.values()))), dtype=bool)
+    if known:
+        positions = np.stack([run[name] for name in known], axis=1)
+        rests[REST_SCANS:] = at_rest(positions, np.array(list(known.values())))
+    return rests
 
 
 def _limit(
@@ -174,8 +181,8 @@ def _limit(
     period_s: float,
 ) -> SensorLimit:
     columns = [run[channel] for run in runs]
+    repeats = _repeats(channel, sensors, runs, rate_per_s, period_s)
     if channel in sensors.held:
-        repeats = _repeats(columns, rate_per_s, period_s, False)
         return SensorLimit(channel, 0.0, 0.0, 0.0, repeats, 0.0, 0.0, 0.0)
     quietest, loudest, scatter = _noise(columns, sensors.resolutions[channel])
     steps = [np.abs(np.diff(column)) for column in columns]
@@ -189,12 +196,7 @@ def _limit(
         quietest,
         loudest,
         scatter,
-        _repeats(
-            [_in_use(channel, sensors, run) for run in runs],
-            rate_per_s,
-            period_s,
-            channel == sensors.speed,
-        ),
+        repeats,
         REACH_GUARD * way,
         _step_limit(sudden, way),
         _quantile(rate_per_s * period_s * NOISE_WINDOWS[0]),
@@ -231,21 +233,38 @@ def _means(values: Array, window: int) -> Array:
     return means
 
 
-def _repeats(columns: Sequence[Array], rate_per_s: float, period_s: float, reverses: bool) -> int:
+def _repeats(
+    channel: str,
+    sensors: SensorSet,
+    runs: Sequence[Mapping[str, Array]],
+    rate_per_s: float,
+    period_s: float,
+) -> int:
     """Equal readings in a row that come, twice in ``DROPOUT_S``, no oftener than the rate.
 
     With probability p that a reading repeats the one before, n repeats in a row come p^n times
-    a scan. What nominal recordings show is exceeded in any case, but for one run in each of what
-    ``reverses``: an encoder that turns about may hold its zero for a moment.
+    a scan. p is that of rest or that of motion: what rests repeats more than what moves, and may
+    rest for as long as it likes. What nominal recordings show is exceeded in any case, but for one
+    run of an encoder in each, which may hold its zero for a moment where it turns about.
     """
-    steps = [np.diff(column) for column in columns]
+    steps = [np.diff(_in_use(channel, sensors, run)) for run in runs]
     same = [step[np.isfinite(step)] == 0.0 for step in steps]
-    share = (1 + sum(int(row.sum()) for row in same)) / (2 + sum(len(row) for row in same))
+    every, rests = np.concatenate(same), [_rests(sensors, run)[1:] for run in runs]
+    still = np.concatenate([r[np.isfinite(s)] for r, s in zip(rests, steps, strict=True)])
+    # A drive that is off rightly holds its voltage; its command tells that from a fault.
+    parts = () if channel in sensors.held else (every[still], every[~still])
+    share = max(map(_share, (every, *parts)))
     single_per_scan = math.sqrt(rate_per_s * period_s / scans_of(DROPOUT_S, period_s))
     by_chance = math.ceil(math.log(single_per_scan) / math.log(share))
-    longest = max(_longest(row, but=int(reverses)) for row in same)
+    longest = max(_longest(row, but=int(channel == sensors.speed)) for row in same)
     repeats = max(by_chance, longest + 1, 2)
     return repeats if repeats <= scans_of(LONGEST_REPEAT_S, period_s) else 0
+
+
+def _share(same: npt.NDArray[np.bool_]) -> float:
+    """Probability that a reading repeats the one before; 0 where too few tell it."""
+    few = len(same) < NOISE_WINDOWS[-1]
+    return 0.0 if few else float((1 + same.sum()) / (2 + len(same)))
 
 
 def _longest(same: npt.NDArray[np.bool_], but: int) -> int:
