@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.calibration.coverage import GroupCoverage
-from flea_diag.core.calibration.out_of_sample import LeftOut, OutOfSample
+from flea_diag.core.calibration.out_of_sample import GroupCoverage, LeftOut, OutOfSample
 from flea_diag.core.calibration.promise import FalseAlarmPromise
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit

@@ -15,8 +15,7 @@ from flea_diag.core.calibration.calibration import (
     Calibration,
     CovarianceBlock,
 )
-from flea_diag.core.calibration.coverage import GroupCoverage
-from flea_diag.core.calibration.out_of_sample import LeftOut, OutOfSample
+from flea_diag.core.calibration.out_of_sample import GroupCoverage, LeftOut, OutOfSample
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.observers.observer_noise import PROCESS, ObserverNoise

@@ -1,7 +1,20 @@
-"""What judging every nominal recording without itself has shown; kept with the calibration."""
+"""What runs have shown that a calibration was not made from: nominal ones, and faulty ones.
+
+Nominal recordings are judged by limits learned without them. Faulty runs give the coverage of the
+ambiguity group by split conformal prediction. The score of a faulty run is the smallest limit on
+the gap of log-likelihood at which the true fault stays in its group; there is none where symbols or
+features rule it out. With the scores of n runs that nothing was tuned on, the limit
+
+    q = the ceil((n + 1) coverage)-th smallest score
+
+keeps the true fault of one more run with at least that probability if that run and the n are
+exchangeable (Papadopoulos et al. 2002; Vovk et al. 2005). Runs that are drawn alike are; a
+fault, a machine or a motion that the n do not have is not.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -25,3 +38,32 @@ class LeftOut:
 
     recording: str
     reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class GroupCoverage:
+    """Scores of faulty runs in nats, ascending.
+
+    ``lost``: runs whose fault no limit would have kept. ``missed``: runs without an alarm, which
+    have no group and do not count. ``campaign``: what the runs were drawn by.
+    """
+
+    campaign: str
+    nats: tuple[float, ...]
+    lost: int = 0
+    missed: int = 0
+
+    @property
+    def runs(self) -> int:
+        """Runs with a group."""
+        return len(self.nats) + self.lost
+
+    @property
+    def most(self) -> float:
+        """Largest coverage that a limit gives."""
+        return len(self.nats) / (self.runs + 1)
+
+    def limit_nats(self, coverage: float) -> float:
+        """Gap beyond which a fault may be dropped; infinity where no gap gives this coverage."""
+        place = math.ceil((self.runs + 1) * coverage - 1e-9)
+        return self.nats[place - 1] if 1 <= place <= len(self.nats) else math.inf

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.calibration.coverage import GroupCoverage
+from flea_diag.core.calibration.out_of_sample import GroupCoverage
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.faults.fault import Fault

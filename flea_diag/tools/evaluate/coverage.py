@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 from flea_diag.errors import ConfigurationError
 from flea_diag.tools.campaign.run_result import NOMINAL
 from flea_diag.tools.stand_option import add_calibration, add_stand
-from flea_diag.tools.terminal import progress, say
+from flea_diag.tools.terminal import make_folder, progress, say, write_text
 
 if TYPE_CHECKING:
     from flea_diag.configuration.stand import Stand
-    from flea_diag.core.calibration.coverage import GroupCoverage
+    from flea_diag.core.calibration.out_of_sample import GroupCoverage
     from flea_diag.tools.campaign.case import Case
     from flea_diag.wire.records import Record, Truth
 
@@ -54,9 +54,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Score the runs, write the calibration with the scores, say what they give."""
+    import yaml
+
     from flea_diag.configuration.calibrations import learned
     from flea_diag.configuration.stand import load_stand
-    from flea_diag.tools.calibrate.calibrate import write_calibration
     from flea_diag.tools.campaign.campaign import HALVES, load_campaign
     from flea_diag.tools.campaign.case import plan
     from flea_diag.tools.campaign.recording_set import RecordingSet
@@ -77,7 +78,9 @@ def run(arguments: argparse.Namespace) -> int:
         recordings.prepare()
         found = list(_scores(cases, stand))
     coverage = covered(campaign.name, found)
-    write_calibration(arguments.output, replace(calibration, coverage=coverage))
+    completed = replace(calibration, coverage=coverage).to_mapping()
+    make_folder(arguments.output.parent)
+    write_text(arguments.output, yaml.safe_dump(completed, sort_keys=False, width=100))
     say("\n".join(words(coverage, found)))
     return 0
 
@@ -131,7 +134,7 @@ def _held(records: list[Record], stand: Stand, truth: Truth, limit_nats: float) 
 
 def covered(campaign: str, found: Sequence[Score]) -> GroupCoverage:
     """What a calibration keeps of these scores."""
-    from flea_diag.core.calibration.coverage import GroupCoverage
+    from flea_diag.core.calibration.out_of_sample import GroupCoverage
 
     nats = [score.nats for score in found]
     kept = tuple(sorted(value for value in nats if math.isfinite(value)))

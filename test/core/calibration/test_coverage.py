@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flea_diag.core.calibration.coverage import GroupCoverage
+from flea_diag.core.calibration.out_of_sample import GroupCoverage
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """What calibrations of few recordings state, support and do: alarms on the recordings left over.
 
-scripts/bench promise                   the FLEA's nominal recordings below FLEA_DATA_DIR
-python bench/bench_promise.py bags/*Nominal* --seed 7
+python bench/robustness/promise.py      the FLEA's nominal recordings below FLEA_DATA_DIR
+python bench/robustness/promise.py bags/*Nominal* --seed 7
 
 3, 6, 12 and 24 nominal recordings are drawn at random for a calibration; every other one is
 diagnosed with it. An alarm is any episode. Stated is the rate that the limits were set for,

@@ -1,7 +1,7 @@
 """Healthy running that no calibration has seen: false alarms and abstention, on three machines.
 
-scripts/bench healthy                          10 runs of each kind and machine, 60 s each
-python bench/bench_healthy.py 40 --machine ema --seed 9700
+python bench/robustness/healthy.py                    10 runs of each kind and machine, 60 s each
+python bench/robustness/healthy.py 40 --machine ema --seed 9700
 
 Every run is of a unit of its own. One kind is drawn as the recordings of the calibrations are; the
 others go beyond them in one way each (motion, rests, load up to 1.5 times, ends of travel, room and
@@ -216,7 +216,7 @@ def _outside(done: Diagnosis) -> float:
 
 def wider(name: str, folder: Path) -> str:
     """File of the machine with a load actuator that is ``MORE_LOAD`` times as strong."""
-    source = Path(__file__).parents[1] / "config" / "machines" / f"{name}.yaml"
+    source = Path(__file__).parents[2] / "config" / "machines" / f"{name}.yaml"
     content = yaml.safe_load(source.read_text(encoding="utf-8"))
     content["limits"]["load_n"] *= MORE_LOAD
     target = folder / f"{name}.yaml"
