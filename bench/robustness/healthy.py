@@ -23,6 +23,9 @@ from typing import Any
 
 import numpy as np
 import yaml
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 from summary import Figure, bench_parser, write_summary
 
 from flea_diag.configuration.component import make_pipeline

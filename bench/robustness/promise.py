@@ -17,6 +17,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 from summary import Figure, bench_parser, write_summary
 
 from flea_diag.configuration.component import make_pipeline

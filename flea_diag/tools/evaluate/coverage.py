@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Score the runs, write the calibration with the scores, say what they give."""
+    """CoverageScore the runs, write the calibration with the scores, say what they give."""
     import yaml
 
     from flea_diag.configuration.calibrations import learned
@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _scores(cases: Sequence[Case], stand: Stand) -> Iterator[Score]:
+def _scores(cases: Sequence[Case], stand: Stand) -> Iterator[CoverageScore]:
     for number, case in enumerate(cases, 1):
         progress(number, len(cases), case.id)
         score = scored(case, stand)
@@ -94,15 +94,15 @@ def _scores(cases: Sequence[Case], stand: Stand) -> Iterator[Score]:
 
 
 @dataclass(frozen=True)
-class Score:
+class CoverageScore:
     """One faulty run: the least limit that keeps its fault, infinity for none, NaN for no alarm."""
 
     fault: str
     nats: float
 
 
-def scored(case: Case, stand: Stand) -> Score | None:
-    """Score of one run; None where it has no fault."""
+def scored(case: Case, stand: Stand) -> CoverageScore | None:
+    """CoverageScore of one run; None where it has no fault."""
     from flea_diag.tools.campaign.case_records import records_of
     from flea_diag.wire.records import Truth
 
@@ -114,10 +114,10 @@ def scored(case: Case, stand: Stand) -> Score | None:
     held = partial(_held, records, stand, truth)
     alarmed = held(NEVER)
     if not alarmed:
-        return Score(truth.fault, math.nan if alarmed is None else math.inf)
+        return CoverageScore(truth.fault, math.nan if alarmed is None else math.inf)
     # Whether the fault is held can only turn from no to yes as the limit grows.
     place = bisect_left(LADDER, True, key=lambda nats: bool(held(nats)))
-    return Score(truth.fault, LADDER[place] if place < len(LADDER) else NEVER)
+    return CoverageScore(truth.fault, LADDER[place] if place < len(LADDER) else NEVER)
 
 
 def _held(records: list[Record], stand: Stand, truth: Truth, limit_nats: float) -> bool | None:
@@ -132,7 +132,7 @@ def _held(records: list[Record], stand: Stand, truth: Truth, limit_nats: float) 
     return any(m.fault == truth.fault for m in late[-1].members) if late else None
 
 
-def covered(campaign: str, found: Sequence[Score]) -> GroupCoverage:
+def covered(campaign: str, found: Sequence[CoverageScore]) -> GroupCoverage:
     """What a calibration keeps of these scores."""
     from flea_diag.core.calibration.out_of_sample import GroupCoverage
 
@@ -141,7 +141,7 @@ def covered(campaign: str, found: Sequence[Score]) -> GroupCoverage:
     return GroupCoverage(campaign, kept, nats.count(math.inf), sum(map(math.isnan, nats)))
 
 
-def words(coverage: GroupCoverage, found: Sequence[Score]) -> Iterator[str]:
+def words(coverage: GroupCoverage, found: Sequence[CoverageScore]) -> Iterator[str]:
     """The limits that the scores give, and which faults no limit keeps."""
     yield f"{coverage.runs} runs with a group, {coverage.missed} without an alarm"
     for asked in STATED:

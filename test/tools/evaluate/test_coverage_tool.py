@@ -10,7 +10,7 @@ import yaml
 
 from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.configuration.stand import load_stand
-from flea_diag.tools.evaluate.coverage import LADDER, Score, covered, words
+from flea_diag.tools.evaluate.coverage import LADDER, CoverageScore, covered, words
 from flea_diag.tools.main import main
 
 CAMPAIGN = {
@@ -51,7 +51,12 @@ def test_a_calibration_is_completed_by_the_scores_of_faulty_runs(
 
 
 def test_runs_without_an_alarm_have_no_group_and_lost_faults_are_named() -> None:
-    found = [Score("jam", 1.5), Score("jam", math.inf), Score("jam", math.nan), Score("spall", 0.5)]
+    found = [
+        CoverageScore("jam", 1.5),
+        CoverageScore("jam", math.inf),
+        CoverageScore("jam", math.nan),
+        CoverageScore("spall", 0.5),
+    ]
     known = covered("mine", found)
     assert (known.nats, known.lost, known.missed) == ((0.5, 1.5), 1, 1)
     assert list(words(known, found)) == [
