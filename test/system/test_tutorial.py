@@ -25,6 +25,7 @@ BLOCK = re.compile(r'^```(\w+) title="([^"]+)"\n(.*?)^```', re.MULTILINE | re.DO
 BLOCKS = {found[2]: found[3] for found in BLOCK.finditer(PAGE.read_text(encoding="utf-8"))}
 GROUP = {"gear_friction", "jam"}
 MOST_COMMANDS = 4
+EDITED = "tutorial/elbow/channels.yaml"
 LIMIT_S = 60.0
 BATCH = 50
 
@@ -54,10 +55,11 @@ def run(title: str) -> None:
             assert main(arguments) == 0, line
 
 
-def edit(path: Path, title: str) -> None:
+def edit(name: str) -> None:
     """Put the lines of the page into the file."""
+    path = Path(name)
     content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    merge(content, yaml.safe_load(BLOCKS[title]))
+    merge(content, yaml.safe_load(BLOCKS[f"edit {name}"]))
     path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
 
 
@@ -78,9 +80,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setattr(sys, "argv", sys.argv)
         run("recordings")
         run("stand")
-        edit(place / "elbow" / "channels.yaml", "edit elbow/channels.yaml")
+        edit(EDITED)
         run("verdict")
-        yield place
+        yield place / "tutorial"
 
 
 def verdict(path: Path) -> dict[str, Any]:
@@ -98,7 +100,7 @@ def test_a_bag_of_a_robot_leads_to_a_verdict(folder: Path) -> None:
 
 def test_it_takes_four_commands_and_one_file() -> None:
     assert len(commands("stand")) + len(commands("verdict")) <= MOST_COMMANDS
-    assert [title for title in BLOCKS if title.startswith("edit")] == ["edit elbow/channels.yaml"]
+    assert [title for title in BLOCKS if title.startswith("edit")] == [f"edit {EDITED}"]
 
 
 def test_the_page_of_the_recordings_is_printed(
@@ -112,7 +114,7 @@ def test_the_page_of_the_recordings_is_printed(
 
 def test_a_table_leads_to_the_same_verdict(folder: Path) -> None:
     run("csv")
-    told, of_bag = verdict(folder / "bench_verdict.json"), verdict(folder / "verdict.json")
+    told, of_bag = verdict(folder / "table_verdict.json"), verdict(folder / "verdict.json")
     assert set(told["ambiguity_group"]) == GROUP
     assert told["detected_at_s"] == pytest.approx(of_bag["detected_at_s"], abs=0.1)
 
@@ -125,11 +127,11 @@ def test_the_verdict_comes_live_on_ambiguity_group(folder: Path, domain: int) ->
     reliable = "qos_overrides./joint_states.subscription.reliability:=reliable"
     given = [*bridge[5:], "-p", reliable]
     with (
-        Process(node("flea_diag.nodes.bridge", *given), domain, cwd=folder),
+        Process(node("flea_diag.nodes.bridge", *given), domain, cwd=folder.parent),
         Process(
             node("flea_diag.nodes.diagnoser", *diagnoser[5:], "-p", "memory:=none"),
             domain,
-            cwd=folder,
+            cwd=folder.parent,
         ),
         Peer(domain) as peer,
     ):
