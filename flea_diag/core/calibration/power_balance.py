@@ -30,6 +30,8 @@ MOVING = 0.15
 ONE_WAY = 0.02
 """Share of its readings in which the current of a supply may be negative."""
 FEWEST_ROWS = 50
+LARGEST = 1e12
+"""Readings beyond it are errors, whatever the unit."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,8 @@ def fitted(target: Array, columns: Sequence[Array], spread: float) -> list[tuple
 
 def sign_relations(signals: Mapping[str, Array], period_s: float) -> list[SignRelation]:
     """Relations that these signals close, each an array of readings of one grid."""
-    mean = {role: smoothed(values, period_s) for role, values in signals.items()}
+    known = {r: np.where(np.abs(values) < LARGEST, values, np.nan) for r, values in signals.items()}
+    mean = {role: smoothed(values, period_s) for role, values in known.items()}
     if POSITION not in mean:
         return []
     speed = rate_of(mean[POSITION], period_s)
@@ -121,7 +124,7 @@ def sign_relations(signals: Mapping[str, Array], period_s: float) -> list[SignRe
     if SPEED in mean:
         ((slope, sure),) = fitted(mean[SPEED], [speed], spread)
         found.append(SignRelation(SPEED, POSITION, slope, sure, "speed by rate of position"))
-    if CURRENT in mean and is_supply_current(signals[CURRENT], signals[POSITION], period_s):
+    if CURRENT in mean and is_supply_current(known[CURRENT], known[POSITION], period_s):
         found += _of_supply(mean, speed, spread)
     elif CURRENT in mean:
         found += _of_circuit(mean, speed, spread)

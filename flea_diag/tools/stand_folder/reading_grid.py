@@ -10,7 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import RecordingError
-from flea_diag.tools.stand_folder.recorded_series import RecordedSeries, Series
+from flea_diag.tools.stand_folder.recorded_series import (
+    FEWEST_READINGS,
+    RecordedSeries,
+    Series,
+)
 from flea_diag.tools.stand_folder.row_times import RowTimes, row_times
 from flea_diag.tools.stand_folder.series_words import (
     COMMANDED,
@@ -152,7 +156,8 @@ def _unused(series: Series, times: RowTimes | None, joint: str) -> str:
     element = _element(series)
     if joint and element and element != joint:
         return f"of another joint than {joint}"
-    if np.isfinite(series.values).mean() < 0.5:
+    finite = np.isfinite(series.readings)
+    if finite.sum() < FEWEST_READINGS or finite.mean() < 0.5:
         return "most of its readings are missing"
     return ""
 
@@ -185,7 +190,7 @@ def _worded(series: Series, times: RowTimes | None) -> NameWords:
     name = place.get("column") or f"{place['topic']}/{place['field']}"
     words = words_of(name, place.get("type", ""))
     steady = times is not None and series.words in times.split_by
-    if words.quantity in (FORCE, TORQUE) and (steady or _is_stepped(series.values)):
+    if words.quantity in (FORCE, TORQUE) and (steady or _is_stepped(series.readings)):
         words = replace(words, qualifiers=words.qualifiers | {COMMANDED})
     return words
 
@@ -197,14 +202,15 @@ def _is_stepped(values: Array) -> bool:
 
 
 def _on_grid(series: Series, times: RowTimes | None, period_s: float) -> Array:
-    finite = np.isfinite(series.values)
+    readings = series.readings
     if times is None:
-        at, values = series.times_s[finite], series.values[finite]
+        finite = np.isfinite(readings)
+        at, values = series.times_s[finite], readings[finite]
         count = min(MOST_ROWS, int(series.times_s[-1] / period_s) + 1)
         wanted = np.arange(count) * period_s
         return np.asarray(np.interp(wanted, at, values, left=np.nan, right=np.nan))
     # Rows of a table are as good as even; a gap of one row keeps recordings apart.
-    values = np.insert(series.values, np.array(times.starts[1:], dtype=int), np.nan)
+    values = np.insert(readings, np.array(times.starts[1:], dtype=int), np.nan)
     return np.asarray(values[:MOST_ROWS], dtype=np.float64)
 
 

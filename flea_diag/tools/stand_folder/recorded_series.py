@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.calibration.power_balance import LARGEST
 from flea_diag.errors import ConfigurationError, RecordingError, WireError
 from flea_diag.tools.recordings.table import header_of, read_table, suffix_of
 from flea_diag.wire.bags.foreign_bag import ForeignBag
@@ -63,9 +64,14 @@ class Series:
         return 1.0 / float(np.median(steps)) if len(steps) > 1 else math.nan
 
     @property
+    def readings(self) -> Array:
+        """Readings that a sensor can have: NaN elsewhere."""
+        return np.where(np.abs(self.values) < LARGEST, self.values, np.nan)
+
+    @property
     def changes(self) -> bool:
         """Whether it has two readings that differ."""
-        finite = self.values[np.isfinite(self.values)]
+        finite = self.readings[np.isfinite(self.readings)]
         return len(finite) > 1 and float(finite.min()) < float(finite.max())
 
 

@@ -21,7 +21,7 @@ Units = Mapping[str, str]
 
 CANDIDATES: dict[str, dict[str, float]] = {
     "m": {"m": 0.0, "mm": 0.0, "in": -0.5, "cm": -1.5},
-    "rad": {"rad": 0.0, "deg": 0.0, "rev": -1.0},
+    "rad": {"rad": 0.0, "deg": 0.0, "rev": -2.0},
     "m/s": {"m/s": 0.0, "mm/s": 0.0, "in/s": -0.5},
     "rad/s": {"rad/s": 0.0, "rpm": 0.0, "deg/s": -1.0, "rev/s": -1.0, "m/s": -0.5, "mm/s": -0.5},
     "A": {"A": 0.0, "mA": 0.0},
