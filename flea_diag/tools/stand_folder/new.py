@@ -41,6 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="dc_screw, geared_joint, stepper_screw or wing (default: the one that fits)",
     )
     add(
+        "--joint",
+        default="",
+        metavar="NAME",
+        help="joint of a JointState to diagnose (default: one that moves)",
+    )
+    add(
         "--rate",
         type=positive,
         metavar="HZ",
@@ -62,7 +68,8 @@ def run(arguments: argparse.Namespace) -> int:
     from flea_diag.tools.stand_folder.reading_grid import reading_grid
     from flea_diag.tools.stand_folder.recorded_series import recorded_series
 
-    found = proposal(reading_grid(recorded_series(recording), arguments.rate), arguments.template)
+    grid = reading_grid(recorded_series(recording), arguments.rate, arguments.joint)
+    found = proposal(grid, arguments.template)
     texts = template_texts(found.template, folder, recording.name, found)
     _write(folder, {**texts, "channels.yaml": channel_file(found)})
     _print(folder, recording, found)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import RecordingError
+from flea_diag.tools.stand_folder.recorded_joints import RecordedJoints
 from flea_diag.tools.stand_folder.recorded_series import (
     FEWEST_READINGS,
     RecordedSeries,
@@ -84,8 +85,19 @@ class ReadingGrid:
     joint: str = ""
 
 
-def reading_grid(recorded: RecordedSeries, rate_hz: float | None = None) -> ReadingGrid:
+def reading_grid(
+    recorded: RecordedSeries, rate_hz: float | None = None, joint: str = ""
+) -> ReadingGrid:
     """Grid of a recording.
+
+    Parameters
+    ----------
+    recorded
+        Its series.
+    rate_hz
+        Rate of the rows of a table that has no times.
+    joint
+        Joint of a JointState to diagnose; "": one that moves.
 
     Raises
     ------
@@ -93,11 +105,11 @@ def reading_grid(recorded: RecordedSeries, rate_hz: float | None = None) -> Read
         It has no times, or nothing in it changes.
     """
     times = row_times(recorded, rate_hz) if recorded.is_table else None
-    joint = "" if recorded.is_table else _joint(recorded)
+    joints = RecordedJoints.of(recorded, joint)
     unused = [(name, "no numbers") for name in recorded.silent]
     kept = []
     for series in recorded.series:
-        reason = _unused(series, times, joint)
+        reason = _unused(series, times, joints)
         if reason:
             unused.append((series.words, reason))
         else:
@@ -113,7 +125,7 @@ def reading_grid(recorded: RecordedSeries, rate_hz: float | None = None) -> Read
         for each in kept
     )
     sources += tuple(_sums(sources, period_s))
-    return ReadingGrid(recorded, period_s, times, sources, tuple(unused), joint)
+    return ReadingGrid(recorded, period_s, times, sources, tuple(unused), joints.chosen)
 
 
 def rounded_rate(rate_hz: float) -> float:
@@ -147,41 +159,18 @@ def _rate(kept: list[Series], times: RowTimes | None) -> float:
     return rounded_rate(found)
 
 
-def _unused(series: Series, times: RowTimes | None, joint: str) -> str:
+def _unused(series: Series, times: RowTimes | None, joints: RecordedJoints) -> str:
     """Why a series can be no channel; "" if it can."""
     if times is not None and series.words == times.column:
         return "times of the rows"
     if not series.changes:
         return "constant"
-    element = _element(series)
-    if joint and element and element != joint:
-        return f"of another joint than {joint}"
+    if joints.is_of_another(series):
+        return f"of another joint than {joints.chosen}"
     finite = np.isfinite(series.readings)
     if finite.sum() < FEWEST_READINGS or finite.mean() < 0.5:
         return "most of its readings are missing"
     return ""
-
-
-def _element(series: Series) -> str:
-    """Joint that a field of a JointState belongs to."""
-    field = series.place.get("field", "")
-    is_joint = series.place.get("type", "").endswith("/JointState")
-    return field.partition("[")[2].rstrip("]") if is_joint else ""
-
-
-def _joint(recorded: RecordedSeries) -> str:
-    """The joint to diagnose, of several that move: the one with the most fields that change.
-
-    "" where the elements of a JointState are channels rather than joints, each with one field.
-    """
-    fields: dict[str, int] = {}
-    for series in recorded.series:
-        if _element(series) and series.changes:
-            fields[_element(series)] = fields.get(_element(series), 0) + 1
-    if not fields or max(fields.values()) < 2:
-        return ""
-    topics = " ".join(series.place.get("topic", "") for series in recorded.series)
-    return max(fields, key=lambda name: (fields[name], name.lower() in topics.lower()))
 
 
 def _worded(series: Series, times: RowTimes | None) -> NameWords:
