@@ -61,8 +61,6 @@ MACHINE: frozenset[Row] = frozenset(
         ("detection/window_limit.py", "SPEED_REGIONS_M_S", (0.025, 0.06)),
         ("isolator/motion_history.py", "IDLE_A", 0.1),
         ("isolator/motion_history.py", "VISITED_SCANS", 400),
-        ("observers/driven_model.py", "POSITION_WALK_M", 1e-6),
-        ("observers/state_observer.py", "UNKNOWN_POSITION_M", 0.1),
         ("residuals/thermal.py", "CORRECTION_S", 15.0),
         ("sensors/sensor_limits.py", "REST_SCANS", 3),
         ("vibration/features_envelope.py", "ENVELOPE_BAND_HZ", (1500.0, 9500.0)),

@@ -44,8 +44,9 @@ STATES = (
     "position_m",
 )
 
-POSITION_WALK_M = 1.0e-6
-"""Keeps a perfect integral of the speed from shutting out the position sensor."""
+WALK = 1.0 / 60.0
+"""Of a position's noise that it wanders in a scan: a perfect integral of the speed would shut its
+sensor out."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,8 @@ class DrivenModel(Frozen):
     noise: ObserverNoise
     sigmas: tuple[float, ...]
     """Standard deviation of one reading of each channel; of the voltage as raw PWM."""
+    walk: float
+    """Standard deviation of what the position wanders in a scan."""
     pwm: bool
     """Voltage sampled as raw PWM, hence a measurement and no input."""
     winding_degc: float
@@ -167,7 +170,7 @@ class DrivenModel(Frozen):
         pushed = np.array([0.0, c.averaged, c.gained, c.period_s * c.averaged])
         per_newton, per_volt = abs(c.pushes[2]) * pushed, c.per_volt * pushed
         per_volt[0] = 1.0
-        own = np.diag([0.0, 0.0, 0.0, POSITION_WALK_M]) ** 2
+        own = np.diag([0.0, 0.0, 0.0, self.walk]) ** 2
         found = {}
         for voltage in (False, True):
             for load in (False, True):

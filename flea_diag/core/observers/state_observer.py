@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.observers.driven_model import STATES, DrivenModel, track_of
+from flea_diag.core.observers.driven_model import STATES, WALK, DrivenModel, track_of
 from flea_diag.core.observers.kalman import KalmanFilter
 from flea_diag.core.observers.observer_block import (
     TOLD,
@@ -42,10 +42,9 @@ Flags = npt.NDArray[np.bool_]
 
 FILTERS = ("optimal", "bootstrap", "kalman")
 SAMPLINGS = ("mean", "instant_pwm")
-START_SIGMA = {"voltage_v": 10.0, "mean_speed_m_s": 0.1, "speed_m_s": 0.1005, "position_m": 0.001}
-"""Prior of the states before the first scan; the last speed of a scan is near its mean speed."""
 MEAN, LAST = STATES.index("mean_speed_m_s"), STATES.index("speed_m_s")
-UNKNOWN_POSITION_M = 0.1
+NOISES = 1000.0
+"""Of a position's noise that stand for its travel where that is not known."""
 WARMED_K = 0.5
 """Change of the winding temperature at which the resistance is updated."""
 
@@ -58,6 +57,16 @@ def _sigmas(noise: ObserverNoise, rows: ResidualSet, by: DrivenChannels) -> dict
         for name in by.predicted
     }
     return {**found, by.voltage: noise.voltage_sample_v}
+
+
+def _prior(extent: float) -> dict[str, float]:
+    """Standard deviations of the states before the first scan, by the travel of the position.
+
+    The last speed of a scan is near its mean speed.
+    """
+    mean, last = extent, extent + 0.005 * extent
+    states = {"voltage_v": 10.0, "mean_speed_m_s": mean, "speed_m_s": last}
+    return {**states, "position_m": 0.01 * extent}
 
 
 class StateObserver:
@@ -149,7 +158,11 @@ class StateObserver:
         self.backend = "numpy" if kind == "kalman" else backends.chosen(backend)
         pwm = voltage_sampling == "instant_pwm"
         sigmas = tuple(sigma[name] for name in by.readings)
-        self._model = DrivenModel(equations, parameters, period_s, noise, sigmas, pwm, cold)
+        described = rows.noise.get(by.position, 0.0)
+        ends = known.stop.high_m - known.stop.low_m
+        self._extent = NOISES * described if math.isnan(ends) else ends
+        walk = WALK * described
+        self._model = DrivenModel(equations, parameters, period_s, noise, sigmas, walk, pwm, cold)
         self._compiled = self.backend == "numba" and kind == "optimal"
         self._filter: Filter | None = None
 
@@ -278,12 +291,12 @@ class StateObserver:
 
     def _started(self, y: Array, u: Array) -> Filter:
         """A filter at the first scan: the prior, corrected by the readings of that scan."""
-        noise, sigma = self._model.noise, dict(START_SIGMA)
+        noise, sigma = self._model.noise, _prior(self._extent)
         current = self._model.channels.index(self._model.equations.channels.current)
         voltage = self._model.voltage_v(float(np.nan_to_num(y[current])))
         position = self._model.position_m(y)
         if math.isnan(position):
-            position, sigma["position_m"] = 0.0, UNKNOWN_POSITION_M
+            position, sigma["position_m"] = 0.0, self._extent
         if not self._model.pwm and not math.isnan(u[0]):
             voltage, sigma["voltage_v"] = u[0], noise.voltage_v
         covariance = np.diag([sigma[name] ** 2 for name in STATES])

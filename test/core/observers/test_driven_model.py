@@ -13,7 +13,7 @@ from support.models.linear_actuator import PERIOD
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core import backend as backends
-from flea_diag.core.observers.driven_model import POSITION_WALK_M, DrivenModel, step_parts
+from flea_diag.core.observers.driven_model import DrivenModel, step_parts
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.residuals.driven_equations import driven_equations
 from flea_diag.core.residuals.parameters import ActuatorParameters
@@ -31,7 +31,7 @@ SIGMAS = (0.26, 8.3, 1.0, 6e-5, 6e-5)
 
 def driven(pwm: bool = False, degc: float = 25.0) -> DrivenModel:
     equations = driven_equations(RELATIONS, RELATIONS.residuals)
-    return DrivenModel(equations, P, PERIOD, ObserverNoise(), SIGMAS, pwm, degc)
+    return DrivenModel(equations, P, PERIOD, ObserverNoise(), SIGMAS, 1e-6, pwm, degc)
 
 
 def moved(backend: str, model: DrivenModel, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -115,7 +115,7 @@ def test_what_is_drawn_moves_as_what_was_written_by_hand(
     p, noise = replace(P, encoder_m_per_rad=encoder), ObserverNoise()
     known = compiled_relations("actuator.yaml", None, bool(encoder))
     equations = driven_equations(known, known.residuals)
-    model = DrivenModel(equations, p, PERIOD, noise, SIGMAS, pwm, degc)
+    model = DrivenModel(equations, p, PERIOD, noise, SIGMAS, 1e-6, pwm, degc)
     rise = degc - 25.0
     for ours, wanted in zip((model.H, model.h), hand.readings(p, rise), strict=True):
         np.testing.assert_allclose(ours, wanted, rtol=1e-13, atol=1e-15)
@@ -127,7 +127,7 @@ def test_what_is_drawn_moves_as_what_was_written_by_hand(
         volt = noise.voltage_walk_v if pwm or math.isnan(u[0]) else noise.voltage_v
         extra = noise.unmeasured_force_n if math.isnan(u[1]) else 0.0
         newton = math.hypot(noise.force_n, extra)
-        wanted = hand.process_noise(p, rise, PERIOD, volt, newton, POSITION_WALK_M)
+        wanted = hand.process_noise(p, rise, PERIOD, volt, newton, 1e-6)
         np.testing.assert_allclose(model.process_noise(u), wanted, rtol=1e-9, atol=1e-20)
 
 
