@@ -8,6 +8,7 @@ that it should have changed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -40,27 +41,30 @@ class HeldReadings:
             for limit in limits
             if limit.repeats and {limit.channel, sensors.held.get(limit.channel)} <= set(channels)
         ]
-        self._columns = [channels.index(limit.channel) for limit in tested]
+        self._columns = [
+            (channels.index(limit.channel), channels.index(sensors.held[limit.channel]))
+            for limit in tested
+        ]
         self.places = [sensors.names.index(f"{limit.channel}_stuck") for limit in tested]
         """Columns of the tests."""
         self.k = np.array([float(stuck_scans(limit, period_s)) for limit in tested])
         """Their limits, shape (tests,)."""
-        self._commands = [channels.index(sensors.held[limit.channel]) for limit in tested]
-        self._last = np.full((1, 2 * len(tested)), np.nan)
-        self._run = np.zeros((1, len(tested)))
+        self.interrupt()
 
     def interrupt(self) -> None:
         """A gap in the stream: no run of equal readings spans it."""
-        self._last[:], self._run[:] = np.nan, 0.0
+        self._last = [(math.nan, math.nan, 0)] * len(self._columns)
 
     def step(self, rows: Array) -> Array:
         """The number at each of n rows, shape (n, tests); rows of shape (n, channels)."""
-        now = rows[:, [*self._columns, *self._commands]]
-        change = now - np.concatenate((self._last, now[:-1]))
-        self._last = now[-1:]
-        held, asked = np.split(change, 2, axis=1)
-        same = held == 0.0
-        count = np.cumsum(same & (np.abs(asked) > 0.0), axis=0)
-        run = count - np.maximum.accumulate(np.where(same, -self._run, count))
-        self._run = run[-1:]
-        return np.asarray(run)
+        runs = np.empty((len(rows), len(self._columns)))
+        for test, (column, command) in enumerate(self._columns):
+            held, before, run = self._last[test]
+            told = []
+            # Plain numbers: one scan costs less than one call of numpy.
+            for value, asked in zip(*rows[:, (column, command)].T.tolist(), strict=True):
+                run = run + (abs(asked - before) > 0.0) if value == held else 0
+                held, before = value, asked
+                told.append(run)
+            runs[:, test], self._last[test] = told, (held, before, run)
+        return runs
