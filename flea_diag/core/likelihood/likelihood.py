@@ -39,12 +39,16 @@ FOLD = 50
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """One hypothesis against the window: log-likelihood ratio, sizes and standard errors."""
+    """One hypothesis against the window: log-likelihood ratio, sizes and standard errors.
+
+    ``left``: of each residual the sum of squares over block means that the hypothesis leaves.
+    """
 
     fault: str
     log_likelihood: float
     sizes: tuple[float, ...]
     sigmas: tuple[float, ...]
+    left: tuple[float, ...] = ()
 
 
 class NormalEquations:
@@ -61,6 +65,11 @@ class NormalEquations:
         self._square = np.zeros(count)
         self.samples = np.zeros(count)
         self._spacing = np.ones(count)
+        self._means = np.zeros((count, 1 + width, 1 + width))
+        self.blocks = np.zeros(count)
+        """Of each residual, blocks of at least ``FOLD`` scans of which half had a value."""
+        self._block, self._block_samples = np.zeros((count, 1 + width)), np.zeros(count)
+        self._block_scans = 0
         self._values, self._phi = np.empty((FOLD, count)), np.empty((FOLD, width))
         self._waiting = 0
 
@@ -89,12 +98,26 @@ class NormalEquations:
             self._cross[index] += y @ signals
             self._square[index] += y @ y
             self.samples[index] += len(y)
+            self._block[index] += (y.sum(), *signals.sum(axis=0))
+            self._block_samples[index] += len(y)
+        self._block_scans += self._waiting
         self._waiting = 0
+        if self._block_scans >= FOLD:
+            self._end_block()
+
+    def _end_block(self) -> None:
+        """Add the products of the means of this block."""
+        enough = 2 * self._block_samples >= self._block_scans
+        mean = self._block[enough] / self._block_samples[enough, None]
+        self._means[enough] += mean[:, :, None] * mean[:, None, :]
+        self.blocks[enough] += 1.0
+        self._block[:], self._block_samples[:], self._block_scans = 0.0, 0.0, 0
 
     def fade(self, share: float) -> None:
         """Scale all sums by ``share``."""
         self._fold()
-        for sums in (self._gram, self._cross, self._square, self.samples):
+        every = (self._gram, self._cross, self._square, self.samples, self._means, self.blocks)
+        for sums in every:
             sums *= share
 
     def take(self, other: NormalEquations, times: float) -> None:
@@ -104,6 +127,14 @@ class NormalEquations:
         self._cross += times * other._cross
         self._square += times * other._square
         self.samples += times * other.samples
+        self._means += times * other._means
+        self.blocks += times * other.blocks
+
+    @property
+    def shown(self) -> Array:
+        """Of each residual the sum of squares of its block means, shape (residuals,)."""
+        self._fold()
+        return self._means[:, 0, 0]
 
     def foreseen(self, phi: Array, model: FaultModel, sizes: Sequence[float]) -> NormalEquations:
         """Expected evidence after a planned window in which ``model`` is present.
@@ -217,7 +248,11 @@ class NormalEquations:
         smooth = [k for k in range(len(stack.faults)) if k not in rough]
         for k, errors in zip(smooth, systems.errors(smooth), strict=True):
             gain = 0.5 * (nominal - systems.misfit(k, square))
-            yield stack.faults[k], _fit(stack.faults[k], gain, systems, k, errors, independent)
+            left = self._left(stack, k, systems.solutions[k])
+            yield (
+                stack.faults[k],
+                _fit(stack.faults[k], gain, systems, k, errors, independent, left),
+            )
         if not rough:
             return
         weights, losses = zip(
@@ -230,7 +265,15 @@ class NormalEquations:
         for k, (model, errors) in enumerate(zip(part.faults, every, strict=True)):
             misfit = systems.misfit(k, float(weights[k] @ self._square))
             gain = 0.5 * (nominal - misfit) - losses[k]
-            yield model, _fit(model, gain, systems, k, errors, independent)
+            left = self._left(part, k, systems.solutions[k])
+            yield model, _fit(model, gain, systems, k, errors, independent, left)
+
+    def _left(self, stack: ModelStack, k: int, unknowns: Array) -> tuple[float, ...]:
+        """Sum of squares of the block means that these unknowns of one model leave."""
+        effect = stack.designs[stack.places[k]] @ unknowns
+        without = np.concatenate((np.ones((len(effect), 1)), -effect), axis=1)
+        left = (without * np.matmul(self._means, without[..., None])[..., 0]).sum(axis=-1)
+        return tuple(left.tolist())
 
     def _roughened(
         self, model: FaultModel, sizes: Sequence[float], weight: Array
@@ -274,10 +317,11 @@ def _fit(
     k: int,
     errors: Array,
     independent: float,
+    left: tuple[float, ...],
 ) -> Fit:
     sizes = systems.sizes(k)
     nats = float(gain - _penalty(sizes, independent))
-    return Fit(model.fault, nats, sizes, tuple(map(float, errors)))
+    return Fit(model.fault, nats, sizes, tuple(map(float, errors)), left)
 
 
 def _effect(model: FaultModel, residual: str, sizes: Sequence[float], basis: Basis) -> Array:

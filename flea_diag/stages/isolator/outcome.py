@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit, Misfit
 from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.stages.isolator.ambiguity import Ambiguity
@@ -46,6 +47,7 @@ class OutcomeRules:
         self._patience_ns = round(parameters.feature_patience_s * 1e9)
         self._rest_ns = parameters.rest_s * 1e9
         self._residuals = knowledge.effects.residuals
+        self._fit = GoodnessOfFit(knowledge.calibration)
         self._ambiguity = Ambiguity(knowledge.features, models, quantified, self._residuals)
 
     def decide(self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode | None) -> Decision:
@@ -78,6 +80,10 @@ class OutcomeRules:
             return Outcome.DETECTED, f"fault detected, one of: {names}"
         if self._is_unexplained(episode, alive):
             return Outcome.UNEXPLAINED, f"none of {names} explains the deviation{what}"
+        if poor := self._misfits(episode, alive):
+            why = ", ".join(f"{m.residual} keeps {m.scatter:.1f} times its healthy scatter (limit "
+                            f"{m.limit:.1f})" for m in poor)  # fmt: skip
+            return Outcome.UNEXPLAINED, f"none of {names} explains the deviation{what}: {why}"
         if len(alive) == 1:
             return Outcome.ISOLATED, f"the fault is {names}"
         why = self._ambiguity.reason(stand, episode, alive)
@@ -91,6 +97,12 @@ class OutcomeRules:
         if any(h.fit is None for h in alive):
             return False
         return max(h.log_likelihood for h in alive) < self._explain_nats
+
+    def _misfits(self, episode: FaultEpisode, alive: list[Hypothesis]) -> tuple[Misfit, ...]:
+        """Relations that the most likely hypothesis does not fit, if no other fits either."""
+        evidence = episode.evidence.equations
+        left = [self._fit.misfits(evidence, h.fit) if h.fit else () for h in alive]
+        return left[0] if all(left) else ()
 
     def _quiet(self, stamp_ns: int, stand: StandStatus) -> Decision:
         bad = [channel for channel in self._residuals.required if channel in stand.bad]

@@ -1,0 +1,116 @@
+"""Whether the most likely hypothesis fits by itself, held against sums over the samples."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from flea_diag.configuration.calibrations import load_calibration
+from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
+from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit, MeanScatter
+from flea_diag.core.likelihood.basis import Basis
+from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
+from flea_diag.core.likelihood.likelihood import FOLD, Fit, NormalEquations
+
+NAMES = ("one_relation", "another")
+BASIS = Basis(("one", "wave"), (), ())
+SIGMA, K = 0.2, 5.0
+"""Scatter of the means of nominal recordings, and the limit of one of them."""
+BLOCKS = 12
+
+
+def limit(name: str) -> ResidualLimit:
+    short, long = ((50, SIGMA), (400, 0.25 * SIGMA))
+    windows = tuple(WindowLimit(w, (0.0,) * 3, (s,) * 3, K) for w, s in (short, long))
+    return ResidualLimit(name, windows, (1.0,) * 3)
+
+
+SHIPPED = load_calibration("calibration_simulated_stand.yaml")
+CALIBRATION = replace(SHIPPED, limits=tuple(map(limit, NAMES)))
+BOTH = FaultModel(
+    "both",
+    (Size("size", "1", -9.0, 9.0),),
+    (Term(NAMES[0], "one", 1.0), Term(NAMES[1], "one", 1.0)),
+)
+FIRST = FaultModel("first", (Size("size", "1", -9.0, 9.0),), (Term(NAMES[0], "one", 1.0),))
+
+
+def evidence(levels: tuple[float, float], step: int = FOLD) -> tuple[NormalEquations, np.ndarray]:
+    """Two relations at these levels, with white noise of the nominal scatter."""
+    noise = np.random.default_rng(4).normal(0.0, SIGMA * math.sqrt(FOLD), (BLOCKS * FOLD, 2))
+    y = np.array(levels) + noise
+    phi = np.stack((np.ones(len(y)), np.sin(0.01 * np.arange(len(y)))), axis=1)
+    found = NormalEquations(NAMES, BASIS)
+    for start in range(0, len(y), step):
+        found.add(y[start : start + step], phi[start : start + step])
+    return found, y
+
+
+def fitted(known: NormalEquations, model: FaultModel) -> Fit:
+    scatter = dict.fromkeys(NAMES, SIGMA * math.sqrt(FOLD))
+    (fit,) = known.fit((model,), scatter, dict.fromkeys(NAMES, 1.0), ())
+    return fit
+
+
+def poor(levels: tuple[float, float], model: FaultModel) -> list[str]:
+    known, _ = evidence(levels)
+    rows = GoodnessOfFit(CALIBRATION).misfits(known, fitted(known, model))
+    return [row.residual for row in rows]
+
+
+def test_a_fault_that_explains_what_deviates_fits() -> None:
+    assert poor((3.0, 3.0), BOTH) == []
+    assert poor((3.0, 0.0), FIRST) == []
+
+
+def test_a_relation_that_the_fault_does_not_move_and_that_deviates_is_named() -> None:
+    assert poor((3.0, 3.0), FIRST) == ["another"]
+
+
+def test_a_relation_that_the_fault_should_move_and_that_stays_quiet_is_named() -> None:
+    # Half of the level is left in the one that deviates, and as much is too much in the other.
+    assert "another" in poor((3.0, 0.0), BOTH)
+
+
+def test_what_is_left_is_said_in_healthy_scatters() -> None:
+    known, y = evidence((3.0, 3.0))
+    (row,) = GoodnessOfFit(CALIBRATION).misfits(known, fitted(known, FIRST))
+    means = y[:, 1].reshape(BLOCKS, FOLD).mean(axis=1)
+    assert row.scatter == pytest.approx(math.sqrt(np.mean(means**2)) / SIGMA)
+    assert row.scatter > row.limit
+
+
+@pytest.mark.parametrize("model", [BOTH, FIRST])
+def test_what_is_left_is_that_of_the_block_means(model: FaultModel) -> None:
+    known, y = evidence((3.0, 2.0))
+    fit = fitted(known, model)
+    means = y.reshape(BLOCKS, FOLD, 2).mean(axis=1)
+    moved = [fit.sizes[0] if model is BOTH or k == 0 else 0.0 for k in range(2)]
+    np.testing.assert_allclose(fit.left, ((means - moved) ** 2).sum(axis=0))
+    np.testing.assert_allclose(known.shown, (means**2).sum(axis=0))
+
+
+def test_blocks_are_whole_however_often_the_evidence_is_looked_at() -> None:
+    # As at 25 Hz: it is fitted every 12 scans, and four such are less than a block.
+    found, y = NormalEquations(NAMES, BASIS), np.ones((120, 2))
+    for start in range(0, 120, 12):
+        found.add(y[start : start + 12], np.ones((12, 2)))
+        fitted(found, BOTH)
+    assert found.blocks.tolist() == [2.0, 2.0]
+    np.testing.assert_allclose(found.shown, 2.0)
+
+
+def test_one_mean_has_the_limit_of_its_own_test_and_many_that_of_chi_square() -> None:
+    nominal = MeanScatter.of(CALIBRATION, NAMES[0])
+    assert nominal is not None
+    # Means of 400 scans scatter by a quarter, less than those of eight independent blocks.
+    assert nominal.spacing == 1.0
+    assert nominal.level == pytest.approx((K * 0.25) ** 2)
+    assert nominal.limit(1) == pytest.approx(K**2 + nominal.level)
+    of_ten = chi2.isf(math.erfc(K / math.sqrt(2.0)), 10) / 10
+    assert nominal.limit(10) == pytest.approx(of_ten + nominal.level)
+    assert nominal.limit(1e6) == pytest.approx(1.0 + nominal.level, rel=0.02)
