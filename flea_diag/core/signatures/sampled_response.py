@@ -103,10 +103,13 @@ class SampledColumns:
             senses[spec.reference] = -1
         senses = {c: sense for c, sense in senses.items() if c in self.model.sensors}
         if group and group[0].mode:
-            return self._sensor_cell(senses, spec.model or "stand", group[0])
+            found = self._sensor_cell(senses, spec.model or "stand", group[0])
+            steady = group[0].mode == "scaling" and not self.rates.get(group[0].name)
+            # A share of a reading that stands here comes and goes with it elsewhere.
+            return _varying(found) if steady and spec.kind == "difference" else found
         changed, reach = self._changed(fault, group), max(1.0, LARGEST / fault.size)
-        found = self._deviation(senses, spec.model or "stand", changed, reach)
-        result = found.signature(", ".join(map(str, group)))
+        moved = self._deviation(senses, spec.model or "stand", changed, reach)
+        result = moved.signature(", ".join(map(str, group)))
         if fault.incipient:
             return _grown(result)
         # Two readings of one thing come apart by what moves them: with the motion, or a command.

@@ -13,7 +13,7 @@ from support.models import ema_oracle as oracle
 from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant, operating_values
-from flea_diag.core.faults.fault import Fault, hypothesis
+from flea_diag.core.faults.fault import Fault, FaultHypothesis, hypothesis
 from flea_diag.core.signatures.sampled_response import SCANS, SampledColumns
 from flea_diag.core.signatures.signature import signature_table
 
@@ -139,3 +139,15 @@ def test_growing_fault_has_no_jump_and_strength_is_in_sigmas(stand: Actuator) ->
     # Quasi-static: speed falls by R/K^2 times half of 0.02375 N m, less what the load friction
     # gives back: 4.4 rad/s at most, of which the sensor's sigma is 0.5 rad/s.
     assert 0.5 * 8.8 < cell.strength <= 8.8
+
+
+@pytest.mark.parametrize(
+    ("mode", "symbols"), [("scaling+", "+*"), ("scaling-", "-*"), ("bias+", "+0"), ("drift+", "0+")]
+)
+def test_a_share_of_a_voltage_comes_and_goes_with_it(
+    stand: Actuator, mode: str, symbols: str
+) -> None:
+    cause = FaultHypothesis("motor_voltage", {"+": 1, "-": -1}[mode[-1]], mode[:-1])
+    error = Fault("error", "", ((cause,),), "physics", "abrupt", 0.2, False, "")
+    table = signature_table(stand, {"error": error}, ["parity_drive"], QUADRANTS[0], PERIOD)
+    assert table["error"]["parity_drive"].symbols == symbols
