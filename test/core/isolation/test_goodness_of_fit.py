@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
@@ -104,13 +103,11 @@ def test_blocks_are_whole_however_often_the_evidence_is_looked_at() -> None:
     np.testing.assert_allclose(found.shown, 2.0)
 
 
-def test_one_mean_has_the_limit_of_its_own_test_and_many_that_of_chi_square() -> None:
-    nominal = MeanScatter.of(CALIBRATION, NAMES[0])
-    assert nominal is not None
-    # Means of 400 scans scatter by a quarter, less than those of eight independent blocks.
-    assert nominal.spacing == 1.0
-    assert nominal.level == pytest.approx((K * 0.25) ** 2)
-    assert nominal.limit(1) == pytest.approx(K**2 + nominal.level)
-    of_ten = chi2.isf(math.erfc(K / math.sqrt(2.0)), 10) / 10
-    assert nominal.limit(10) == pytest.approx(of_ten + nominal.level)
-    assert nominal.limit(1e6) == pytest.approx(1.0 + nominal.level, rel=0.02)
+def test_no_fit_is_poor_that_leaves_what_healthy_means_may_reach() -> None:
+    assert poor((0.0, 0.9 * K * SIGMA), FIRST) == []
+    assert poor((0.0, 1.3 * K * SIGMA), FIRST) == ["another"]
+
+
+def test_a_mean_over_a_block_has_the_limit_of_the_shortest_window() -> None:
+    assert MeanScatter.of(CALIBRATION, NAMES[0]) == MeanScatter(pytest.approx(SIGMA**2), K)
+    assert MeanScatter.of(CALIBRATION, "unknown") is None
