@@ -6,12 +6,14 @@ all later steps exist once, on ``Innovations``.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.frozen import Frozen
 from flea_diag.core.observers.driven_model import STATES
 from flea_diag.core.observers.state_filter import Innovation
 from flea_diag.core.residuals.driven_equations import DrivenChannels
@@ -26,7 +28,8 @@ TOLD = 4
 """Numbers told of each heated store: prediction, residual, sigma and estimate."""
 
 
-class RowLayout(NamedTuple):
+@dataclass(frozen=True)
+class RowLayout(Frozen):
     """Where rows of the observer hold what: first the filter's innovation, then heated stores.
 
     ``motion`` and ``predicted`` are numbers of channels, ``warm`` the start of the stores in a raw

@@ -196,10 +196,10 @@ class StateObserver:
                 done += 1
         if not self._compiled:
             return Innovations.joined(self._layout, raw, measured, lost)
-        motion, predicted, _, _, order = self._layout
-        table = np.empty((len(rows), len(order)))
-        backends.exact(join_loops)(raw, measured, table, motion, predicted, order)
-        return Innovations(predicted, table, measured, lost)
+        at = self._layout
+        table = np.empty((len(rows), len(at.order)))
+        backends.exact(join_loops)(raw, measured, table, at.motion, at.predicted, at.order)
+        return Innovations(at.predicted, table, measured, lost)
 
     def _read(self, rows: Array) -> tuple[Scans, npt.NDArray[np.int64]]:
         """Input of the filter, and the number of motion channels measured in each scan."""

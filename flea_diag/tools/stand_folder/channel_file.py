@@ -6,10 +6,9 @@ import json
 import re
 from collections.abc import Iterator
 
-import yaml
-
 from flea_diag.tools.stand_folder.proposal import ChannelProposal, StandProposal
 from flea_diag.tools.stand_folder.row_times import RowTimes
+from flea_diag.wire.yaml_text import parse_yaml
 
 _PLAIN = re.compile(r"[A-Za-z_/][\w/.\[\]-]*")
 _LEFT_OUT = 40
@@ -24,7 +23,7 @@ def channel_file(found: StandProposal) -> str:
 
 def yaml_text(text: str) -> str:
     """A text as YAML holds it, in quotes where it needs them."""
-    if _PLAIN.fullmatch(text) and yaml.safe_load(text) == text:
+    if _PLAIN.fullmatch(text) and parse_yaml(text) == text:
         return text
     return json.dumps(text)
 
