@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -44,16 +43,6 @@ def test_a_replay_gives_what_it_gives_here(
     assert main([*command, str(there), "--dask", cluster.scheduler_address]) == 1
     assert there.read_text(encoding="utf-8") == here.read_text(encoding="utf-8")
     assert [each["bag"] for each in json.loads(here.read_text())] == ["nominal", "jam"]
-
-
-def test_a_calibration_is_the_one_made_here(cluster: Any, tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        shutil.copytree(BAGS / "nominal", tmp_path / name)
-    command = ["calibrate", str(tmp_path / "a"), str(tmp_path / "b"), "-o"]
-    here, there = tmp_path / "here.yaml", tmp_path / "there.yaml"
-    assert main([*command, str(here)]) == 0
-    assert main([*command, str(there), "--dask", cluster.scheduler_address]) == 0
-    assert there.read_bytes() == here.read_bytes()
 
 
 def test_an_error_is_that_of_the_command(

@@ -7,6 +7,7 @@ import json
 import math
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,8 @@ from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.tools import extra
 from flea_diag.tools.calibrate import plots as calibration_plots
+from flea_diag.tools.calibrate.nominal_recording import read_nominal
+from flea_diag.tools.calibrate.shared_work import Sharing
 from flea_diag.tools.main import main
 from flea_diag.tools.terminal import IN_PART
 from flea_diag.wire.bags.bag import BagWriter
@@ -79,8 +82,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 @pytest.fixture(scope="module")
 def made(bags: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("made") / "calibration.yaml"
-    # By two processes: what one makes of the same runs is compared below.
-    arguments = ["--plots", str(target.parent / "pictures"), "--plot-format", "svg", "-j", "2"]
+    arguments = ["--plots", str(target.parent / "pictures"), "--plot-format", "svg"]
     assert main(["calibrate", *map(str, bags), "-o", str(target), *arguments]) == 0
     return target
 
@@ -92,6 +94,16 @@ def test_the_file_names_its_bags_and_holds_what_the_same_runs_teach_directly(mad
     for name in ("winding_resistance_ohm", "coulomb_friction_n", "motor_heating_k_per_a2s"):
         assert getattr(calibration.parameters, name) == getattr(direct.parameters, name)
     assert calibration.limits == direct.limits
+
+
+def test_two_processes_read_what_one_reads(bags, tmp_path):
+    given = [*bags[:2], tmp_path, bags[0]]
+    (here, why), (there, why_there) = (read_nominal(given, FLEA, Sharing(jobs)) for jobs in (1, 2))
+    assert why_there == why
+    assert ["is not a bag" in why[0], "is given twice" in why[1], len(why)] == [True, True, 2]
+    for one, other in zip(here, there, strict=True):
+        np.testing.assert_array_equal(other.run.rows, one.run.rows)
+        assert replace(other, run=one.run) == one
 
 
 def test_every_parameter_has_a_covariance_or_the_reason_why_not(made):
