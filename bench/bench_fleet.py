@@ -2,7 +2,7 @@
 
 A process of its own publishes prepared scans at 100 Hz to each stand; its load is stated apart. A
 third one, this, hears residuals and verdicts. One stand in eight jams half way. Latency is from the
-stamp of a scan, set when it is published, to the arrival of its residual.
+stamp of a scan, the time at which it is due, to the arrival of its residual.
 
     scripts/bench fleet                                  1 to 32 stands, 30 s each
     python bench/bench_fleet.py --seconds 600 --stands 32 --batch-ms 50 --processes 2
@@ -59,7 +59,7 @@ def messages(bag: Path) -> list[bytearray]:
 
 
 def generate(count: int, folder: Path, seconds: float) -> None:
-    """Publish prepared scans with the present time as their stamps; the load generator."""
+    """Publish prepared scans, stamped with the time at which each is due; the load generator."""
     import rclpy
     from sensor_msgs.msg import JointState
 
@@ -75,11 +75,12 @@ def generate(count: int, folder: Path, seconds: float) -> None:
         time.sleep(0.05)
     time.sleep(1.0)  # a writer knows its reader before the reader knows the writer
     print(READY, flush=True)
-    begin = time.monotonic()
+    begin, begin_ns = time.monotonic(), time.time_ns()
     for number in range(round(seconds / PERIOD_S)):
         time.sleep(max(0.0, begin + number * PERIOD_S - time.monotonic()))
+        stamp = divmod(begin_ns + round(1e9 * number * PERIOD_S), 1_000_000_000)
         for publisher, rows in out:
-            STAMP.pack_into(rows[number], STAMP_AT, *divmod(time.time_ns(), 1_000_000_000))
+            STAMP.pack_into(rows[number], STAMP_AT, *stamp)
             publisher.publish(bytes(rows[number]))
     print("all published", flush=True)
     rclpy.spin(me)  # what is not acknowledged yet is sent again, until this process is ended

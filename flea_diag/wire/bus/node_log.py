@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any
 
 from flea_diag.errors import line_of
@@ -21,6 +23,7 @@ class NodeLog:
 
     def __init__(self, node: Any) -> None:
         self._node = node
+        self._warned_s = -math.inf
 
     # rclpy keeps severity and throttling by line of code, hence one line for each.
 
@@ -41,5 +44,12 @@ class NodeLog:
         self._node.get_logger().error(line_of(text))
 
     def warn(self, text: str) -> None:
-        """Log a warning, throttled: one limit for all such warnings of a node."""
-        self._node.get_logger().warning(line_of(text), throttle_duration_sec=WARN_EVERY_S)
+        """Log a warning, throttled: one limit for all such warnings of a node.
+
+        The throttle of rclpy takes as long as the judgement of a scan, also for a line that it
+        does not log: too long for each message of a flood.
+        """
+        now_s = time.monotonic()
+        if now_s - self._warned_s >= WARN_EVERY_S:
+            self._warned_s = now_s
+            self._node.get_logger().warning(line_of(text))
