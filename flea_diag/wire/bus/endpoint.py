@@ -258,7 +258,11 @@ class Bus(NodeLog, Generic[P]):
             self.topic_name(topic),
             self.guarded(received),
             _qos(topic, depth),
-            event_callbacks=SubscriptionEventCallbacks(message_lost=self.guarded(lost)),
+            # Under a flood, taking this event of an EventsExecutor can wait for its own writer for
+            # ever; a node that shares its process does without: its inboxes count what they lose.
+            event_callbacks=SubscriptionEventCallbacks(
+                message_lost=None if self.on_failure else lost
+            ),
             qos_overriding_options=_overriding(),
             raw=True,
         )
