@@ -101,12 +101,18 @@ class EffectRules:
         return tuple(found)
 
     def moved(self, amounts: Mapping[str, Expression], index: int = 0) -> Effects:
-        """Of base parameters that are larger by these amounts for each unit of the size."""
-        return tuple(
-            effect
-            for row in self._set.relations
-            for effect in self._effects(row, _moved(row.expression, amounts), index)
-        )
+        """Of base parameters that are larger by these amounts for each unit of the size.
+
+        What acts by a current that answers to one balance alone acts by what that says of it.
+        """
+        found: list[FaultEffect] = []
+        for row in self._set.relations:
+            grown = _moved(row.expression, amounts)
+            answer = self._answer(CURRENT) if CURRENT in symbols(grown) else None
+            if answer is not None:
+                grown = substitute(grown, {CURRENT: answer})
+            found += self._effects(row, grown, index)
+        return tuple(found)
 
     def scaled(self, shares: Mapping[str, float], index: int = 0) -> Effects:
         """Of physical parameters that are larger by these shares of themselves."""
@@ -173,11 +179,18 @@ class EffectRules:
         is its own scatter: a share of the reading would explain that scatter as well, and win over
         any drag that is as large.
         """
+        answer = self._answer(channel)
+        if answer is None:
+            return ()
+        row = next(row for row in self._set.relations if channel in row.signals)
+        return tuple(self._collected(row, answer).items())
+
+    def _answer(self, channel: str) -> Expression | None:
+        """The same as one expression, None where there is no such answer."""
         read = [row for row in self._set.relations if channel in row.signals]
         if channel != CURRENT or len(read) != 1 or DIRECTION not in read[0].signals:
-            return ()
-        answer = solved_for(channel, read[0].expression)
-        return () if answer is None else tuple(self._collected(read[0], answer).items())
+            return None
+        return solved_for(channel, read[0].expression)
 
     def _readers(self, channel: str) -> int:
         return sum(channel in row.signals for row in self._set.relations)
