@@ -6,13 +6,12 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
-from flea_diag.tools.calibrate.operating_points import OperatingPoints
-
 if TYPE_CHECKING:
     from flea_diag.core.calibration.calibration import Calibration
     from flea_diag.core.calibration.out_of_sample import OutOfSample
     from flea_diag.core.residuals.leverage import CalibrationEnvelope
     from flea_diag.core.residuals.relation_set import RelationSet
+    from flea_diag.tools.calibrate.operating_points import OperatingPoints
 
 STRONG = 0.7
 """Correlation above which two parameters are reported as hard to separate."""
@@ -32,6 +31,8 @@ def words(calibration: Calibration, relations: RelationSet) -> str:
     for row in c.left_out:
         lines.append(f"left out: {row.recording}: {row.reason}")
     if c.envelope:
+        from flea_diag.tools.calibrate.operating_points import OperatingPoints
+
         lines += ["", *_envelope(c.envelope, OperatingPoints(c, relations))]
     if c.bad_stretches:
         lines += ["", "stretches excluded as implausible"]

@@ -14,7 +14,6 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.tools.campaign.run_result import NOMINAL
 from flea_diag.tools.stand_option import add_calibration, add_stand
 from flea_diag.tools.terminal import make_folder, progress, say, write_text
 
@@ -104,6 +103,7 @@ class CoverageScore:
 def scored(case: Case, stand: Stand) -> CoverageScore | None:
     """CoverageScore of one run; None where it has no fault."""
     from flea_diag.tools.campaign.case_records import records_of
+    from flea_diag.tools.campaign.run_result import NOMINAL
     from flea_diag.wire.records import Truth
 
     records = list(records_of(case.recipe))
