@@ -67,6 +67,7 @@ class EffectRules:
             channel: Variable(channel) + offset for channel, offset in relations.offsets.items()
         }
         self.shapes: dict[str, Function] = {}
+        self._answer = _answer(relations)
 
     def gains(self, channel: str) -> Gains:
         """By how much a constant error of a reading moves each relation that reads it.
@@ -108,9 +109,8 @@ class EffectRules:
         found: list[FaultEffect] = []
         for row in self._set.relations:
             grown = _moved(row.expression, amounts)
-            answer = self._answer(CURRENT) if CURRENT in symbols(grown) else None
-            if answer is not None:
-                grown = substitute(grown, {CURRENT: answer})
+            if self._answer is not None:
+                grown = substitute(grown, {CURRENT: self._answer[1]})
             found += self._effects(row, grown, index)
         return tuple(found)
 
@@ -179,18 +179,9 @@ class EffectRules:
         is its own scatter: a share of the reading would explain that scatter as well, and win over
         any drag that is as large.
         """
-        answer = self._answer(channel)
-        if answer is None:
+        if channel != CURRENT or self._answer is None:
             return ()
-        row = next(row for row in self._set.relations if channel in row.signals)
-        return tuple(self._collected(row, answer).items())
-
-    def _answer(self, channel: str) -> Expression | None:
-        """The same as one expression, None where there is no such answer."""
-        read = [row for row in self._set.relations if channel in row.signals]
-        if channel != CURRENT or len(read) != 1 or DIRECTION not in read[0].signals:
-            return None
-        return solved_for(channel, read[0].expression)
+        return tuple(self._collected(*self._answer).items())
 
     def _readers(self, channel: str) -> int:
         return sum(channel in row.signals for row in self._set.relations)
@@ -245,6 +236,15 @@ class EffectRules:
     ) -> tuple[FaultEffect, ...]:
         parts = self._collected(row, expression)
         return tuple(FaultEffect(row.name, basis, gain, index) for basis, gain in parts.items())
+
+
+def _answer(relations: RelationSet) -> tuple[CompiledRelation, Expression] | None:
+    """The balance whose current answers to motion and load alone, and what it says of that."""
+    read = [row for row in relations.relations if CURRENT in row.signals]
+    if len(read) != 1 or DIRECTION not in read[0].signals:
+        return None
+    answer = solved_for(CURRENT, read[0].expression)
+    return None if answer is None else (read[0], answer)
 
 
 def _moved(expression: Expression, amounts: Mapping[str, Expression]) -> Expression:
