@@ -42,12 +42,13 @@ class ToyStage:
 
     def __init__(self, parameters: ToyParameters) -> None:
         self._parameters = parameters
-        self._seen = 0
+        self._seen = self._held = 0
         self._outcome: Outcome | None = None
 
     def handle(self, record: Record) -> tuple[Record, ...]:
         assert isinstance(record, Scan)
         self._seen += 1
+        self._held += 1
         current = record.value("motor_current")
         if current < 0:
             raise ConfigurationError(f"motor_current = {current} A is below 0 A")
@@ -62,8 +63,8 @@ class ToyStage:
 
     def finish(self) -> tuple[Record, ...]:
         """Say once how many scans there were, as a stage lets go what it held back."""
-        self._seen, seen = 0, self._seen
-        return (Residual(seen, ("held",), (float(seen),), (0.0,), (1.0,)),) if seen else ()
+        self._held, held = 0, self._held
+        return (Residual(held, ("held",), (float(held),), (0.0,), (1.0,)),) if held else ()
 
     def reset(self) -> tuple[Record, ...]:
         self._outcome = Outcome.NOMINAL
