@@ -248,18 +248,29 @@ def _operating(top: Mapping[str, Any], where: str) -> OperatingPoint:
     return OperatingPoint(hold, by, schema.numbers(values["fixed"], f"{place}: fixed"))
 
 
+def _check_operating(made: Actuator, where: str) -> None:
+    states = {element.state for element in made.graph.elements.values()}
+    integrals = {sensor.state for sensor in made.sensors.values()}
+    by = {*made.inputs, *states, *integrals} - {""}
+    held = made.operating
+    for known, names, what in (
+        (set(made.sensors), held.hold, "channel"), (by, held.by, "input or state")
+    ):  # fmt: skip
+        for name in names:
+            if name not in known:
+                raise ConfigurationError(
+                    f"{where}: operating_point names {shown(name)}, no {what}; known are"
+                    f" {', '.join(sorted(known))}"
+                )
+
+
 def _check(made: Actuator, where: str) -> None:
     require_sound(made.graph, made.causality)
     fed = {e.signal for e in made.graph.elements.values() if e.kind in ("Se", "Sf", "MSe", "MSf")}
     for name in sorted((fed - {""}) ^ set(made.inputs)):
         said = "is an input that no source uses" if name in made.inputs else "is used but no input"
         raise ConfigurationError(f"{where}: {shown(name)} {said}; make inputs and sources agree")
-    known = {*made.sensors, *made.inputs}
-    for name in (*made.operating.hold, *made.operating.by):
-        if name not in known:
-            raise ConfigurationError(
-                f"{where}: operating_point names {shown(name)}, no channel or input"
-            )
+    _check_operating(made, where)
     for spec in made.residuals.values():
         check_residual(made, spec, where)
     for parameter, residual in made.predicted.items():

@@ -96,7 +96,7 @@ class ResidualSpec:
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Magnitudes to hold, the inputs that hold them, and values given directly."""
+    """Magnitudes to hold, inputs or unsteady states that hold them, and values given directly."""
 
     hold: Mapping[str, float]
     by: tuple[str, ...]

@@ -1,7 +1,9 @@
 """Operating points at which signatures are evaluated: quadrants and their steady values.
 
 The sign of a parameter's effect depends on the signs of current and speed (the quadrant). In
-each quadrant the inputs that hold the given magnitudes in steady state are solved for.
+each quadrant the inputs that hold the given magnitudes in steady state are solved for. Where no
+load can be commanded a motor brakes only while its speed changes: then a state holds a magnitude,
+and is not steady.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ NEGLIGIBLE = 1e-9
 
 @dataclass(frozen=True)
 class Quadrant:
-    """Signs of the held values, in their order in the description (current, speed)."""
+    """Signs of the held current and speed."""
 
     current: int
     speed: int
@@ -39,7 +41,7 @@ QUADRANTS = (Quadrant(1, 1), Quadrant(-1, 1), Quadrant(-1, -1), Quadrant(1, -1))
 def operating_values(
     actuator: Actuator, quadrant: Quadrant, scale: float = 1.0
 ) -> dict[str, float]:
-    """Steady-state values of all variables, inputs and parameters in a quadrant, SI units.
+    """Values of all variables, inputs and parameters in a quadrant, SI units.
 
     Parameters
     ----------
@@ -54,40 +56,52 @@ def operating_values(
     channels = [element.signal for element in actuator.graph.of_kind("De", "Df")]
     model = actuator.state_space("stand", channels)
     point = actuator.operating
-    signs = (quadrant.current, quadrant.speed)
     targets = [
-        scale * sign * value for sign, value in zip(signs, point.hold.values(), strict=False)
+        scale * value * (quadrant.current if _is_electrical(actuator, name) else quadrant.speed)
+        for name, value in point.hold.items()
     ]
     x = np.array([point.fixed.get(name, 0.0) for name in model.states])
     u = np.array([point.fixed.get(name, 0.0) for name in model.inputs])
     free_x = [k for k, name in enumerate(model.states) if name not in point.fixed]
+    steady_x = [k for k in free_x if model.states[k] not in point.by]
     free_u = [k for k, name in enumerate(model.inputs) if name in point.by]
     held = [model.outputs.index(name) for name in point.hold]
     for _ in range(50):
-        step = _newton_step(model, x, u, free_x, free_u, held, np.array(targets), actuator.name)
+        free, equal = (free_x, free_u), (steady_x, held)
+        step = _newton_step(model, x, u, free, equal, np.array(targets), actuator.name)
         x[free_x] += step[: len(free_x)]
         u[free_u] += step[len(free_x) :]
         if np.max(np.abs(step)) <= 1e-12 * (1.0 + np.max(np.abs(x))):
             return _all_values(actuator.relations("stand"), model.values(x, u))
     raise ModelError(
-        f"{actuator.name}: no steady state holds {dict(zip(point.hold, targets, strict=False))};"
+        f"{actuator.name}: no steady state holds {dict(zip(point.hold, targets, strict=True))};"
         " choose other values in operating_point"
     )
+
+
+def _is_electrical(actuator: Actuator, channel: str) -> bool:
+    graph = actuator.graph
+    detectors = [e.name for e in graph.of_kind("De", "Df") if e.signal == channel]
+    places = [bond.other(name) for name in detectors for bond in graph.at(name)]
+    return any(graph.elements[name].domain == "electrical" for name in places)
 
 
 def _newton_step(
     model: StateSpace,
     x: np.ndarray,
     u: np.ndarray,
-    free_x: list[int],
-    free_u: list[int],
-    held: list[int],
+    free: tuple[list[int], list[int]],
+    equal: tuple[list[int], list[int]],
     targets: np.ndarray,
     where: str,
 ) -> np.ndarray:
+    """Step of the free states and inputs towards steady states and held outputs."""
+    (free_x, free_u), (steady_x, held) = free, equal
     linear = model.linearise(x, u)
-    error = np.concatenate([-model.derivatives(x, u)[free_x], targets - model.measure(x, u)[held]])
-    top = np.hstack([linear.a[np.ix_(free_x, free_x)], linear.b[np.ix_(free_x, free_u)]])
+    error = np.concatenate(
+        [-model.derivatives(x, u)[steady_x], targets - model.measure(x, u)[held]]
+    )
+    top = np.hstack([linear.a[np.ix_(steady_x, free_x)], linear.b[np.ix_(steady_x, free_u)]])
     low = np.hstack([linear.c[np.ix_(held, free_x)], linear.d[np.ix_(held, free_u)]])
     matrix = np.vstack([top, low])
     if matrix.shape[0] != matrix.shape[1]:

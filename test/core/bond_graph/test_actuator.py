@@ -194,6 +194,7 @@ WRONG = [
     (bad("models.driven.measured", ["motor_power"]), "'motor_power'.*no sensor"),
     (bad("models.driven.measured", ["load_position"]), "'load_position'.*integral"),
     (bad("operating_point.by", ["commanded_voltage"]), "one input for each value"),
+    (bad("operating_point.by", ["commanded_voltage", "zeta"]), "'zeta', no input or state; known"),
     (add_bond("shaft -> flywheel"), "dangling.*'flywheel'"),
     (add_bond("shaft = rotor"), "'shaft = rotor'.*tail -> head"),
     (add_bond("shaft -> rotor"), "'rotor'"),

@@ -93,7 +93,7 @@ def told(row: Parity, sign: int, quadrant: Quadrant) -> str:
     return {0: "0", 1: "+", -1: "-"}[turned]
 
 
-@pytest.mark.parametrize("stand", ["flea", "ema", "wing", "cranfield"])
+@pytest.mark.parametrize("stand", ["flea", "ema", "wing", "cranfield", "joint"])
 def test_every_cell_is_the_sign_of_what_runs(stand: str) -> None:
     files = load_stand(stand)
     model, known = described(files.actuator), compiled_relations(files.actuator)
@@ -102,7 +102,9 @@ def test_every_cell_is_the_sign_of_what_runs(stand: str) -> None:
     compared = 0
     for quadrant in QUADRANTS:
         names = [p.name for p in parities]
-        point = point_of(model, known, operating_values(model, quadrant))
+        values = operating_values(model, quadrant)
+        assert np.sign(values["motor_current"]) == quadrant.current
+        point = point_of(model, known, values)
         table = signature_table(model, faults, names, quadrant, model.scan_period_s)
         for fault, variants in table.variants.items():
             for variant in variants:
