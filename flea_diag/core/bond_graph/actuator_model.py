@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from flea_diag.core.bond_graph.base_parameters import unit_of
 from flea_diag.core.bond_graph.bond_graph import Bond, BondGraph, bond_graph
 from flea_diag.core.bond_graph.causal_relation import (
     Relation,
@@ -133,6 +134,12 @@ class Actuator:
     def units(self) -> dict[str, str]:
         """Unit of every channel and input."""
         return {**self.inputs, **{s.channel: s.unit for s in self.sensors.values()}}
+
+    @cached_property
+    def base_units(self) -> dict[str, str]:
+        """Unit of every base parameter: that of a torque or of a force, as the graph has it."""
+        units = {name: entry.unit for name, entry in self.graph.parameters.items()}
+        return {name: unit_of(row, units) for name, row in self.base_parameters.items()}
 
     def relations(self, view: str = "stand") -> tuple[Relation, ...]:
         """Causal relations of a view of the model.

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from flea_diag.core import schema
-from flea_diag.core.symbolic.collect import exponents, monomial
+from flea_diag.core.symbolic.collect import exponents, monomial, terms_of
 from flea_diag.core.symbolic.expression import (
     Expression,
     Sum,
@@ -25,6 +25,7 @@ from flea_diag.core.symbolic.expression import (
     rewritten,
     symbols,
 )
+from flea_diag.core.symbolic.unit import product_unit
 from flea_diag.errors import ConfigurationError, shown
 
 
@@ -84,6 +85,19 @@ def in_base(definitions: Mapping[str, Expression], where: str = "") -> dict[Expr
         )
         for name, row in zip(physical, whole, strict=True)
     }
+
+
+def unit_of(definition: Expression, units: Mapping[str, str]) -> str:
+    """Unit of a base parameter, of those of the physical parameters in it; a name keeps its own.
+
+    It is what the description makes it: of a torque on a joint, of a force behind a screw.
+    """
+    if isinstance(definition, Variable):
+        return units[definition.name]
+    sums: dict[str, Expression] = {}
+    factors = exponents(rewritten(definition, lambda node: _named(node, sums)))
+    units = {**units, **{name: unit_of(terms_of(e)[0], units) for name, e in sums.items()}}
+    return product_unit((units[name], times) for name, times in factors.items())
 
 
 def _named(node: Expression, sums: dict[str, Expression]) -> Expression:

@@ -81,8 +81,9 @@ def relation_set(
         actuator.units,
         predictions,
         stop=stop_of(actuator, [row.name for row in rows]),
-        described=_described(actuator, held, rows, shapes),
+        described=_described(actuator, held),
         tolerances=actuator.tolerances,
+        base_units=actuator.base_units,
     )
 
 
@@ -104,21 +105,10 @@ def _closed(
                 yield spec, relation
 
 
-def _described(
-    actuator: Actuator,
-    held: Collection[str],
-    rows: Iterable[CompiledRelation],
-    shapes: Iterable[Function],
-) -> Mapping[str, float]:
-    """Values of those base parameters that a calibration holds and a relation or shape reads.
-
-    And of the inductance: no recording shows it, so a calibration holds that of the data sheet.
-    """
-    forms = (*(row.expression for row in rows), *shapes)
-    read = {name for form in forms for name in symbols(form)} & set(held)
-    read.add("winding_inductance_h")
+def _described(actuator: Actuator, held: Collection[str]) -> Mapping[str, float]:
+    """Values of base parameters that a calibration holds: what no recording fixes keeps it."""
     values, base = actuator.graph.values(), actuator.base_parameters
-    return {name: float(evaluate(base[name], values)) for name in base if name in read}
+    return {name: float(evaluate(base[name], values)) for name in base if name in held}
 
 
 def _rank(actuator: Actuator, row: CompiledRelation) -> int:

@@ -75,6 +75,8 @@ class RelationSet(Frozen):
         the dry friction that it meets.
     base
         Base parameter -> product of physical parameters.
+    base_units
+        Base parameter -> its unit, which those of the physical ones give.
     offsets
         Channel -> what its reading exceeds the truth by, in base parameters.
     displacements
@@ -88,7 +90,7 @@ class RelationSet(Frozen):
     stop
         Ends of travel, and the relations that the reaction of a stop enters.
     described
-        Base parameter in the relations -> the description's value.
+        Base parameter that a calibration holds -> the description's value.
     residuals
         Of the description, whatever sensors are fitted.
     tolerances
@@ -113,6 +115,7 @@ class RelationSet(Frozen):
     described: Mapping[str, float] = field(default_factory=dict)
     residuals: ResidualSet = field(default_factory=lambda: ResidualSet({}, ()))
     tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
+    base_units: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ value in another unit would pass as a number and be wrong by a factor.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 from flea_diag.errors import ConfigurationError, shown
 
@@ -46,7 +47,21 @@ def dimension(unit: str) -> Dimension:
     ConfigurationError
         When a part is not a coherent SI unit.
     """
-    exponents, place = [0, 0, 0, 0, 0], 0
+    found = [0, 0, 0, 0, 0]
+    for name, times in powers(unit):
+        found = [a + times * b for a, b in zip(found, UNITS[name], strict=True)]
+    return (found[0], found[1], found[2], found[3], found[4])
+
+
+def powers(unit: str) -> list[tuple[str, int]]:
+    """Names in a unit with their exponents, in order.
+
+    Raises
+    ------
+    ConfigurationError
+        When a part is not a coherent SI unit.
+    """
+    found, place = [], 0
     while place < len(unit):
         token = _TOKEN.match(unit, place)
         if token is None or (place > 0) != bool(token[1]) or token[2] not in UNITS:
@@ -54,12 +69,32 @@ def dimension(unit: str) -> Dimension:
                 f"unit {shown(unit)} is not understood at {shown(unit[place:])}; write it with"
                 f" {', '.join(UNITS)} and * / ^ (SI, no prefixes: 0.002 H, not 2 mH)"
             )
-        times = int(token[3] or 1) * (-1 if token[1] == "/" else 1)
-        exponents = [a + times * b for a, b in zip(exponents, UNITS[token[2]], strict=True)]
+        found.append((token[2], int(token[3] or 1) * (-1 if token[1] == "/" else 1)))
         place = token.end()
     if not unit:
         raise ConfigurationError("unit '' is empty; a number without dimension is '1'")
-    return (exponents[0], exponents[1], exponents[2], exponents[3], exponents[4])
+    return found
+
+
+def product_unit(factors: Iterable[tuple[str, int]]) -> str:
+    """Unit of a product of powers, given the unit of each factor and its exponent.
+
+    An angle that only a division brings in is a number: N*m over a screw's m/rad is N.
+    """
+    found, angle = dict[str, int](), 0
+    for unit, exponent in factors:
+        for name, own in powers(unit):
+            found[name] = found.get(name, 0) + exponent * own
+            angle += own if name == "rad" and exponent > 0 else 0
+    found["rad"] = min(found.get("rad", 0), max(angle, 0))
+    found.pop("1", None)
+    above = [_power(name, times) for name, times in found.items() if times > 0]
+    below = [f"/{_power(name, -times)}" for name, times in found.items() if times < 0]
+    return ("*".join(above) or "1") + "".join(below)
+
+
+def _power(name: str, exponent: int) -> str:
+    return name if exponent == 1 else f"{name}^{exponent}"
 
 
 def per(left: Dimension, right: Dimension) -> Dimension:
@@ -79,4 +114,4 @@ def spelled(wanted: Dimension) -> str:
         if known == wanted:
             return name
     parts = zip(("kg", "m", "s", "A", "K"), wanted, strict=True)
-    return "*".join(f"{name}^{e}" if e != 1 else name for name, e in parts if e)
+    return "*".join(_power(name, e) for name, e in parts if e)

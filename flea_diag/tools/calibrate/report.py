@@ -21,7 +21,7 @@ def words(calibration: Calibration, relations: RelationSet) -> str:
     """The whole report."""
     c = calibration
     lines = [f"{len(c.sources)} nominal recordings, {c.nominal_s:.0f} s", ""]
-    lines += _parameters(c)
+    lines += _parameters(c, relations)
     lines += _correlations(c)
     lines += ["", f"limits for {c.false_alarms_per_hour} false alarms per hour, all tests together"]
     lines += _promise(c)
@@ -73,14 +73,14 @@ def _promise(c: Calibration) -> Iterator[str]:
         yield f"{needed:.3g} h without a false alarm would support the stated rate"
 
 
-def _parameters(c: Calibration) -> Iterator[str]:
-    yield "parameter                       value        standard error"
-    for entry in fields(c.parameters):
-        name = entry.name
-        value = getattr(c.parameters, name)
+def _parameters(c: Calibration, relations: RelationSet) -> Iterator[str]:
+    """Those of the description; in its units, whatever unit a name ends in."""
+    yield "parameter                       value        unit       standard error"
+    for name in (entry.name for entry in fields(c.parameters) if entry.name in relations.base):
+        value, unit = getattr(c.parameters, name), relations.base_units[name]
         error = c.sigmas.get(name)
         said = c.not_identified.get(name, "" if error is None else f"{error:.2g}")
-        yield f"{name:30s}  {value:<11.5g}  {said}"
+        yield f"{name:30s}  {value:<11.5g}  {unit:9s}  {said}"
 
 
 def _correlations(c: Calibration) -> list[str]:

@@ -104,14 +104,15 @@ def _compiled(
 def _numbers(
     model: Actuator, known: RelationSet, calibration: Calibration | None
 ) -> dict[str, dict[str, Any]]:
-    """Base parameters that occur in the relations, with value, error and definition."""
+    """Base parameters that occur in the relations, with value, unit, error and definition."""
     from flea_diag.core.symbolic.expression import evaluate
 
     values = model.graph.values()
     found: dict[str, dict[str, Any]] = {}
     for name in known.parameters:
         definition = model.base_parameters.get(name)
-        row: dict[str, Any] = {"definition": str(definition or name)}
+        unit = model.base_units.get(name) or model.graph.parameters[name].unit
+        row: dict[str, Any] = {"definition": str(definition or name), "unit": unit}
         row["value"] = float(evaluate(definition, values)) if definition else values[name]
         if calibration is not None:
             row["value"] = getattr(calibration.parameters, name)
@@ -146,5 +147,6 @@ def _said(row: dict[str, Any]) -> str:
     value = f"{row['value']:.5g}"
     if "sigma" in row:
         value += f" +- {row['sigma']:.2g}"
+    value += "" if row["unit"] == "1" else f" {row['unit']}"
     reason = f"  (not identified: {row['not_identified']})" if "not_identified" in row else ""
     return f"{value}  {row['definition']}{reason}"

@@ -93,7 +93,7 @@ def test_relations_without_a_calibration_have_the_description_s_numbers(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     text = shown(capsys, "equations", "--sensors", "motor_current,actuator_position,load_force")
-    assert "  reflected_mass_kg = 130.02  rotor_inertia/screw_ratio**2\n" in text
+    assert "  reflected_mass_kg = 130.02 kg  rotor_inertia/screw_ratio**2\n" in text
     assert "parity_electrical = not closed: " in text
     assert "Relations that run, in base parameters:\n  parity_mechanical = " in text
 
@@ -104,6 +104,34 @@ def test_a_calibration_of_another_actuator_is_refused(capsys: pytest.CaptureFixt
     assert "made for actuator 'flea' (sha256 " in said
     assert "stands/wing/actuator.yaml describes 'wing' (sha256 " in said
     assert ": give stand flea, or calibrate again with flea calibrate --actuator " in said
+
+
+def test_base_parameters_are_in_the_units_of_the_description(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """By names that end in units of a line: a joint has torques, angles and inertias."""
+    turning = {
+        "force_constant_n_per_a": "N*m/A",
+        "reflected_mass_kg": "kg*m^2",
+        "coulomb_friction_n": "N*m",
+        "viscous_friction_n_s_per_m": "N*m*s/rad",
+        "stribeck_speed_m_s": "rad/s",
+        "back_emf_v_s_per_m": "V*s/rad",
+        "encoder_m_per_rad": "1",
+    }
+    straight = {
+        "force_constant_n_per_a": "N/A",
+        "reflected_mass_kg": "kg",
+        "coulomb_friction_n": "N",
+        "viscous_friction_n_s_per_m": "N*s/m",
+        "stribeck_speed_m_s": "m/s",
+        "back_emf_v_s_per_m": "V*s/m",
+        "encoder_m_per_rad": "m/rad",
+    }
+    for stand, wanted in (("joint", turning), ("flea", straight), ("wing", straight)):
+        content = json.loads(shown(capsys, "equations", "--stand", stand, "--json"))
+        numbers = content["base_parameters"]
+        assert {name: numbers[name]["unit"] for name in wanted} == wanted
 
 
 def test_signatures_at_a_rate_and_in_a_quadrant(capsys: pytest.CaptureFixture[str]) -> None:
