@@ -19,10 +19,10 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-EULER = 0.5772156649015329
+EULER = 0.5772156649015329  # the mathematical constant
 LEAST_MAXIMA = 20
 """Fewer maxima do not determine a tail: of eight, one that is large doubles the level."""
-MOST_SHAPE = 0.3
+MOST_SHAPE = 0.3  # see above
 
 
 def l_moments(values: Array) -> tuple[float, float, float]:

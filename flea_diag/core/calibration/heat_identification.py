@@ -34,9 +34,9 @@ from flea_diag.core.symbolic.expression import (
 
 Array = npt.NDArray[np.float64]
 
-LEAST_RUNS = 4
-LEAST_SCANS = 500
-LEAST_EXCHANGE_PER_S = 1e-5
+LEAST_RUNS = 4  # assumption: size of a sample
+LEAST_SCANS = 500  # assumption: size of a sample
+LEAST_EXCHANGE_PER_S = 1e-5  # a day: slower is no exchange
 FAR_K = 4.0
 """Single-sample spikes of 10 K and more would bias an ordinary slope."""
 

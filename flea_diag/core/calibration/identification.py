@@ -36,7 +36,7 @@ from flea_diag.errors import CalibrationError
 Array = npt.NDArray[np.float64]
 RelationsOf = Callable[[bool], RelationSet]
 
-MINIMUM_MOVING_S = 5.0
+MINIMUM_MOVING_S = 5.0  # assumption: size of a sample
 
 
 @dataclass

@@ -34,10 +34,10 @@ shape (scans, innovations); the seed is fixed."""
 Followed = Callable[[ObserverNoise, Sequence[tuple[ActuatorParameters, Array]]], Iterable[Array]]
 """Innovation residuals of recordings, each with the parameters for it, as by ``Observing``."""
 
-SEED = 1
-PIECES = 4
-PIECE_SCANS = 1000
-SETTLE_SCANS = 50
+SEED = 1  # any: the same recordings give the same limits
+PIECES = 4  # assumption: size of a sample
+PIECE_SCANS = 1000  # assumption: size of a sample
+SETTLE_SCANS = 50  # assumption
 
 
 @dataclass(frozen=True)

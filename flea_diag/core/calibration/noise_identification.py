@@ -28,9 +28,9 @@ from flea_diag.errors import CalibrationError
 Array = npt.NDArray[np.float64]
 
 FACTORS = (2.0, math.sqrt(2.0))
-PIECES = 4
-PIECE_SCANS = 300
-SETTLE_SCANS = 50
+PIECES = 4  # assumption: size of a sample
+PIECE_SCANS = 300  # assumption: size of a sample
+SETTLE_SCANS = 50  # assumption
 FREEDOM = 8.0
 """Degrees of freedom of Student's t distribution, assumed for the innovations."""
 

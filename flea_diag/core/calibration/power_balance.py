@@ -29,7 +29,7 @@ MOVING = 0.15
 """Share of the largest speed from which on the part counts as moving."""
 ONE_WAY = 0.02
 """Share of its readings in which the current of a supply may be negative."""
-FEWEST_ROWS = 50
+FEWEST_ROWS = 50  # assumption: size of a sample
 LARGEST = 1e12
 """Readings beyond it are errors, whatever the unit."""
 

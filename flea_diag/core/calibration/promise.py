@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-CONFIDENCE = 0.95
+CONFIDENCE = 0.95  # convention
 FALSE_ALARMS_PER_HOUR = 0.1
 """Stated rate, unless another is asked for."""
 LEAST_RECORDINGS = 3

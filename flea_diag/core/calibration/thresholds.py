@@ -36,7 +36,7 @@ from flea_diag.core.sensors.sensor_limits import SENSOR_SHARE
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-PIECE_S = 10.0
+PIECE_S = 10.0  # assumption: size of a sample
 NOT_NOMINAL = 1.7
 """Score of a recording beyond which it is not taken for nominal. The 29 nominal recordings of the
 FLEA reach 0.87, six of its jams, each among them, 2.2 to 3.8."""

@@ -12,7 +12,7 @@ from flea_diag.core.causal_graph.operating_point import sign_of
 from flea_diag.core.causal_graph.temporal_causal_graph import Edge, TemporalCausalGraph
 from flea_diag.core.faults.fault import FaultHypothesis
 
-MAX_ORDER = 6
+MAX_ORDER = 6  # assumption: slower responses count as none
 SYMBOL = {1: "+", -1: "-", 0: "0"}
 FLIP = {"+": "-", "-": "+", "0": "0", "*": "*"}
 

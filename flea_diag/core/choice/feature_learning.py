@@ -27,7 +27,7 @@ SYMBOLS = ("--", "-", "0", "0^", "+", "++")
 
 Ends = tuple[float, float, float]
 """Ends of "much below", "much above" and the upper part, in half widths of the range."""
-WIDTHS = (1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0)
+WIDTHS = (1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0)  # those tried, a factor of 1.4 apart
 UPPER = (1.0, 0.7, 0.4, 0.1, -0.2)
 """Candidates for the start of the upper part of the range; 1: no upper part."""
 ALL_ENDS: tuple[Ends, ...] = tuple(product(WIDTHS, WIDTHS, UPPER))
@@ -37,8 +37,8 @@ ENOUGH_EVIDENCE = 4.5
 """Sum of Bhattacharyya distances at which a pair of faults counts as split: for independent
 features the odds of confusing the two are below exp(-4.5)."""
 
-LEAST_GAIN = 0.1
-REDUNDANT = 0.9
+LEAST_GAIN = 0.1  # assumption
+REDUNDANT = 0.9  # assumption
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,9 @@ from flea_diag.core.symbolic.expression import Function, evaluate, symbols
 
 Array = npt.NDArray[np.float64]
 
-SCAN_S = 0.01
-MIDDLE_M = 0.05
-ROOM_DEGC = 25.0
+SCAN_S = 0.01  # of a planned motion, which no stand has to follow
+MIDDLE_M = 0.05  # of a planned motion, which no stand has to follow
+ROOM_DEGC = 25.0  # of a planned motion, which no stand has to follow
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ REFERENCE, LEAST = 2000, 300
 LEAST_ALWAYS = 600
 """Fewest for a residual that is also tested at rest: strokes and rests alternate in its level."""
 _KEPT = REFERENCE + max(SHIFT_WINDOWS) + 1
-_ROOM = 1000
+_ROOM = 1000  # scans between two moves of the store
 
 
 @dataclass(frozen=True, slots=True)

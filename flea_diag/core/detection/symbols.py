@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 UNKNOWN = "?"
-SLOPE_S = 2.0
+SLOPE_S = 2.0  # after the paper
 SLOPE_LIMIT = 3.0 * 2.0**0.5
 """Limit of the change in sigmas of one mean: three sigmas of a difference of two."""
 

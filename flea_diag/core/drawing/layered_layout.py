@@ -17,7 +17,7 @@ Pair = tuple[str, str]
 Place = tuple[int, float]
 """Layer, and position within the layer."""
 
-SWEEPS = 12
+SWEEPS = 12  # assumption
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from flea_diag.core.likelihood.likelihood import NormalEquations
 
 STEPS = 4
 """Bisections of a factor of two: sizes to within 5 %."""
-DOUBLINGS = 12
+DOUBLINGS = 12  # assumption: no bound beyond 4096 times what is detected
 RESOLVED = 0.1
 """First size tried, in standard errors of the size."""
 

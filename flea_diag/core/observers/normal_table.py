@@ -18,7 +18,7 @@ from flea_diag.errors import ConfigurationError
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.uint16]
 
-SIZE = 1 << 12
+SIZE = 1 << 12  # of 12 bits: see above
 UNUSED_BITS = 4
 """Of the 16 bits spent on each number."""
 STEPS = 16

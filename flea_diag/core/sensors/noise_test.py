@@ -25,7 +25,7 @@ UNIT_LOG = 0.3
 """Logarithm of the factor by which a healthy sensor of another unit may be noisier."""
 QUIETER_LOG = 1.0
 """The same downwards: a sensor quieter than this no longer measures."""
-WARM_UP_SCANS = 600
+WARM_UP_SCANS = 600  # assumption: size of a sample
 LARGEST_BASELINE = 0.7
 """Most extra noise learned from this unit's first seconds, over nominal (logarithm)."""
 LOG_SCATTER = math.pi / math.sqrt(8.0)

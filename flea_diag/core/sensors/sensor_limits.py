@@ -24,7 +24,7 @@ Array = npt.NDArray[np.float64]
 REST_SCANS = 3
 """Scans within which a position is seen to move: fewer than a drop-out lasts."""
 
-NOISE_WINDOWS = (100, 400)
+NOISE_WINDOWS = (100, 400)  # assumption: a burst, and a lasting rise
 STEP_GUARD = 1.25
 """Ratio of the limit of steps to the largest step in nominal recordings."""
 SLOW_SHARE = 0.5
@@ -33,7 +33,7 @@ than a scan: a step of the sensor shows beyond what a scan may go, and no sooner
 LATE_SHARE = 0.1
 """No step is smaller than this share of the longest way of a scan: a reading that is taken so much
 of a scan late shows it, however fine the sensor is."""
-REACH_GUARD = 2.0
+REACH_GUARD = 2.0  # assumption
 REACH_QUANTILE = 0.999
 """Outliers of nominal recordings are no measure of what a sensor may do."""
 DROPOUT_S = 20.0

@@ -23,12 +23,12 @@ PERIOD = 4
 LIMIT = 6.0
 """Limit of a step in standard errors; two channels at once reach at most 3.6 in the public
 recordings of the FLEA, 0.16 million scans."""
-LEAST_STEP_K = 0.3
+LEAST_STEP_K = 0.3  # noise of a thermocouple
 TOGETHER = 2
 """Number of channels that must step."""
 MEDIAN_ERROR = np.sqrt(np.pi / 2.0 * (1.0 / BEFORE + 1.0 / AFTER))
 """Standard error of a difference of medians of normal noise, in sigmas of the noise."""
-MAD_SIGMA = 1.4826
+MAD_SIGMA = 1.4826  # of a Gaussian
 MEANS_APART = np.repeat([-1.0 / BEFORE, 1.0 / AFTER], [BEFORE, AFTER])
 """Weights of a window for the mean after a step minus the mean before it."""
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from flea_diag.core.symbolic.unit import UNITS, dimension, spelled
 from flea_diag.errors import ConfigurationError, shown
 
-POUND_FORCE_N, KILOGRAM_FORCE_N = 4.4482216152605, 9.80665
-INCH_M, FOOT_M = 0.0254, 0.3048
+POUND_FORCE_N, KILOGRAM_FORCE_N = 4.4482216152605, 9.80665  # by definition
+INCH_M, FOOT_M = 0.0254, 0.3048  # by definition
 _TURN, _DEGREE = 2.0 * math.pi, math.pi / 180.0
 
 CONVERTED: dict[str, tuple[str, float, float]] = {

@@ -15,15 +15,15 @@ import numpy.typing as npt
 
 from flea_diag.core.vibration.window import Floats, NotComputableError, Window, shared
 
-ENVELOPE_BAND_HZ = (1500.0, 9500.0)
-BINS_PER_REVOLUTION = 64
+ENVELOPE_BAND_HZ = (1500.0, 9500.0)  # the FLEA's, assumption
+BINS_PER_REVOLUTION = 64  # assumption: orders up to 32
 SLOWEST_RAD_S = 10.0
 """Below this speed impacts are too weak and too rare to be used."""
 
 ORDER_TOLERANCE = 0.03
 """Slip of the balls and error of the kinematics, relative to the order."""
 
-FEWEST_REVOLUTIONS = 2.0
+FEWEST_REVOLUTIONS = 2.0  # an order has to repeat
 SMALLEST_LINE = 4.0
 """A line is named only if it exceeds its surroundings by this ratio of amplitudes."""
 

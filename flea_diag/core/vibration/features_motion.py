@@ -11,15 +11,15 @@ import numpy.typing as npt
 
 from flea_diag.core.vibration.window import Floats, NotComputableError, Window, shared
 
-REST_RAD_S = 10.0
-MOVING_RAD_S = 30.0
-SHORTEST_S = 0.01
-REVERSAL_RAD_S = 2.0
-REVERSAL_N = 5.0
+REST_RAD_S = 10.0  # the FLEA's, assumption
+MOVING_RAD_S = 30.0  # the FLEA's, assumption
+SHORTEST_S = 0.01  # assumption: size of a sample
+REVERSAL_RAD_S = 2.0  # the FLEA's, assumption
+REVERSAL_N = 5.0  # the FLEA's, assumption
 REVERSAL_S = 0.03
 """Half width of the stretch around a reversal in which backlash strikes."""
 
-LEVEL_S = 0.01
+LEVEL_S = 0.01  # assumption
 WORST_CONDITION = 50.0
 """Largest condition number of the scaled regression; beyond it the coefficients are noise."""
 

@@ -18,7 +18,7 @@ BANDS_HZ = ((5.0, 100.0), (100.0, 500.0), (500.0, 1500.0), (1500.0, 3000.0),
 """Below the modes of the structure, around those of motor and nut, and above all of them."""
 
 WAVELET = "db4"
-WAVELET_LEVEL = 3
+WAVELET_LEVEL = 3  # eight bands, as the names of features have it
 SEGMENT = 1024
 """Points of a Welch segment: 51 ms at 20 kHz."""
 

@@ -26,7 +26,7 @@ from flea_diag.core.vibration.vibration_monitor import BLOCKS, RAISED
 Levels = Sequence[tuple[VibrationOperatingPoint, Mapping[str, float]]]
 """Blocks of one healthy run in order of time: operating point, and an indicator by axis."""
 
-LEAST_RUNS = 20
+LEAST_RUNS = 20  # assumption: size of a sample
 LEAST_HALF_WIDTH = 0.3
 """Widening of a range, in the logarithm: sensors not learned from may differ by a third."""
 

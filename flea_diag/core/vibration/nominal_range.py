@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
 
-SPEED_UNIT_RAD_S = 100.0
-LOAD_UNIT_N = 100.0
+SPEED_UNIT_RAD_S = 100.0  # scale of a regressor: any
+LOAD_UNIT_N = 100.0  # scale of a regressor: any
 MOVING_RAD_S = 15.0
 """Root mean square speed from which on mechanical faults show."""
 FAST_RAD_S = 55.0

@@ -21,8 +21,8 @@ from flea_diag.core.vibration.nominal_range import (
     VibrationOperatingPoint,
 )
 
-BLOCKS = 10
-RAISED = 6
+BLOCKS = 10  # assumption
+RAISED = 6  # assumption: more than half
 SCANS = 10
 """Scans of one block, over which the RMS of speed and load is taken."""
 

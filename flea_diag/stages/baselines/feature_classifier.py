@@ -23,7 +23,7 @@ SECOND_NS = 1_000_000_000
 WINDOW_NS = SECOND_NS
 IN_A_ROW = 3
 """Windows that must agree on a fault: of one alone, one in a hundred may be wrong."""
-LEAST = 1e-12
+LEAST = 1e-12  # no probability is 0
 
 
 class FeatureClassifierStage:

@@ -20,7 +20,7 @@ from flea_diag.wire.records import NextTest
 
 MOST_SUSPECTS = 6
 """Largest group for which motions are evaluated: the effort grows with its square."""
-MOST_TESTS = 6
+MOST_TESTS = 6  # assumption: what an operator reads
 
 
 class Advice:

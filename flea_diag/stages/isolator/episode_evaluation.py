@@ -14,7 +14,7 @@ from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolati
 
 Stamps = npt.NDArray[np.int64]
 
-EVALUATE_EVERY_NS = 500_000_000
+EVALUATE_EVERY_NS = 500_000_000  # assumption
 
 
 class EpisodeEvaluation:
