@@ -30,7 +30,10 @@ STEERING = ("ROS_", "RCUTILS_", "FASTRTPS_", "FASTDDS_", "FLEA_", "XDG_STATE_", 
 
 
 STARTS_NODES = re.compile(r"\bdomain: int\b")
-"""What a file says whose tests start nodes: all of these run in one worker."""
+"""What a file says whose tests start nodes."""
+NEAR = ("nodes", "wire", "project")
+"""Folders whose nodes have a peer that waits for them. The nodes of all others follow a stand in
+real time, and no two stands run at once: on a small machine they would take each other's time."""
 FIRST = ("project", "system", "tools")
 """Folders that come before the rest: what does without compiled code, which the nodes are just
 compiling, then the longest files, so that no worker ends much later."""
@@ -40,6 +43,13 @@ compiling, then the longest files, so that no worker ends much later."""
 def starts_nodes(path: Path) -> bool:
     """Whether the tests of a file start nodes."""
     return bool(STARTS_NODES.search(path.read_text(encoding="utf-8")))
+
+
+def _group(path: Path) -> str:
+    """Whose tests run one after another with those of this file: nodes, stands, or nobody's."""
+    if not starts_nodes(path):
+        return ""
+    return "nodes" if path.relative_to(HERE).parts[0] in NEAR else "stands"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -59,20 +69,25 @@ def _place(path: Path) -> int:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Who goes to one worker: a file, for its fixtures are shared, and all that start nodes.
+    """Who goes to one worker: a file, for its fixtures are shared, and all that follow a stand.
 
-    Two stands at once would take each other's time on a small machine. Marks of
-    ``--dist loadgroup`` would say the same, but xdist 3.8 loses them with pytest 9.
+    Marks of ``--dist loadgroup`` would say the same, but xdist 3.8 loses them with pytest 9.
     """
     from xdist.scheduler import LoadScopeScheduling
 
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
             file = nodeid.partition("::")[0]
-            return "nodes" if starts_nodes(config.rootpath / file) else file
+            return _group(config.rootpath / file) or file
 
     config.option.loadscopereorder = False  # the order is that of the collection
     return ByFile(config, log)
+
+
+def _of_all_workers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of this run of the tests: what one worker compiles, the others need not."""
+    own = tmp_path_factory.getbasetemp()
+    return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -85,7 +100,7 @@ def newcomer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         for name in [name for name in os.environ if name.startswith(STEERING)]:
             patch.delenv(name)
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        patch.setenv("FLEA_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("FLEA_CACHE_DIR", str(_of_all_workers(tmp_path_factory) / "cache"))
         patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("log")))
         patch.setenv("PYTHONPATH", str(ROOT))
         yield

@@ -157,11 +157,9 @@ def _mean_cost(
             kind="kalman",
         )
         found = observer.follow(rows)
-        for k in range(SETTLE_SCANS, len(rows)):
-            told = found.scan(k)
-            seen = told.sigma > 0.0
-            spread = 2.0 * float(np.log(told.sigma[seen]).sum())
-            tails = FREEDOM + np.count_nonzero(seen)
-            total += float(tails * np.log1p(told.nis / FREEDOM)) + spread
-            scans += 1
+        seen = found.sigmas[SETTLE_SCANS:] > 0.0
+        spread = 2.0 * np.log(found.sigmas[SETTLE_SCANS:], where=seen, out=np.zeros(seen.shape))
+        tails = FREEDOM + seen.sum(axis=1)
+        total += float((tails * np.log1p(found.nis[SETTLE_SCANS:] / FREEDOM)).sum() + spread.sum())
+        scans += len(seen)
     return total / scans

@@ -199,20 +199,22 @@ class DrivenModel(Frozen):
         step(x, u, self.pwm, self.coefficients, (self.parameters,), new)
         return new
 
-    def jacobian(self, x: Array, u: Array) -> Array:
-        """By central differences, (4, 4)."""
-        return difference_jacobian(self.transition, x, u)
+    def linearised(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """The transition of one state, and its derivatives by central differences."""
+        return central_differences(self.transition, x, u)
 
 
-def difference_jacobian(transition: Callable[[Array, Array], Array], x: Array, u: Array) -> Array:
-    """Partial derivatives of a transition by central differences, (n,) -> (n, n)."""
-    steps = 1e-6 * np.maximum(1.0, np.abs(x))
-    shifts = np.diag(steps)
-    both = x[:, None] + np.concatenate((shifts, -shifts), axis=1)
-    moved = transition(both, u)
-    n = len(x)
-    slopes: Array = (moved[:, :n] - moved[:, n:]) / (2.0 * steps)
-    return slopes
+def central_differences(
+    transition: Callable[[Array, Array], Array], x: Array, u: Array
+) -> tuple[Array, Array]:
+    """A transition of one state and its partial derivatives: (n,) -> (n,), (n, n)."""
+    n, steps = len(x), 1e-6 * np.maximum(1.0, np.abs(x))
+    tried = np.repeat(x[:, None], 2 * n + 1, axis=1)
+    tried[:, 1 : n + 1].flat[:: n + 1] += steps
+    tried[:, n + 1 :].flat[:: n + 1] -= steps
+    moved = transition(tried, u)
+    slopes: Array = (moved[:, 1 : n + 1] - moved[:, n + 1 :]) / (2.0 * steps)
+    return moved[:, 0], slopes
 
 
 @lru_cache(maxsize=8)

@@ -53,10 +53,9 @@ class KalmanFilter:
 
     def predict(self, u: Array) -> None:
         """Advance by one period under the inputs ``u``, shape (m,)."""
-        F = self._model.jacobian(self._x, u)
-        self._x = self._model.transition(self._x[:, None], u)[:, 0]
+        self._x, F = self._model.linearised(self._x, u)
         self._P = F @ self._P @ F.T + self._model.process_noise(u)
-        self._ahead = self._model.D @ np.nan_to_num(u) + self._model.h
+        self._ahead = self._model.D @ np.where(np.isnan(u), 0.0, u) + self._model.h
 
     def update(self, y: Array, *, frozen: bool = False) -> Innovation:
         """Compare with a measurement, shape (p,), NaN = not measured, and correct by it."""
@@ -65,21 +64,20 @@ class KalmanFilter:
         residual = np.asarray(y, dtype=float) - prediction
         measured = np.isfinite(residual)
         S = H @ self._P @ H.T + R
-        r, Sm = residual[measured], S[np.ix_(measured, measured)]
+        r, Sm = residual[measured], S[measured][:, measured]
         nis = float(r @ np.linalg.solve(Sm, r)) if len(r) else 0.0
-        sigma = np.where(measured, np.sqrt(np.diag(S)), 0.0)
+        sigma = np.where(measured, np.sqrt(S.diagonal()), 0.0)
         used = measured & self._model.driving if frozen else measured
         if used.any() and math.isfinite(nis):
-            self._correct(residual, used)
+            self._correct(residual[used], H[used], R[used][:, used], S[used][:, used])
         if not frozen:
             self.diverged = self._consistency.step(nis, len(r))
         row = (prediction, residual, sigma, self._x, (nis, math.inf))
         return Innovation(np.concatenate(row), len(H), len(r), self.diverged)
 
-    def _correct(self, residual: Array, used: npt.NDArray[np.bool_]) -> None:
-        H, R = self._model.H[used], self._model.R[np.ix_(used, used)]
-        gain = np.linalg.solve(H @ self._P @ H.T + R, H @ self._P).T
-        self._x = self._x + gain @ residual[used]
+    def _correct(self, residual: Array, H: Array, R: Array, S: Array) -> None:
+        gain = np.linalg.solve(S, H @ self._P).T
+        self._x = self._x + gain @ residual
         # Joseph's form: remains a covariance in spite of rounding.
         keep = np.eye(len(self._x)) - gain @ H
         self._P = keep @ self._P @ keep.T + gain @ R @ gain.T

@@ -67,8 +67,8 @@ class FilterModel(Protocol):
         """States one period later without noise, (n, N) and (m,) -> (n, N), ``x`` kept."""
         ...
 
-    def jacobian(self, x: Array, u: Array) -> Array:
-        """Partial derivatives of the transition at one state, (n,) and (m,) -> (n, n)."""
+    def linearised(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """The transition of one state, and its partial derivatives: (n,) -> (n,), (n, n)."""
         ...
 
     def process_noise(self, u: Array) -> Array:

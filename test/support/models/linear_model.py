@@ -47,9 +47,9 @@ class LinearModel:
         moved: Array = self.A @ x + (self.B @ np.nan_to_num(u))[:, None]
         return moved
 
-    def jacobian(self, x: Array, u: Array) -> Array:
+    def linearised(self, x: Array, u: Array) -> tuple[Array, Array]:
         """A, wherever."""
-        return self.A
+        return self.transition(x[:, None], u)[:, 0], self.A
 
     def process_noise(self, u: Array) -> Array:
         """Q, always."""
