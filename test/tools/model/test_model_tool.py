@@ -9,12 +9,15 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from support.places import WING
 
-from flea_diag.configuration.calibrations import load_calibration
+from flea_diag.configuration.calibrations import learned, load_calibration
 from flea_diag.configuration.files import load_yaml
+from flea_diag.configuration.knowledge import relations
+from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.main import main
 from flea_diag.tools.model import views as tool
 
@@ -87,6 +90,24 @@ def test_relations_that_run_have_their_calibrated_numbers(
     assert row["definition"] == "torque_constant/screw_ratio"
     assert "an assumption" in numbers["stribeck_speed_m_s"]["not_identified"]
     assert set(numbers) <= {field.name for field in fields(learned.parameters)}
+
+
+@pytest.mark.parametrize("stand", ["flea", "joint", "cranfield"])
+def test_what_is_printed_is_what_runs(capsys: pytest.CaptureFixture[str], stand: str) -> None:
+    """The printed lines, with the printed numbers, give what the compiled functions give."""
+    calibration = learned(load_stand(stand))
+    given = ("--stand", stand, "--calibration", str(load_stand(stand).calibration))
+    content = json.loads(shown(capsys, "equations", *given, "--json"))
+    known = relations(load_stand(stand), calibration)
+    random = np.random.default_rng(4)
+    x = {name: float(random.normal()) for name in known.signals}
+    numbers = {name: row["value"] for name, row in content["base_parameters"].items()}
+    scope = {**numbers, **x, "fabs": abs}
+    run = known.functions["relations"](calibration.parameters, [x[n] for n in known.signals])
+    assert list(content["relations"]) == list(known.names)
+    for printed, value in zip(content["relations"].values(), run, strict=True):
+        found = eval(printed, {"__builtins__": {}}, scope)
+        assert found == pytest.approx(value, rel=1e-12, abs=1e-12)
 
 
 def test_relations_without_a_calibration_have_the_description_s_numbers(
