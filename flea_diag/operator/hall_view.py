@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from flea_diag.operator.panel import Line, Panel
+from flea_diag.operator.alarm import REPLAY, Alarm
+from flea_diag.operator.panel import Line, Panel, clock
 from flea_diag.operator.state import OperatorState
-from flea_diag.operator.verdict_view import level_of, line
+from flea_diag.operator.verdict_view import heading, level_of, said
 from flea_diag.wire.records import AmbiguityGroup, Level
 
 WORST_FIRST = (Level.ERROR, Level.STALE, Level.WARN, None, Level.OK)
@@ -21,13 +22,22 @@ COUNTED = (
 )
 
 
+MOST_EPISODES = 100
+
+
 @dataclass(frozen=True, slots=True)
 class StandRow:
-    """One stand in the list; ``ringing`` alarms are not acknowledged."""
+    """One stand in the list.
+
+    ``heading`` is the time of the evidence with the level, ``text`` the verdict or why there is
+    none, ``age`` what makes it older than it looks; ``ringing`` alarms are not acknowledged.
+    """
 
     name: str
     level: Level | None
+    heading: str
     text: str
+    age: str
     ringing: int
 
 
@@ -42,14 +52,37 @@ def stand_rows(states: Mapping[str, OperatorState], now_ns: int) -> tuple[StandR
 def _row(name: str, state: OperatorState, now_ns: int) -> StandRow:
     level = _level(state, now_ns)
     why = _why_silent(state) if level in (None, Level.STALE) else ""
-    ringing = sum(alarm.rings for alarm in state.alarms)
-    return StandRow(name, level, line(state, now_ns) + why, ringing)
+    return StandRow(
+        name,
+        level,
+        heading(state, now_ns),
+        said(state, now_ns) + why,
+        _age(state, now_ns),
+        ringing(state),
+    )
+
+
+def ringing(state: OperatorState) -> int:
+    """Number of alarms that ring."""
+    return sum(alarm.rings for alarm in state.alarms)
 
 
 def _level(state: OperatorState, now_ns: int) -> Level | None:
     if state.group is None:
         return None
     return Level.STALE if state.silent(AmbiguityGroup, now_ns) else level_of(state.group)
+
+
+def _age(state: OperatorState, now_ns: int) -> str:
+    group = state.group
+    if group is None:
+        return ""
+    if state.silent(AmbiguityGroup, now_ns):
+        silent_s = state.stream(AmbiguityGroup).silent_s(now_ns)
+        return f"evidence of {clock(group.stamp_ns)} UTC, no verdict for {silent_s:.0f} s"
+    if group.stale:
+        return "no data from the stand; last verdict"
+    return f"{group.source}: recorded data" if group.source == REPLAY else ""
 
 
 def _why_silent(state: OperatorState) -> str:
@@ -59,14 +92,21 @@ def _why_silent(state: OperatorState) -> str:
     return f" ({worst.node.rpartition('/')[2]} {worst.message})" if worst else ""
 
 
+def counts(rows: Sequence[StandRow]) -> tuple[tuple[Level | None, int, str], ...]:
+    """Level, number and words of the stands of each level that occurs."""
+    found = ((level, sum(row.level == level for row in rows), words) for level, words in COUNTED)
+    return tuple(entry for entry in found if entry[1])
+
+
 def hall(states: Mapping[str, OperatorState], now_ns: int) -> Panel:
     """The list as a panel; each line has the name of its stand as its key."""
     rows = stand_rows(states, now_ns)
-    counts = [(sum(row.level == level for row in rows), words) for level, words in COUNTED]
-    told = ", ".join(f"{count} {words}" for count, words in counts if count)
+    told = ", ".join(f"{count} {words}" for _, count, words in counts(rows))
     width = max((len(row.name) for row in rows), default=0)
     lines = tuple(
-        Line(f"{row.name:{width}}  {_bell(row)}{row.text}", row.level or None, row.name)
+        Line(
+            f"{row.name:{width}}  {_bell(row)}{row.heading}{row.text}", row.level or None, row.name
+        )
         for row in rows
     )
     return Panel("stands", f"STANDS  {len(rows)}: {told}" if rows else "STANDS  none found", lines)
@@ -74,3 +114,10 @@ def hall(states: Mapping[str, OperatorState], now_ns: int) -> Panel:
 
 def _bell(row: StandRow) -> str:
     return f"[{row.ringing} to acknowledge] " if row.ringing else ""
+
+
+def all_alarms(states: Mapping[str, OperatorState]) -> tuple[tuple[str, Alarm], ...]:
+    """Alarms of all stands with the name of theirs: those not acknowledged, then the latest."""
+    found = ((name, alarm) for name, state in states.items() for alarm in state.alarms)
+    order = sorted(found, key=lambda entry: (not entry[1].standing, -entry[1].detected_ns))
+    return tuple(order[:MOST_EPISODES])

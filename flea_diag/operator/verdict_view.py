@@ -24,13 +24,25 @@ MOST_NAMES = 3
 
 def line(state: OperatorState, now_ns: int) -> str:
     """The verdict in one line, for a pipe or a log; it changes only with the verdict."""
+    return heading(state, now_ns) + said(state, now_ns)
+
+
+def heading(state: OperatorState, now_ns: int) -> str:
+    """Time of the evidence and level of a verdict that is up to date; empty without one."""
+    group = state.group
+    if group is None or state.silent(AmbiguityGroup, now_ns):
+        return ""
+    return f"{clock(group.stamp_ns)} {level_of(group).name} "
+
+
+def said(state: OperatorState, now_ns: int) -> str:
+    """Outcome, possible faults and words of the verdict, or that there is none."""
     group = state.group
     if group is None:
         return "no verdict yet"
     if state.silent(AmbiguityGroup, now_ns):
         return "NO VERDICT: the isolator has stopped publishing"
-    level = level_of(group).name
-    return f"{clock(group.stamp_ns)} {level} {group.outcome.value}{_named(group)}: {group.words}"
+    return f"{group.outcome.value}{_named(group)}: {group.words}"
 
 
 def level_of(group: AmbiguityGroup) -> Level:

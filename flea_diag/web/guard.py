@@ -28,6 +28,8 @@ SHORTEST_TOKEN = 16
 LARGEST_TOKEN_BYTES = 4096
 LOCAL_NAMES = ("localhost",)
 SOCKET_PATH = "/_nicegui_ws/"
+STAND_PATH = "/stand/"
+"""Before the name of a stand, in the address of its page where there are several."""
 MOST_GUESSES, GUESSES_S = 10, 60.0
 """Limit of token attempts from one address, and its period."""
 MOST_LOADS, LOADS_S = 30, 10.0
@@ -157,7 +159,8 @@ class Guard:
 
 def _is_page(scope: Scope) -> bool:
     """Whether this makes a page, which the server keeps until its browser has gone."""
-    return scope["type"] == "http" and scope.get("method") == "GET" and scope["path"] == "/"
+    asked = scope["type"] == "http" and scope.get("method") == "GET"
+    return asked and (scope["path"] == "/" or scope["path"].startswith(STAND_PATH))
 
 
 def _is_polling(scope: Scope) -> bool:

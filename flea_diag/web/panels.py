@@ -28,6 +28,7 @@ CLASS = {Level.OK: "ok", Level.WARN: "warn", Level.ERROR: "error", Level.STALE: 
 TOTAL = "samples"
 """Counter not shown: it is not updated while a channel stays good."""
 MOST_MARKS = 20
+EPISODE_HEADS = ("detected, UTC", "by", "verdict", "remarks", "")
 NODE_NUMBERS = ("cpu_percent", "memory_mb", "worst_lag_ms")
 
 
@@ -166,9 +167,8 @@ def episodes(state: OperatorState) -> Markup:
     if not state.alarms:
         return joined(tag("p", "No episode so far.", class_="soft"), _marks(state))
     order = sorted(state.alarms, key=lambda alarm: (not alarm.standing, -alarm.detected_ns))
-    rows = [_episode(alarm) for alarm in order]
-    heads = ("detected, UTC", "by", "verdict", "remarks", "")
-    return joined(ledger(heads, rows), _marks(state))
+    rows = [episode_row(alarm) for alarm in order]
+    return joined(ledger(EPISODE_HEADS, rows), _marks(state))
 
 
 def _marks(state: OperatorState) -> Markup | None:
@@ -179,7 +179,8 @@ def _marks(state: OperatorState) -> Markup | None:
     return joined(Markup("<br>"), ledger(("marked, UTC", "by", "text"), rows[:MOST_MARKS]))
 
 
-def _episode(alarm: Alarm) -> tuple[object, ...]:
+def episode_row(alarm: Alarm, stand: str = "") -> tuple[object, ...]:
+    """Cells of an episode; its buttons name the stand where several are listed."""
     level = OUTCOME_LEVEL[alarm.outcome]
     verdict = joined(
         state_word(level, alarm.outcome.value),
@@ -194,7 +195,7 @@ def _episode(alarm: Alarm) -> tuple[object, ...]:
         cause(alarm),
         verdict,
         joined(*said),
-        _buttons(alarm),
+        _buttons(f"{stand} {key_text(alarm.key)}".lstrip(), alarm.standing),
     )
 
 
@@ -205,10 +206,9 @@ def _standing(alarm: Alarm) -> str:
     return "not acknowledged" if alarm.rings else "from a replay: does not ring"
 
 
-def _buttons(alarm: Alarm) -> Markup:
-    name = key_text(alarm.key)
+def _buttons(name: str, standing: bool) -> Markup:
     said = tag("button", "Comment", type="button", data_act="comment", data_alarm=name)
-    if not alarm.standing:
+    if not standing:
         return tag("div", said, class_="actions")
     acknowledge = tag("button", "Acknowledge", type="button", data_act="ack", data_alarm=name)
     return tag("div", acknowledge, said, class_="actions")

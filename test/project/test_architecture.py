@@ -200,6 +200,10 @@ ARROWS = {
         "score": ("campaign",),
         "evaluate": ("campaign", "features", "replay", "score"),
     },
+    "flea_diag.web": {
+        "": (),
+        "pages": (),
+    },
     "flea_sim_driver": {
         "": ("acquisition", "machine", "plant", "scenario"),
         "plant": (),

@@ -132,6 +132,7 @@ def test_the_page_cannot_be_loaded_without_end(client: Callable[..., TestClient]
     opened = client()
     seen = [opened.get("/").status_code for _ in range(MOST_LOADS + 5)]
     assert seen == [200] * MOST_LOADS + [429] * 5
+    assert opened.get("/stand/bay_1").status_code == 429, "the page of a stand is as large"
     assert opened.get("/other").status_code == 404
     assert listens(opened)
 

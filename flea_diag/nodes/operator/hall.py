@@ -49,6 +49,11 @@ class Hall:
         if ALL in stands:
             bus.every(LOOK_S, self._look)
 
+    @staticmethod
+    def now_ns() -> int:
+        """Arrival clock."""
+        return Desk.now_ns()
+
     @property
     def states(self) -> dict[str, OperatorState]:
         """State of each stand."""

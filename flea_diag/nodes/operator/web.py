@@ -11,10 +11,10 @@ from typing import Any
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.operator.desk import SAID, Desk, connect, open_journal
+from flea_diag.nodes.operator.hall import Hall
 from flea_diag.operator.state import SHOWN
 from flea_diag.wire.bus import Bus, Program, run
 from flea_diag.wire.parameters import parameter
-from flea_diag.wire.records import AmbiguityGroup, Detection, Hypotheses, Record
 
 PORT = 8630
 NO_NICEGUI = "the page needs NiceGUI, which is not installed: pip install 'flea_diag[web]'"
@@ -51,45 +51,74 @@ class WebParameters:
         "stand whose causal graph and diagnosis tree are drawn: name of a shipped one, or a path",
         read_only=True,
     )
+    stands: tuple[str, ...] = parameter(
+        (),
+        "NAMESPACE[=STAND] of the stands to list, worst first, or * for all that are found; what "
+        "is drawn of them is that of STAND or of stand; empty: the stand of the node's own "
+        "namespace",
+        read_only=True,
+    )
 
 
 def start(bus: Bus[Any], parameters: WebParameters) -> Callable[[], None]:
     """Serve the page; return the function that ends it."""
     if find_spec("nicegui") is None:
         raise ConfigurationError(NO_NICEGUI)
-    from flea_diag.configuration.screens import load_causal_map, tree_planner
-    from flea_diag.configuration.stand import load_stand
     from flea_diag.web.guard import token_of
+    from flea_diag.web.pages.site import Site
     from flea_diag.web.server import Server
-    from flea_diag.web.site import Site
-    from flea_diag.web.strips import StripCharts
-    from flea_diag.web.view import Tools, View
 
     token = token_of(parameters.address, parameters.token_file)
-    stand = load_stand(parameters.stand)
-    tools = Tools(load_causal_map(stand.actuator), tree_planner(stand.features))
-    author = parameters.author or getpass.getuser()
-    desk = Desk(open_journal(parameters.journal, bus), author)
-    strips = StripCharts()
-    site = Site(desk, View(tools), strips, f"flea_diag · {bus.stand}", bus.warn)
-    server = Server(site.title, parameters.address, parameters.port, token)
-
-    def take(record: Record) -> None:
-        strips.take(record)
-        if isinstance(record, Detection | Hypotheses | AmbiguityGroup):
-            site.wake()
-
-    desk.on_record.append(take)
-    connect(bus, desk)
+    site = Site(bus.warn)
+    title = f"flea_diag · {'all stands' if parameters.stands else bus.stand}"
+    serve = _serve_hall if parameters.stands else _serve_stand
+    end = serve(site, bus, parameters, title)
+    server = Server(title, parameters.address, parameters.port, token)
     server.start()
     asks = ", token required" if token else ""
     bus.info(f"the page is at http://{parameters.address}:{server.port}/{asks}")
 
     def close() -> None:
         server.close()
-        desk.close()
+        end()
 
     return close
+
+
+def _serve_stand(
+    site: Any, bus: Bus[Any], parameters: WebParameters, title: str
+) -> Callable[[], None]:
+    tools = _tools(parameters.stand)
+    desk = Desk(open_journal(parameters.journal, bus), _author(parameters))
+    site.serve_stand(desk, tools, title)
+    connect(bus, desk)
+    return desk.close
+
+
+def _serve_hall(
+    site: Any, bus: Bus[Any], parameters: WebParameters, title: str
+) -> Callable[[], None]:
+    given = [entry.partition("=") for entry in parameters.stands]
+    drawn = {name.strip("/"): stand for name, _, stand in given if stand}
+    tools = {stand: _tools(stand) for stand in {parameters.stand, *drawn.values()}}
+    names = [name for name, _, _ in given]
+    hall = Hall(bus, names, parameters.journal, _author(parameters))
+    site.serve_hall(hall, lambda name: tools[drawn.get(name, parameters.stand)], title)
+    return hall.end
+
+
+def _tools(stand: str) -> Any:
+    """What the pictures need of the description of a stand."""
+    from flea_diag.configuration.screens import load_causal_map, tree_planner
+    from flea_diag.configuration.stand import load_stand
+    from flea_diag.web.view import Tools
+
+    found = load_stand(stand)
+    return Tools(load_causal_map(found.actuator), tree_planner(found.features))
+
+
+def _author(parameters: WebParameters) -> str:
+    return parameters.author or getpass.getuser()
 
 
 def program() -> Program:
@@ -105,6 +134,8 @@ def program() -> Program:
             "ros2 run flea_diag web                 then open http://127.0.0.1:8630/",
             "ros2 run flea_diag web --ros-args -p address:=0.0.0.0 -p token_file:=page.token",
             "ros2 run flea_diag web --ros-args -r __ns:=/stand_2 -p port:=8631",
+            "ros2 run flea_diag web --ros-args -p stands:=\"['bay_1', 'bay_2=./mine']\"",
+            "ros2 run flea_diag web --ros-args -p stands:=\"['*']\"",
         ),
     )
 

@@ -1,6 +1,6 @@
 // Says when the server is gone, rings while an alarm stands, and passes keys to the buttons that
 // carry their letter.
-const LOST_MS = 2000, RING_MS = 5000, TONES = [880, 660];
+const LOST_MS = 2000, RING_MS = 5000, TONES = [880, 660], STEPS = { ArrowUp: -1, ArrowDown: 1 };
 
 // Two tones. A browser lets a page sound only after somebody has touched it; until then it is mute.
 const bell = {
@@ -39,16 +39,26 @@ export default {
     }, 250);
     this.keyed = (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey || /INPUT|TEXTAREA|SELECT/.test(event.target.tagName)) return;
+      const dialog = document.querySelector(".q-dialog");
+      if (event.key in STEPS && !dialog && this.step(STEPS[event.key])) { event.preventDefault(); return; }
       const target = document.querySelector(`[data-key="${CSS.escape(event.key)}"]`);
-      if (!target || !target.offsetParent) return;
+      if (!target || !target.offsetParent || (dialog && !dialog.contains(target))) return;
       event.preventDefault();
-      if (target.matches("button")) target.click();
+      if (target.matches("button, a")) target.click();
       else { target.scrollIntoView({ block: "start" }); target.focus({ preventScroll: true }); }
     };
     document.addEventListener("keydown", this.keyed);
   },
   unmounted() { clearInterval(this.timer); document.removeEventListener("keydown", this.keyed); },
   methods: {
+    // Selects the stand above or below in the list of all; false where there is none.
+    step(by) {
+      const stands = [...document.querySelectorAll("#panel-stands a.stand")];
+      if (!stands.length) return false;
+      const at = stands.indexOf(document.activeElement);
+      stands[at < 0 ? 0 : Math.min(Math.max(at + by, 0), stands.length - 1)].focus();
+      return true;
+    },
     // The server lives, and so many alarms wait to be acknowledged.
     beat(ringing) {
       this.last = Date.now();

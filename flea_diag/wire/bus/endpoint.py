@@ -17,6 +17,7 @@ from flea_diag.errors import FleaError, InputError, WireError
 from flea_diag.wire.bus.declared import Declared
 from flea_diag.wire.bus.foreign_topic import subscribe_foreign
 from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
+from flea_diag.wire.bus.lost_messages import LostMessages, numbered
 from flea_diag.wire.bus.node_log import NodeLog
 from flea_diag.wire.bus.node_states import NodeStates
 from flea_diag.wire.bus.remote_parameter import RemoteParameter
@@ -233,39 +234,35 @@ class Bus(NodeLog, Generic[P]):
 
         ``depth`` is the queue length; by default that of the topic.
         """
-        from rclpy.event_handler import SubscriptionEventCallbacks
-
         topic = TOPIC_OF[record_type]
         if depth is None:
             depth = READER_DEPTH if topic.latched else topic.depth
         stream = self.streams.setdefault(record_type, Subscription(topic))
 
-        def received(data: bytes) -> None:
+        missing = LostMessages(lambda: int(made.get_publisher_count()))
+
+        def received(data: bytes, number: int | None) -> None:
+            lost = missing.before(number)
             if not self.working:
                 return
+            if lost:
+                stream.lost += lost
+                self.warn(
+                    f"{topic.name}: {stream.lost} messages lost: subscriber or network too slow"
+                )
             stream.received += 1
             with self.counted(stream):
                 take(data)
 
-        def lost(event: Any) -> None:
-            stream.lost += event.total_count_change
-            self.warn(
-                f"{topic.name}: {event.total_count} messages lost: subscriber or network too slow"
-            )
-
-        self._subscriptions[record_type] = self._node.create_subscription(
+        made = self._node.create_subscription(
             codec.message_class(record_type),
             self.topic_name(topic),
-            self.guarded(received),
+            numbered(self.guarded(received)),
             _qos(topic, depth),
-            # Under a flood, taking this event of an EventsExecutor can wait for its own writer for
-            # ever; a node that shares its process does without: its inboxes count what they lose.
-            event_callbacks=SubscriptionEventCallbacks(
-                message_lost=None if self.on_failure else lost
-            ),
             qos_overriding_options=_overriding(),
             raw=True,
         )
+        self._subscriptions[record_type] = made
         return stream
 
     def unsubscribe(self, record_type: type) -> None:

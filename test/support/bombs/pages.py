@@ -33,8 +33,8 @@ def prepare() -> None:
     """Import the server, without a thread of it."""
     import websockets.sync.client  # noqa: F401
 
-    import flea_diag.web.server
-    import flea_diag.web.site  # noqa: F401
+    import flea_diag.web.pages.site
+    import flea_diag.web.server  # noqa: F401
 
     tools()
 
@@ -47,13 +47,11 @@ def _serve(folder: Path, talk: Talk, token: str) -> int:
     """Serve the page of an empty desk, let somebody talk to it, and look whether it answers."""
     from flea_diag.nodes.operator.alarm_journal import AlarmJournal
     from flea_diag.nodes.operator.desk import Desk
+    from flea_diag.web.pages.site import Site
     from flea_diag.web.server import Server
-    from flea_diag.web.site import Site
-    from flea_diag.web.strips import StripCharts
-    from flea_diag.web.view import View
 
     desk = Desk(AlarmJournal(folder / "alarms.sqlite"), "Ada")
-    Site(desk, View(tools()), StripCharts(), "stand", say)
+    Site(say).serve_stand(desk, tools(), "stand")
     server = Server("stand", "127.0.0.1", 0, token)
     server.start()
     try:

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from flea_diag.errors import visible
 from flea_diag.operator.fault_entry import FaultEntry
-from flea_diag.web.button import button
+from flea_diag.web.pages.button import button
 
 WORDS = "Inject a fault into the simulated stand"
 EXAMPLE = "jam, or with a size jam:0.5"

@@ -1,4 +1,4 @@
-"""All open pages of one stand, and the task that updates them.
+"""The pages of one stand or of all, and the task that updates them.
 
 One task draws for all browsers, ten times a second and at once after a detection. Each browser is
 sent the changes, and the rows of numbers that it does not have yet.
@@ -12,52 +12,76 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from fastapi.responses import RedirectResponse, Response
 from nicegui import Client, app, ui
 
-from flea_diag.web.page import OperatorNode, Page
-from flea_diag.web.strips import StripCharts
-from flea_diag.web.view import View
+from flea_diag.web.guard import STAND_PATH
+from flea_diag.web.markup import joined
+from flea_diag.web.pages.rooms import HallRoom, Room, StandRoom, Stands
+from flea_diag.web.pages.stand_page import OperatorNode
+from flea_diag.web.view import Tools
 
 PERIOD_S = 0.1
 CONNECT_S = 15.0
 """Time within which a browser that has loaded the page must connect, or reload it."""
 MOST_KINDS = 10
 """Kinds of error that are reported."""
-MOST_MARKS = 8
-"""Largest number of events of a kind in strip charts."""
 
 
 class Site:
-    """All open pages of one stand, and the task that updates them."""
+    """All open pages, and the task that updates them.
 
-    def __init__(
-        self,
-        desk: OperatorNode,
-        view: View,
-        strips: StripCharts,
-        title: str,
-        say: Callable[[str], None] = lambda _: None,
-    ) -> None:
-        self.desk, self.title = desk, title
-        self._view, self._strips = view, strips
-        self._pages: dict[str, Page] = {}
+    Parameters
+    ----------
+    say
+        Takes what the operator must know, one line each.
+    """
+
+    def __init__(self, say: Callable[[str], None] = lambda _: None) -> None:
+        self._room: Room | None = None
         self._say = say
         self._reported: set[str] = set()
         self._woken = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._expired_s = 0.0
-        ui.page("/", title=title)(self._open)
         app.on_startup(self._run)
-        app.on_delete(lambda client: self._pages.pop(client.id, None))
+        app.on_delete(self._leave)
+
+    def serve_stand(self, desk: OperatorNode, tools: Tools, title: str) -> None:
+        """Serve the page of one stand."""
+        room = self._room = StandRoom(desk, tools, joined(title), self.wake)
+
+        def page(client: Client) -> None:
+            room.enter(client)
+
+        ui.page("/", title=title)(page)
+
+    def serve_hall(self, hall: Stands, tools_of: Callable[[str], Tools], title: str) -> None:
+        """Serve the list of all stands, and the page of each."""
+        room = self._room = HallRoom(hall, tools_of, joined(title), self.wake)
+
+        def page(client: Client) -> None:
+            room.enter(client)
+
+        def stand_page(client: Client, name: str) -> Response | None:
+            ui.page_title(f"flea_diag · {name}")
+            return None if room.enter_stand(client, name) else RedirectResponse("/")
+
+        ui.page("/", title=title)(page)
+        ui.page(STAND_PATH + "{name:path}")(stand_page)
 
     def wake(self) -> None:
         """Draw now; callable from any thread."""
         if self._loop is not None:
             self._loop.call_soon_threadsafe(self._woken.set)
 
-    def _open(self, client: Client) -> None:
-        page = self._pages[client.id] = Page(self.desk, self.title, self.wake, client)
-        page.fill(self._view)
+    def _leave(self, client: Client) -> None:
+        if self._room is not None:
+            self._room.leave(client.id)
+
+    def _update(self) -> None:
+        if self._room is not None:
+            self._room.update()
 
     async def _run(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -84,15 +108,3 @@ class Site:
         if now_s - self._expired_s > CONNECT_S / 2.0:
             self._expired_s = now_s
             Client.prune_instances(client_age_threshold=CONNECT_S)
-
-    def _update(self) -> None:
-        state = self.desk.state
-        self._view.update(state, self.desk.now_ns())
-        marks = (
-            *((alarm.detected_ns, "detected") for alarm in state.alarms[-MOST_MARKS:]),
-            *((mark.stamp_ns, "mark") for mark in state.marks[-MOST_MARKS:]),
-        )
-        for page in tuple(self._pages.values()):
-            if page.client.has_socket_connection:
-                with page.client:
-                    page.show(self._view, self._strips, marks)

@@ -1,0 +1,120 @@
+"""The list of all stands and the journal of their alarms, as markup."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from urllib.parse import quote
+
+from flea_diag.operator.alarm import Alarm
+from flea_diag.operator.hall_view import StandRow, all_alarms, counts, stand_rows
+from flea_diag.operator.state import OperatorState
+from flea_diag.web.answer import MUTE
+from flea_diag.web.guard import STAND_PATH
+from flea_diag.web.markup import Markup, joined, tag
+from flea_diag.web.panels import CLASS, EPISODE_HEADS, SHAPE, episode_row, ledger
+from flea_diag.wire.records import Level
+
+WAITING = "…"
+"""Symbol of a stand without a verdict."""
+DIGITS = "123456789"
+HEADS = ("", "stand", "state", "evidence to, UTC", "verdict", "alarms")
+
+
+class HallView:
+    """Markup of the list; ``drawn`` holds the latest of each panel."""
+
+    def __init__(self) -> None:
+        self.drawn: dict[str, str] = {}
+        self._rows: tuple[StandRow, ...] | None = None
+        self._alarms: list[tuple[Alarm, ...]] | None = None
+
+    def update(self, states: Mapping[str, OperatorState], now_ns: int) -> None:
+        """Redraw the panels that have changed."""
+        rows = stand_rows(states, now_ns)
+        if rows != self._rows:
+            self._rows = rows
+            self.drawn["chips"] = str(chips(rows))
+            self.drawn["stands"] = str(stands(rows))
+        alarms = [state.alarms for state in states.values()]
+        if not self._is_drawn(alarms):
+            self._alarms = alarms
+            self.drawn["journal"] = str(journal(states))
+
+    def _is_drawn(self, alarms: list[tuple[Alarm, ...]]) -> bool:
+        """Whether these are the same objects, one by one: to compare them costs more."""
+        known = self._alarms
+        return known is not None and [*map(id, known)] == [*map(id, alarms)]
+
+
+def address(name: str) -> str:
+    """Path of the page of a stand."""
+    return STAND_PATH + quote(name)
+
+
+def chips(rows: tuple[StandRow, ...]) -> Markup:
+    """Number of stands in each state, and of alarms not acknowledged."""
+    ringing = sum(row.ringing for row in rows)
+    if not rows:
+        return tag("div", tag("span", "no stand found yet", class_="soft"), class_="chips")
+    told = [tag("span", f"{shape(level)} {count} {words}", class_=f"state {css(level)}")
+            for level, count, words in counts(rows)]  # fmt: skip
+    return tag("div", *told, *unacknowledged(ringing), class_="chips")
+
+
+def unacknowledged(ringing: int, where: str = "") -> tuple[Markup, ...]:
+    """How many alarms ring, and that the bell is mute while nobody has touched the page."""
+    if not ringing:
+        return ()
+    words = f"▲ {ringing} not acknowledged{where}"
+    mute = tag("span", MUTE, class_="soft mute-note")
+    return tag("span", words, class_="state warn"), mute
+
+
+def shape(level: Level | None) -> str:
+    """Symbol of a level."""
+    return WAITING if level is None else SHAPE[level]
+
+
+def css(level: Level | None) -> str:
+    """Class of a level."""
+    return CLASS[Level.STALE if level is None else level]
+
+
+def stands(rows: tuple[StandRow, ...]) -> Markup:
+    """The stands, the worst first; each leads to its page."""
+    if not rows:
+        words = "No stand has sent a verdict yet. Start its diagnoser, or a fleet."
+        return tag("p", words, class_="soft")
+    words_of = {level: words for level, _, words in counts(rows)}
+    listed = []
+    for number, row in enumerate(rows):
+        key = DIGITS[number : number + 1]
+        name = tag(
+            "a", row.name, href=address(row.name), class_="stand", data_name=row.name,
+            data_key=key or None,
+        )  # fmt: skip
+        age = tag("span", row.age, class_="comment") if row.age else None
+        state = f"{shape(row.level)} {words_of[row.level]}"
+        listed.append(
+            (
+                tag("kbd", key) if key else "",
+                name,
+                tag("span", state, class_=f"state {css(row.level)}"),
+                row.heading.partition(" ")[0],
+                joined(row.text, age),
+                tag("span", f"▲ {row.ringing}", class_="state warn") if row.ringing else "",
+            )
+        )
+    return ledger(HEADS, listed)
+
+
+def journal(states: Mapping[str, OperatorState]) -> Markup:
+    """Alarms of all stands: those not acknowledged on top, then the latest."""
+    found = all_alarms(states)
+    if not found:
+        return tag("p", "No episode so far.", class_="soft")
+    rows = [
+        (tag("a", name, href=address(name), class_="stand"), *episode_row(alarm, name))
+        for name, alarm in found
+    ]
+    return ledger(("stand", *EPISODE_HEADS), rows)

@@ -1,0 +1,1 @@
+"""The pages in NiceGUI: that of one stand, the list of all, and what draws them."""

@@ -1,0 +1,103 @@
+"""The page of all stands: their list, the worst first, and the journal of their alarms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from nicegui import Client, ui
+
+from flea_diag.operator.alarm import Alarm
+from flea_diag.operator.alarm_view import key_text
+from flea_diag.operator.hall_view import all_alarms
+from flea_diag.web.hall_panels import HallView
+from flea_diag.web.pages.button import button
+from flea_diag.web.pages.elements import PanelBody, section
+from flea_diag.web.pages.frame import Frame
+from flea_diag.web.pages.stand_page import OperatorNode
+
+KEYS = (
+    ("a", "acknowledge the latest episode of all stands"),
+    ("1 … 9", "open one of the first stands in the list"),
+    ("↑ ↓ Enter", "select a stand and open it"),
+    ("s, j", "go to the stands, to the alarms"),
+)
+
+
+class HallPage(Frame):
+    """The list of all stands in one browser.
+
+    Parameters
+    ----------
+    desks
+        Returns the desk of each stand, by its name.
+    title
+        Name in the bar, markup.
+    changed
+        Called after what a person has done, to draw at once.
+    client
+        The browser.
+    """
+
+    def __init__(
+        self,
+        desks: Callable[[], Mapping[str, OperatorNode]],
+        title: str,
+        changed: Callable[[], None],
+        client: Client,
+    ) -> None:
+        self._desks = desks
+        self._bodies: dict[str, PanelBody] = {}
+        self._used: OperatorNode | None = None
+        super().__init__(client, title, KEYS, changed)
+
+    def actions(self) -> None:
+        """Add the buttons of this page to the bar."""
+        button("Acknowledge", "a", self._acknowledge_latest).classes("primary")
+
+    def panels(self) -> None:
+        """Add the panels of this page."""
+        for name, key, title in (
+            ("stands", "s", "Stands, the worst first"),
+            ("journal", "j", "Alarms of all stands"),
+        ):
+            with section(name, "scroll", key, title):
+                self._bodies[name] = PanelBody()
+                self._bodies[name].on("act", self._act)
+
+    def fill(self, view: HallView) -> None:
+        """Show the drawn panels."""
+        self.chips.show(view.drawn["chips"])
+        for name, body in self._bodies.items():
+            body.show(view.drawn[name])
+
+    def trouble(self) -> str:
+        """Why what a person has entered cannot be stored; empty if it can."""
+        return self._used.trouble if self._used is not None else ""
+
+    def _act(self, event: Any) -> None:
+        act, _, name = str(event.args).partition(" ")
+        stand, _, key = name.partition(" ")
+        desk = self._desks().get(stand)
+        alarms = desk.state.alarms if desk is not None else ()
+        alarm = next((a for a in alarms if key_text(a.key) == key), None)
+        do = {"ack": self._acknowledge, "comment": self._comment}.get(act)
+        if desk is not None and alarm is not None and do is not None:
+            do(desk, alarm)
+
+    def _acknowledge_latest(self) -> None:
+        desks = self._desks()
+        found = all_alarms({name: desk.state for name, desk in desks.items()})
+        if found and found[0][1].standing:
+            self._acknowledge(desks[found[0][0]], found[0][1])
+        else:
+            ui.notify("No episode to acknowledge.")
+
+    def _acknowledge(self, desk: OperatorNode, alarm: Alarm) -> None:
+        self._used = desk
+        desk.acknowledge(alarm.key)
+        self.tell("Acknowledged.")
+
+    def _comment(self, desk: OperatorNode, alarm: Alarm) -> None:
+        self._used = desk
+        self.ask("Comment on the episode", "", lambda text: desk.comment(alarm.key, text))

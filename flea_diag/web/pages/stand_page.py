@@ -1,0 +1,170 @@
+"""The page of one stand: panels are drawn by the server, strip charts by the browser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import zip_longest
+from typing import Any, Protocol
+
+from nicegui import Client, ui
+
+from flea_diag.operator.alarm import Alarm, Key
+from flea_diag.operator.alarm_view import key_text
+from flea_diag.operator.fault_entry import FaultEntry
+from flea_diag.operator.state import OperatorState
+from flea_diag.web.pages.button import button
+from flea_diag.web.pages.charts import CHARTS, NOTES, SPANS, Chart, Marks
+from flea_diag.web.pages.elements import PanelBody, Strips, section
+from flea_diag.web.pages.frame import Frame
+from flea_diag.web.pages.injection import InjectionDialog
+from flea_diag.web.strips import StripCharts
+from flea_diag.web.view import PANELS, View
+from flea_diag.wire.records import Record
+
+ORDER = (
+    "answer", "group", "symbols", "residual", "causes", "tree", "episodes", "channel", "vibration",
+    "quality", "streams",
+)  # fmt: skip
+"""Order of the page: verdict, evidence, history, status of the stand."""
+DIGITS = "1234567890"
+KEYS = (
+    ("a", "acknowledge the latest episode"),
+    ("c", "comment on the latest episode"),
+    ("m", "mark this moment"),
+    ("i", "inject a fault (simulated stand only)"),
+    ("1 … 9, 0", "go to a panel, in page order"),
+)
+LEAVE = ("Escape", "return to the list of all stands")
+
+
+class OperatorNode(Protocol):
+    """What the page needs of the node that receives the records."""
+
+    state: OperatorState
+    trouble: str
+    faults: FaultEntry
+    on_record: list[Callable[[Record], None]]
+
+    def now_ns(self) -> int:
+        """Arrival clock."""
+
+    def acknowledge(self, key: Key) -> None:
+        """Acknowledge one alarm."""
+
+    def comment(self, key: Key, text: str) -> None:
+        """Comment on one alarm."""
+
+    def mark(self, text: str, stamp_ns: int) -> None:
+        """Mark a moment."""
+
+    def moment_ns(self) -> int:
+        """Present time by the clock of the stand."""
+
+
+class StandPage(Frame):
+    """The page of one stand in one browser.
+
+    Parameters
+    ----------
+    desk
+        State of the stand, and where remarks go.
+    title
+        Name in the bar, markup.
+    changed
+        Called after what a person has done, to draw at once.
+    client
+        The browser.
+    listed
+        Whether there is a list of all stands to return to.
+    """
+
+    def __init__(
+        self,
+        desk: OperatorNode,
+        title: str,
+        changed: Callable[[], None],
+        client: Client,
+        listed: bool = False,
+    ) -> None:
+        self._desk = desk
+        self._bodies: dict[str, PanelBody] = {}
+        self._charts: list[Chart] = []
+        super().__init__(client, title, (*KEYS, LEAVE) if listed else KEYS, changed)
+
+    # -- layout
+
+    def actions(self) -> None:
+        """Add the buttons of this page to the bar."""
+        button("Acknowledge", "a", self._acknowledge_latest).classes("primary")
+        button("Comment", "c", self._comment_latest)
+        button("Mark", "m", self._mark)
+        self._injection = InjectionDialog(self._desk)
+
+    def panels(self) -> None:
+        """Add the panels of this page."""
+        panels = {panel.name: panel for panel in PANELS}
+        for name, key in zip_longest(ORDER, DIGITS[: len(ORDER)], fillvalue=""):
+            if name in CHARTS:
+                self._strips(name, CHARTS[name], key)
+                continue
+            with section(name, panels[name].css, key, panels[name].title):
+                self._bodies[name] = PanelBody()
+                self._bodies[name].on("act", self._act)
+
+    def _strips(self, kind: str, title: str, key: str) -> None:
+        with section(kind, "", key, title + (SPANS if not self._charts else "")):
+            self._charts.append(Chart(kind, Strips()))
+            ui.html(NOTES[kind], sanitize=False, tag="p").classes("note")
+
+    # -- updates
+
+    def show(self, view: View, strips: StripCharts, marks: Marks) -> None:
+        """Send the changes."""
+        self._injection.offer()
+        self.fill(view)
+        for chart in self._charts:
+            chart.show(strips, marks)
+
+    def fill(self, view: View) -> None:
+        """Show the drawn panels."""
+        self.chips.show(view.drawn["chips"])
+        for name, body in self._bodies.items():
+            body.show(view.drawn[name])
+
+    # -- operator actions
+
+    def trouble(self) -> str:
+        """Why what a person has entered cannot be stored; empty if it can."""
+        return self._desk.trouble
+
+    def _act(self, event: Any) -> None:
+        act, _, name = str(event.args).partition(" ")
+        alarm = next((a for a in self._desk.state.alarms if key_text(a.key) == name), None)
+        do = {"ack": self._acknowledge, "comment": self._comment}.get(act)
+        if alarm is not None and do is not None:
+            do(alarm)
+
+    def _acknowledge_latest(self) -> None:
+        standing = [alarm for alarm in self._desk.state.alarms if alarm.standing]
+        if standing:
+            self._acknowledge(standing[-1])
+        else:
+            ui.notify("No episode to acknowledge.")
+
+    def _acknowledge(self, alarm: Alarm) -> None:
+        self._desk.acknowledge(alarm.key)
+        self.tell("Acknowledged.")
+
+    def _comment_latest(self) -> None:
+        alarms = self._desk.state.alarms
+        if alarms:
+            self._comment(alarms[-1])
+        else:
+            ui.notify("No episode to comment on: mark this moment instead.")
+
+    def _comment(self, alarm: Alarm) -> None:
+        self.ask("Comment on the episode", "", lambda text: self._desk.comment(alarm.key, text))
+
+    def _mark(self) -> None:
+        moment_ns = self._desk.moment_ns()
+        self.ask("Mark this moment", "mark", lambda text: self._desk.mark(text, moment_ns))
