@@ -1,17 +1,19 @@
-"""Stands that one process of the fleet carries: scans lost, latency, CPU and memory.
+"""Stands that a fleet carries: scans lost, latency, CPU and memory.
 
-A process of its own publishes prepared scans at 100 Hz to each stand; its load is stated apart. A
-third one, this, hears residuals and verdicts. One stand in eight jams half way. Latency is from the
-stamp of a scan, the time at which it is due, to the arrival of its residual.
+A process of its own publishes prepared scans at 100 Hz to each stand, and on request the vibration
+of two accelerometers of three axes at 20 kHz; its load is stated apart. A third one, this, hears
+residuals and verdicts. One stand in eight jams half way. Latency is from the stamp of a scan, the
+time at which it is due, to the arrival of its residual; of a verdict from that of its evidence.
 
     scripts/bench fleet                                  1 to 32 stands, 30 s each
     python bench/bench_fleet.py --seconds 600 --stands 32 --batch-ms 50 --processes 2
+    python bench/bench_fleet.py --seconds 60 --stands 8 --vibration --processes 2
 """
 
 from __future__ import annotations
 
+import argparse
 import os
-import struct
 import sys
 import tempfile
 import time
@@ -30,60 +32,16 @@ import numpy as np
 from bench_flood import resident_mb
 from bench_scan import recording
 from bench_stand import cpu_s
+from fleet_generator import PERIOD_S, READY, STAMP, STAMP_AT, generate, names
 from summary import Figure, bench_parser, write_summary
 from support.live import Process, node
 
 from flea_diag.nodes.run.domain import reserved_domain
 from flea_diag.nodes.run.live_run import discovery
-from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.messages import codec
-from flea_diag.wire.records import Health, Scan
+from flea_diag.wire.records import Health
 
-PERIOD_S = 0.01
-JAMMED = 8
-"""One stand in so many jams."""
-STAMP = struct.Struct("<iI")
-STAMP_AT = 4
-READY = "publishers are connected"
 LATEST_MS = 200.0
-
-
-def names(count: int) -> list[str]:
-    """Namespaces of the stands."""
-    return [f"bay_{number}" for number in range(count)]
-
-
-def messages(bag: Path) -> list[bytearray]:
-    """The scans of a recording, encoded."""
-    return [bytearray(codec.encode(scan)) for _, scan in BagReader(bag).records((Scan,))]
-
-
-def generate(count: int, folder: Path, seconds: float) -> None:
-    """Publish prepared scans, stamped with the time at which each is due; the load generator."""
-    import rclpy
-    from sensor_msgs.msg import JointState
-
-    sound, jammed = (messages(folder / name) for name in ("sound", "jammed"))
-    rclpy.init()
-    me = rclpy.create_node("generator")
-    out = [
-        (me.create_publisher(JointState, f"/{name}/sensors/slow", 100), rows)
-        for number, name in enumerate(names(count))
-        for rows in [jammed if number % JAMMED == 0 else sound]
-    ]
-    while not all(publisher.get_subscription_count() for publisher, _ in out):
-        time.sleep(0.05)
-    time.sleep(1.0)  # a writer knows its reader before the reader knows the writer
-    print(READY, flush=True)
-    begin, begin_ns = time.monotonic(), time.time_ns()
-    for number in range(round(seconds / PERIOD_S)):
-        time.sleep(max(0.0, begin + number * PERIOD_S - time.monotonic()))
-        stamp = divmod(begin_ns + round(1e9 * number * PERIOD_S), 1_000_000_000)
-        for publisher, rows in out:
-            STAMP.pack_into(rows[number], STAMP_AT, *stamp)
-            publisher.publish(bytes(rows[number]))
-    print("all published", flush=True)
-    rclpy.spin(me)  # what is not acknowledged yet is sent again, until this process is ended
 
 
 @dataclass
@@ -94,6 +52,7 @@ class Heard:
     latencies_ms: list[float] = field(default_factory=list)
     verdicts_ms: list[float] = field(default_factory=list)
     running: dict[str, str] = field(default_factory=dict)
+    told: dict[str, dict[str, str]] = field(default_factory=dict)
     stamps: dict[str, bytes] = field(default_factory=dict)
 
     def join(self, me: Any, count: int) -> None:
@@ -104,6 +63,7 @@ class Heard:
         def health(data: bytes) -> None:
             record = codec.decode(Health, data)
             self.running[record.node] = record.message
+            self.told[record.node] = dict(record.values)
 
         me.create_subscription(DiagnosticArray, "/diagnostics", health, 1000, raw=True)
         for name in names(count):
@@ -121,6 +81,10 @@ class Heard:
             me.create_subscription(JointState, f"/{name}/residual", residual, 1000, raw=True)
             group = f"/{name}/ambiguity_group"
             me.create_subscription(DiagnosticArray, group, verdict, 100, raw=True)
+
+    def counted(self, counter: str) -> int:
+        """Sum of a counter over all nodes."""
+        return sum(int(values.get(counter, 0)) for values in self.told.values())
 
 
 @contextmanager
@@ -168,12 +132,17 @@ class FleetLoad:
     p99_ms: float
     worst_ms: float
     verdict_ms: float
+    verdicts: int
+    blocks: int
+    blocks_lost: int
+    load: float
 
 
-def measured(count: int, folder: Path, seconds: float, batch_ms: int, processes: int) -> FleetLoad:
-    """Run a fleet of so many stands, spread over so many processes."""
-    parts = [names(count)[k::processes] for k in range(min(processes, count))]
-    given = ("-p", f"batch_ms:={batch_ms}", "-p", "memory:=none")
+def measured(count: int, folder: Path, asked: argparse.Namespace) -> FleetLoad:
+    """Run a fleet of so many stands, spread over processes as asked."""
+    seconds, processes = asked.seconds, min(asked.processes, count)
+    parts = [names(count)[k::processes] for k in range(processes)]
+    given = ("-p", f"batch_ms:={asked.batch_ms}", "-p", "memory:=none")
     scans = round(seconds / PERIOD_S)
     with ExitStack() as stack:
         domain = stack.enter_context(reserved_domain())
@@ -187,7 +156,8 @@ def measured(count: int, folder: Path, seconds: float, batch_ms: int, processes:
         ready = {f"fleet_{k}": f"{len(part)} of {len(part)}" for k, part in enumerate(parts)}
         until(lambda: all(heard.running.get(n, "").startswith(w) for n, w in ready.items()), 120.0)
         command = [sys.executable, __file__, "--generate", str(count), "--folder", str(folder)]
-        generator = stack.enter_context(Process([*command, "--seconds", str(seconds)], domain))
+        command += ["--seconds", str(seconds), *(["--vibration"] if asked.vibration else [])]
+        generator = stack.enter_context(Process(command, domain))
         generator.wait_for(READY)
         heard.latencies_ms.clear()
         pids = [fleet.child.pid for fleet in fleets]
@@ -205,12 +175,19 @@ def measured(count: int, folder: Path, seconds: float, batch_ms: int, processes:
         memory,
         *(float(np.percentile(late, share)) for share in (50, 99, 100)),
         max(heard.verdicts_ms, default=np.nan),
+        len(heard.verdicts_ms),
+        heard.counted("sensors/vibration/received"),
+        heard.counted("sensors/vibration/lost"),
+        os.getloadavg()[0],
     )
 
 
-def figures(runs: list[FleetLoad], seconds: float, batch_ms: int, processes: int) -> list[Figure]:
+def figures(runs: list[FleetLoad], asked: argparse.Namespace) -> list[Figure]:
     """The rows to keep."""
-    told = f"batch_ms {batch_ms}, {processes} process{'es' if processes > 1 else ''}"
+    seconds, processes = asked.seconds, asked.processes
+    told = f"batch_ms {asked.batch_ms}, {processes} process{'es' if processes > 1 else ''}"
+    if asked.vibration:
+        told += ", two accelerometers of 20 kHz"
     rows = []
     for run in runs:
         n, where = round(run.stands * seconds / PERIOD_S), f"{run.stands} stands, {told}"
@@ -218,9 +195,13 @@ def figures(runs: list[FleetLoad], seconds: float, batch_ms: int, processes: int
             Figure(f"{where}: scans lost", run.lost, "scans", n),
             Figure(f"{where}: CPU a scan", run.cpu * 1e6, "us", n),
             Figure(f"{where}: latency, 99 %", run.p99_ms, "ms", n, run.median_ms, run.worst_ms),
+            Figure(f"{where}: latency of a verdict, worst", run.verdict_ms, "ms", run.verdicts),
             Figure(f"{where}: resident memory", run.memory_mb, "MB"),
             Figure(f"{where}: load generator", run.generator_cpu, "% of a core"),
         ]
+        if asked.vibration:
+            rows.append(Figure(f"{where}: vibration blocks lost", run.blocks_lost, "blocks",
+                               run.blocks))  # fmt: skip
     if len(runs) > 1 and processes == 1:
         each = (runs[-1].memory_mb - runs[0].memory_mb) / (runs[-1].stands - runs[0].stands)
         rows.append(Figure("each further stand in a process", each, "MB", len(runs)))
@@ -234,28 +215,38 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--batch-ms", type=int, default=50)
     parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--vibration", action="store_true", help="two accelerometers of 20 kHz")
     parser.add_argument("--generate", type=int, help="be the load generator of so many stands")
-    parser.add_argument("--folder", type=Path, help="recordings of the load generator")
+    parser.add_argument("--folder", type=Path, help="recordings to publish; made if missing")
     given = parser.parse_args()
     if given.generate:
-        generate(given.generate, given.folder, given.seconds)
+        generate(given.generate, given.folder, given.seconds, given.vibration)
         return
-    runs = []
     with tempfile.TemporaryDirectory() as name:
-        folder, length = Path(name), round(given.seconds) + 2
-        half = str(given.seconds / 2)
-        recording(folder, length).rename(folder / "sound")
-        recording(folder, length, "--fault", "jam", "--at", half).rename(folder / "jammed")
+        folder = given.folder or Path(name)
+        record(folder, given.seconds, given.vibration)
         print("stands    lost  us a scan  latency ms: median    99 %   worst   verdict      MB"
               "  generator %    load")  # fmt: skip
-        for count in given.stands:
-            run = measured(count, folder, given.seconds, given.batch_ms, given.processes)
-            runs.append(run)
-            print(f"{count:6d}{run.lost:8d}{run.cpu * 1e6:11.0f}{run.median_ms:20.1f}"
-                  f"{run.p99_ms:8.1f}{run.worst_ms:8.1f}{run.verdict_ms:10.0f}{run.memory_mb:8.0f}"
-                  f"{run.generator_cpu:13.1f}{os.getloadavg()[0]:8.1f}", flush=True)  # fmt: skip
-    kept = figures(runs, given.seconds, given.batch_ms, given.processes)
-    write_summary("fleet", kept, given.json)
+        runs = [shown(measured(count, folder, given)) for count in given.stands]
+    write_summary("fleet", figures(runs, given), given.json)
+
+
+def record(folder: Path, seconds: float, vibration: bool) -> None:
+    """Simulate what the generator publishes: a sound stand, and one that jams half way."""
+    length, jam = round(seconds) + 2, ("--fault", "jam", "--at", str(seconds / 2))
+    for name, more in (("sound", ()), ("jammed", jam)):
+        if not (folder / name).exists():
+            recording(folder, length, *more, vibration=vibration).rename(folder / name)
+
+
+def shown(run: FleetLoad) -> FleetLoad:
+    """Print a row."""
+    print(f"{run.stands:6d}{run.lost:8d}{run.cpu * 1e6:11.0f}{run.median_ms:20.1f}"
+          f"{run.p99_ms:8.1f}{run.worst_ms:8.1f}{run.verdict_ms:10.0f}{run.memory_mb:8.0f}"
+          f"{run.generator_cpu:13.1f}{run.load:8.1f}", flush=True)  # fmt: skip
+    if run.blocks:
+        print(f"       {run.blocks} vibration blocks received, {run.blocks_lost} lost", flush=True)
+    return run
 
 
 if __name__ == "__main__":

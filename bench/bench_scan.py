@@ -33,17 +33,11 @@ KINDS = (
 )
 
 
-def recording(folder: Path, seconds: int = SECONDS, *more: str) -> Path:
-    """Simulate a run without vibration into a bag."""
+def recording(folder: Path, seconds: int = SECONDS, *more: str, vibration: bool = False) -> Path:
+    """Simulate a run into a bag, by default without vibration."""
     bag = folder / f"run{seconds}{''.join(more)}"
-    command = [
-        sys.executable,
-        "-m",
-        "flea_diag.tools.main",
-        "simulate",
-        "nominal",
-        "--no-vibration",
-    ]
+    command = [sys.executable, "-m", "flea_diag.tools.main", "simulate", "nominal"]
+    command += [] if vibration else ["--no-vibration"]
     options = ["--seed", "21", "--duration", str(seconds), "-o", str(bag), *more]
     subprocess.run([*command, *options], check=True, stdout=subprocess.DEVNULL)
     return bag
