@@ -32,7 +32,7 @@ import numpy as np
 from bench_flood import resident_mb
 from bench_scan import recording
 from bench_stand import cpu_s
-from fleet_generator import PERIOD_S, READY, STAMP, STAMP_AT, generate, names
+from load.fleet_generator import PERIOD_S, READY, STAMP, STAMP_AT, generate, names
 from summary import Figure, bench_parser, write_summary
 from support.live import Process, node
 
