@@ -12,9 +12,9 @@ from flea_diag.operator.alarm_view import key_text
 from flea_diag.operator.hall_view import all_alarms
 from flea_diag.web.hall_panels import HallView
 from flea_diag.web.pages.button import button
+from flea_diag.web.pages.diagnosis_page import OperatorNode
 from flea_diag.web.pages.elements import PanelBody, section
 from flea_diag.web.pages.frame import Frame
-from flea_diag.web.pages.stand_page import OperatorNode
 
 KEYS = (
     ("a", "acknowledge the latest episode of all stands"),

@@ -10,8 +10,8 @@ from nicegui import Client
 from flea_diag.operator.hall_view import ringing
 from flea_diag.web.hall_panels import HallView, unacknowledged
 from flea_diag.web.markup import Markup, joined, tag
+from flea_diag.web.pages.diagnosis_page import DiagnosisPage, OperatorNode
 from flea_diag.web.pages.hall_page import HallPage
-from flea_diag.web.pages.stand_page import OperatorNode, StandPage
 from flea_diag.web.strips import StripCharts
 from flea_diag.web.view import Tools, View
 from flea_diag.wire.records import AmbiguityGroup, Detection, Hypotheses, Record
@@ -21,7 +21,7 @@ MOST_MARKS = 8
 BACK = Markup('<a href="/" class="back" data-key="Escape">All stands<kbd>Esc</kbd></a>')
 
 
-Sheet = TypeVar("Sheet", StandPage, HallPage)
+Sheet = TypeVar("Sheet", DiagnosisPage, HallPage)
 
 
 class Room(Protocol):
@@ -61,7 +61,7 @@ class StandRoom:
     ) -> None:
         self._desk, self._title, self._wake, self._elsewhere = desk, title, wake, elsewhere
         self._view, self._strips = View(tools), StripCharts()
-        self.pages: dict[str, StandPage] = {}
+        self.pages: dict[str, DiagnosisPage] = {}
         if desk.state.channels is not None:
             self._strips.take(desk.state.channels)
         desk.on_record.append(self.take)
@@ -76,7 +76,7 @@ class StandRoom:
         """Make the page of a browser."""
         self._draw()
         listed = self._elsewhere is not None
-        page = StandPage(self._desk, self._title, self._wake, client, listed)
+        page = DiagnosisPage(self._desk, self._title, self._wake, client, listed)
         page.fill(self._view)
         self.pages[client.id] = page
 

@@ -17,8 +17,8 @@ from nicegui import Client, app, ui
 
 from flea_diag.web.guard import STAND_PATH
 from flea_diag.web.markup import joined
+from flea_diag.web.pages.diagnosis_page import OperatorNode
 from flea_diag.web.pages.rooms import HallRoom, Room, StandRoom, Stands
-from flea_diag.web.pages.stand_page import OperatorNode
 from flea_diag.web.view import Tools
 
 PERIOD_S = 0.1

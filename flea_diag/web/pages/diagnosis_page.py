@@ -61,7 +61,7 @@ class OperatorNode(Protocol):
         """Present time by the clock of the stand."""
 
 
-class StandPage(Frame):
+class DiagnosisPage(Frame):
     """The page of one stand in one browser.
 
     Parameters
