@@ -25,7 +25,8 @@ from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.choice.planned_motion import MOTIONS, PlannedMotion, planned
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.fault_models import FaultModel
-from flea_diag.core.likelihood.likelihood import Fit, NormalEquations
+from flea_diag.core.likelihood.fit import Fit
+from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.vibration.features import FeatureId
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from flea_diag.core.conditions.contact import LONGEST_S, TAKES_BACK_S
+from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual import STALL
 from flea_diag.core.residuals.residual_rows import SPEED
@@ -19,7 +20,7 @@ Columns = list[int]
 
 
 @dataclass(frozen=True)
-class Condition:
+class Condition(Frozen):
     """One row.
 
     ``evidence`` says in words what shows the condition, ``judged_by`` which module of the package

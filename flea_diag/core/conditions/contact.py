@@ -16,6 +16,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from flea_diag.core.frozen import Frozen
+
 TRIED_S = 0.5
 """Time after the arrival near an end within which contact shows, if there is any."""
 LONGEST_S = 60.0
@@ -46,7 +48,7 @@ class Contact(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Signs:
+class Signs(Frozen):
     """Evidence of one scan.
 
     ``end``: -1 near the lower end, 1 near the upper, 0 elsewhere or not to be believed.

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from flea_diag.core.frozen import Frozen
+
 UNKNOWN = "?"
 SLOPE_S = 2.0  # after the paper
 SLOPE_LIMIT = 3.0 * 2.0**0.5
@@ -23,7 +25,7 @@ Test = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class SymbolState:
+class SymbolState(Frozen):
     """Symbols of one residual; ``z`` is the test statistic at the crossing, of this ``test``."""
 
     magnitude: str

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from flea_diag.core.frozen import Frozen
+
 SPEED_REGIONS_M_S = (0.025, 0.060)
 """Upper edges of the slow and the medium region of the mean |speed| in a window."""
 
 
 @dataclass(frozen=True, slots=True)
-class WindowLimit:
+class WindowLimit(Frozen):
     """Nominal statistics of one residual's mean over ``window`` samples, per speed region.
 
     ``k`` is the limit of |z|; ``centre`` and ``sigma`` are in the residual's unit.
@@ -22,7 +24,7 @@ class WindowLimit:
 
 
 @dataclass(frozen=True, slots=True)
-class ResidualLimit:
+class ResidualLimit(Frozen):
     """Limits of one residual; ``sigma`` is the scatter of single samples, per region.
 
     ``correlation_samples`` is the number of samples that carry as much news as one independent

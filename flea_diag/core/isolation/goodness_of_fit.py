@@ -16,7 +16,8 @@ import math
 from dataclasses import dataclass
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.likelihood.likelihood import FOLD, Fit, NormalEquations
+from flea_diag.core.likelihood.fit import Fit
+from flea_diag.core.likelihood.likelihood import FOLD, NormalEquations
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.faults.fault_signature import UNAFFECTED, FaultSignature, compatible
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
-from flea_diag.core.likelihood.likelihood import Fit
+from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.signatures.signature import SignatureTable
 
 JUMP_MODES = ("bias", "scaling", "dead", "dropout", "noise")

@@ -104,7 +104,8 @@ def _held(
             break
         index, bound = outside
         free[index], x[index] = False, bound
-        part, scale = scaled(A[np.ix_(free, free)])
+        rows = free.nonzero()[0]
+        part, scale = scaled(A[rows[:, None], rows])
         x[free] = _least(part, (b - A @ np.where(free, 0.0, x))[free] / scale) / scale
         outside = _outside(sizes, x, free)
     return x

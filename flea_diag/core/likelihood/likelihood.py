@@ -19,7 +19,6 @@ help any further.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -28,6 +27,7 @@ import numpy.typing as npt
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.bounded_systems import BoundedSystems
 from flea_diag.core.likelihood.fault_models import FaultModel, Term
+from flea_diag.core.likelihood.fit import Fit, Solution
 from flea_diag.core.likelihood.model_stack import ModelStack
 from flea_diag.core.residuals.unit_difference import Unit
 
@@ -35,20 +35,6 @@ Array = npt.NDArray[np.float64]
 
 FOLD = 50
 """Samples that are summed at once: always the same ones, so that sums have the same last bits."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """One hypothesis against the window: log-likelihood ratio, sizes and standard errors.
-
-    ``left``: of each residual the sum of squares over block means that the hypothesis leaves.
-    """
-
-    fault: str
-    log_likelihood: float
-    sizes: tuple[float, ...]
-    sigmas: tuple[float, ...]
-    left: tuple[float, ...] = ()
 
 
 class NormalEquations:
@@ -91,14 +77,24 @@ class NormalEquations:
 
     def _fold(self) -> None:
         """Add the buffered samples to the sums."""
+        if not self._waiting:
+            return
         values, phi = self._values[: self._waiting], np.nan_to_num(self._phi[: self._waiting])
+        shared: dict[bytes, tuple[Array, Array, Array]] = {}
         for index, known in enumerate(np.isfinite(values).T):
-            y, signals = values[known, index], phi[known]
-            self._gram[index] += signals.T @ signals
+            # Residuals that have a value in the same scans share what the signals add.
+            key = known.tobytes()
+            if key not in shared:
+                own = phi[known]
+                shared[key] = own, own.T @ own, own.sum(axis=0)
+            signals, gram, total = shared[key]
+            y = values[known, index]
+            self._gram[index] += gram
             self._cross[index] += y @ signals
             self._square[index] += y @ y
             self.samples[index] += len(y)
-            self._block[index] += (y.sum(), *signals.sum(axis=0))
+            self._block[index, 0] += y.sum()
+            self._block[index, 1:] += total
             self._block_samples[index] += len(y)
         self._block_scans += self._waiting
         self._waiting = 0
@@ -192,6 +188,7 @@ class NormalEquations:
             unit = unit.shown(shown.A[0], shown.b[0])
         stacks = [self._stack(alike) for alike in _of_equal_size(models)]
         systems = [stack.systems(weight, unit) for stack in stacks]
+        means = self._means.copy()  # as they are now: a fit is asked for details later
         dispersion = self._dispersion(stacks, systems, weight)
         if (dispersion != 1.0).any():
             weight = weight / dispersion
@@ -203,7 +200,7 @@ class NormalEquations:
         independent = max(float(counts.sum()), 2.0)
         found: dict[int, Fit] = {}
         for stack, solved in zip(stacks, systems, strict=True):
-            fits = self._fits(stack, solved, nominal, weight, unit, independent)
+            fits = self._fits(stack, solved, nominal, weight, unit, independent, means)
             found |= {id(model): fit for model, fit in fits}
         return tuple(found[id(model)] for model in models)
 
@@ -241,18 +238,15 @@ class NormalEquations:
         weight: Array,
         unit: Unit,
         independent: float,
+        means: Array,
     ) -> Iterator[tuple[FaultModel, Fit]]:
         """Fits of all models of a stack, in any order."""
         square = float(weight @ self._square)
         rough = [k for k, model in enumerate(stack.faults) if model.roughness > 0.0]
-        smooth = [k for k in range(len(stack.faults)) if k not in rough]
-        for k, errors in zip(smooth, systems.errors(smooth), strict=True):
-            gain = 0.5 * (nominal - systems.misfit(k, square))
-            left = self._left(stack, k, systems.solutions[k])
-            yield (
-                stack.faults[k],
-                _fit(stack.faults[k], gain, systems, k, errors, independent, left),
-            )
+        for k, model in enumerate(stack.faults):
+            if model.roughness == 0.0:
+                gain = 0.5 * (nominal - systems.misfit(k, square))
+                yield model, _fit(stack, systems, k, gain, independent, means)
         if not rough:
             return
         weights, losses = zip(
@@ -261,19 +255,10 @@ class NormalEquations:
         )
         part = stack.part(rough)
         systems = part.systems(np.stack(weights), unit)
-        every = systems.errors(range(len(rough)))
-        for k, (model, errors) in enumerate(zip(part.faults, every, strict=True)):
+        for k, model in enumerate(part.faults):
             misfit = systems.misfit(k, float(weights[k] @ self._square))
             gain = 0.5 * (nominal - misfit) - losses[k]
-            left = self._left(part, k, systems.solutions[k])
-            yield model, _fit(model, gain, systems, k, errors, independent, left)
-
-    def _left(self, stack: ModelStack, k: int, unknowns: Array) -> tuple[float, ...]:
-        """Sum of squares of the block means that these unknowns of one model leave."""
-        effect = stack.designs[stack.places[k]] @ unknowns
-        without = np.concatenate((np.ones((len(effect), 1)), -effect), axis=1)
-        left = (without * np.matmul(self._means, without[..., None])[..., 0]).sum(axis=-1)
-        return tuple(left.tolist())
+            yield model, _fit(part, systems, k, gain, independent, means)
 
     def _roughened(
         self, model: FaultModel, sizes: Sequence[float], weight: Array
@@ -311,17 +296,17 @@ def _of_equal_size(models: Sequence[FaultModel]) -> list[tuple[FaultModel, ...]]
 
 
 def _fit(
-    model: FaultModel,
-    gain: float,
+    stack: ModelStack,
     systems: BoundedSystems,
     k: int,
-    errors: Array,
+    gain: float,
     independent: float,
-    left: tuple[float, ...],
+    means: Array,
 ) -> Fit:
     sizes = systems.sizes(k)
     nats = float(gain - _penalty(sizes, independent))
-    return Fit(model.fault, nats, sizes, tuple(map(float, errors)), left)
+    solution = Solution(systems, k, stack.designs[stack.places[k]], means)
+    return Fit(stack.faults[k].fault, nats, sizes, solution)
 
 
 def _effect(model: FaultModel, residual: str, sizes: Sequence[float], basis: Basis) -> Array:

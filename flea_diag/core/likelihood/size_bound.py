@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from flea_diag.core.likelihood.fault_models import FaultModel, Size
+from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.likelihood.likelihood import NormalEquations
 
 STEPS = 4
@@ -113,7 +114,7 @@ class _Search:
     def _start(self, index: int) -> float:
         """A size far too small to be seen."""
         fit = self._fits([self.model], [0.0] * len(self.model.sizes))[0]
-        error = fit[1][index]
+        error = fit.sigmas[index]
         return RESOLVED * error if 0.0 < error < math.inf else 0.0
 
     def _smallest(self, size: Size, start: float, holds: Callable[[float], bool]) -> float:
@@ -133,15 +134,15 @@ class _Search:
         return math.inf
 
     def _explains(self, index: int, value: float) -> bool:
-        nats = max(fit[0] for fit in self._fits(self.own, self._sizes(index, value)))
+        nats = max(fit.log_likelihood for fit in self._fits(self.own, self._sizes(index, value)))
         return nats >= self.test.explain_nats
 
     def _left(self, index: int, value: float) -> tuple[str, ...]:
         """Faults that this size of this fault leaves, best first."""
         best: dict[str, float] = {}
         fits = self._fits(self.test.models, self._sizes(index, value))
-        for model, (nats, _) in zip(self.test.models, fits, strict=True):
-            best[model.fault] = max(nats, best.get(model.fault, -math.inf))
+        for fit in fits:
+            best[fit.fault] = max(fit.log_likelihood, best.get(fit.fault, -math.inf))
         leader = max(best.values())
         names = [name for name, nats in best.items() if leader - nats <= self.test.drop_nats]
         return tuple(sorted(names, key=lambda name: (-best[name], name)))
@@ -151,16 +152,13 @@ class _Search:
         sizes[index] = value
         return sizes
 
-    def _fits(
-        self, models: Sequence[FaultModel], sizes: Sequence[float]
-    ) -> list[tuple[float, tuple[float, ...]]]:
-        """Log-likelihood and standard errors of these models where the fault has these sizes."""
+    def _fits(self, models: Sequence[FaultModel], sizes: Sequence[float]) -> tuple[Fit, ...]:
+        """Fits of these models where the fault has these sizes."""
         test = self.test
         shown = self.evidence.showing(self.model, sizes)
-        fits = shown.fit(
+        return shown.fit(
             models, test.sigma, test.correlation, test.tolerance, self.healthy, test.settled
         )
-        return [(fit.log_likelihood, fit.sigmas) for fit in fits]
 
 
 def _bisected(low: float, high: float, holds: Callable[[float], bool]) -> float:

@@ -9,6 +9,7 @@ symmetric, of variance one, cut at 3.7 sigma. The table fits into a processor's 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,8 @@ UNUSED_BITS = 4
 """Of the 16 bits spent on each number."""
 STEPS = 16
 """Steps whose random bits are drawn together: one call of the generator for all."""
+MOST_CHUNKS = 16
+"""Most of these that are drawn at once for many steps."""
 
 
 @lru_cache(maxsize=1)
@@ -52,17 +55,19 @@ class RandomBits:
     """
 
     def __init__(self, generator: np.random.Generator, normals: int) -> None:
-        bits = generator.bit_generator
+        self._bits = bits = generator.bit_generator
         if isinstance(bits, np.random.MT19937):
             raise ConfigurationError(
                 "random generator MT19937 gives 32 bits at a time, 64 are needed: "
                 "use numpy.random.default_rng(seed)"
             )
-        self._raw = bits.random_raw
         self._words = 1 + (normals + 3) // 4
         self._uniform: Array = np.empty(0)
         self._chosen: Indices = np.empty((0, normals), np.uint16)
         self._at = 0
+        self._chunks = 1
+        self._before: Any = None
+        """State of the generator before the last draw of several chunks."""
 
     def next(self) -> tuple[float, Indices]:
         """A number in [0, 1), and indices into the table for ``normals`` normal numbers."""
@@ -75,20 +80,32 @@ class RandomBits:
     def ahead(self, most: int) -> tuple[Array, Indices]:
         """The same for so many steps or fewer, at least one: shapes (k,) and (k, normals).
 
-        They stay ahead until they are ``used``. Never are more drawn than one step after
-        another would draw, so that the generator is left the same.
+        They stay ahead until they are ``used``.
         """
         if self._at == len(self._uniform):
-            self._draw()
+            self._draw(min(self._chunks, -(-most // STEPS)))
         rows = slice(self._at, self._at + most)
         return self._uniform[rows], self._chosen[rows]
 
     def used(self, steps: int) -> None:
-        """So many of those ahead."""
-        self._at += steps
+        """So many of those ahead.
 
-    def _draw(self) -> None:
-        words = self._raw(STEPS * self._words).reshape(STEPS, self._words)
+        The generator is left as if one step had drawn after another: chunks that no step has
+        come to go back.
+        """
+        self._at += steps
+        if self._at + STEPS <= len(self._uniform):
+            self._bits.state, at = self._before, self._at
+            self._draw(-(-at // STEPS))
+            self._at, self._chunks = at, 1
+        elif self._at == len(self._uniform):
+            self._chunks = min(2 * self._chunks, MOST_CHUNKS)
+
+    def _draw(self, chunks: int = 1) -> None:
+        if chunks > 1:
+            self._before = self._bits.state
+        steps = chunks * STEPS
+        words = self._bits.random_raw(steps * self._words).reshape(steps, self._words)
         self._uniform = np.asarray((words[:, 0] >> np.uint64(11)) * 2.0**-53, dtype=float)
         self._chosen = words[:, 1:].copy().view(np.uint16)
         self._chosen >>= UNUSED_BITS

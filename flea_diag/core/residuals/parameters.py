@@ -57,7 +57,7 @@ def as_record(parameters: ActuatorParameters) -> npt.NDArray[np.void]:
 
 
 @dataclass(frozen=True, slots=True)
-class UnitTolerance:
+class UnitTolerance(Frozen):
     """By how much healthy units of one design differ (one sigma), order of UNIT_PARAMETERS.
 
     A difference inside it is another unit, not a fault. The FLEA's test actuators differ by

@@ -29,7 +29,7 @@ WINDOWS = (50, 100, 400)
 
 
 @dataclass(frozen=True, slots=True)
-class ResidualRow:
+class ResidualRow(Frozen):
     """One residual: its unit, the channels it needs, and when it may be tested.
 
     ``gate`` is "moving" where the excitation of motion is needed, "always" where not, and
@@ -46,7 +46,7 @@ class ResidualRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Parity:
+class Parity(Frozen):
     """One residual that is the value of a parity relation.
 
     ``needs`` names the channels without which there is no residual, ``relation`` the relation that

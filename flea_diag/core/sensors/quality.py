@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from flea_diag.core.frozen import Frozen
+
 ABSENT_SAMPLES = 50
 """Consecutive unusable values that make a channel bad (absent if it never had a usable one)."""
 BEYOND_BOUNDS = 1e9
@@ -14,7 +16,7 @@ COUNTERS = ("samples", "missing", "stale", "out_of_range", "saturated", "implaus
 
 
 @dataclass(frozen=True, slots=True)
-class ChannelState:
+class ChannelState(Frozen):
     """State of a channel; ``since_ns`` is the stamp at which it began."""
 
     quality: str

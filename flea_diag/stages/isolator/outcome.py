@@ -7,6 +7,7 @@ without an episode, are the data usable and is the actuator observable.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from itertools import takewhile
 
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit, Misfit
 from flea_diag.core.isolation.isolation import Hypothesis
@@ -101,8 +102,9 @@ class OutcomeRules:
     def _misfits(self, episode: FaultEpisode, alive: list[Hypothesis]) -> tuple[Misfit, ...]:
         """Relations that the most likely hypothesis does not fit, if no other fits either."""
         evidence = episode.evidence.equations
-        left = [self._fit.misfits(evidence, h.fit) if h.fit else () for h in alive]
-        return left[0] if all(left) else ()
+        each = (self._fit.misfits(evidence, h.fit) if h.fit else () for h in alive)
+        left = list(takewhile(bool, each))
+        return left[0] if len(left) == len(alive) else ()
 
     def _quiet(self, stamp_ns: int, stand: StandStatus) -> Decision:
         bad = [channel for channel in self._residuals.required if channel in stand.bad]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.fault_models import FaultModel
-from flea_diag.core.likelihood.likelihood import Fit
+from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.likelihood.unit_baseline import UnitBaseline
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.wire.blocks import ResidualBlock, block_of

@@ -19,6 +19,7 @@ from flea_diag.core.conditions.condition import NAMED
 from flea_diag.core.conditions.contact import LONGEST_S, Contact
 from flea_diag.core.conditions.end_of_travel import EndOfTravel
 from flea_diag.core.conditions.lingering import Lingering
+from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
@@ -57,7 +58,7 @@ def at_limit(values: Array, low: float, high: float) -> Flags:
 
 
 @dataclass(frozen=True, slots=True)
-class Voided:
+class Voided(Frozen):
     """A condition that has just begun: its words, what it voids, how old an alarm it takes back."""
 
     words: str

@@ -13,7 +13,8 @@ from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
 from flea_diag.core.isolation.goodness_of_fit import GoodnessOfFit, MeanScatter
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
-from flea_diag.core.likelihood.likelihood import FOLD, Fit, NormalEquations
+from flea_diag.core.likelihood.fit import Fit
+from flea_diag.core.likelihood.likelihood import FOLD, NormalEquations
 
 NAMES = ("one_relation", "another")
 BASIS = Basis(("one", "wave"), (), ())

@@ -7,7 +7,7 @@ from support import stands
 
 from flea_diag.core.causal_graph.operating_point import QUADRANTS
 from flea_diag.core.isolation.isolation import Isolation
-from flea_diag.core.likelihood.likelihood import Fit
+from flea_diag.core.likelihood.fit import Fit
 
 OUT = (QUADRANTS[0],)
 BOTH = (QUADRANTS[0], QUADRANTS[2])
@@ -163,7 +163,7 @@ def test_a_symbol_against_all_that_is_left_is_overruled_once_settled():
         isolation = fresh()
         isolation.observe(1, "parity_mechanical_dn", "+", "?", BOTH)
         isolation.apply_likelihoods(
-            2, [Fit(n, 50.0 * (n == "jam"), (1.0,), (0.1,)) for n in alive(isolation)], 5
+            2, [Fit(n, 50.0 * (n == "jam"), (1.0,)) for n in alive(isolation)], 5
         )
         assert alive(isolation) == {"jam"}
         isolation.observe(3, "motor_temperature_noise", "+", "?", BOTH, settled)
@@ -177,8 +177,8 @@ def test_likelihood_drops_what_is_far_behind_and_ranks_the_rest():
     isolation = fresh()
     isolation.observe(1, "parity_mechanical_dn", "+", "?", BOTH)
     gains = {"jam": 40.0, "ball_nut_friction": 38.0, "load_force_bias": 10.0}
-    fits = [Fit(name, gain, (80.0,), (5.0,)) for name, gain in gains.items()]
-    isolation.apply_likelihoods(2, [*fits, Fit("jam", 12.0, (1.0,), (1.0,))], 5.0)
+    fits = [Fit(name, gain, (80.0,)) for name, gain in gains.items()]
+    isolation.apply_likelihoods(2, [*fits, Fit("jam", 12.0, (1.0,))], 5.0)
     names = [h.name for h in isolation.alive()]
     assert names[:2] == ["jam", "ball_nut_friction"]
     assert isolation.hypotheses["jam"].log_likelihood == 40.0
