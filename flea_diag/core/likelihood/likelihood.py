@@ -82,6 +82,8 @@ class NormalEquations:
         values, phi = self._values[: self._waiting], np.nan_to_num(self._phi[: self._waiting])
         shared: dict[bytes, tuple[Array, Array, Array]] = {}
         for index, known in enumerate(np.isfinite(values).T):
+            if not known.any():
+                continue
             # Residuals that have a value in the same scans share what the signals add.
             key = known.tobytes()
             if key not in shared:

@@ -7,7 +7,7 @@ one or in blocks, with identical results.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -170,7 +170,7 @@ class SensorTests:
         for index in sorted(self._watched):
             rests = self._rests(index, recent)[-count:].tolist()
             readings = recent[-count - 2 :, index].tolist()
-            self._follow(index, readings, odd[:, index].tolist(), rests, usable, z)
+            self._follow(index, readings, odd[:, index], rests, usable, z)
         self._watched = {index for index in self._watched if self._guards[index].busy}
 
     def _rests(self, index: int, recent: Array) -> Flags:
@@ -192,18 +192,17 @@ class SensorTests:
         self,
         index: int,
         readings: list[float],
-        odd: list[bool],
+        odd: Flags,
         rests: list[bool],
         usable: Array,
         z: Array,
     ) -> None:
-        """Judge a channel scan by scan; ``readings`` begins two scans earlier."""
+        """Judge the eventful scans of a channel; ``readings`` begins two scans earlier."""
         guard, limit, column = self._guards[index], self._limits[index], self._columns[index]
         stuck, dropout = (self._places[test][index] for test in TESTS[1:])
         step = next((place for place, at in self._steps if at == index), None)
-        for n, value in enumerate(readings[2:]):
-            if not (odd[n] or guard.busy):
-                continue
+        for n in _eventful(odd, guard):
+            value = readings[n + 2]
             guard.wake(readings[n], readings[n + 1])
             at_end = not self._low[index] < value < self._high[index]
             withheld, leapt = guard.take(self._scan + n, value, at_end, rests[n])
@@ -214,3 +213,15 @@ class SensorTests:
                 z[n, step] = leapt / limit.step
             if limit.repeats:
                 z[n, stuck], z[n, dropout] = guard.run, len(guard.events)
+
+
+def _eventful(odd: Flags, guard: ReadingGuard) -> Iterator[int]:
+    """Scans with a jump or a hold, and those while one is still of effect on this guard."""
+    last, scan = len(odd) - 1, -1
+    for begins in (-1, *odd.nonzero()[0].tolist()):
+        if begins > scan:
+            scan = begins
+            yield scan
+        while scan < last and guard.busy:
+            scan += 1
+            yield scan

@@ -79,9 +79,13 @@ def _together(windows: Array) -> Flags:
 def _surely(windows: Array) -> Flags:
     before = windows[:, :BEFORE]
     middle = np.median(before, axis=1)
-    sigma = MAD_SIGMA * np.median(np.abs(before - middle[:, None]), axis=1)
     step = np.abs(np.median(windows[:, BEFORE:], axis=1) - middle)
-    return _enough(step > np.maximum(LIMIT * MEDIAN_ERROR * sigma, LEAST_STEP_K))
+    seen = _enough(step > LEAST_STEP_K)
+    if seen.any():
+        apart = np.abs(before[seen] - middle[seen, None])
+        sigma = MAD_SIGMA * np.median(apart, axis=1)
+        seen[seen] = _enough(step[seen] > np.maximum(LIMIT * MEDIAN_ERROR * sigma, LEAST_STEP_K))
+    return seen
 
 
 def _enough(stepped: Flags) -> Flags:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable, Iterator
-from itertools import groupby, islice
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -107,14 +106,12 @@ class BagReader:
         self, types: Iterable[type] | None = None, namespace: str | None = None
     ) -> Iterator[Record | ScanBlock]:
         """Records in log order as from ``records``, with consecutive scans as blocks."""
-        for kind, run in groupby(self._messages(types, namespace), key=itemgetter(0)):
-            messages = (message for _, message in run)
-            while part := _part(messages, BLOCK_SCANS if kind is Scan else 1):
-                block = _block(part) if kind is Scan else None
-                if block is not None:
-                    yield block
-                else:
-                    yield from (r for m in part for _, r in self._decoded(kind, m))
+        for kind, part in _parts(self._messages(types, namespace)):
+            block = _block(part) if kind is Scan else None
+            if block is not None:
+                yield block
+            else:
+                yield from (r for m in part for _, r in self._decoded(kind, m))
         self._collect_losses()
 
     def _messages(
@@ -172,15 +169,26 @@ class BagReader:
         ]
 
 
-def _part(messages: Iterator[McapMessage], most: int) -> list[McapMessage]:
-    """The next messages, up to a number and a size: few large ones fill the memory, too."""
-    part, size_bytes = [], 0
-    for message in islice(messages, most):
-        part.append(message)
-        size_bytes += len(message.data)
-        if size_bytes > BLOCK_BYTES:
-            break
-    return part
+def _parts(
+    messages: Iterator[tuple[type, McapMessage]],
+) -> Iterator[tuple[type, list[McapMessage]]]:
+    """Consecutive scans, up to a number and a size, for few large ones fill the memory, too.
+
+    Every other message is a part of its own.
+    """
+    scans: list[McapMessage] = []
+    size_bytes = 0
+    for kind, message in messages:
+        if scans and (kind is not Scan or len(scans) == BLOCK_SCANS or size_bytes > BLOCK_BYTES):
+            yield Scan, scans
+            scans, size_bytes = [], 0
+        if kind is Scan:
+            scans.append(message)
+            size_bytes += len(message.data)
+        else:
+            yield kind, [message]
+    if scans:
+        yield Scan, scans
 
 
 def _block(messages: list[McapMessage]) -> ScanBlock | None:
