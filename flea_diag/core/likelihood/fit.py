@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -44,7 +44,7 @@ class Solution:
         return tuple(left.tolist())
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, slots=True)
 class Fit:
     """One hypothesis against the window: log-likelihood ratio and sizes.
 
@@ -55,7 +55,7 @@ class Fit:
     fault: str
     log_likelihood: float
     sizes: tuple[float, ...]
-    solution: Solution | None = None
+    solution: Solution | None = field(default=None, compare=False, repr=False)
 
     @property
     def sigmas(self) -> tuple[float, ...]:

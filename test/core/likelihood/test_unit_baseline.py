@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from support.models.fault_terms import BASIS, EFFECTS, RATE
@@ -95,9 +97,14 @@ def test_only_relations_that_are_named_show_the_units_own():
         episode.add(values[None], regressors[None])
     models = [m for m in EFFECTS.bound(P) if m.fault == "motor_current_bias"]
     known = stretch(scans(6, PIECE_SCANS * 12)).evidence
-    nothing = episode.fit(models, SIGMA, SPACING, TOLERANCE)
-    assert episode.fit(models, SIGMA, SPACING, TOLERANCE, known) == nothing
-    assert episode.fit(models, SIGMA, SPACING, TOLERANCE, known, RESIDUALS[1:]) != nothing
+
+    def figures(*baseline: Any) -> list[Any]:
+        fits = episode.fit(models, SIGMA, SPACING, TOLERANCE, *baseline)
+        return [(fit, fit.sigmas, fit.left) for fit in fits]
+
+    nothing = figures()
+    assert figures(known) == nothing
+    assert figures(known, RESIDUALS[1:]) != nothing
 
 
 @pytest.mark.parametrize("block", [3, 250, 1300])
