@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import signal
@@ -107,18 +108,21 @@ def newcomer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def compiled(newcomer: None) -> None:
+def compiled(newcomer: None, tmp_path_factory: pytest.TempPathFactory) -> None:
     """What numba compiles is on the disk before a process is started that is waited for.
 
     It takes half a minute of a processor where there is nothing yet, and with other processes
-    beside it longer than any test waits.
+    beside it longer than any test waits. One worker compiles, the others load what it has made.
     """
     from flea_diag.configuration.component import DIAGNOSER
     from flea_sim_driver.scenario.library import find_scenario
     from flea_sim_driver.stand import SimulatedStand
 
-    DIAGNOSER.warm_up(DIAGNOSER.parameters())
-    next(record for record in SimulatedStand(find_scenario("nominal")) if isinstance(record, Scan))
+    with (_of_all_workers(tmp_path_factory) / "compiling").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        DIAGNOSER.warm_up(DIAGNOSER.parameters())
+        stand = SimulatedStand(find_scenario("nominal"))
+        next(record for record in stand if isinstance(record, Scan))
 
 
 @pytest.fixture
