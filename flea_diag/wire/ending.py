@@ -16,7 +16,6 @@ import threading
 from collections.abc import Callable
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
-LOOK_S = 0.05
 
 
 def end_at_once() -> None:
@@ -57,20 +56,23 @@ class Ending:
         self._begun = threading.Event()
         self._met = threading.Event()
         signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
-        threading.Thread(target=self._watch, name="ending", daemon=True).start()
+        self._thread = threading.Thread(target=self._watch, name="ending", daemon=True)
+        self._thread.start()
 
     def begin(self) -> None:
         """Begin the time allowed for the end, which the program has decided on itself."""
         self._begun.set()
+        if self._thread.ident is not None:
+            signal.pthread_kill(self._thread.ident, ENDING[0])
 
     def met(self) -> None:
         """Cancel what enforces the end: the process ends by itself."""
         self._met.set()
 
     def _watch(self) -> None:
-        while not self._begun.is_set():
-            if signal.sigtimedwait(ENDING, LOOK_S) is not None:
-                self.on_signal()
-                break
+        # No sigtimedwait: that of Python 3.11 takes being stopped past its time for a signal.
+        signal.sigwait(ENDING)
+        if not self._begun.is_set():
+            self.on_signal()
         if not self._met.wait(self.patience_s):
             os._exit(0)

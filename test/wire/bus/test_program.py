@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,21 @@ def test_signals_end_a_node_in_order(
         status = process.signal(*signals)
     assert status == 0
     assert "Traceback" not in process.output
+
+
+def test_a_node_that_was_stopped_goes_on(domain: int) -> None:
+    """As by Ctrl-Z, a debugger, or the host of a virtual machine."""
+    with Process(toy(), domain) as process, Peer(domain) as peer:
+        peer.listen(Health)
+        state = Path(f"/proc/{process.child.pid}/stat")
+        process.child.send_signal(signal.SIGSTOP)
+        peer.until(lambda: state.read_text().split()[2] == "T")
+        stopped_s = time.monotonic()
+        peer.until(lambda: time.monotonic() - stopped_s > 0.5)
+        process.child.send_signal(signal.SIGCONT)
+        reported = len(peer.records)
+        peer.until(lambda: len(peer.records) > reported + 1)
+        assert process.signal(INT) == 0
 
 
 @pytest.mark.parametrize("number", [INT, TERM])
