@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from typing import Any
+from typing import Annotated
 
 from flea_diag.configuration.description import described
 from flea_diag.configuration.files import load_yaml
 from flea_diag.configuration.stand import STAND_FILE, Stand
-from flea_diag.core.schema import REQUIRED, Keys, pairs, read, rows, texts
 from flea_diag.core.symbolic.converted_unit import conversion_to
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import AboveZero, one_of, within
 from flea_diag.formats import migrated
 from flea_diag.wire.sources.field_path import FieldPath
 from flea_diag.wire.sources.mapping import (
@@ -25,38 +27,61 @@ from flea_diag.wire.sources.mapping import (
     TableTime,
 )
 
-KEYS: Keys = {
-    "format": (str, FORMATS[0]),
-    "rate_hz": (float, math.nan),
-    "channels": (dict, {}),
-    "time": (dict, {}),
-    "split_by": (list, []),
-    "truth": (dict, {}),
-}
-PLACE: Keys = {"topic": (str, ""), "type": (str, ""), "field": (str, ""), "column": (str, "")}
-TERM: Keys = {**PLACE, "sign": (int, 1)}
-ROW: Keys = {
-    **TERM,
-    "sum": (list, []),
-    "unit": (str, REQUIRED),
-    "range": (list, REQUIRED),
-    "scale": (float, 1.0),
-    "offset": (float, 0.0),
-    "rate_hz": (float, math.nan),
-    "resample": (str, RESAMPLINGS[0]),
-    "age_s": (float, math.nan),
-    "serial": (str, ""),
-    "mount": (str, ""),
-    "sampling": (str, "mean"),
-    "note": (str, ""),
-}
-TIME: Keys = {"column": (str, REQUIRED), "unit": (str, "s"), "start": (str, "")}
-
 SLOWEST_HZ, FASTEST_HZ = 1.0, 1000.0
 """Rates that scans may have."""
 MOST_TERMS = 200
 AGE_READINGS = 3.0
 """Age limit of a reading by default, in times between two readings."""
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a reading is: a column of a table, or a field of a topic's messages."""
+
+    topic: str = ""
+    type: str = ""
+    field: str = ""
+    column: str = ""
+
+
+@dataclass(frozen=True)
+class _Term(_Place):
+    sign: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Row(_Term):
+    """One channel; limits in SI, whatever the unit of the readings: so a wrong unit shows."""
+
+    unit: str
+    range: tuple[float, float]
+    sum: tuple[_Term, ...] = ()
+    scale: AboveZero = 1.0
+    offset: float = 0.0
+    rate_hz: Annotated[float, within(maximum=1e6, above=0.0)] = math.nan
+    resample: Annotated[str, one_of(*RESAMPLINGS)] = RESAMPLINGS[0]
+    age_s: float = math.nan
+    serial: str = ""
+    mount: str = ""
+    sampling: str = "mean"
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class _Time:
+    column: str
+    unit: str = "s"
+    start: str = ""
+
+
+@dataclass(frozen=True)
+class _File:
+    format: Annotated[str, one_of(*FORMATS)] = FORMATS[0]
+    rate_hz: float = math.nan
+    channels: Mapping[str, _Row] = field(default_factory=dict)
+    time: _Time | None = None
+    split_by: tuple[str, ...] = ()
+    truth: Mapping[str, str] = field(default_factory=dict)
 
 
 def channel_sources(stand: Stand) -> SourceMapping:
@@ -73,26 +98,24 @@ def channel_sources(stand: Stand) -> SourceMapping:
             "they come from, and name it there (channels: channels.yaml)"
         )
     where = str(stand.channels)
-    values = read(migrated("channel mapping", load_yaml(stand.channels), where), where, KEYS)
-    _one_of(values["format"], FORMATS, f"{where}: format")
-    if values["format"] == FLEA_TEXT:
+    known = read_as(_File, migrated("channel mapping", load_yaml(stand.channels), where), where)
+    if known.format == FLEA_TEXT:
         return SourceMapping(where, stand.name, FLEA_TEXT, 100.0, ())
-    rate_hz = _rate(values["rate_hz"], f"{where}: rate_hz")
+    rate_hz = _rate(known.rate_hz, f"{where}: rate_hz")
     units = _units(stand)
-    listed = rows(values["channels"], f"{where}: channels")
     found = tuple(
         _channel(name, row, units, rate_hz, f"{where}: channels: {name}")
-        for name, row in listed.items()
+        for name, row in known.channels.items()
     )
     made = SourceMapping(
         where,
         stand.name,
-        values["format"],
+        known.format,
         rate_hz,
         found,
-        _time(values["time"], f"{where}: time"),
-        texts(values["split_by"], f"{where}: split_by"),
-        tuple(pairs(values["truth"], f"{where}: truth").items()),
+        _time(known.time, f"{where}: time"),
+        known.split_by,
+        tuple(known.truth.items()),
     )
     _check(made)
     return made
@@ -105,63 +128,60 @@ def _units(stand: Stand) -> dict[str, str]:
 
 
 def _channel(
-    name: str, content: Any, units: Mapping[str, str], rate_hz: float, where: str
+    name: str, row: _Row, units: Mapping[str, str], rate_hz: float, where: str
 ) -> ChannelMapping:
-    values = read(content, where, ROW)
     if name not in units:
         known = ", ".join(units)
         raise ConfigurationError(
             f"{where}: {shown(name)} is no sensor or input of the description, known are {known}"
         )
-    to_si = conversion_to(values["unit"], units[name], f"{where}: unit")
-    _one_of(values["resample"], RESAMPLINGS, f"{where}: resample")
-    scale = _scale(values["scale"], f"{where}: scale")
-    source_hz = values["rate_hz"] if math.isfinite(values["rate_hz"]) else rate_hz
-    if not 0.0 < source_hz <= 1e6:
-        raise ConfigurationError(f"{where}: rate_hz = {source_hz!r} must be above 0, up to 1e6")
-    age_s = values["age_s"] if math.isfinite(values["age_s"]) else AGE_READINGS / source_hz
+    to_si = conversion_to(row.unit, units[name], f"{where}: unit")
+    source_hz = rate_hz if math.isnan(row.rate_hz) else row.rate_hz
+    age_s = AGE_READINGS / source_hz if math.isnan(row.age_s) else row.age_s
     if age_s < 1.0 / source_hz:
         raise ConfigurationError(
             f"{where}: age_s = {age_s!r} is less than the {1.0 / source_hz:g} s between readings; "
             "raise it, or every reading is stale"
         )
-    sign = _sign(values["sign"], f"{where}: sign")
-    low, high = _range(values["range"], f"{where}: range")
+    low, high = row.range
+    if not low < high:
+        raise ConfigurationError(
+            f"{where}: range = {shown(row.range)}: the first must be below the second"
+        )
     return ChannelMapping(
         name,
         to_si.unit,
-        _terms(values, where),
-        to_si.factor * scale * sign,
-        to_si.factor * values["offset"] + to_si.offset,
+        _terms(row, where),
+        to_si.factor * row.scale * _sign(row.sign, f"{where}: sign"),
+        to_si.factor * row.offset + to_si.offset,
         low,
         high,
         source_hz,
-        values["resample"],
+        row.resample,
         age_s,
-        values["unit"],
-        values["serial"],
-        values["mount"],
-        values["sampling"],
-        values["note"],
+        row.unit,
+        row.serial,
+        row.mount,
+        row.sampling,
+        row.note,
     )
 
 
-def _terms(values: Mapping[str, Any], where: str) -> tuple[SourceTerm, ...]:
+def _terms(row: _Row, where: str) -> tuple[SourceTerm, ...]:
     """The sum of a channel, or its one place."""
-    if not values["sum"]:
-        return (_term(values, 1.0, where),)
-    if any(values[key] for key in PLACE):
+    if not row.sum:
+        return (_term(row, 1.0, where),)
+    if row.topic or row.type or row.field or row.column:
         raise ConfigurationError(f"{where}: it has a sum and a place of its own; keep one of them")
     made = []
-    for number, part in enumerate(values["sum"], 1):
+    for number, term in enumerate(row.sum, 1):
         place = f"{where}: sum {number}"
-        term = read(part, place, TERM)
-        made.append(_term(term, _sign(term["sign"], f"{place}: sign"), place))
+        made.append(_term(term, _sign(term.sign, f"{place}: sign"), place))
     return tuple(made)
 
 
-def _term(values: Mapping[str, Any], weight: float, where: str) -> SourceTerm:
-    column, topic = values["column"], values["topic"]
+def _term(row: _Term, weight: float, where: str) -> SourceTerm:
+    column, topic = row.column, row.topic
     if bool(column) == bool(topic):
         raise ConfigurationError(
             f"{where}: it names {'both a column and a topic' if column else 'no source'}; give "
@@ -170,16 +190,16 @@ def _term(values: Mapping[str, Any], weight: float, where: str) -> SourceTerm:
     if column:
         return SourceTerm(weight, column=column)
     for key in ("type", "field"):
-        if not values[key]:
+        if not getattr(row, key):
             example = "sensor_msgs/msg/JointState" if key == "type" else "effort[elbow]"
             raise ConfigurationError(f"{where}: topic {topic} has no {key}; give one, as {example}")
-    package, *kind, name = values["type"].split("/")
+    package, *kind, name = row.type.split("/")
     if not package.isidentifier() or kind not in ([], ["msg"]) or not name.isidentifier():
         raise ConfigurationError(
-            f"{where}: type = {shown(values['type'])} is no message type; write it like "
+            f"{where}: type = {shown(row.type)} is no message type; write it like "
             "sensor_msgs/msg/JointState"
         )
-    path = FieldPath.parsed(values["field"], where)
+    path = FieldPath.parsed(row.field, where)
     return SourceTerm(weight, topic, f"{package}/msg/{name}", path)
 
 
@@ -187,25 +207,6 @@ def _sign(value: int, where: str) -> float:
     if value not in (1, -1):
         raise ConfigurationError(f"{where} = {value} must be 1 or -1; a factor goes into scale")
     return float(value)
-
-
-def _scale(value: float, where: str) -> float:
-    if value <= 0.0:
-        raise ConfigurationError(f"{where} = {value!r} must be above 0; a sign goes into sign")
-    return value
-
-
-def _range(values: Any, where: str) -> tuple[float, float]:
-    """Limits in SI, whatever the unit of the readings: so a wrong unit shows."""
-    if len(values) != 2:
-        raise ConfigurationError(f"{where} = {shown(values)} must be [lowest, highest reading]")
-    ends = read(dict(zip(("low", "high"), values, strict=True)), where, _ENDS)
-    if not ends["low"] < ends["high"]:
-        raise ConfigurationError(f"{where} = {shown(values)}: the first must be below the second")
-    return ends["low"], ends["high"]
-
-
-_ENDS: Keys = {"low": (float, REQUIRED), "high": (float, REQUIRED)}
 
 
 def _rate(value: float, where: str) -> float:
@@ -217,20 +218,12 @@ def _rate(value: float, where: str) -> float:
     return value
 
 
-def _one_of(value: str, known: tuple[str, ...], where: str) -> None:
-    if value not in known:
-        raise ConfigurationError(
-            f"{where} = {shown(value)} is unknown, choose {' or '.join(known)}"
-        )
-
-
-def _time(content: Any, where: str) -> TableTime:
-    if not content:
+def _time(known: _Time | None, where: str) -> TableTime:
+    if known is None:
         return TableTime(start_ns=_START_NS)
-    values = read(content, where, TIME)
-    seconds = conversion_to(values["unit"], "s", f"{where}: unit")
-    start_ns = _moment_ns(values["start"], f"{where}: start") if values["start"] else 0
-    return TableTime(values["column"], seconds.factor, start_ns)
+    seconds = conversion_to(known.unit, "s", f"{where}: unit")
+    start_ns = _moment_ns(known.start, f"{where}: start") if known.start else 0
+    return TableTime(known.column, seconds.factor, start_ns)
 
 
 _START_NS = 946_684_800 * 1_000_000_000

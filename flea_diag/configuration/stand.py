@@ -17,8 +17,8 @@ from flea_diag.configuration.files import (
     load_yaml,
     text_of,
 )
-from flea_diag.core.schema import REQUIRED, Keys, read
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
 from flea_diag.formats import migrated
 
 STAND_FILE = "stand.yaml"
@@ -27,11 +27,16 @@ FILES = ("actuator", "faults", "calibration", "features")
 feature table."""
 CHANNELS = "channels"
 """Key of the file that says where channels come from, for stands whose recordings are imported."""
-KEYS: Keys = {
-    "name": (str, REQUIRED),
-    **dict.fromkeys(FILES, (str, REQUIRED)),
-    CHANNELS: (str, ""),
-}
+
+
+@dataclass(frozen=True)
+class _StandFile:
+    name: str
+    actuator: str
+    faults: str
+    calibration: str
+    features: str
+    channels: str = ""
 
 
 @dataclass(frozen=True)
@@ -103,12 +108,12 @@ def load_stand(name_or_folder: str | Path = "", **given: str | Path | None) -> S
 def stand_from_mapping(content: object, folder: Path) -> Stand:
     """Stand from the content of the ``stand.yaml`` in a folder; see ``load_stand``."""
     where = str(folder / STAND_FILE)
-    values = read(migrated("stand", content, where), where, KEYS)
-    if not values["name"].strip() or not values["name"].isprintable():
-        raise ConfigurationError(f"{where}: name = {shown(values['name'])} is no name; give one")
-    given = (*FILES, CHANNELS) if values[CHANNELS] else FILES
-    files = {key: folder / _inside(values[key], f"{where}: {key}") for key in given}
-    return Stand(values["name"], folder, **files)
+    known = read_as(_StandFile, migrated("stand", content, where), where)
+    if not known.name.strip() or not known.name.isprintable():
+        raise ConfigurationError(f"{where}: name = {shown(known.name)} is no name; give one")
+    given = (*FILES, CHANNELS) if known.channels else FILES
+    files = {key: folder / _inside(getattr(known, key), f"{where}: {key}") for key in given}
+    return Stand(known.name, folder, **files)
 
 
 def shipped_stands() -> dict[str, Path]:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from flea_diag.fields.values import AboveZero
 from flea_sim_driver.plant.disturbance import Catches
-from flea_sim_driver.plant.quantity import positive
 from flea_sim_driver.plant.structure import Structure, StructureSpread
 from flea_sim_driver.plant.thermal import Heat
 from flea_sim_driver.plant.unit import Bench, SimulatedUnit
@@ -50,15 +50,15 @@ class Instrument:
 class Sampling:
     """The DAQ: its rate, encoder, position sensors and offsets."""
 
-    scan_rate_hz: float = positive()
-    encoder_counts: float = positive()
+    scan_rate_hz: AboveZero
+    encoder_counts: AboveZero
     """Of one turn of the motor."""
     load_current_offset_a: float
     homing_error_m: float
     potentiometer_wave_m: float
-    potentiometer_wave_length_m: float = positive()
+    potentiometer_wave_length_m: AboveZero
     potentiometer_gain_error: float
-    pwm_runs_v: float = positive()
+    pwm_runs_v: AboveZero
     """Voltage at which the noise of the PWM is fully developed."""
     defective_reading: float
     """What a channel shows that is bad from the first sample."""
@@ -84,13 +84,13 @@ class Sampling:
 class Limits:
     """What the machine can be asked for, and what it is asked for by default."""
 
-    stroke_m: float = positive()
-    load_n: float = positive()
-    speed_m_s: float = positive()
-    acceleration_m_s2: float = positive()
-    jerk_m_s3: float = positive()
-    flight_speed_m_s: float = positive()
-    flight_acceleration_m_s2: float = positive()
+    stroke_m: AboveZero
+    load_n: AboveZero
+    speed_m_s: AboveZero
+    acceleration_m_s2: AboveZero
+    jerk_m_s3: AboveZero
+    flight_speed_m_s: AboveZero
+    flight_acceleration_m_s2: AboveZero
     flight_margin_m: float
     amplitude_m: float
     """Of the motion of a scenario that gives none."""
@@ -105,9 +105,9 @@ class DrawnMotion:
     centre_m: tuple[float, float]
     frequency_hz: tuple[float, float]
     trapezoid_hz: tuple[float, float]
-    rise_s: float = positive()
-    sweep_from_hz: float = positive()
-    speed_m_s: float = positive()
+    rise_s: AboveZero
+    sweep_from_hz: AboveZero
+    speed_m_s: AboveZero
     """The frequency is lowered until the peak speed is no higher."""
 
 

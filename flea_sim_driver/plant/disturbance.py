@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.fields.values import AboveZero
 from flea_sim_driver.plant.plant import STEP_S
-from flea_sim_driver.plant.quantity import positive
 
 Array = npt.NDArray[np.float64]
 COLUMNS = ("feedback", "roughness", "catch")
@@ -28,7 +28,7 @@ class Catches:
     rate_per_n_s: float
     mean_n: float
     largest_n: float
-    length_s: float = positive()
+    length_s: AboveZero
 
 
 class Disturbance:

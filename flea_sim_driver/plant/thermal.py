@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from flea_sim_driver.plant.quantity import positive
+from flea_diag.fields.values import AboveZero
 from flea_sim_driver.plant.unit import SimulatedUnit
 
 
@@ -16,7 +16,7 @@ class Heat:
     copper_per_k: float
     magnet_per_k: float
     grease_per_k: float
-    sensor_lag_s: float = positive()
+    sensor_lag_s: AboveZero
     reference_degc: float
 
 

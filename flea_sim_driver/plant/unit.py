@@ -13,40 +13,40 @@ from typing import Any
 
 import numpy as np
 
-from flea_sim_driver.plant.quantity import positive
+from flea_diag.fields.values import AboveZero
 
 
 @dataclass(frozen=True)
 class SimulatedUnit:
     """Parameters of one test actuator at the reference temperature."""
 
-    winding_resistance_ohm: float = positive()
-    winding_inductance_h: float = positive()
-    force_constant_n_per_a: float = positive()
+    winding_resistance_ohm: AboveZero
+    winding_inductance_h: AboveZero
+    force_constant_n_per_a: AboveZero
     """Of motor and back-EMF alike, at the nut."""
     coulomb_friction_n: float
     stribeck_friction_n: float
-    stribeck_speed_m_s: float = positive()
+    stribeck_speed_m_s: AboveZero
     viscous_friction_n_s_m: float
     load_friction_ratio: float
-    reflected_mass_kg: float = positive()
+    reflected_mass_kg: AboveZero
     backlash_m: float
     lead_error_m: float
     ball_pass_ripple_n: float
-    lead_m: float = positive()
-    screw_pitch_diameter_m: float = positive()
-    ball_diameter_m: float = positive()
+    lead_m: AboveZero
+    screw_pitch_diameter_m: AboveZero
+    ball_diameter_m: AboveZero
     contact_angle_rad: float
-    ball_spacing: float = positive()
+    ball_spacing: AboveZero
     """Pitch of the balls over their diameter."""
-    winding_heat_capacity_j_k: float = positive()
-    housing_heat_capacity_j_k: float = positive()
-    frame_heat_capacity_j_k: float = positive()
-    nut_heat_capacity_j_k: float = positive()
-    winding_to_housing_k_w: float = positive()
-    housing_to_frame_k_w: float = positive()
-    frame_to_ambient_k_w: float = positive()
-    nut_to_ambient_k_w: float = positive()
+    winding_heat_capacity_j_k: AboveZero
+    housing_heat_capacity_j_k: AboveZero
+    frame_heat_capacity_j_k: AboveZero
+    nut_heat_capacity_j_k: AboveZero
+    winding_to_housing_k_w: AboveZero
+    housing_to_frame_k_w: AboveZero
+    frame_to_ambient_k_w: AboveZero
+    nut_to_ambient_k_w: AboveZero
     nut_heat_share: float
     current_offset_a: float
     voltage_offset_v: float
@@ -97,33 +97,33 @@ def draw_unit(
 class Bench:
     """Shared by both test actuators: drive, control loop, coupling, load side, end stops."""
 
-    supply_v: float = positive()
+    supply_v: AboveZero
     supply_resistance_ohm: float
-    current_limit_a: float = positive()
+    current_limit_a: AboveZero
     dead_time_drop_v: float
-    pwm_frequency_hz: float = positive()
+    pwm_frequency_hz: AboveZero
     freewheel_drop_v: float
     position_gain_v_m: float
-    position_knee_m: float = positive()
+    position_knee_m: AboveZero
     position_reset_v_m_s: float
     reset_limit_v: float
     droop_ohm: float
-    droop_lag_s: float = positive()
-    coupling_stiffness_n_m: float = positive()
+    droop_lag_s: AboveZero
+    coupling_stiffness_n_m: AboveZero
     coupling_damping_n_s_m: float
-    load_mass_kg: float = positive()
+    load_mass_kg: AboveZero
     load_coulomb_n: float
     load_drag_n: float
-    load_drag_speed_m_s: float = positive()
+    load_drag_speed_m_s: AboveZero
     load_viscous_n_s_m: float
     load_roughness_n: float
     load_roughness_n_s_m: float
     load_roughness_per_a: float
-    load_force_constant_n_per_a: float = positive()
-    load_current_lag_s: float = positive()
+    load_force_constant_n_per_a: AboveZero
+    load_current_lag_s: AboveZero
     brake_a_s_m: float
-    brake_knee_n: float = positive()
-    brake_limit_a: float = positive()
+    brake_knee_n: AboveZero
+    brake_limit_a: AboveZero
     brake_wind_n_s: float
     brake_slack_s: float
     brake_catch_m_s: float
@@ -133,7 +133,7 @@ class Bench:
     travel_high_m: float
     stopped: str
     """Part that the hard stops hold: ``load_side``, beyond the load cell, or ``nut``."""
-    end_stop_stiffness_n_m: float = positive()
+    end_stop_stiffness_n_m: AboveZero
     end_stop_damping_n_s_m: float
     duty_droop_per_a: float = 0.0
     """Share of the output voltage that a drive without compensation loses for each ampere."""

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.fft import next_fast_len
 
-from flea_sim_driver.plant.quantity import positive
+from flea_diag.fields.values import AboveZero
 from flea_sim_driver.plant.structure import Structure
 from flea_sim_driver.plant.unit import SimulatedUnit
 
@@ -31,12 +31,12 @@ class Sources:
     Sizes of faults multiply ``spall``, ``jam``, ``friction`` and ``eccentricity``.
     """
 
-    speed_rad_s: float = positive()
+    speed_rad_s: AboveZero
     """Reference speed of the screw."""
-    load_n: float = positive()
+    load_n: AboveZero
     least_load_n: float
-    unbalance_speed_rad_s: float = positive()
-    gap_m: float = positive()
+    unbalance_speed_rad_s: AboveZero
+    gap_m: AboveZero
     motor: float
     motor_at_rest: float
     nut: float
@@ -54,7 +54,7 @@ class Sources:
     wide_knock: float
     sensor_noise: float
     crosstalk: float
-    amplitude_limit: float = positive()
+    amplitude_limit: AboveZero
     motor_axes: tuple[float, float, float]
     """Gain of each axis of the accelerometer on the motor housing."""
     nut_axes: tuple[float, float, float]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from flea_diag.errors import ConfigurationError, shown
+from flea_diag.errors import ConfigurationError
 from flea_diag.formats import migrated
 from flea_diag.wire.parameters import build
 from flea_diag.wire.regular_file import read_text
@@ -35,21 +35,11 @@ def scenario_from_mapping(content: object, where: str, folder: Path = Path()) ->
     """
     values = migrated("scenario", content, where)
     plain = {k: v for k, v in values.items() if k not in NAMES and k != "faults"}
-    run = build(RunSettings, plain, where)
-    machine, run = _machine(run, folder)
+    machine, run = _machine(build(RunSettings, plain, where), folder)
     sections: dict[str, Any] = {
-        name: section(
-            name, machine, _mapping(values.get(name, {}), where, name), f"{where}: {name}"
-        )
-        for name in NAMES
+        name: section(name, machine, values.get(name, {}), f"{where}: {name}") for name in NAMES
     }
-    rows = values.get("faults", [])
-    if not isinstance(rows, list):
-        raise ConfigurationError(f"{where}: faults must be a list, not a {type(rows).__name__}")
-    settings = tuple(
-        build(FaultSetting, _mapping(row, where, f"faults[{k}]"), f"{where}: faults[{k}]")
-        for k, row in enumerate(rows)
-    )
+    settings = build(_Faults, {"faults": values.get("faults", [])}, where).faults
     flight = _flight(sections["motion"], machine, where, folder)
     return checked_scenario(
         Scenario(machine, run, faults=settings, flight=flight, **sections), where
@@ -72,12 +62,9 @@ def _flight(motion: Motion, machine: Machine, where: str, folder: Path) -> Fligh
     return read_flight(folder / motion.file, machine.limits, fit=motion.fit)
 
 
-def _mapping(value: Any, where: str, name: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise ConfigurationError(
-            f"{where}: {name} = {shown(value)} must be a mapping, not a {type(value).__name__}"
-        )
-    return value
+@dataclass(frozen=True)
+class _Faults:
+    faults: tuple[FaultSetting, ...]
 
 
 def overridden(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields, make_dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, get_type_hints
 
 from flea_diag.wire.parameters import build, parameter
 from flea_sim_driver.machine.machine import Limits, Machine
@@ -33,15 +33,16 @@ def section_class(name: str, machine: Machine) -> type:
             frozen=True,
         )  # fmt: skip
     kind, own = SECTIONS[name], _own(name, machine)
+    hints = get_type_hints(kind)
     rows = [
-        (entry.name, float, parameter(**{**_told(entry), **own[entry.name]}))
+        (entry.name, hints[entry.name], parameter(**{**_told(entry), **own[entry.name]}))
         for entry in fields(kind)
         if entry.name in own
     ]
     return make_dataclass(kind.__name__, rows, bases=(kind,), frozen=True)
 
 
-def section(name: str, machine: Machine, values: Mapping[str, Any], where: str) -> Any:
+def section(name: str, machine: Machine, values: object, where: str) -> Any:
     """A checked section of a scenario.
 
     Raises

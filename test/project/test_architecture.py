@@ -38,7 +38,7 @@ SCIENCE = ("numpy", "scipy", "numba", "pywt")
 ROOMS = (
     Room(
         "flea_diag.core",
-        ("flea_diag.core", "flea_diag.formats", "flea_diag.errors"),
+        ("flea_diag.core", "flea_diag.fields", "flea_diag.formats", "flea_diag.errors"),
         SCIENCE,
         pure=True,
     ),
@@ -69,8 +69,13 @@ ROOMS = (
         pure=True,
     ),
     Room("flea_diag.wire.bus", ("flea_diag.wire", "flea_diag.errors"), ROS),
-    Room("flea_diag.wire", ("flea_diag.wire", "flea_diag.errors", "flea_diag"), ("numpy", *BAGS)),
+    Room(
+        "flea_diag.wire",
+        ("flea_diag.wire", "flea_diag.fields", "flea_diag.errors", "flea_diag"),
+        ("numpy", *BAGS),
+    ),
     Room("flea_diag.errors", (), ()),
+    Room("flea_diag.fields", ("flea_diag.fields", "flea_diag.errors"), (), pure=True),
     Room("flea_diag.formats", ("flea_diag.errors",), (), pure=True),
     Room(
         "flea_diag.web",
@@ -95,6 +100,7 @@ ROOMS = (
             "flea_diag.stages",
             "flea_diag.configuration",
             "flea_diag.formats",
+            "flea_diag.fields",
             "flea_diag.errors",
         ),
         (*ROS, "numpy", "textual", "rich"),
@@ -110,6 +116,7 @@ ROOMS = (
             "flea_diag.core",
             "flea_diag.configuration",
             "flea_diag.formats",
+            "flea_diag.fields",
             "flea_diag.errors",
             "flea_sim_driver",
         ),
@@ -123,6 +130,7 @@ ROOMS = (
             "flea_diag.stages",
             "flea_diag.wire",
             "flea_diag.formats",
+            "flea_diag.fields",
             "flea_diag.errors",
         ),
         (),
@@ -130,7 +138,13 @@ ROOMS = (
     Room("flea_diag", (), ()),
     Room(
         "flea_sim_driver",
-        ("flea_sim_driver", "flea_diag.wire", "flea_diag.formats", "flea_diag.errors"),
+        (
+            "flea_sim_driver",
+            "flea_diag.wire",
+            "flea_diag.fields",
+            "flea_diag.formats",
+            "flea_diag.errors",
+        ),
         None,
     ),
 )
@@ -496,7 +510,7 @@ PLANTED = {
         "import flea_diag.stages.observer.observer",
     ),
     "the simulator goes around the bus": ("flea_sim_driver/a.py", "import rclpy"),
-    "the formats know a kind of file": ("flea_diag/formats.py", "import flea_diag.core.schema"),
+    "the formats know a kind of file": ("flea_diag/formats.py", "import flea_diag.core.frozen"),
     "the formats open a file": ("flea_diag/formats.py", "x = open('f')"),
     "configuration knows a node": (
         "flea_diag/configuration/a.py",

@@ -22,7 +22,7 @@ BANDS = ((5.0, 100.0), (100.0, 500.0), (500.0, 1500.0), (1500.0, 3000.0), (3000.
          (6000.0, 9500.0))  # fmt: skip
 Row = tuple[str, str, object]
 GENERAL: dict[Row, str] = {
-    ("calibration/calibration_reader.py", "PERIOD_S", (1e-4, 1.0)): "bounds of a file",
+    ("calibration/calibration.py", "PERIOD_S", (1e-4, 1.0)): "bounds of a file",
     ("calibration/heat_identification.py", "LEAST_SCANS", 500): "size of a sample",
     ("calibration/heat_identification.py", "LEAST_EXCHANGE_PER_S", 1e-5): "a day: no exchange",
     ("calibration/heat_identification.py", "FAR_K", 4.0): "spikes of a thermocouple",

@@ -242,23 +242,23 @@ WRONG = {
     "paths a text": (metadata(relative_file_paths="a.mcap"), "must be a list"),
     "a path a number": (
         metadata(relative_file_paths=[5]),
-        "relative_file_paths = 5 must be a text",
+        "relative_file_paths[0] = 5 must be text",
     ),
-    "a path a list": (metadata(relative_file_paths=[["a"]]), "= ['a'] must be a text"),
+    "a path a list": (metadata(relative_file_paths=[["a"]]), "= ['a'] must be text"),
     "count infinite": (counted(math.inf), "message_count = inf must be a whole number"),
     "count not a number": (counted(math.nan), "message_count = nan must be a whole number"),
-    "count negative": (counted(-1), "message_count = -1 must be a whole number"),
+    "count negative": (counted(-1), "message_count = -1 is below its limit 0"),
     "count a truth value": (counted(True), "message_count = True must be"),
     "count a text": (counted("3"), "message_count = '3' must be"),
     "count missing": (counted(None), "message_count = None must be"),
     "count beyond 64 bits": (counted(10**4000), "a whole number of some 4000 digits must be"),
     "version a text": (metadata(version="nine"), "version = 'nine' must be a whole number"),
     "version with an escape": (metadata(version="\x1b[2J"), r"version = '\x1b[2J' must be"),
-    "storage a number": (metadata(storage_identifier=3), "storage_identifier = 3 must be a text"),
+    "storage a number": (metadata(storage_identifier=3), "storage_identifier = 3 must be text"),
     "topics a mapping": (metadata(topics_with_message_count={}), "must be a list"),
     "a topic a text": (metadata(topics_with_message_count=["/a"]), "= '/a' must be a mapping"),
     "information a list": ({"rosbag2_bagfile_information": []}, "= [] must be a mapping"),
-    "nothing": (None, "the file = None must be a mapping"),
+    "nothing": (None, "None must be a mapping"),
 }
 
 

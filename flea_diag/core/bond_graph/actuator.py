@@ -7,9 +7,9 @@ is data. Any other actuator needs a description of its own and no code.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-from flea_diag.core import schema
 from flea_diag.core.bond_graph.actuator_model import (
     Actuator,
     ModelView,
@@ -23,58 +23,14 @@ from flea_diag.core.bond_graph.causality import require_sound
 from flea_diag.core.bond_graph.described_residuals import check_residual, described_residuals
 from flea_diag.core.bond_graph.tolerance import tolerances
 from flea_diag.core.bond_graph.travel import travel
-from flea_diag.core.schema import REQUIRED
 from flea_diag.core.symbolic.unit import SECOND, dimension, spelled, times
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import AboveZero
 from flea_diag.formats import migrated
 
 __all__ = ["Actuator", "ModelView", "OperatingPoint", "ResidualSpec", "Sensor", "actuator"]
 
-_PARAMETER: schema.Keys = {
-    "value": (float, REQUIRED),
-    "unit": (str, REQUIRED),
-    "symbol": (str, ""),
-    "note": (str, ""),
-}
-_JUNCTION: schema.Keys = {"type": (str, REQUIRED), "domain": (str, REQUIRED)}
-_ELEMENT: schema.Keys = {
-    "type": (str, REQUIRED),
-    "law": (str, ""),
-    "parameters": (dict, {}),
-    "signal": (str, ""),
-    "state": (str, ""),
-    "powers": (list, []),
-    "modulated_by": (str, ""),
-}
-_SENSOR: schema.Keys = {
-    "at": (str, REQUIRED),
-    "unit": (str, REQUIRED),
-    "noise": (float, REQUIRED),
-    "integrates": (bool, False),
-    "state": (str, ""),
-    "offset": (str, ""),
-}
-_INPUT: schema.Keys = {"unit": (str, REQUIRED), "noise": (float, 0.0), "sensor": (bool, False)}
-_VIEW: schema.Keys = {"measured": (list, []), "moved": (dict, {})}
-_OPERATING: schema.Keys = {"hold": (dict, REQUIRED), "by": (list, REQUIRED), "fixed": (dict, {})}
-_TOP: schema.Keys = {
-    "name": (str, REQUIRED),
-    "description": (str, ""),
-    "scan_period_s": (float, REQUIRED),
-    "parameters": (dict, REQUIRED),
-    "junctions": (dict, REQUIRED),
-    "elements": (dict, REQUIRED),
-    "bonds": (list, REQUIRED),
-    "sensors": (dict, REQUIRED),
-    "inputs": (dict, REQUIRED),
-    "models": (dict, {"stand": {}}),
-    "operating_point": (dict, REQUIRED),
-    "residuals": (dict, {}),
-    "base_parameters": (dict, {}),
-    "predicted": (dict, {}),
-    "tolerances": (dict, {}),
-    "travel": (dict, {}),
-}
 HEATING = "thermal_rate_k_per_s"
 """A tolerance that is of no parameter: of what heats a store beside its equation."""
 
@@ -89,57 +45,87 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
     ModelError
         The graph is not a valid bond graph, or its causality is not sound.
     """
-    top = schema.read(migrated("actuator description", content, where), where, _TOP)
-    if not top["scan_period_s"] > 0:
-        raise ConfigurationError(f"{where}: scan_period_s = {top['scan_period_s']} must be > 0")
+    top = read_as(_Description, migrated("actuator description", content, where), where)
     sensors, inputs = _sensors(top, where)
     parameters = tuple(
-        Parameter(name, **schema.read(row, f"{where}: parameter {shown(name)}", _PARAMETER))
-        for name, row in schema.rows(top["parameters"], f"{where}: parameters").items()
+        read_as(Parameter, row, f"{where}: parameter {shown(name)}", given={"name": name})
+        for name, row in top.parameters.items()
     )
     elements, arrows = _elements(top, where), _arrows(top, where)
     for sensor in sensors.values():
         if sensor.at:
             elements.append(_detector(sensor, elements, parameters, where))
             arrows.append((sensor.at, elements[-1].name))
-    graph = bond_graph(top["name"], tuple(elements), tuple(arrows), parameters)
+    graph = bond_graph(top.name, tuple(elements), tuple(arrows), parameters)
     result = Actuator(
-        top["name"],
-        top["description"],
-        top["scan_period_s"],
+        top.name,
+        top.description,
+        top.scan_period_s,
         graph,
         sensors,
         inputs,
         _views(top, sensors, graph, where),
         _operating(top, where),
-        described_residuals(top, where),
-        base_parameters(top["base_parameters"], graph.parameters, f"{where}: base_parameters"),
-        schema.pairs(top["predicted"], f"{where}: predicted"),
-        travel(top["travel"], graph, {s.at for s in sensors.values() if s.integrates}, where),
-        tolerances(top["tolerances"], (*top["base_parameters"], HEATING), f"{where}: tolerances"),
+        described_residuals(top.residuals, where),
+        base_parameters(top.base_parameters, graph.parameters, f"{where}: base_parameters"),
+        top.predicted,
+        travel(top.travel, graph, {s.at for s in sensors.values() if s.integrates}, where),
+        tolerances(top.tolerances, (*top.base_parameters, HEATING), f"{where}: tolerances"),
     )
     if sound:
         _check(result, where)
     return result
 
 
-def _elements(top: Mapping[str, Any], where: str) -> list[Element]:
+@dataclass(frozen=True)
+class _Description:
+    """The whole file; rows are read where their names are known."""
+
+    name: str
+    scan_period_s: AboveZero
+    parameters: Mapping[str, Any]
+    junctions: Mapping[str, Any]
+    elements: Mapping[str, Any]
+    bonds: tuple[str, ...]
+    sensors: Mapping[str, Any]
+    inputs: Mapping[str, Any]
+    operating_point: OperatingPoint
+    description: str = ""
+    models: Mapping[str, Any] = field(default_factory=dict)
+    residuals: Mapping[str, Any] = field(default_factory=dict)
+    base_parameters: Mapping[str, str] = field(default_factory=dict)
+    predicted: Mapping[str, str] = field(default_factory=dict)
+    tolerances: Mapping[str, Any] = field(default_factory=dict)
+    travel: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Junction:
+    type: str
+    domain: str
+
+
+@dataclass(frozen=True)
+class _Input:
+    unit: str
+    noise: float = 0.0
+    sensor: bool = False
+
+
+def _elements(top: _Description, where: str) -> list[Element]:
     found = []
-    for name, row in schema.rows(top["junctions"], f"{where}: junctions").items():
-        values = schema.read(row, f"{where}: junction {shown(name)}", _JUNCTION)
-        found.append(Element(name, values["type"], values["domain"]))
-    for name, row in schema.rows(top["elements"], f"{where}: elements").items():
-        place = f"{where}: element {shown(name)}"
-        values = schema.read(row, place, _ELEMENT)
-        roles = schema.pairs(values.pop("parameters"), f"{place}: parameters")
-        powers = schema.texts(values.pop("powers"), f"{place}: powers")
-        found.append(Element(name, values.pop("type"), parameters=roles, powers=powers, **values))
+    for name, row in top.junctions.items():
+        junction = read_as(_Junction, row, f"{where}: junction {shown(name)}")
+        found.append(Element(name, junction.type, junction.domain))
+    for name, row in top.elements.items():
+        given = {"name": name, "domain": "", "integrates": False}
+        found.append(read_as(Element, row, f"{where}: element {shown(name)}", given=given))
     return found
 
 
-def _arrows(top: Mapping[str, Any], where: str) -> list[tuple[str, str]]:
+def _arrows(top: _Description, where: str) -> list[tuple[str, str]]:
     found = []
-    for bond in schema.texts(top["bonds"], f"{where}: bonds"):
+    for bond in top.bonds:
         ends = [end.strip() for end in bond.split("->")]
         if len(ends) != 2 or not all(ends):
             raise ConfigurationError(f"{where}: bond {shown(bond)} must be written 'tail -> head'")
@@ -147,22 +133,20 @@ def _arrows(top: Mapping[str, Any], where: str) -> list[tuple[str, str]]:
     return found
 
 
-def _sensors(top: Mapping[str, Any], where: str) -> tuple[dict[str, Sensor], dict[str, str]]:
+def _sensors(top: _Description, where: str) -> tuple[dict[str, Sensor], dict[str, str]]:
     sensors, inputs = {}, {}
-    for name, row in schema.rows(top["sensors"], f"{where}: sensors").items():
-        values = schema.read(row, f"{where}: sensor {shown(name)}", _SENSOR)
-        sensors[name] = Sensor(name, **values)
-    for name, row in schema.rows(top["inputs"], f"{where}: inputs").items():
-        values = schema.read(row, f"{where}: input {shown(name)}", _INPUT)
-        inputs[name] = values["unit"]
-        if values["sensor"]:
-            sensors[name] = Sensor(name, "", values["unit"], values["noise"])
+    for name, row in top.sensors.items():
+        place = f"{where}: sensor {shown(name)}"
+        sensors[name] = read_as(Sensor, row, place, given={"channel": name})
+    for name, row in top.inputs.items():
+        known = read_as(_Input, row, f"{where}: input {shown(name)}")
+        inputs[name] = known.unit
+        if known.sensor:
+            if not known.noise > 0.0:
+                raise ConfigurationError(f"{where}: input {shown(name)}: noise must be above 0")
+            sensors[name] = Sensor(name, "", known.unit, known.noise)
     for sensor in sensors.values():
         dimension(sensor.unit)
-        if not sensor.noise > 0:
-            raise ConfigurationError(
-                f"{where}: sensor {shown(sensor.channel)}, noise = {sensor.noise} must be > 0"
-            )
     return sensors, inputs
 
 
@@ -211,14 +195,13 @@ def _check_sensor_unit(sensor: Sensor, place: Element, where: str) -> None:
 
 
 def _views(
-    top: Mapping[str, Any], sensors: Mapping[str, Sensor], graph: BondGraph, where: str
+    top: _Description, sensors: Mapping[str, Sensor], graph: BondGraph, where: str
 ) -> dict[str, ModelView]:
     found = {"stand": ModelView("stand", (), {})}
-    for name, row in schema.rows(top["models"], f"{where}: models").items():
+    for name, row in top.models.items():
         place = f"{where}: model {shown(name)}"
-        values = schema.read(row, place, _VIEW)
-        measured = schema.texts(values["measured"], f"{place}: measured")
-        moved = schema.pairs(values["moved"], f"{place}: moved")
+        view = read_as(ModelView, row, place, given={"name": name})
+        measured, moved = view.measured, view.moved
         for channel in (*measured, *moved):
             if channel not in sensors or not sensors[channel].at:
                 raise ConfigurationError(f"{place}: {shown(channel)} is no sensor of the graph")
@@ -232,20 +215,18 @@ def _views(
                 raise ConfigurationError(
                     f"{place}: there is no junction {shown(junction)} to move to"
                 )
-        found[name] = ModelView(name, measured, moved)
+        found[name] = view
     return found
 
 
-def _operating(top: Mapping[str, Any], where: str) -> OperatingPoint:
-    place = f"{where}: operating_point"
-    values = schema.read(top["operating_point"], place, _OPERATING)
-    by = schema.texts(values["by"], f"{place}: by")
-    hold = schema.numbers(values["hold"], f"{place}: hold")
+def _operating(top: _Description, where: str) -> OperatingPoint:
+    hold, by = top.operating_point.hold, top.operating_point.by
     if len(by) != len(hold) or not hold:
         raise ConfigurationError(
-            f"{place} holds {len(hold)} values by {len(by)} inputs; give one input for each value"
+            f"{where}: operating_point holds {len(hold)} values by {len(by)} inputs; give one input"
+            " for each value"
         )
-    return OperatingPoint(hold, by, schema.numbers(values["fixed"], f"{place}: fixed"))
+    return top.operating_point
 
 
 def _check_operating(made: Actuator, where: str) -> None:

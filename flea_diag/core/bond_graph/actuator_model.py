@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Annotated
 
 from flea_diag.core.bond_graph.base_parameters import unit_of
 from flea_diag.core.bond_graph.bond_graph import Bond, BondGraph, bond_graph
@@ -21,6 +22,9 @@ from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.bond_graph.travel import Travel
 from flea_diag.core.symbolic.expression import Expression, Variable
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.values import AboveZero, NotNegative, one_of
+
+KINDS_OF_RESIDUAL = ("measurement", "junction", "difference", "prediction", "power")
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,7 @@ class Sensor:
     channel: str
     at: str
     unit: str
-    noise: float
+    noise: AboveZero
     integrates: bool = False
     state: str = ""
     offset: str = ""
@@ -48,8 +52,8 @@ class ModelView:
     """A model with some channels as inputs; sensors may be attached to other junctions."""
 
     name: str
-    measured: tuple[str, ...]
-    moved: Mapping[str, str]
+    measured: tuple[str, ...] = ()
+    moved: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class ResidualSpec:
     """
 
     name: str
-    kind: str
+    kind: Annotated[str, one_of(*KINDS_OF_RESIDUAL)]
     unit: str
     channel: str = ""
     model: str = ""
@@ -82,7 +86,7 @@ class ResidualSpec:
     lumped: tuple[str, ...] = ()
     neglected: tuple[str, ...] = ()
     junctions: tuple[str, ...] = ()
-    settles_s: float = 0.0
+    settles_s: NotNegative = 0.0
 
     @property
     def balances(self) -> bool:
@@ -101,7 +105,7 @@ class OperatingPoint:
 
     hold: Mapping[str, float]
     by: tuple[str, ...]
-    fixed: Mapping[str, float]
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

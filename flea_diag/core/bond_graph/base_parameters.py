@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from flea_diag.core import schema
 from flea_diag.core.symbolic.collect import exponents, monomial, terms_of
 from flea_diag.core.symbolic.expression import (
     Expression,
@@ -27,6 +26,7 @@ from flea_diag.core.symbolic.expression import (
 )
 from flea_diag.core.symbolic.unit import product_unit
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
 
 
 def base_parameters(
@@ -41,7 +41,7 @@ def base_parameters(
         not fix each of the parameters in them.
     """
     found = {}
-    for name, text in schema.pairs(content, where).items():
+    for name, text in read_as(dict[str, str], content, where).items():
         found[name] = monomial(text)
         odd = [used for used in symbols(found[name]) if used not in parameters]
         if odd:

@@ -12,11 +12,13 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 from flea_diag.core.bond_graph.law import DEFAULT_LAW, LAWS, Law, Ports
 from flea_diag.core.symbolic.expression import FUNCTIONS
 from flea_diag.core.symbolic.unit import dimension, spelled
 from flea_diag.errors import ConfigurationError, ModelError, shown
+from flea_diag.fields.values import WrittenAs
 
 JUNCTIONS = ("0", "1")
 SOURCES = ("Se", "Sf", "MSe", "MSf")
@@ -58,7 +60,7 @@ class Element:
     """
 
     name: str
-    kind: str
+    kind: Annotated[str, WrittenAs("type")]
     domain: str = ""
     law: str = ""
     parameters: Mapping[str, str] = field(default_factory=dict)

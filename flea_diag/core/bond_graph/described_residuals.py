@@ -5,39 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from flea_diag.core import schema
 from flea_diag.core.bond_graph.actuator_model import (
     Actuator,
     ResidualSpec,
 )
-from flea_diag.core.schema import REQUIRED
 from flea_diag.core.symbolic.unit import SECOND, dimension, times
 from flea_diag.errors import ConfigurationError, shown
-
-KINDS_OF_RESIDUAL = ("measurement", "junction", "difference", "prediction", "power")
-
-_RESIDUAL: schema.Keys = {
-    "kind": (str, REQUIRED),
-    "unit": (str, REQUIRED),
-    "channel": (str, ""),
-    "model": (str, ""),
-    "junction": (str, ""),
-    "reference": (str, ""),
-    "gain": (str, ""),
-    "offset": (str, ""),
-    "divided_by": (str, ""),
-    "without": (list, []),
-    "normalised": (bool, False),
-    "motion": (str, ""),
-    "signs": (bool, True),
-    "lumped": (list, []),
-    "neglected": (list, []),
-    "junctions": (list, []),
-    "settles_s": (float, 0.0),
-}
+from flea_diag.fields.reader import read_as
 
 
-def described_residuals(top: Mapping[str, Any], where: str) -> dict[str, ResidualSpec]:
+def described_residuals(rows: Mapping[str, Any], where: str) -> dict[str, ResidualSpec]:
     """Name -> residual, in the order of the description.
 
     Raises
@@ -45,23 +22,10 @@ def described_residuals(top: Mapping[str, Any], where: str) -> dict[str, Residua
     ConfigurationError
         Unknown key or kind, or a value of the wrong type.
     """
-    found = {}
-    for name, row in schema.rows(top["residuals"], f"{where}: residuals").items():
-        values = schema.read(row, f"{where}: residual {shown(name)}", _RESIDUAL)
-        if values["kind"] not in KINDS_OF_RESIDUAL:
-            raise ConfigurationError(
-                f"{where}: residual {shown(name)} has kind {shown(values['kind'])},"
-                f" known are {', '.join(KINDS_OF_RESIDUAL)}"
-            )
-        if values["settles_s"] < 0.0:
-            raise ConfigurationError(
-                f"{where}: residual {shown(name)}: settles_s = {values['settles_s']:g} must be 0 s "
-                "or more"
-            )
-        for key in ("without", "lumped", "neglected", "junctions"):
-            values[key] = schema.texts(values[key], f"{where}: residual {name}: {key}")
-        found[name] = ResidualSpec(name, **values)
-    return found
+    return {
+        name: read_as(ResidualSpec, row, f"{where}: residual {shown(name)}", given={"name": name})
+        for name, row in rows.items()
+    }
 
 
 def check_residual(made: Actuator, spec: ResidualSpec, where: str) -> None:

@@ -7,8 +7,9 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
-from flea_diag.core import schema
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import IN_SI
 
 LEAST = 1e-6
 """A spread of 0 would make the differences of healthy units impossible."""
@@ -36,7 +37,7 @@ def tolerances(content: Any, known: Collection[str], where: str) -> dict[str, To
         A name is not among those known, or a tolerance is not above 0.
     """
     found = {}
-    for name, value in schema.rows(content, where).items():
+    for name, value in read_as(dict[str, Any], content, where).items():
         if name not in known:
             raise ConfigurationError(
                 f"{where}: {shown(name)} is no base parameter, known are {', '.join(known)}"
@@ -48,7 +49,7 @@ def tolerances(content: Any, known: Collection[str], where: str) -> dict[str, To
 def _tolerance(value: Any, where: str) -> Tolerance:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     share = _SHARE.fullmatch(value) if isinstance(value, str) else None
-    if number and 0.0 < value < schema.LARGEST:
+    if number and 0.0 < value < IN_SI[1]:
         return Tolerance(amount=float(value))
     if share and 0.0 < float(share[1]) <= 100.0:
         return Tolerance(share=float(share[1]) / 100.0)

@@ -7,20 +7,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from flea_diag.core import schema
 from flea_diag.core.bond_graph.bond_graph import BondGraph
-from flea_diag.core.schema import REQUIRED
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
 
 WITHIN = 0.02
 """Share of the travel that counts as its end, unless stated: homing errors, give of the stop."""
-
-_TRAVEL: schema.Keys = {
-    "at": (str, REQUIRED),
-    "low_m": (float, REQUIRED),
-    "high_m": (float, REQUIRED),
-    "within_m": (float, math.nan),
-}
 
 
 @dataclass(frozen=True)
@@ -33,7 +25,7 @@ class Travel:
     at: str
     low_m: float
     high_m: float
-    within_m: float
+    within_m: float = math.nan
 
 
 def travel(
@@ -49,8 +41,8 @@ def travel(
     if not content:
         return None
     place = f"{where}: travel"
-    values = schema.read(content, place, _TRAVEL)
-    at, low, high = values["at"], values["low_m"], values["high_m"]
+    known = read_as(Travel, content, place)
+    at, low, high = known.at, known.low_m, known.high_m
     if at not in graph.elements or graph.elements[at].kind != "1":
         raise ConfigurationError(
             f"{place}: at = {shown(at)} is no 1-junction; name that of the moved part"
@@ -62,9 +54,7 @@ def travel(
         )
     if not low < high:
         raise ConfigurationError(f"{place}: low_m = {low:g} must be below high_m = {high:g}")
-    within = values["within_m"]
-    if math.isnan(within):
-        within = WITHIN * (high - low)
+    within = WITHIN * (high - low) if math.isnan(known.within_m) else known.within_m
     if not 0.0 < within < 0.5 * (high - low):
         raise ConfigurationError(
             f"{place}: within_m = {within:g} must be above 0 and below half of the travel, "

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,9 +27,13 @@ from flea_diag.core.residuals.parameters import (
     UnitTolerance,
 )
 from flea_diag.core.sensors.sensor_limits import SensorLimit
+from flea_diag.fields.values import NotNegative, Positive, within
 from flea_diag.formats import stamped
 
 Array = npt.NDArray[np.float64]
+
+PERIOD_S = (1e-4, 1.0)
+"""Times between scans that a calibration may have."""
 
 LATER_PARAMETERS = ("supply_voltage_v",)
 """Parameters that only some actuators have; 0 where a file lacks them."""
@@ -75,17 +79,17 @@ class Calibration(Frozen):
     """
 
     actuator: str
-    period_s: float
+    period_s: Annotated[float, within(*PERIOD_S)]
     channels: tuple[str, ...]
     voltage_sampling: str
     parameters: ActuatorParameters
-    sigmas: Mapping[str, float]
+    sigmas: Mapping[str, NotNegative]
     not_identified: Mapping[str, str]
     tolerance: UnitTolerance
     limits: tuple[ResidualLimit, ...]
-    false_alarms_per_hour: float
-    voltage_limit_v: float
-    nominal_s: float
+    false_alarms_per_hour: Positive
+    voltage_limit_v: Positive
+    nominal_s: Positive
     sources: tuple[str, ...]
     bad_stretches: tuple[BadStretch, ...] = ()
     observer_noise: ObserverNoise = field(default_factory=ObserverNoise)

@@ -17,6 +17,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from flea_diag.fields.values import Count, NotNegative, Positive
+
 
 @dataclass(frozen=True, slots=True)
 class OutOfSample:
@@ -26,10 +28,10 @@ class OutOfSample:
     beyond, ``widening`` the largest factor of a limit that the tail of its scores asked for.
     """
 
-    recordings: int
-    alarms: int
-    largest: float
-    widening: float
+    recordings: Count
+    alarms: Count
+    largest: NotNegative
+    widening: Positive
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +51,9 @@ class GroupCoverage:
     """
 
     campaign: str
-    nats: tuple[float, ...]
-    lost: int = 0
-    missed: int = 0
+    nats: tuple[Positive, ...]
+    lost: Count = 0
+    missed: Count = 0
 
     @property
     def runs(self) -> int:

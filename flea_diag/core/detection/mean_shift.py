@@ -14,17 +14,16 @@ a detection on, the earlier level is frozen.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
-from flea_diag.errors import shown
+from flea_diag.fields.values import Positive, one_of
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -45,34 +44,9 @@ class MeanShiftLimit(Frozen):
     """Sigma of the mean shift of one residual over ``window`` samples, and its limit in sigmas."""
 
     name: str
-    window: int
-    sigma: float
-    k: float
-
-    @classmethod
-    def from_mapping(cls, value: Any) -> MeanShiftLimit:
-        """Limit from its plain mapping.
-
-        Raises
-        ------
-        ValueError
-            An entry that is missing, unknown, of the wrong kind or out of its range.
-        """
-        names = [entry.name for entry in fields(cls)]
-        if not isinstance(value, Mapping) or set(value) != set(names):
-            raise ValueError(f"a limit of shifts has {', '.join(names)}")
-        if value["window"] not in SHIFT_WINDOWS:
-            raise ValueError(
-                f"{shown(value['name'])}: window {shown(value['window'])}, known {SHIFT_WINDOWS}"
-            )
-        for name in ("sigma", "k"):
-            number = value[name]
-            good = isinstance(number, (int, float)) and not isinstance(number, bool)
-            if not good or not math.isfinite(number) or not number > 0.0:
-                raise ValueError(
-                    f"{shown(value['name'])}: {name} = {shown(number)} must be above 0"
-                )
-        return cls(**value)
+    window: Annotated[int, one_of(*SHIFT_WINDOWS)]
+    sigma: Positive
+    k: Positive
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain mapping of numbers and strings."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flea_diag.core.frozen import Frozen
+from flea_diag.fields.values import Positive
 
 SPEED_REGIONS_M_S = (0.025, 0.060)
 """Upper edges of the slow and the medium region of the mean |speed| in a window."""
@@ -19,8 +20,8 @@ class WindowLimit(Frozen):
 
     window: int
     centre: tuple[float, ...]
-    sigma: tuple[float, ...]
-    k: float
+    sigma: tuple[Positive, ...]
+    k: Positive
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,6 @@ class ResidualLimit(Frozen):
 
     name: str
     windows: tuple[WindowLimit, ...]
-    sigma: tuple[float, ...]
-    correlation_samples: float = 1.0
+    sigma: tuple[Positive, ...]
+    correlation_samples: Positive = 1.0
     spread: tuple[float, ...] = ()

@@ -8,16 +8,16 @@ change of a parameter (``adds``). Sizes of sensor errors belong to the channel.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
-from flea_diag.core import schema
 from flea_diag.core.bond_graph.actuator_model import Actuator
-from flea_diag.core.schema import REQUIRED
 from flea_diag.core.symbolic.collect import monomial
 from flea_diag.core.symbolic.expression import Expression
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import Share, within
 
 Amounts = tuple[tuple[str, float], ...]
 
@@ -80,27 +80,41 @@ class ErrorRow:
 
 
 UNBOUNDED = ErrorRow()
-_EFFECT: schema.Keys = {
-    "sizes": (list, REQUIRED),
-    "roughness": (list, [0.0]),
-    "vibration_only": (bool, False),
-}
-_SIZE: schema.Keys = {
-    "name": (str, REQUIRED),
-    "unit": (str, REQUIRED),
-    "low": (float, 0.0),
-    "high": (float, math.inf),
-    "least": (float, None),
-    "of": (str, ""),
-    "moves": (dict, {}),
-    "scales": (dict, {}),
-    "opens": (list, []),
-    "adds": (dict, {}),
-}
-_ERROR: schema.Keys = {
-    **dict.fromkeys(("bias", "drift", "drift_as_speed"), (float, math.inf)),
-    "ages_s": (list, list(UNBOUNDED.ages_s)),
-}
+
+
+@dataclass(frozen=True)
+class _Size:
+    """A size as the catalogue describes it."""
+
+    name: str
+    unit: str
+    low: float = 0.0
+    high: float = math.inf
+    least: float | None = None
+    of: str = ""
+    moves: Mapping[str, float] = field(default_factory=dict)
+    scales: Mapping[str, float] = field(default_factory=dict)
+    opens: tuple[str, ...] = ()
+    adds: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Effect:
+    """An effect as the catalogue describes it."""
+
+    sizes: tuple[_Size, ...]
+    roughness: tuple[Share, ...] = (0.0,)
+    vibration_only: bool = False
+
+
+@dataclass(frozen=True)
+class _Errors:
+    """Largest errors of a channel as the catalogue describes them."""
+
+    bias: float = math.inf
+    drift: float = math.inf
+    drift_as_speed: float = math.inf
+    ages_s: tuple[Annotated[float, within(maximum=1e4, above=0.0)], ...] = UNBOUNDED.ages_s
 
 
 def effect_rows(content: Any, actuator: Actuator, where: str) -> tuple[EffectRow, ...]:
@@ -118,75 +132,59 @@ def effect_rows(content: Any, actuator: Actuator, where: str) -> tuple[EffectRow
     )
 
 
-def error_rows(content: Any, actuator: Actuator, where: str) -> Mapping[str, ErrorRow]:
+def error_rows(
+    content: Mapping[str, Any], actuator: Actuator, where: str
+) -> Mapping[str, ErrorRow]:
     """Channel -> largest errors, of the channels that are named."""
     found = {}
-    for channel, row in schema.rows(content, where).items():
+    for channel, row in content.items():
         if channel not in actuator.sensors and actuator.base_parameters:
             raise ConfigurationError(
                 f"{where}: {shown(channel)} is no sensor of {actuator.name}, known are "
                 f"{', '.join(actuator.sensors)}"
             )
-        values = schema.read(row, f"{where}: {channel}", _ERROR)
-        ages = values.pop("ages_s")
-        if not ages or not all(isinstance(age, float | int) and 0.0 < age < 1e4 for age in ages):
-            raise ConfigurationError(
-                f"{where}: {channel}: ages_s = {shown(ages)} must be times in s, above 0 and below"
-                " 10000, at which a drift may be detected"
-            )
-        found[channel] = ErrorRow(**values, ages_s=tuple(map(float, ages)))
+        errors = read_as(_Errors, row, f"{where}: {channel}")
+        if not errors.ages_s:
+            raise ConfigurationError(f"{where}: {channel}: ages_s is empty; name at least one")
+        found[channel] = ErrorRow(**vars(errors))
     return found
 
 
-def _effect(row: Any, actuator: Actuator, where: str) -> EffectRow:
-    values = schema.read(row, where, _EFFECT)
-    if not values["sizes"]:
-        raise ConfigurationError(f"{where}: sizes is empty; name at least one")
-    sizes = tuple(_size(size, actuator, f"{where}: size") for size in values["sizes"])
-    rough = values["roughness"]
-    if not rough or not all(isinstance(r, float | int) and 0.0 <= r <= 1.0 for r in rough):
-        raise ConfigurationError(f"{where}: roughness = {shown(rough)} must be shares from 0 to 1")
-    return EffectRow(sizes, tuple(map(float, rough)), values["vibration_only"])
+def _effect(content: Any, actuator: Actuator, where: str) -> EffectRow:
+    row = read_as(_Effect, content, where)
+    for key in ("sizes", "roughness"):
+        if not getattr(row, key):
+            raise ConfigurationError(f"{where}: {key} is empty; name at least one")
+    sizes = tuple(_size(size, actuator, f"{where}: size {shown(size.name)}") for size in row.sizes)
+    return EffectRow(sizes, row.roughness, row.vibration_only)
 
 
-def _size(row: Any, actuator: Actuator, where: str) -> SizeRow:
-    values = schema.read(row, where, _SIZE)
-    where = f"{where} {shown(values['name'])}"
+def _size(row: _Size, actuator: Actuator, where: str) -> SizeRow:
     base, physical = actuator.base_parameters, actuator.graph.parameters
-    if values["of"]:
-        _require(values["of"], base, "base parameter", where)
-    moves = _amounts(values["moves"], base, "base parameter", f"{where}: moves")
-    scales = _amounts(values["scales"], physical, "parameter", f"{where}: scales")
-    opens = schema.texts(values["opens"], f"{where}: opens")
-    for name in opens:
-        _require(name, physical, "parameter", f"{where}: opens")
-    texts = schema.pairs(values["adds"], f"{where}: adds")
-    for name in texts:
-        _require(name, actuator.residuals, "residual", f"{where}: adds")
-    adds = tuple((name, monomial(text)) for name, text in texts.items())
-    if not (moves or scales or opens or adds):
+    for names, known, kind, key in (
+        ((row.of,) if row.of else (), base, "base parameter", "of"),
+        (row.moves, base, "base parameter", "moves"),
+        (row.scales, physical, "parameter", "scales"),
+        (row.opens, physical, "parameter", "opens"),
+        (row.adds, actuator.residuals, "residual", "adds"),
+    ):
+        _require(names, known, kind, f"{where}: {key}")
+    if not (row.moves or row.scales or row.opens or row.adds):
         raise ConfigurationError(
             f"{where} moves nothing; give moves, scales, opens or adds with what it changes"
         )
-    if not values["low"] <= values["high"]:
-        raise ConfigurationError(
-            f"{where}: low = {values['low']} must be at most high = {values['high']}"
-        )
-    least = values["low"] if values["least"] is None else values["least"]
-    extent = values["low"], values["high"], least, values["of"]
-    bounds = SizeBounds(values["name"], values["unit"], *extent)
-    return SizeRow(bounds, moves, scales, opens, adds)
+    if not row.low <= row.high:
+        raise ConfigurationError(f"{where}: low = {row.low} must be at most high = {row.high}")
+    least = row.low if row.least is None else row.least
+    bounds = SizeBounds(row.name, row.unit, row.low, row.high, least, row.of)
+    adds = tuple((name, monomial(text)) for name, text in row.adds.items())
+    return SizeRow(bounds, tuple(row.moves.items()), tuple(row.scales.items()), row.opens, adds)
 
 
-def _amounts(content: Any, known: Collection[str], kind: str, where: str) -> Amounts:
-    found = schema.numbers(content, where)
-    for name in found:
-        _require(name, known, kind, where)
-    return tuple(found.items())
-
-
-def _require(name: str, known: Collection[str], kind: str, where: str) -> None:
-    if name not in known:
-        raise ConfigurationError(
-            f"{where}: {shown(name)} is no {kind} of the description, known are {', '.join(known)}"
-        )
+def _require(names: Iterable[str], known: Collection[str], kind: str, where: str) -> None:
+    for name in names:
+        if name not in known:
+            raise ConfigurationError(
+                f"{where}: {shown(name)} is no {kind} of the description, known are"
+                f" {', '.join(known)}"
+            )

@@ -6,14 +6,14 @@ A fault is a set of alternatives; an alternative is a set of simultaneous deviat
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
 
-from flea_diag.core import schema
 from flea_diag.core.bond_graph.actuator_model import Actuator
 from flea_diag.core.faults.effect_row import UNBOUNDED, EffectRow, ErrorRow, effect_rows, error_rows
-from flea_diag.core.schema import REQUIRED
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import AboveZero, one_of
 from flea_diag.formats import migrated
 
 MODES = ("bias", "drift", "scaling", "dead", "noise", "dropout")
@@ -89,26 +89,34 @@ class Fault:
         return (replace(self, onset="abrupt"), replace(self, onset="incipient"))
 
 
-_FAULT: schema.Keys = {
-    "component": (str, REQUIRED),
-    "hypotheses": (list, REQUIRED),
-    "approach": (str, REQUIRED),
-    "onset": (str, REQUIRED),
-    "size": (float, 0.2),
-    "vibration": (bool, False),
-    "excitation": (str, ""),
-    "effects": (list, []),
-}
-_MODE: schema.Keys = {
-    "approach": (str, REQUIRED),
-    "onset": (str, REQUIRED),
-    "excitation": (str, ""),
-}
-_TOP: schema.Keys = {
-    "faults": (dict, REQUIRED),
-    "sensor_modes": (dict, {}),
-    "sensor_errors": (dict, {}),
-}
+@dataclass(frozen=True)
+class _Row:
+    """A fault as the catalogue describes it."""
+
+    component: str
+    hypotheses: tuple[tuple[str, ...], ...]
+    approach: Annotated[str, one_of(*APPROACHES)]
+    onset: Annotated[str, one_of(*ONSETS)]
+    size: AboveZero = 0.2
+    vibration: bool = False
+    excitation: str = ""
+    effects: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Mode:
+    """A fault of every sensor."""
+
+    approach: Annotated[str, one_of(*APPROACHES)]
+    onset: Annotated[str, one_of(*ONSETS)]
+    excitation: str = ""
+
+
+@dataclass(frozen=True)
+class _Catalogue:
+    faults: Mapping[str, _Row]
+    sensor_modes: Mapping[str, _Mode] = field(default_factory=dict)
+    sensor_errors: Mapping[str, Any] = field(default_factory=dict)
 
 
 def catalogue(content: Any, actuator: Actuator, where: str = "faults.yaml") -> dict[str, Fault]:
@@ -119,18 +127,21 @@ def catalogue(content: Any, actuator: Actuator, where: str = "faults.yaml") -> d
     ConfigurationError
         A row names an unknown parameter, mode or keyword.
     """
-    top = schema.read(migrated("fault catalogue", content, where), where, _TOP)
+    top = read_as(_Catalogue, migrated("fault catalogue", content, where), where)
     found = {
         name: _fault(name, row, actuator, f"{where}: fault {shown(name)}")
-        for name, row in schema.rows(top["faults"], f"{where}: faults").items()
+        for name, row in top.faults.items()
     }
-    modes = schema.rows(top["sensor_modes"], f"{where}: sensor_modes")
-    errors = error_rows(top["sensor_errors"], actuator, f"{where}: sensor_errors")
+    errors = error_rows(top.sensor_errors, actuator, f"{where}: sensor_errors")
+    for mode in top.sensor_modes:
+        if mode not in MODES:
+            raise ConfigurationError(
+                f"{where}: sensor mode {shown(mode)} is unknown, known are {', '.join(MODES)}"
+            )
     for channel in actuator.sensors:
-        for mode, row in modes.items():
-            name = f"{channel}_{mode}"
-            made = _sensor_fault(name, channel, mode, row, f"{where}: sensor mode {shown(mode)}")
-            found[name] = replace(made, errors=errors.get(channel, UNBOUNDED))
+        for mode, row in top.sensor_modes.items():
+            made = _sensor_fault(channel, mode, row)
+            found[made.name] = replace(made, errors=errors.get(channel, UNBOUNDED))
     return found
 
 
@@ -141,14 +152,9 @@ def of_sensors(faults: Mapping[str, Fault], channels: Collection[str]) -> dict[s
     }
 
 
-def _fault(name: str, row: Any, actuator: Actuator, where: str) -> Fault:
-    values = schema.read(row, where, _FAULT)
-    _check_words(values, where)
-    if not values["size"] > 0:
-        raise ConfigurationError(f"{where}: size = {values['size']} must be > 0")
+def _fault(name: str, row: _Row, actuator: Actuator, where: str) -> Fault:
     alternatives = tuple(
-        tuple(hypothesis(words, where) for words in schema.texts(group, f"{where}: hypotheses"))
-        for group in values.pop("hypotheses")
+        tuple(hypothesis(words, where) for words in group) for group in row.hypotheses
     )
     known = {*actuator.graph.parameters, *actuator.inputs}
     for each in (h for group in alternatives for h in group):
@@ -157,33 +163,30 @@ def _fault(name: str, row: Any, actuator: Actuator, where: str) -> Fault:
                 f"{where}: {each} is no parameter or input of {actuator.name},"
                 f" known are {', '.join(sorted(known))}"
             )
-    effects = effect_rows(values.pop("effects"), actuator, where)
-    return Fault(name, alternatives=alternatives, effects=effects, **values)
-
-
-def _sensor_fault(name: str, channel: str, mode: str, row: Any, where: str) -> Fault:
-    values = schema.read(row, where, _MODE)
-    _check_words(values, where)
-    if mode not in MODES:
-        raise ConfigurationError(f"{where} is unknown, known are {', '.join(MODES)}")
-    both = tuple((FaultHypothesis(channel, direction, mode),) for direction in (1, -1))
+    effects = effect_rows(row.effects, actuator, where)
     return Fault(
         name,
-        component=f"sensor {channel}",
-        alternatives=both,
-        approach=values["approach"],
-        onset=values["onset"],
-        size=0.2,
-        vibration=False,
-        excitation=values["excitation"],
-        channel=channel,
-        mode=mode,
+        row.component,
+        alternatives,
+        row.approach,
+        row.onset,
+        row.size,
+        row.vibration,
+        row.excitation,
+        effects=effects,
     )
 
 
-def _check_words(values: Mapping[str, Any], where: str) -> None:
-    for key, known in (("approach", APPROACHES), ("onset", ONSETS)):
-        if values[key] not in known:
-            raise ConfigurationError(
-                f"{where}: {key} = {shown(values[key])} is unknown, known are {', '.join(known)}"
-            )
+def _sensor_fault(channel: str, mode: str, row: _Mode) -> Fault:
+    return Fault(
+        f"{channel}_{mode}",
+        component=f"sensor {channel}",
+        alternatives=tuple((FaultHypothesis(channel, way, mode),) for way in (1, -1)),
+        approach=row.approach,
+        onset=row.onset,
+        size=0.2,
+        vibration=False,
+        excitation=row.excitation,
+        channel=channel,
+        mode=mode,
+    )

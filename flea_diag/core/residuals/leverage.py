@@ -25,6 +25,7 @@ from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.symbolic.collect import collect
 from flea_diag.core.symbolic.expression import ONE, Expression, Variable, symbols
 from flea_diag.core.symbolic.generated import compiled, function_source
+from flea_diag.fields.values import Positive
 
 Array = npt.NDArray[np.float64]
 
@@ -45,8 +46,8 @@ class LeverageFit(Frozen):
 
     relation: str
     root: tuple[tuple[float, ...], ...]
-    reach: float
-    most: float
+    reach: Positive
+    most: Positive
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
+from flea_diag.fields.values import Positive, within
 
 MOVING_WIDTHS = 2.5
 """Speed above which the actuator moves, in widths of its smooth friction: there friction has 99 %
@@ -18,24 +20,26 @@ of its full size, and its direction is known."""
 class ActuatorParameters(Frozen):
     """Parameters of one actuator design in linear coordinates (at the nut).
 
-    Defaults are starting points for a calibration, not a calibration.
+    Defaults are starting points for a calibration, not a calibration. What has a range is positive
+    on every actuator, and the diagnosis divides by most of it. The ranges are wide: a value outside
+    is a typing error and would break the arithmetic.
     """
 
-    force_constant_n_per_a: float = 177.0
-    back_emf_v_s_per_m: float = 177.0
-    winding_resistance_ohm: float = 2.95
+    force_constant_n_per_a: Annotated[float, within(1e-3, 1e6, above=0.0)] = 177.0
+    back_emf_v_s_per_m: Annotated[float, within(1e-3, 1e6, above=0.0)] = 177.0
+    winding_resistance_ohm: Annotated[float, within(1e-6, 1e6, above=0.0)] = 2.95
     winding_inductance_h: float = 0.002
     current_offset_a: float = 0.0
     voltage_offset_v: float = 0.0
     coulomb_friction_n: float = 50.0
     viscous_friction_n_s_per_m: float = 400.0
     load_friction_ratio: float = 0.0
-    stribeck_speed_m_s: float = 0.004
-    reflected_mass_kg: float = 130.0
+    stribeck_speed_m_s: Annotated[float, within(1e-6, 1e3, above=0.0)] = 0.004
+    reflected_mass_kg: Annotated[float, within(1e-3, 1e9, above=0.0)] = 130.0
     motor_heating_k_per_a2s: float = 0.010
-    motor_cooling_s: float = 775.0
+    motor_cooling_s: Annotated[float, within(1.0, 1e9, above=0.0)] = 775.0
     nut_heating_k_per_j: float = 0.0
-    nut_cooling_s: float = 775.0
+    nut_cooling_s: Annotated[float, within(1.0, 1e9, above=0.0)] = 775.0
     reference_temperature_degc: float = 25.0
     drive_gain: float = 1.0
     drive_offset_v: float = 0.0
@@ -66,14 +70,14 @@ class UnitTolerance(Frozen):
     that has been hot for hours departs from a one-node model by up to 0.06 K/s.
     """
 
-    coulomb_friction_n: float = 10.0
-    viscous_friction_n_s_per_m: float = 125.0
-    reflected_mass_kg: float = 15.0
-    winding_resistance_ohm: float = 0.3
-    back_emf_v_s_per_m: float = 4.0
-    voltage_offset_v: float = 0.5
-    current_offset_a: float = 0.15
-    thermal_rate_k_per_s: float = 0.03
+    coulomb_friction_n: Positive = 10.0
+    viscous_friction_n_s_per_m: Positive = 125.0
+    reflected_mass_kg: Positive = 15.0
+    winding_resistance_ohm: Positive = 0.3
+    back_emf_v_s_per_m: Positive = 4.0
+    voltage_offset_v: Positive = 0.5
+    current_offset_a: Positive = 0.15
+    thermal_rate_k_per_s: Positive = 0.03
 
 
 UNIT_PARAMETERS = tuple(

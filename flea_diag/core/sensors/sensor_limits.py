@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.sensors.position_step import position_steps
 from flea_diag.core.sensors.sensor_set import SensorSet
-from flea_diag.errors import shown
+from flea_diag.fields.values import Count, NotNegative
 
 Array = npt.NDArray[np.float64]
 
@@ -59,35 +59,11 @@ class SensorLimit(Frozen):
     channel: str
     quietest: float
     loudest: float
-    scatter: float
-    repeats: int
-    reach: float
-    step: float
-    k: float
-
-    @classmethod
-    def from_mapping(cls, value: Any) -> SensorLimit:
-        """Limit from its plain mapping.
-
-        Raises
-        ------
-        ValueError
-            An entry that is missing, unknown, of the wrong kind or out of its range.
-        """
-        names = [entry.name for entry in fields(cls)]
-        if not isinstance(value, Mapping) or set(value) != set(names):
-            raise ValueError(f"a sensor limit has {', '.join(names)}")
-        if not isinstance(value["channel"], str):
-            raise ValueError(f"channel {shown(value['channel'])} is no name")
-        for name in names[1:]:
-            number = value[name]
-            if isinstance(number, bool) or not isinstance(number, (int, float)):
-                raise ValueError(f"{value['channel']}: {name} = {shown(number)} is no number")
-            if not math.isfinite(number) or (name not in names[1:3] and number < 0.0):
-                raise ValueError(
-                    f"{value['channel']}: {name} = {shown(number)} must be finite, >= 0"
-                )
-        return cls(**value)
+    scatter: NotNegative
+    repeats: Count
+    reach: NotNegative
+    step: NotNegative
+    k: NotNegative
 
     def has(self, test: str) -> bool:
         """Whether a residual of ``sensor_tests`` can be judged by this limit."""

@@ -6,9 +6,10 @@ import json
 from dataclasses import asdict, fields
 
 from flea_diag.errors import shown
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import ANY
 from flea_diag.operator.alarm import Alarm, Comment
 from flea_diag.wire.json_text import parse_json
-from flea_diag.wire.record_fields import record_of_fields
 
 LONGEST_RECORD = 1 << 20
 """Characters."""
@@ -46,7 +47,7 @@ def alarm_of(
         raise ValueError(f"its record has no {missing[0]!r}")
     content |= {"acknowledged_ns": acknowledged_ns, "acknowledged_by": author, "comments": ()}
     known = {entry.name: content[entry.name] for entry in fields(Alarm) if entry.name in content}
-    alarm = record_of_fields(Alarm, known, finite=False)
+    alarm = read_as(Alarm, known, error=ValueError, magnitudes=ANY)
     if alarm.key != (source, detected_ns):
         raise ValueError("its record is that of another alarm")
     return alarm
@@ -54,4 +55,5 @@ def alarm_of(
 
 def comment_of(stamp_ns: object, author: object, text: object) -> Comment:
     """Comment of a row; raises ValueError."""
-    return record_of_fields(Comment, {"stamp_ns": stamp_ns, "author": author, "text": text})
+    content = {"stamp_ns": stamp_ns, "author": author, "text": text}
+    return read_as(Comment, content, error=ValueError)

@@ -7,15 +7,17 @@ environment variable FLEA_DATA_DIR names.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import FINITE
 from flea_diag.formats import migrated
 from flea_diag.tools.campaign.run_result import NOMINAL
-from flea_diag.wire.parameters import build, parameter
+from flea_diag.wire.parameters import parameter
 
 HYBRID = "hybrid"
 """The diagnoser as `flea replay` runs it; others are baselines."""
@@ -40,6 +42,11 @@ class FaultCases:
     switched: bool = parameter(False, "the fault comes with a switch to a faulty unit")
     sizes: tuple[float, ...] = field(default=())
     """A ladder of sizes, used in turn, instead of draws between low and high."""
+
+    def __post_init__(self) -> None:
+        """Check that the range of sizes is none that is empty."""
+        if self.high < self.low:
+            raise ValueError(f"high = {self.high!r} is below low = {self.low!r}")
 
 
 @dataclass(frozen=True)
@@ -118,6 +125,7 @@ SOURCES: dict[str, type[Any]] = {
     "switches": Switches,
 }
 LISTS = ("files", "nominal", "faulty")
+MAY_BE_ONE = (*LISTS, "rows", "configurations", "learn_from")
 
 
 @dataclass(frozen=True)
@@ -198,88 +206,51 @@ def _shipped(name: Path) -> Path:
 
 def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Campaign:
     """Campaign from the content of a YAML file; see ``load_campaign``."""
-    content = migrated("campaign", content, where)
-    plain = {k: v for k, v in content.items() if k not in _STRUCTURED}
-    campaign = build(Campaign, plain, where)
-    expect = _mapping(content.get("expect", {}), f"{where}: expect")
-    sources = _list(content.get("sources"), f"{where}: sources")
-    made = tuple(_source(row, f"{where}: sources[{k}]") for k, row in enumerate(sources))
+    known = _listed(migrated("campaign", content, where))
+    rows = read_as(_Sources, {"sources": known.pop("sources", None)}, where).sources
+    _count(rows, f"{where}: sources")
+    made = tuple(_source(row, f"{where}: sources[{k}]") for k, row in enumerate(rows))
     names = [source.name for source in made]
     double = sorted({name for name in names if names.count(name) > 1})
     if double:
         raise ConfigurationError(f"{where}: two sources are named {shown(double[0])}, rename one")
-    return replace(
-        campaign,
-        configurations=_texts(content.get("configurations", [HYBRID]), f"{where}: configurations"),
-        learn_from=_texts(content.get("learn_from", []), f"{where}: learn_from", may_be_empty=True),
-        expect={
-            truth: _texts(names, f"{where}: expect: {truth}", may_be_empty=True)
-            for truth, names in expect.items()
-        },
-        sources=made,
-        folder=folder,
-    )
+    given = {"sources": made, "folder": folder}
+    campaign = read_as(Campaign, known, where, magnitudes=FINITE, given=given)
+    _count(campaign.configurations, f"{where}: configurations")
+    return campaign
 
 
-_STRUCTURED = ("configurations", "expect", "learn_from", "sources")
+@dataclass(frozen=True)
+class _Sources:
+    sources: tuple[Mapping[str, Any], ...]
 
 
-def _source(content: Any, where: str) -> Source:
-    values = dict(_mapping(content, where))
-    kind = values.pop("kind", None)
+def _source(content: Mapping[str, Any], where: str) -> Source:
+    kind = content.get("kind")
     if not isinstance(kind, str) or kind not in SOURCES:
         raise ConfigurationError(
             f"{where}: kind = {shown(kind)} is unknown, choose one of {', '.join(SOURCES)}"
         )
-    known = SOURCES[kind].__dataclass_fields__
-    structured: dict[str, Any] = {
-        key: _texts(values.pop(key, None), f"{where}: {key}") for key in LISTS if key in known
-    }
-    if kind == "injections":
-        rows = values.pop("rows", [])
-        structured["rows"] = _texts(rows, f"{where}: rows", may_be_empty=True)
-    elif "rows" in known:
-        rows = _list(values.pop("rows", None), f"{where}: rows")
-        structured["rows"] = tuple(_row(row, f"{where}: rows[{k}]") for k, row in enumerate(rows))
-    if "spread" in known:
-        structured["spread"] = _numbers(values.pop("spread", {}), f"{where}: spread")
-    source: Source = replace(build(SOURCES[kind], values, where), **structured)
+    values = {key: value for key, value in _listed(content).items() if key != "kind"}
+    source: Source = read_as(SOURCES[kind], values, where, magnitudes=FINITE)
+    for key in LISTS:
+        _count(getattr(source, key, ("none",)), f"{where}: {key}")
+    if isinstance(source, Drawn):
+        _count(source.rows, f"{where}: rows")
+        titled = (replace(r, title=r.title or r.fault or "Nominal") for r in source.rows)
+        return replace(source, rows=tuple(titled))
     return source
 
 
-def _row(content: Any, where: str) -> FaultCases:
-    values = dict(_mapping(content, where))
-    sizes = values.pop("sizes", [])
-    row: FaultCases = build(FaultCases, values, where)
-    if not isinstance(sizes, list) or not all(isinstance(s, (int, float)) for s in sizes):
-        raise ConfigurationError(f"{where}: sizes = {shown(sizes)} must be a list of numbers")
-    if row.high < row.low:
-        raise ConfigurationError(f"{where}: high = {row.high!r} is below low = {row.low!r}")
-    return replace(row, title=row.title or row.fault or "Nominal", sizes=tuple(map(float, sizes)))
+def _listed(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The same with lists where one text may stand for a list of one."""
+    texts = {k: [v] for k, v in content.items() if k in MAY_BE_ONE and isinstance(v, str)}
+    expect = content.get("expect")
+    if isinstance(expect, Mapping):
+        texts["expect"] = {k: [v] if isinstance(v, str) else v for k, v in expect.items()}
+    return {**content, **texts}
 
 
-def _mapping(value: Any, where: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-        raise ConfigurationError(f"{where} = {shown(value)} must be a mapping")
-    return value
-
-
-def _numbers(value: Any, where: str) -> dict[str, float]:
-    from flea_diag.core.schema import numbers
-
-    return numbers(value, where)
-
-
-def _list(value: Any, where: str) -> list[Any]:
-    if not isinstance(value, list) or not 0 < len(value) <= LARGEST_LIST:
+def _count(entries: Sequence[Any], where: str) -> None:
+    if not 0 < len(entries) <= LARGEST_LIST:
         raise ConfigurationError(f"{where} must be a list of 1 to {LARGEST_LIST} entries")
-    return value
-
-
-def _texts(value: Any, where: str, *, may_be_empty: bool = False) -> tuple[str, ...]:
-    if may_be_empty and value == []:
-        return ()
-    entries = _list([value] if isinstance(value, str) else value, where)
-    if not all(isinstance(entry, str) for entry in entries):
-        raise ConfigurationError(f"{where} = {shown(value)} must be a list of names")
-    return tuple(entries)

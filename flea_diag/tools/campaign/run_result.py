@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from flea_diag.errors import RecordingError
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import FINITE, Share, within
 from flea_diag.formats import FORMATS, migrated
-from flea_diag.wire.record_fields import record_of_fields, within
 from flea_diag.wire.records import BY_DESIGN
 
 KINDS = ("real", "simulated", "injected", "spliced")
@@ -88,7 +89,7 @@ class RunResult:
     failure: str = ""
     outcome: str = ""
     group: tuple[str, ...] = ()
-    probabilities: tuple[float, ...] = within(0.0, 1.0, ())
+    probabilities: tuple[Share, ...] = ()
     words: str = ""
     detected_stamp_ns: int | None = None
     isolated_stamp_ns: int | None = None
@@ -96,14 +97,14 @@ class RunResult:
     isolation_time_s: float | None = None
     detection_motion_s: float | None = None
     alarms_s: tuple[float, ...] = ()
-    false_alarms: int = within(0, MOST, 0)
-    nominal_s: float = within(-MOST, MOST, 0.0)
-    duration_s: float = within(0.0, MOST, 0.0)
+    false_alarms: Annotated[int, within(0, MOST)] = 0
+    nominal_s: Annotated[float, within(-MOST, MOST)] = 0.0
+    duration_s: Annotated[float, within(0.0, MOST)] = 0.0
     not_observable: tuple[str, ...] = ()
     features_computed: tuple[str, ...] = ()
-    features_skipped: int = within(0, MOST, 0)
-    cpu_s: float = within(0.0, MOST, 0.0)
-    peak_memory_bytes: int = within(0, 1e15, 0)
+    features_skipped: Annotated[int, within(0, MOST)] = 0
+    cpu_s: Annotated[float, within(0.0, MOST)] = 0.0
+    peak_memory_bytes: Annotated[int, within(0, 1e15)] = 0
     digest: str = ""
     decision_digest: str = ""
     backend: str = ""
@@ -175,8 +176,5 @@ def from_mapping(content: Any, where: str) -> RunResult:
     RecordingError
         The line is no result of this version; the field that is wrong is named.
     """
-    content = migrated("run result", content, where)
-    try:
-        return record_of_fields(RunResult, content)
-    except ValueError as error:
-        raise RecordingError(f"{where}: {error}: evaluate anew") from None
+    known = migrated("run result", content, where)
+    return read_as(RunResult, known, where, error=RecordingError, magnitudes=FINITE)

@@ -13,12 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import RecordingError
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import FINITE
 from flea_diag.formats import migrated, stamped
 from flea_diag.tools.campaign.envelope import Envelope
 from flea_diag.tools.campaign.trace_content import TraceContent
 from flea_diag.wire.blocks import Block, ResidualBlock, ScanBlock, block_of
 from flea_diag.wire.json_text import parse_json
-from flea_diag.wire.record_fields import record_of_fields
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
@@ -206,7 +207,7 @@ def read_trace(detail: Path) -> dict[str, Any] | None:
             text = stream.read(LARGEST_BYTES + 1).decode("utf-8")
         content = parse_json(text, largest=LARGEST_BYTES, most_values=MOST_VALUES)
         trace = migrated("run trace", content, str(detail))
-        record_of_fields(TraceContent, trace)
+        read_as(TraceContent, trace, error=RecordingError, magnitudes=FINITE)
     except (OSError, EOFError, zlib.error, ValueError, RecordingError):
         return None
     return trace

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
-from flea_diag.wire.record_fields import within
+from flea_diag.fields.values import within
 
-LONGEST_S = 1e9
+Time = Annotated[float, within(0.0, 1e9)]
+"""s."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +19,7 @@ class TraceSignal:
     low: tuple[float | None, ...]
     high: tuple[float | None, ...]
     unit: str
-    stretch_s: float = within(0.0, LONGEST_S)
+    stretch_s: Time
 
     def __post_init__(self) -> None:
         """Both extremes are known, or none."""
@@ -62,4 +64,4 @@ class TraceContent:
     groups: tuple[TraceGroup, ...]
     features: tuple[TraceFeature, ...]
     truth: tuple[tuple[str, float], ...]
-    duration_s: float = within(0.0, LONGEST_S)
+    duration_s: Time

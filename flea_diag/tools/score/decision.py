@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from flea_diag.errors import RecordingError
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import FINITE
 from flea_diag.formats import migrated
 from flea_diag.tools.campaign.result_log import RESULTS, read_results
 from flea_diag.tools.campaign.run_result import RunResult
 from flea_diag.wire.bags.bag_layout import refuse_closed
 from flea_diag.wire.json_text import parse_json
-from flea_diag.wire.record_fields import record_of_fields
 from flea_diag.wire.regular_file import read_text
 
 R = TypeVar("R")
@@ -177,12 +178,8 @@ def _of_summary(content: Any, path: Path) -> Decision:
 
 def _shaped(kind: type[R], content: Any, path: Path) -> R:
     """The compared part of some JSON; what else it holds is passed over."""
-    try:
-        return record_of_fields(kind, content, strict=False)
-    except ValueError as error:
-        raise RecordingError(
-            f"{path}: not the JSON of a replay ({error}): write it with flea replay --json"
-        ) from None
+    where = f"{path}: not the JSON of flea replay --json"
+    return read_as(kind, content, where, error=RecordingError, magnitudes=FINITE, strict=False)
 
 
 def _json(path: Path) -> Any:

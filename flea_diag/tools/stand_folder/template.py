@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from flea_diag.configuration.description import described
 from flea_diag.configuration.files import config_folders, load_yaml
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.power_balance import CURRENT, POSITION, is_supply_current
 from flea_diag.core.calibration.sign_check import roles_of
-from flea_diag.core.schema import REQUIRED, Keys, read, texts
 from flea_diag.core.symbolic.expression import evaluate
 from flea_diag.errors import ConfigurationError, RecordingError, shown
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import one_of
 from flea_diag.formats import migrated
 from flea_diag.tools.stand_folder.behaviour import named_by_behaviour
 from flea_diag.tools.stand_folder.channel_choice import ChosenChannel, chosen_channels
@@ -28,12 +29,14 @@ if TYPE_CHECKING:
 
 FOLDER = "templates"
 MOTOR, SUPPLY = "motor", "supply"
-KEYS: Keys = {
-    "title": (str, REQUIRED),
-    "stand": (str, REQUIRED),
-    "needs": (list, REQUIRED),
-    "current": (str, MOTOR),
-}
+
+
+@dataclass(frozen=True)
+class _TemplateFile:
+    title: str
+    stand: str
+    needs: tuple[str, ...]
+    current: Annotated[str, one_of(MOTOR, SUPPLY)] = MOTOR
 
 
 @dataclass(frozen=True)
@@ -102,13 +105,8 @@ def template(name: str) -> Template:
             f"template {shown(name)} is not shipped, known are {', '.join(files) or 'none'}"
         )
     where = str(files[name])
-    values = read(migrated("stand template", load_yaml(files[name]), where), where, KEYS)
-    if values["current"] not in (MOTOR, SUPPLY):
-        raise ConfigurationError(
-            f"{where}: current = {shown(values['current'])} must be {MOTOR} or {SUPPLY}"
-        )
-    needs = texts(values["needs"], f"{where}: needs")
-    return Template(name, values["title"], load_stand(values["stand"]), needs, values["current"])
+    known = read_as(_TemplateFile, migrated("stand template", load_yaml(files[name]), where), where)
+    return Template(name, known.title, load_stand(known.stand), known.needs, known.current)
 
 
 def fitting_template(grid: ReadingGrid, wanted: str) -> tuple[Template, tuple[ChosenChannel, ...]]:

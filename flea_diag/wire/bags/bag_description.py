@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from flea_diag.errors import RecordingError, shown
+from flea_diag.errors import RecordingError
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import Count
 from flea_diag.wire.bags.bag_layout import METADATA_FILE
 from flea_diag.wire.regular_file import read_bytes
 from flea_diag.wire.yaml_text import parse_yaml
 
 LARGEST_BYTES = 1 << 20
-MOST_MESSAGES = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -53,51 +54,40 @@ def description(content: Any) -> BagDescription:
     RecordingError
         Naming the field, its value and what it must be.
     """
-    top = _mapping(content, "the file")
-    known = _mapping(top.get("rosbag2_bagfile_information"), "rosbag2_bagfile_information")
-    name = "topics_with_message_count"
-    rows = [_mapping(row, name) for row in _list(known.get(name), name)]
-    files = _list(known.get("relative_file_paths"), "relative_file_paths")
-    version = known.get("version")
+    known = read_as(_File, content, error=RecordingError, strict=False).rosbag2_bagfile_information
+    mode = (known.compression_mode or "").lower()
     return BagDescription(
-        None if version is None else _count(version, "version"),
-        _text(known.get("storage_identifier", ""), "storage_identifier"),
-        tuple(_text(name, "relative_file_paths") for name in files),
-        _compression(known),
-        dict(_topic(row) for row in rows if "topic_metadata" in row),  # else of no topic
-    )
+        known.version,
+        known.storage_identifier,
+        known.relative_file_paths or (),
+        "" if mode == "none" else mode,
+        {row.topic_metadata.name: row.message_count
+         for row in known.topics_with_message_count or () if row.topic_metadata},
+    )  # fmt: skip
 
 
-def _compression(known: Mapping[str, Any]) -> str:
-    mode = _text(known.get("compression_mode") or "", "compression_mode").lower()
-    return "" if mode == "none" else mode
+@dataclass(frozen=True)
+class _Topic:
+    name: str
 
 
-def _topic(row: Mapping[str, Any]) -> tuple[str, int]:
-    topic = _mapping(row["topic_metadata"], "topic_metadata")
-    return _text(topic.get("name"), "name"), _count(row.get("message_count"), "message_count")
+@dataclass(frozen=True)
+class _TopicCount:
+    topic_metadata: _Topic | None = None
+    message_count: Count = 0
 
 
-def _mapping(value: Any, name: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise RecordingError(f"{name} = {shown(value)} must be a mapping")
-    return value
+@dataclass(frozen=True)
+class _Information:
+    """The fields that are used, as rosbag2 names them."""
+
+    version: Count | None = None
+    storage_identifier: str = ""
+    relative_file_paths: tuple[str, ...] | None = ()
+    compression_mode: str | None = ""
+    topics_with_message_count: tuple[_TopicCount, ...] | None = ()
 
 
-def _list(value: Any, name: str) -> list[Any]:
-    """A list; nothing is an empty one."""
-    if value is not None and not isinstance(value, list):
-        raise RecordingError(f"{name} = {shown(value)} must be a list")
-    return value or []
-
-
-def _text(value: Any, name: str) -> str:
-    if not isinstance(value, str):
-        raise RecordingError(f"{name} = {shown(value)} must be a text")
-    return value
-
-
-def _count(value: Any, name: str) -> int:
-    if type(value) is not int or not 0 <= value <= MOST_MESSAGES:
-        raise RecordingError(f"{name} = {shown(value)} must be a whole number from 0 on")
-    return value
+@dataclass(frozen=True)
+class _File:
+    rosbag2_bagfile_information: _Information

@@ -7,12 +7,12 @@ An invalid value stops the node at start; later it is refused with the reason.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any, Generic, TypeVar
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.wire.parameters import Descriptor, build, checked, descriptors, parameter
+from flea_diag.wire.parameters import Descriptor, build, descriptors, parameter
 
 P = TypeVar("P")
 
@@ -51,7 +51,7 @@ class Declared(Generic[P]):
         self._known = {entry.name: entry for entry in descriptors(parameters)}
         self._where = where
         self.common = build(Common, common, where)
-        self.value: P = build(parameters, self._converted(given), where)
+        self.value: P = build(parameters, given, where)
         self.on_check: list[Callable[[P], None]] = []
         self.on_change: list[Callable[[P], None]] = []
         for owner, kind in ((self.common, Common), (self.value, parameters)):
@@ -59,12 +59,6 @@ class Declared(Generic[P]):
                 _declare(node, entry, getattr(owner, entry.name))
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
-
-    def _converted(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        return {
-            name: _from_ros(self._known[name], value) if name in self._known else value
-            for name, value in given.items()
-        }
 
     def _validate(self, parameters: list[Any]) -> Any:
         from rcl_interfaces.msg import SetParametersResult
@@ -85,16 +79,9 @@ class Declared(Generic[P]):
                 apply(merged)
 
     def _merged(self, parameters: list[Any]) -> P:
-        changes = {
-            entry.name: checked(
-                self._known[entry.name],
-                _from_ros(self._known[entry.name], entry.value),
-                self._where,
-            )
-            for entry in parameters
-            if entry.name in self._known
-        }
-        return replace(self.value, **changes)  # type: ignore[type-var]
+        given = {entry.name: entry.value for entry in parameters if entry.name in self._known}
+        made = build(type(self.value), given, self._where)
+        return replace(self.value, **{name: getattr(made, name) for name in given})  # type: ignore[type-var]
 
 
 def _take_overrides(node: Any) -> dict[str, Any]:
@@ -120,10 +107,6 @@ def _declare(node: Any, entry: Descriptor, value: Any) -> None:
         _ros_descriptor(entry),
         ignore_override=True,
     )
-
-
-def _from_ros(entry: Descriptor, value: Any) -> Any:
-    return tuple(value) if entry.kind is tuple and isinstance(value, list) else value
 
 
 def _ros_descriptor(entry: Descriptor) -> Any:

@@ -241,7 +241,7 @@ SIZE = {"name": "drag", "unit": "N", "moves": {"coulomb_friction_n": 1}}
         (bad("faults.jam.severity", 3), "'jam'.*unknown key 'severity'"),
         (bad("sensor_modes.stuck", {"approach": "physics", "onset": "abrupt"}), "'stuck'"),
         (bad("sensor_errors.motor_torque", {"bias": 1.0}), "sensor_errors: 'motor_torque' is no"),
-        (bad("sensor_errors.motor_current.ages_s", [0.0]), r"ages_s = \[0.0\] must be times in s"),
+        (bad("sensor_errors.motor_current.ages_s", [0.0]), r"ages_s\[0\] = 0.0 must be above 0"),
         (bad("faults.spall.effects", [{"sizes": []}]), "'spall': effect 1: sizes is empty"),
         (
             bad("faults.spall.effects", [{"sizes": [{"name": "drag", "unit": "N"}]}]),

@@ -13,6 +13,8 @@ from flea_diag.core.detection.mean_shift import (
     MeanShift,
     MeanShiftLimit,
 )
+from flea_diag.errors import ConfigurationError
+from flea_diag.fields.reader import read_as
 
 WINDOW = SHIFT_WINDOWS[0]
 
@@ -85,10 +87,17 @@ def test_a_frozen_level_does_not_follow_the_fault():
 
 
 @pytest.mark.parametrize(
-    "change", [{"window": 17}, {"sigma": 0.0}, {"k": float("nan")}, {"k": True}, {"more": 1}]
+    ("change", "words"),
+    [
+        ({"window": 17}, "window = 17 is unknown, choose one of 200, 400"),
+        ({"sigma": 0.0}, "sigma = 0.0 must be above 0"),
+        ({"k": float("nan")}, "k = nan must be a finite number"),
+        ({"k": True}, "k = True must be a number"),
+        ({"more": 1}, "unknown key 'more'"),
+    ],
 )
-def test_a_limit_that_makes_no_sense_is_refused(change):
-    plain = MeanShiftLimit("parity_electrical", WINDOW, 0.3, 5.0).to_mapping()
-    assert MeanShiftLimit.from_mapping(plain).to_mapping() == plain
-    with pytest.raises(ValueError, match=r"limit of shifts|window|sigma|k ="):
-        MeanShiftLimit.from_mapping({**plain, **change})
+def test_a_limit_that_makes_no_sense_is_refused(change, words):
+    limit = MeanShiftLimit("parity_electrical", WINDOW, 0.3, 5.0)
+    assert read_as(MeanShiftLimit, limit.to_mapping()) == limit
+    with pytest.raises(ConfigurationError, match=words):
+        read_as(MeanShiftLimit, {**limit.to_mapping(), **change})

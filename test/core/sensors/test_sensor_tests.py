@@ -14,6 +14,8 @@ from flea_diag.core.sensors.noise_test import WARM_UP_SCANS, NoiseTest
 from flea_diag.core.sensors.position_step import SPAN, position_steps
 from flea_diag.core.sensors.sensor_limits import SensorLimit, noise_logs, sensor_limits
 from flea_diag.core.sensors.sensor_tests import SensorTests
+from flea_diag.errors import ConfigurationError
+from flea_diag.fields.reader import read_as
 
 FLEA = compiled_relations("actuator.yaml").residuals.sensors
 NAMES = FLEA.names
@@ -322,17 +324,17 @@ def test_limits_say_what_the_recordings_show(limits):
     assert 2 <= position.repeats <= 6
     assert by_name["motor_current"].step == 0.0
     assert position.loudest == pytest.approx(math.log(6e-5) - 0.635, abs=0.35)
-    assert SensorLimit.from_mapping(position.to_mapping()) == position
+    assert read_as(SensorLimit, position.to_mapping()) == position
 
 
 @pytest.mark.parametrize(
     ("key", "value"), [("reach", math.nan), ("channel", 7), ("k", -1.0), ("k", "5")]
 )
 def test_a_spoilt_limit_is_refused_by_name(limits, key, value):
-    with pytest.raises(ValueError, match=key):
-        SensorLimit.from_mapping({**limits[0].to_mapping(), key: value})
-    with pytest.raises(ValueError, match="a sensor limit has"):
-        SensorLimit.from_mapping({key: value})
+    with pytest.raises(ConfigurationError, match=f"^{key} = "):
+        read_as(SensorLimit, {**limits[0].to_mapping(), key: value})
+    with pytest.raises(ConfigurationError, match="is missing; give it"):
+        read_as(SensorLimit, {key: value})
 
 
 def test_every_test_names_its_channel():

@@ -105,8 +105,8 @@ CHANGES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "nan": ({"heat": {"copper_per_k": float("nan")}}, ("copper_per_k", "nan", "finite")),
     "rate": ({"sampling": {"scan_rate_hz": 130.0}}, ("scan_rate_hz", "130.0", "2000")),
     "spread": ({"spread": {"colour": 0.1}}, ("spread", "colour", "it has")),
-    "width": ({"spread": {"lead_error_m": 2.0}}, ("lead_error_m", "2.0", "between 0 and 1")),
-    "pair": ({"drawn": {"centre_m": [0.1]}}, ("centre_m", "list of 2")),
+    "width": ({"spread": {"lead_error_m": 2.0}}, ("lead_error_m", "2.0", "above its limit 1.0")),
+    "pair": ({"drawn": {"centre_m": [0.1]}}, ("centre_m", "must have 2 entries")),
 }
 
 

@@ -71,10 +71,13 @@ def test_a_folder_is_a_campaign(tmp_path: Path) -> None:
         ({"sources": [{**DRAWN, "times": 5000}]}, "times = 5000 is above its limit 1000"),
         ({"sources": [{**DRAWN, "rows": [{"cases": 10**6}]}]}, "cases = 1000000 is above"),
         ({"sources": [{**DRAWN, "rows": [{"low": 2.0, "high": 1.0}]}]}, "below low = 2.0"),
-        ({"sources": [{**DRAWN, "rows": [{"sizes": "much"}]}]}, "must be a list of numbers"),
-        ({"sources": [{**DRAWN, "spread": {"x": "wide"}}]}, "spread: x = 'wide'"),
-        ({"sources": [{"kind": "recordings", "files": [3]}]}, "must be a list of names"),
-        ({"expect": {"jam": 3}}, "expect: jam must be a list"),
+        ({"sources": [{**DRAWN, "rows": [{"sizes": "much"}]}]}, "sizes = 'much' must be a list"),
+        (
+            {"sources": [{**DRAWN, "spread": {"x": "wide"}}]},
+            "spread: 'x' = 'wide' must",
+        ),
+        ({"sources": [{"kind": "recordings", "files": [3]}]}, "files[0] = 3 must be text"),
+        ({"expect": {"jam": 3}}, "expect: 'jam' = 3 must be a list"),
         ({"limit_percent": 120.0}, "limit_percent = 120.0 is above"),
     ],
 )

@@ -1,0 +1,195 @@
+"""Single values: text, truth, whole numbers, numbers; each with its limits."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from flea_diag.errors import shown
+
+Reader = Callable[[Any], Any]
+
+LONGEST_TEXT = 10_000
+LARGEST_INTEGER = 2**63
+
+IN_SI = (1e-15, 1e15)
+"""Magnitudes that a quantity in SI units may have; values outside are taken for a unit error."""
+LIMITED = (0.0, 1e15)
+"""The same without a lower end, for variances and coefficients."""
+FINITE = (0.0, sys.float_info.max)
+ANY = None
+"""Infinities and NaN too."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What narrows the numbers or the text of a field; ``above`` is an end that is excluded.
+
+    It stands in the type, ``Annotated[float, within(0.0, 1.0)]``, or is that of a parameter.
+    ``or_nan``: the field may be left open by NaN.
+    """
+
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None
+    choices: tuple[Any, ...] = ()
+    unit: str = ""
+    or_nan: bool = False
+
+
+def within(
+    minimum: float | None = None, maximum: float | None = None, *, above: float | None = None
+) -> Limits:
+    """Range of a number, or of each number in the field."""
+    return Limits(minimum, maximum, above)
+
+
+def one_of(*choices: str | int) -> Limits:
+    """Words that a text may be, or values of a whole number."""
+    return Limits(choices=choices)
+
+
+@dataclass(frozen=True)
+class WrittenAs:
+    """Key of the field in a file, where its own is a word of Python."""
+
+    key: str
+
+
+AboveZero = Annotated[float, within(above=0.0)]
+Positive = Annotated[float, within(1e-12, above=0.0)]
+"""What the arithmetic divides by."""
+NotNegative = Annotated[float, within(0.0)]
+Share = Annotated[float, within(0.0, 1.0)]
+Count = Annotated[int, within(0)]
+
+
+class Refused(Exception):  # noqa: N818
+    """Words that follow the name of the place: `` = 5 must be text`` or ``: x is missing``."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How all values of a document are read, see ``read_as``."""
+
+    magnitudes: tuple[float, float] | None
+    strict: bool
+
+
+def refused(value: Any, words: str) -> Refused:
+    """The refusal of a value, which it quotes."""
+    return Refused(f" = {shown(value)} {words}")
+
+
+def anything(value: Any) -> Any:
+    """A value of any kind."""
+    return value
+
+
+def _text(_: Rules, limits: Limits) -> Reader:
+    choices = limits.choices
+
+    def read(value: Any) -> str:
+        if not isinstance(value, str):
+            raise refused(value, "must be text")
+        if len(value) > LONGEST_TEXT:
+            raise refused(value, f"must be text of at most {LONGEST_TEXT} characters")
+        if choices:
+            _check_choice(value, choices)
+        return value
+
+    return read
+
+
+def _check_choice(value: Any, choices: tuple[Any, ...]) -> None:
+    if value not in choices:
+        raise refused(value, f"is unknown, choose one of {', '.join(map(str, choices))}")
+
+
+def _truth(_: Rules, limits: Limits) -> Reader:
+    def read(value: Any) -> bool:
+        if not isinstance(value, bool):
+            raise refused(value, "must be true or false")
+        return value
+
+    return read
+
+
+def _whole(_: Rules, limits: Limits) -> Reader:
+    check = _bounds(limits)
+
+    def read(value: Any) -> int:
+        if type(value) is not int:
+            raise refused(value, "must be a whole number")
+        if abs(value) >= LARGEST_INTEGER:
+            raise refused(value, "must be a whole number of 64 bits")
+        check(value)
+        if limits.choices:
+            _check_choice(value, limits.choices)
+        return value
+
+    return read
+
+
+def _number(rules: Rules, limits: Limits) -> Reader:
+    check, may_be_open = _bounds(limits), limits.or_nan
+
+    def read(value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise refused(value, f"must be a number{_hint(value)}")
+        number = value if isinstance(value, float) else _float(value)
+        if number != number and may_be_open:
+            return number
+        _check_magnitude(number, value, rules.magnitudes)
+        check(number)
+        return number
+
+    return read
+
+
+def _float(value: int) -> float:
+    """A whole number; beyond the range of a float it is infinite."""
+    return float(value) if abs(value) < 2**1023 else math.inf if value > 0 else -math.inf
+
+
+def _hint(value: Any) -> str:
+    """What to write, where a text looks like a number."""
+    try:
+        looks = isinstance(value, str) and "e" in value.lower() and math.isfinite(float(value))
+    except ValueError:
+        looks = False
+    return " (YAML reads 5e6 as text, write 5.0e+6)" if looks else ""
+
+
+def _check_magnitude(number: float, value: Any, magnitudes: tuple[float, float] | None) -> None:
+    if magnitudes is None:
+        return
+    low, high = magnitudes
+    if not math.isfinite(number):
+        raise refused(value, "must be a finite number")
+    if number and not low <= abs(number) <= high:
+        beyond = f"lies outside {low:g} to {high:g}" if low else f"is beyond {high:g}"
+        raise refused(value, f"{beyond}; check its unit")
+
+
+def _bounds(limits: Limits) -> Callable[[float], None]:
+    minimum, maximum, above = limits.minimum, limits.maximum, limits.above
+    said = f" {limits.unit}" if limits.unit not in ("", "1") else ""
+
+    def check(value: float) -> None:
+        if above is not None and not value > above:
+            raise refused(value, f"must be above {above:g}{said}")
+        if minimum is not None and not value >= minimum:
+            raise Refused(f" = {shown(value)}{said} is below its limit {minimum!r}{said}")
+        if maximum is not None and not value <= maximum:
+            raise Refused(f" = {shown(value)}{said} is above its limit {maximum!r}{said}")
+
+    return check
+
+
+SIMPLE: dict[Any, Callable[[Rules, Limits], Reader]] = {
+    str: _text, bool: _truth, int: _whole, float: _number,
+}  # fmt: skip
