@@ -16,7 +16,7 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from flea_diag.errors import ConfigurationError, shown
+from flea_diag.errors import LONGEST_SHOWN, ConfigurationError, shown
 from flea_diag.fields.values import (
     IN_SI,
     LONGEST_TEXT,
@@ -113,8 +113,8 @@ def _limits(entry: Field[Any]) -> Limits:
     """Those of a parameter; NaN as its default means that a number may be left open."""
     known = {each.name for each in fields(Limits)}
     told: dict[str, Any] = {key: value for key, value in entry.metadata.items() if key in known}
-    or_nan = isinstance(entry.default, float) and math.isnan(entry.default)
-    return Limits(**told, or_nan=or_nan)
+    is_open = isinstance(entry.default, float) and math.isnan(entry.default)
+    return Limits(**told, open=math.nan if is_open else None)
 
 
 def _at(place: str, value: Any, read: Reader) -> Any:
@@ -133,7 +133,8 @@ def _reader(hint: Any, rules: Rules, limits: Limits) -> Reader:
     origin, inside = get_origin(hint), get_args(hint)
     if origin is Annotated:
         stated = next((each for each in inside if isinstance(each, Limits)), limits)
-        return _reader(inside[0], rules, replace(stated, or_nan=limits.or_nan))
+        left_open = limits.open if stated.open is None else stated.open
+        return _reader(inside[0], rules, replace(stated, open=left_open))
     if origin in (Union, UnionType):
         (one,) = (each for each in inside if each is not NoneType)
         return _optional(_reader(one, rules, limits))
@@ -188,7 +189,7 @@ def _table(read: Reader) -> Reader:
     def read_table(value: Any) -> dict[str, Any]:
         if not isinstance(value, Mapping):
             raise refused(value, "must be a mapping")
-        return {_name(key): _at(f": {shown(key)}", entry, read) for key, entry in value.items()}
+        return {_name(key): _at(f": {_said(key)}", entry, read) for key, entry in value.items()}
 
     return read_table
 
@@ -197,6 +198,11 @@ def _name(key: Any) -> str:
     if not isinstance(key, str) or len(key) > LONGEST_TEXT:
         raise Refused(f": the key {shown(key)} must be text")
     return key
+
+
+def _said(key: Any) -> str:
+    plain = isinstance(key, str) and key.isidentifier() and len(key) <= LONGEST_SHOWN
+    return str(key) if plain else shown(key)
 
 
 def _word(kind: type[Enum]) -> Reader:

@@ -29,7 +29,7 @@ class Limits:
     """What narrows the numbers or the text of a field; ``above`` is an end that is excluded.
 
     It stands in the type, ``Annotated[float, within(0.0, 1.0)]``, or is that of a parameter.
-    ``or_nan``: the field may be left open by NaN.
+    ``open``: what leaves the field open, NaN or infinity.
     """
 
     minimum: float | None = None
@@ -37,7 +37,7 @@ class Limits:
     above: float | None = None
     choices: tuple[Any, ...] = ()
     unit: str = ""
-    or_nan: bool = False
+    open: float | None = None
 
 
 def within(
@@ -135,13 +135,13 @@ def _whole(_: Rules, limits: Limits) -> Reader:
 
 
 def _number(rules: Rules, limits: Limits) -> Reader:
-    check, may_be_open = _bounds(limits), limits.or_nan
+    check, open_ = _bounds(limits), limits.open
 
     def read(value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise refused(value, f"must be a number{_hint(value)}")
         number = value if isinstance(value, float) else _float(value)
-        if number != number and may_be_open:
+        if open_ is not None and (number == open_ or (number != number and open_ != open_)):
             return number
         _check_magnitude(number, value, rules.magnitudes)
         check(number)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
 from flea_diag.errors import ConfigurationError
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import FINITE
 from flea_diag.formats import migrated
 from flea_diag.wire.parameters import build
 from flea_diag.wire.regular_file import read_text
@@ -39,7 +41,9 @@ def scenario_from_mapping(content: object, where: str, folder: Path = Path()) ->
     sections: dict[str, Any] = {
         name: section(name, machine, values.get(name, {}), f"{where}: {name}") for name in NAMES
     }
-    settings = build(_Faults, {"faults": values.get("faults", [])}, where).faults
+    settings = read_as(
+        tuple[FaultSetting, ...], values.get("faults", []), f"{where}: faults", magnitudes=FINITE
+    )
     flight = _flight(sections["motion"], machine, where, folder)
     return checked_scenario(
         Scenario(machine, run, faults=settings, flight=flight, **sections), where
@@ -60,11 +64,6 @@ def _flight(motion: Motion, machine: Machine, where: str, folder: Path) -> Fligh
     if not motion.file:
         raise ConfigurationError(f"{where}: motion.file is empty, a flight needs a CSV or a bag")
     return read_flight(folder / motion.file, machine.limits, fit=motion.fit)
-
-
-@dataclass(frozen=True)
-class _Faults:
-    faults: tuple[FaultSetting, ...]
 
 
 def overridden(

@@ -146,5 +146,10 @@ def test_limits_of_a_type_and_of_a_record_are_held(content: dict[str, Any], word
 
 def test_a_type_that_is_no_record_is_read_too() -> None:
     assert read_as(dict[str, float], {"a": 1}, "x") == {"a": 1.0}
-    with pytest.raises(ConfigurationError, match=r"^x: 'a' = 'b' must be a number$"):
+    with pytest.raises(ConfigurationError, match=r"^x: a = 'b' must be a number$"):
         read_as(dict[str, float], {"a": "b"}, "x")
+
+
+def test_a_key_that_is_no_plain_name_is_quoted() -> None:
+    with pytest.raises(ConfigurationError, match=r"^x: '\\x1b\[2J' = 'b' must be a number$"):
+        read_as(dict[str, float], {"\x1b[2J": "b"}, "x")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 from flea_diag.core.calibration.calibration import (
@@ -53,7 +53,9 @@ def from_mapping(content: object, where: str) -> Calibration:
     known = {key: _current(key, value) for key, value in mapping.items() if key != REGIONS}
     _require(known, where)
     levels = known.pop("observer_noise", None)
-    noise = ObserverNoise() if levels is None else _observer_noise(levels, where)
+    noise = (
+        ObserverNoise() if levels is None else _observer_noise(levels, f"{where}: observer_noise")
+    )
     made = read_as(
         Calibration, known, where, error=CalibrationError, magnitudes=LIMITED,
         given={"observer_noise": noise},
@@ -90,16 +92,11 @@ def _complete(content: Any, names: Collection[str], where: str) -> None:
             raise CalibrationError(f"{where}: {name} is missing; repeat 'flea calibrate'")
 
 
-@dataclass(frozen=True)
-class _Levels:
-    observer_noise: Mapping[str, Positive]
-
-
 def _observer_noise(content: Any, where: str) -> ObserverNoise:
     levels = read_as(
-        _Levels, {"observer_noise": content}, where, error=CalibrationError, magnitudes=LIMITED
-    ).observer_noise
-    _complete(levels, PROCESS, f"{where}: observer_noise")
+        dict[str, Positive], content, where, error=CalibrationError, magnitudes=LIMITED
+    )
+    _complete(levels, PROCESS, where)
     return ObserverNoise.of(levels)
 
 

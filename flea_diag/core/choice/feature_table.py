@@ -7,17 +7,18 @@ probability of each symbol, so that a noisy feature changes odds instead of excl
 
 from __future__ import annotations
 
-import math
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.vibration.nominal_range import NominalRange, NominalRanges
+from flea_diag.core.vibration.nominal_range import NominalRanges
 from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import FINITE, Share, within
 from flea_diag.formats import migrated
 
 Floats = npt.NDArray[np.float64]
@@ -27,31 +28,6 @@ ALPHABETS: tuple[tuple[str, ...], ...] = (
     ("-", "0", "+"),
     ("--", "-", "0", "+", "++"),
     ("--", "-", "0", "0^", "+", "++"),
-)
-KEYS = frozenset(
-    {
-        "title",
-        "provenance",
-        "alphabet",
-        "confidence",
-        "features",
-        "faults",
-        "unaffected",
-        "nominal",
-    }
-)
-FEATURE_KEYS = frozenset({"cost", "note", "asked"})
-NOMINAL_KEYS = frozenset(
-    {
-        "rate_hz",
-        "window_s",
-        "false_alarm_rate",
-        "ranges",
-        "levels",
-        "resting_levels",
-        "kurtosis",
-        "orders",
-    }
 )
 
 
@@ -159,38 +135,69 @@ class FaultFeatureTable:
         ConfigurationError
             An entry is invalid; the message names file, fault, feature and value.
         """
-        mapping = migrated("feature table", content, where)
-        _known(_mapping(mapping, where), KEYS, where)
-        alphabet = tuple(str(symbol) for symbol in mapping.get("alphabet", ("-", "0", "+")))
+        known = read_as(_File, migrated("feature table", content, where), where, magnitudes=FINITE)
+        alphabet = tuple(map(str, known.alphabet))
         if alphabet not in ALPHABETS:
             raise ConfigurationError(
                 f"{where}: alphabet {shown(alphabet)} is unknown, choose [0, 1], [-, 0, +], "
                 "[--, -, 0, +, ++] or [--, -, 0, 0^, +, ++]"
             )
-        columns = _mapping(mapping.get("features"), f"{where}: features")
-        known = {str(name): _cost(row, f"{where}: {name}") for name, row in columns.items()}
-        unasked = {str(name) for name, row in columns.items() if not row.get("asked", True)}
-        costs = {name: cost for name, cost in known.items() if name not in unasked}
-        confidence = _number(mapping.get("confidence", 1.0), f"{where}: confidence", 0.0, 1.0)
-        rows = {
-            **_mapping(mapping.get("faults"), f"{where}: faults"),
-            **_unaffected(mapping, where),
-        }
-        entries, provenance = _entries(rows, known, alphabet, confidence, where)
+        for key in ("features", "faults"):
+            if not getattr(known, key):
+                raise ConfigurationError(f"{where}: {key} is empty; give at least one")
+        common = {"source": known.unaffected.source, **known.unaffected.entries}
+        rows = {**known.faults, **dict.fromkeys(known.unaffected.faults, common)}
+        entries, sources = _entries(rows, tuple(known.features), alphabet, known.confidence, where)
+        costs = {name: row.cost for name, row in known.features.items() if row.asked}
+        _check(known.nominal, costs, f"{where}: nominal")
         return cls(
-            str(mapping.get("title", where)),
-            alphabet,
-            costs,
-            entries,
-            provenance,
-            _nominal(mapping.get("nominal") or {}, costs, where),
-            str(mapping.get("provenance", "")),
+            known.title or where, alphabet, costs, entries, sources, known.nominal, known.provenance
         )
 
 
+@dataclass(frozen=True)
+class _Feature:
+    """One column."""
+
+    cost: Annotated[float, within(1e-3, 1e6)]
+    note: str = ""
+    asked: bool = True
+
+
+@dataclass(frozen=True)
+class _Unaffected:
+    """Faults that share one row of entries."""
+
+    source: str = ""
+    faults: tuple[str, ...] = ()
+    entries: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _File:
+    """The whole file; an entry may be a symbol, or a mapping of probabilities."""
+
+    features: Mapping[str, _Feature]
+    faults: Mapping[str, Mapping[str, Any]]
+    title: str = ""
+    provenance: str = ""
+    alphabet: tuple[Any, ...] = ("-", "0", "+")
+    confidence: Share = 1.0
+    unaffected: _Unaffected = field(default_factory=_Unaffected)
+    nominal: NominalRanges = field(default_factory=NominalRanges)
+
+
+def _check(nominal: NominalRanges, costs: Mapping[str, float], where: str) -> None:
+    _known(nominal.ranges, frozenset(costs), f"{where}: ranges")
+    for key in ("ranges", "levels", "resting_levels", "kurtosis"):
+        for name, row in getattr(nominal, key).items():
+            if wrong := row.contradiction():
+                raise ConfigurationError(f"{where}: {key}: {shown(name)}: {wrong}")
+
+
 def _entries(
-    rows: Mapping[str, Any],
-    costs: Mapping[str, float],
+    rows: Mapping[str, Mapping[str, Any]],
+    features: tuple[str, ...],
     alphabet: tuple[str, ...],
     confidence: float,
     where: str,
@@ -199,32 +206,19 @@ def _entries(
     entries: dict[tuple[str, str], tuple[float, ...]] = {}
     provenance: dict[tuple[str, str], str] = {}
     for fault, row in rows.items():
-        row = dict(_mapping(row, f"{where}: {fault}"))
-        source = str(row.pop("source", ""))
-        _known(row, frozenset(costs), f"{where}: {fault}")
-        for feature in costs:
+        source = str(row.get("source", ""))
+        _known(row, frozenset({"source", *features}), f"{where}: {fault}")
+        for feature in features:
             entry = row.get(feature)
             if entry is None:
                 continue
-            place = f"{where}: {fault}, {feature}"
             own = dict(entry) if isinstance(entry, Mapping) else entry
             provenance[fault, feature] = (
                 str(own.pop("source", source)) if isinstance(own, dict) else source
             )
+            place = f"{where}: {fault}, {feature}"
             entries[fault, feature] = _probabilities(own, alphabet, confidence, place)
     return entries, provenance
-
-
-def _unaffected(mapping: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Rows of the faults in section ``unaffected``, which share one list of entries."""
-    where = f"{where}: unaffected"
-    section = _mapping(mapping.get("unaffected") or {}, where, empty=True)
-    _known(section, frozenset({"source", "faults", "entries"}), where)
-    names = section.get("faults", [])
-    if not isinstance(names, list):
-        raise ConfigurationError(f"{where}: faults = {shown(names)} must be a list of fault ids")
-    entries = _mapping(section.get("entries", {}), f"{where}: entries", empty=True)
-    return {str(name): {"source": section.get("source", ""), **entries} for name in names}
 
 
 def _probabilities(
@@ -234,7 +228,8 @@ def _probabilities(
     if isinstance(entry, Mapping):
         given = {str(symbol): value for symbol, value in entry.items()}
         _known(given, frozenset(alphabet), where)
-        numbers = tuple(_number(given.get(s, 0.0), f"{where}: {s}", 0.0, 1.0) for s in alphabet)
+        read = read_as(dict[str, Share], given, where, magnitudes=FINITE)
+        numbers = tuple(read.get(symbol, 0.0) for symbol in alphabet)
         if abs(sum(numbers) - 1.0) > 0.01:
             raise ConfigurationError(f"{where}: probabilities sum to {sum(numbers):g}, must be 1")
         return tuple(number / sum(numbers) for number in numbers)
@@ -244,65 +239,9 @@ def _probabilities(
     return tuple(confidence if symbol == str(entry) else rest for symbol in alphabet)
 
 
-def _nominal(mapping: Any, costs: Mapping[str, float], where: str) -> NominalRanges:
-    """Section ``nominal`` of the table."""
-    where = f"{where}: nominal"
-    mapping = _mapping(mapping, where, empty=True)
-    _known(mapping, NOMINAL_KEYS, where)
-    known = _mapping(mapping.get("ranges", {}), f"{where}: ranges", empty=True)
-    _known(known, frozenset(costs), f"{where}: ranges")
-    orders = _mapping(mapping.get("orders", {}), f"{where}: orders", empty=True)
-    return NominalRanges(
-        _number(mapping.get("rate_hz", 0.0), f"{where}: rate_hz", 0.0, 1e6),
-        _number(mapping.get("window_s", 1.0), f"{where}: window_s", 0.01, 60.0),
-        _rate(mapping.get("false_alarm_rate", math.nan), f"{where}: false_alarm_rate"),
-        _ranges(mapping, "ranges", where),
-        _ranges(mapping, "levels", where),
-        _ranges(mapping, "resting_levels", where),
-        _ranges(mapping, "kurtosis", where),
-        {k: _number(v, f"{where}: orders: {k}", 0.01, 1000.0) for k, v in orders.items()},
-    )
-
-
-def _ranges(mapping: Mapping[str, Any], key: str, where: str) -> dict[str, NominalRange]:
-    """Nominal ranges of one section by feature or axis."""
-    section = _mapping(mapping.get(key, {}), f"{where}: {key}", empty=True)
-    return {str(k): NominalRange.from_mapping(v, f"{where}: {k}") for k, v in section.items()}
-
-
-def _rate(value: Any, where: str) -> float:
-    """A share, or NaN if unknown."""
-    unknown = isinstance(value, float) and math.isnan(value)
-    return math.nan if unknown else _number(value, where, 0.0, 1.0)
-
-
-def _cost(row: Any, where: str) -> float:
-    row = _mapping(row, where)
-    _known(row, FEATURE_KEYS, where)
-    if not isinstance(row.get("asked", True), bool):
-        raise ConfigurationError(f"{where}: asked = {shown(row['asked'])} must be true or false")
-    return _number(row.get("cost"), f"{where}: cost", 1e-3, 1e6)
-
-
 def _known(mapping: Mapping[str, Any], known: frozenset[str], where: str) -> None:
     unknown = sorted(str(key) for key in mapping if str(key) not in known)
     if unknown:
         raise ConfigurationError(
             f"{where}: unknown key {shown(unknown[0])}, known are {', '.join(sorted(known))}"
         )
-
-
-def _mapping(value: Any, where: str, empty: bool = False) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping) or not (value or empty):
-        raise ConfigurationError(
-            f"{where} = {shown(value)} must be a mapping with at least one entry"
-        )
-    return value
-
-
-def _number(value: Any, where: str, low: float, high: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise ConfigurationError(
-            f"{where} = {shown(value)} must be a number from {low:g} to {high:g}"
-        )
-    return float(value)

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.errors import CalibrationError, ConfigurationError, shown
+from flea_diag.errors import CalibrationError
+from flea_diag.fields.values import Count, Limits, Share, within
 
 SPEED_UNIT_RAD_S = 100.0  # scale of a regressor: any
 LOAD_UNIT_N = 100.0  # scale of a regressor: any
@@ -40,6 +41,9 @@ class VibrationOperatingPoint:
         return self.speed_rad_s >= MOVING_RAD_S
 
 
+HalfWidths = Annotated[float, Limits(minimum=1.0, open=math.inf)]
+
+
 @dataclass(frozen=True)
 class NominalRange:
     """Range of one feature: centre(operating point) + [low, high], in ``logarithmic`` units.
@@ -55,11 +59,11 @@ class NominalRange:
     low: float
     high: float
     logarithmic: bool = False
-    count: int = 0
+    count: Count = 0
     speed_rad_s: tuple[float, float] = (0.0, 0.0)
     load_n: tuple[float, float] = (0.0, 0.0)
-    much: tuple[float, float] = (math.inf, math.inf)
-    upper: float = 1.0
+    much: tuple[HalfWidths, HalfWidths] = (math.inf, math.inf)
+    upper: Annotated[float, within(-1.0, 1.0)] = 1.0
 
     def at(self, point: VibrationOperatingPoint) -> tuple[float, float]:
         """Lowest and highest nominal value at an operating point; NaN where it is unknown."""
@@ -120,52 +124,11 @@ class NominalRange:
             "load_n": list(self.load_n),
         }
 
-    @classmethod
-    def from_mapping(cls, mapping: Mapping[str, Any], where: str) -> NominalRange:
-        """Range from plain values.
-
-        Raises
-        ------
-        ConfigurationError
-            A key is unknown, missing or not a number; ``where`` is named.
-        """
-        if not isinstance(mapping, Mapping):
-            raise ConfigurationError(f"{where}: {shown(mapping)} is no mapping of a nominal range")
-        keys = {entry.name for entry in fields(cls)}
-        unknown = sorted(set(mapping) - keys, key=repr)
-        if unknown:
-            raise ConfigurationError(
-                f"{where}: unknown key {shown(unknown[0])}, known are {', '.join(sorted(keys))}"
-            )
-        try:
-            found = cls(
-                tuple(float(value) for value in mapping["coefficients"]),
-                float(mapping["low"]),
-                float(mapping["high"]),
-                bool(mapping.get("logarithmic", False)),
-                int(mapping.get("count", 0)),
-                _pair(mapping.get("speed_rad_s", (0.0, 0.0))),
-                _pair(mapping.get("load_n", (0.0, 0.0))),
-                _pair(mapping.get("much", (math.inf, math.inf))),
-                float(mapping.get("upper", 1.0)),
-            )
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise ConfigurationError(
-                f"{where}: not a nominal range: {type(error).__name__}: {shown(str(error))}"
-            ) from error
-        if not (found.low < found.high and math.isfinite(found.low + found.high)):
-            raise ConfigurationError(
-                f"{where}: low = {shown(found.low)} must be below high = {shown(found.high)}"
-            )
-        if not min(found.much) >= 1.0:
-            raise ConfigurationError(
-                f"{where}: much = {shown(found.much)} must be 1 half width or more"
-            )
-        if not -1.0 <= found.upper <= 1.0:
-            raise ConfigurationError(
-                f"{where}: upper = {shown(found.upper)} must lie in the range, from -1 to 1"
-            )
-        return found
+    def contradiction(self) -> str:
+        """What is wrong with it, beyond each number; empty: nothing."""
+        if not self.low < self.high:
+            return f"low = {self.low!r} must be below high = {self.high!r}"
+        return ""
 
 
 def learn_nominal(
@@ -263,11 +226,6 @@ def _span(values: Sequence[float]) -> tuple[float, float]:
     return (min(finite), max(finite)) if finite else (0.0, 0.0)
 
 
-def _pair(values: Any) -> tuple[float, float]:
-    low, high = values
-    return float(low), float(high)
-
-
 @dataclass(frozen=True)
 class NominalRanges:
     """Nominal ranges of all features, and of the monitor's indicators of each axis and block.
@@ -277,14 +235,14 @@ class NominalRanges:
     ``orders`` are the ball-pass orders used by the order-tracked features.
     """
 
-    rate_hz: float = 0.0
-    window_s: float = 1.0
-    false_alarm_rate: float = math.nan
+    rate_hz: Annotated[float, within(0.0, 1e6)] = 0.0
+    window_s: Annotated[float, within(0.01, 60.0)] = 1.0
+    false_alarm_rate: Share = math.nan
     ranges: Mapping[str, NominalRange] = field(default_factory=dict)
     levels: Mapping[str, NominalRange] = field(default_factory=dict)
     resting_levels: Mapping[str, NominalRange] = field(default_factory=dict)
     kurtosis: Mapping[str, NominalRange] = field(default_factory=dict)
-    orders: Mapping[str, float] = field(default_factory=dict)
+    orders: Mapping[str, Annotated[float, within(0.01, 1000.0)]] = field(default_factory=dict)
 
     def symbol(self, feature: str, value: float, point: VibrationOperatingPoint) -> str:
         """``-``, ``0`` or ``+`` against the nominal range, ``?`` where there is none."""

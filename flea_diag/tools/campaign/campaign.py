@@ -207,7 +207,7 @@ def _shipped(name: Path) -> Path:
 def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Campaign:
     """Campaign from the content of a YAML file; see ``load_campaign``."""
     known = _listed(migrated("campaign", content, where))
-    rows = read_as(_Sources, {"sources": known.pop("sources", None)}, where).sources
+    rows = read_as(tuple[dict[str, Any], ...], known.pop("sources", None), f"{where}: sources")
     _count(rows, f"{where}: sources")
     made = tuple(_source(row, f"{where}: sources[{k}]") for k, row in enumerate(rows))
     names = [source.name for source in made]
@@ -218,11 +218,6 @@ def campaign_from_mapping(content: Any, where: str, folder: Path = Path()) -> Ca
     campaign = read_as(Campaign, known, where, magnitudes=FINITE, given=given)
     _count(campaign.configurations, f"{where}: configurations")
     return campaign
-
-
-@dataclass(frozen=True)
-class _Sources:
-    sources: tuple[Mapping[str, Any], ...]
 
 
 def _source(content: Mapping[str, Any], where: str) -> Source:

@@ -103,7 +103,7 @@ DAMAGE = {
     "negative mass": (put(("parameters", "reflected_mass_kg"), -5.0), "reflected_mass_kg"),
     "negative error": (
         put(("sigmas", "coulomb_friction_n"), -0.5),
-        "sigmas: 'coulomb_friction_n' = -0.5 is below its limit 0.0",
+        "sigmas: coulomb_friction_n = -0.5 is below its limit 0.0",
     ),
     "negative variance": (put(("covariance", 0, "matrix", 0, 0), -1.0), "variance -1.0 is below"),
     "a scan in decades": (
@@ -131,7 +131,7 @@ DAMAGE = {
     ),
     "noise of nothing": (
         put(("observer_noise", "force_n"), 1e-300),
-        "force_n. = 1e-300 is below its limit 1e-12",
+        "force_n = 1e-300 is below its limit 1e-12",
     ),
     "one alarm in an eternity": (
         put(("false_alarms_per_hour",), 1e-99),

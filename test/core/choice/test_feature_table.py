@@ -20,6 +20,8 @@ from flea_diag.core.vibration.nominal_range import (
     learn_nominal,
 )
 from flea_diag.errors import CalibrationError, ConfigurationError
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import FINITE
 
 TABLES = {name: yaml.safe_load(config_path(name).read_text()) for name in
           ("feature_table_paper.yaml", "feature_table.yaml")}  # fmt: skip
@@ -106,6 +108,7 @@ def test_a_feature_that_is_not_asked_for_has_entries_for_alarms_alone() -> None:
     assert sum(shipped.probabilities("spall", "accelerometer_2_kurtosis")[3:]) > 0.95
 
 
+RANGE = {"coefficients": [0], "low": -1, "high": 1}
 GOOD: dict[str, Any] = {"features": {"f": {"cost": 1}}, "faults": {"a": {"f": "0"}}}
 
 
@@ -114,25 +117,25 @@ GOOD: dict[str, Any] = {"features": {"f": {"cost": 1}}, "faults": {"a": {"f": "0
     [
         ({"colour": 1}, "unknown key 'colour'"),
         ({"alphabet": ["a", "b"]}, "alphabet"),
-        ({"faults": {}}, "faults = {} must be a mapping"),
-        ({"features": {"f": {"cost": 0}}}, "f: cost = 0 must be a number"),
+        ({"faults": {}}, "faults is empty; give at least one"),
+        ({"features": {"f": {"cost": 0}}}, "f: cost = 0.0 is below its limit 0.001"),
         ({"features": {"f": {"cost": True}}}, "cost = True"),
         ({"features": {"f": {"price": 1}}}, "unknown key 'price'"),
         ({"features": {"f": {"cost": 1, "asked": "no"}}}, "f: asked = 'no' must be true or false"),
         ({"faults": {"a": {"g": "0"}}}, "a: unknown key 'g'"),
         ({"faults": {"a": {"f": "up"}}}, "a, f: 'up' is not one of"),
         ({"faults": {"a": {"f": {"0": 0.5}}}}, "sum to 0.5"),
-        ({"faults": {"a": {"f": {"0": 2}}}}, "a, f: 0 = 2 must be a number from 0 to 1"),
+        ({"faults": {"a": {"f": {"0": 2}}}}, "a, f: '0' = 2.0 is above its limit 1.0"),
         ({"faults": {"a": 3}}, "a = 3 must be a mapping"),
         ({"unaffected": {"faults": "c"}}, "faults = 'c' must be a list"),
-        ({"nominal": {"ranges": {"g": {}}}}, "ranges: unknown key 'g'"),
-        ({"nominal": {"ranges": {"f": {"low": 1}}}}, "not a nominal range"),
+        ({"nominal": {"ranges": {"g": RANGE}}}, "ranges: unknown key 'g'"),
+        ({"nominal": {"ranges": {"f": {"low": 1}}}}, "ranges: f: coefficients is missing"),
         ({"nominal": {"ranges": {"f": {"coefficients": [0], "low": 1, "high": 0}}}}, "below high"),
         (
             {"nominal": {"ranges": {"f": {"coefficients": [0], "low": -1, "high": 1, "upper": 2}}}},
-            "f: upper = 2.0 must lie in the range",
+            "f: upper = 2.0 is above its limit 1.0",
         ),
-        ({"nominal": {"orders": {"nut": -1}}}, "orders: nut = -1"),
+        ({"nominal": {"orders": {"nut": -1}}}, "orders: nut = -1.0 is below its limit"),
     ],
 )
 def test_bad_table_is_refused_by_name(change: dict[str, Any], words: str) -> None:
@@ -231,7 +234,7 @@ def test_range_survives_yaml(
         coefficients, -half, half, logarithmic, 7, (0.0, speed), much=ends, upper=upper
     )
     text = yaml.safe_dump(found.as_mapping())
-    assert NominalRange.from_mapping(yaml.safe_load(text), "here") == found
+    assert read_as(NominalRange, yaml.safe_load(text), "here", magnitudes=FINITE) == found
 
 
 @pytest.mark.parametrize(
