@@ -12,7 +12,8 @@ from flea_diag.errors import RecordingError, WireError, shown
 from flea_diag.tools.bags.recovery import mcap_files, merged
 from flea_diag.wire.bags import bag_layout as layout
 from flea_diag.wire.bags.bag_description import described
-from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, McapScan
+from flea_diag.wire.bags.mcap_message import Channel, McapMessage
+from flea_diag.wire.bags.mcap_scan import McapScan
 from flea_diag.wire.messages.codec import decode
 from flea_diag.wire.records import ChannelTable
 from flea_diag.wire.topics import TOPIC_OF

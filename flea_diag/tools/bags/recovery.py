@@ -13,7 +13,8 @@ from flea_diag.errors import RecordingError
 from flea_diag.wire.bags import bag_layout as layout
 from flea_diag.wire.bags.bag_layout import TopicEntry
 from flea_diag.wire.bags.bag_segment import BagSegment
-from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, McapScan
+from flea_diag.wire.bags.mcap_message import Channel, McapMessage
+from flea_diag.wire.bags.mcap_scan import McapScan
 from flea_diag.wire.yaml_text import parse_yaml
 
 

@@ -16,7 +16,8 @@ from flea_diag.wire.bags.bag_layout import (
     refuse_closed,
     split_name,
 )
-from flea_diag.wire.bags.mcap_scan import McapMessage, McapScan
+from flea_diag.wire.bags.mcap_message import McapMessage
+from flea_diag.wire.bags.mcap_scan import McapScan
 from flea_diag.wire.bags.scan_columns import scan_block
 from flea_diag.wire.bags.sqlite_source import SqliteSource
 from flea_diag.wire.blocks import ScanBlock

@@ -12,7 +12,7 @@ from flea_diag.errors import RecordingError
 from flea_diag.wire.bags import bag_layout as layout
 from flea_diag.wire.bags.bag_layout import Span
 from flea_diag.wire.bags.mcap_file import McapFile
-from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, Schema
+from flea_diag.wire.bags.mcap_message import Channel, McapMessage, Schema
 from flea_diag.wire.topics import Topic
 
 CHUNK_BYTES = 1 << 20

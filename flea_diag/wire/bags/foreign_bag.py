@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.bags.bag_reader import sources_of
-from flea_diag.wire.bags.mcap_scan import Channel
+from flea_diag.wire.bags.mcap_message import Channel
 from flea_diag.wire.bags.ros1_bag import MAGIC, Ros1Bag
 from flea_diag.wire.regular_file import opened
 

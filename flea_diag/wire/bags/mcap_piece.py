@@ -12,6 +12,8 @@ CHUNK, MESSAGE = 6, 5
 RECORD = struct.Struct("<BQ")
 """Opcode and size, before each record."""
 MESSAGE_HEAD = struct.Struct("<HIQQ")
+_MESSAGE = struct.Struct("<BQHIQ")
+"""Both, up to the log time."""
 PIECE_LIMIT_BYTES = CHUNK_LIMIT_BYTES + (1 << 20)
 """Largest chunk as stored: incompressible data grow a little."""
 RUN_BYTES = 1 << 16
@@ -48,16 +50,25 @@ class Pieces(list[Piece]):
         start_ns, end_ns, _, _ = CHUNK_HEAD.unpack(head)
         self._add(Piece(start_ns, end_ns, offset, size, CHUNK, whole))
 
+    def add_run(self, data: memoryview, offset: int) -> int:
+        """Append the messages at the start of ``data``; their size, 0 where there is none whole."""
+        place = start_ns = end_ns = 0
+        last, size_of = len(data) - _MESSAGE.size, RECORD.size
+        while place <= last:
+            opcode, size, _, _, log_ns = _MESSAGE.unpack_from(data, place)
+            if opcode != MESSAGE or size < MESSAGE_HEAD.size or size > len(data) - place - size_of:
+                break
+            start_ns = min(start_ns, log_ns) if place else log_ns
+            end_ns = max(end_ns, log_ns)
+            place += size_of + size
+        if place:
+            self._add(Piece(start_ns, end_ns, offset, place, MESSAGE))
+        return place
+
     def add_message(self, head: bytes, offset: int, size: int) -> None:
-        """Append a message whose record begins at ``offset`` to the run before it, or another."""
+        """Append a message whose record begins at ``offset``, a run of its own."""
         _, _, log_ns, _ = MESSAGE_HEAD.unpack(head)
-        last = self[-1] if self else None
-        follows = last is not None and (last.opcode, last.offset + last.size) == (MESSAGE, offset)
-        if last is None or not follows or last.size + size > RUN_BYTES:
-            self._add(Piece(log_ns, log_ns, offset, size, MESSAGE))
-            return
-        span_ns = min(last.start_ns, log_ns), max(last.end_ns, log_ns)
-        self[-1] = Piece(*span_ns, last.offset, last.size + size, MESSAGE)
+        self._add(Piece(log_ns, log_ns, offset, size, MESSAGE))
 
     def _add(self, piece: Piece) -> None:
         if len(self) == MOST_PIECES:

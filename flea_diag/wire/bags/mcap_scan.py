@@ -11,12 +11,10 @@ from __future__ import annotations
 
 import os
 import struct
-from bisect import bisect_left
 from collections.abc import Iterator
 from itertools import count, islice
-from operator import attrgetter
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO
 
 from flea_diag.errors import RecordingError
 from flea_diag.wire.bags.budget import Budget
@@ -31,19 +29,20 @@ from flea_diag.wire.bags.mcap_chunk import (
     text,
 )
 from flea_diag.wire.bags.mcap_file import MAGIC
+from flea_diag.wire.bags.mcap_message import Channel, McapMessage, Schema, Waiting
 from flea_diag.wire.bags.mcap_piece import (
     CHUNK,
     MESSAGE,
     MESSAGE_HEAD,
     PIECE_LIMIT_BYTES,
     RECORD,
+    RUN_BYTES,
     Piece,
     Pieces,
 )
 from flea_diag.wire.regular_file import opened
 
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _ATTACHMENT = 1, 2, 3, 4, 9
-_log_ns, _data = attrgetter("log_ns"), attrgetter("data")
 AT_ONCE = 256
 """Records that are charged to the budget together; one by one is measurably slower."""
 _SMALL = (_SCHEMA, _CHANNEL, _ATTACHMENT)
@@ -51,38 +50,6 @@ _SMALL = (_SCHEMA, _CHANNEL, _ATTACHMENT)
 _SMALL_LIMIT_BYTES = 16 << 20
 MOST_LOSSES = 1000
 """Losses that are described one by one."""
-
-
-class Schema(NamedTuple):
-    """Name, encoding and text of a message definition."""
-
-    name: str
-    encoding: str
-    data: bytes
-
-
-class Channel(NamedTuple):
-    """Topic, message type and encoding of a channel."""
-
-    topic: str
-    message: str
-    encoding: str
-    schema: Schema = Schema("", "", b"")
-    metadata: tuple[tuple[str, str], ...] = ()
-
-
-class McapMessage(NamedTuple):
-    """One message as stored in the file."""
-
-    log_ns: int
-    publish_ns: int
-    channel: Channel
-    data: bytes
-
-
-def _extent(messages: list[McapMessage]) -> tuple[int, int]:
-    """Bytes of data, and number."""
-    return sum(map(len, map(_data, messages))), len(messages)
 
 
 class McapScan:
@@ -153,6 +120,9 @@ class McapScan:
             if not opcode or size > self._size - stream.tell():
                 self._cut_off(stream, opcode, offset)
                 return
+            if opcode == MESSAGE and (run := self._note_run(stream, offset)):
+                stream.seek(offset + run)
+                continue
             try:
                 self._note(stream, opcode, size)
             except (DamageError, struct.error, UnicodeDecodeError) as error:
@@ -172,6 +142,13 @@ class McapScan:
         if opcode == CHUNK and left > CHUNK_HEAD.size:
             size = min(left, PIECE_LIMIT_BYTES)
             self._pieces.add_chunk(stream.read(CHUNK_HEAD.size), start, size, whole=False)
+
+    def _note_run(self, stream: IO[bytes], offset: int) -> int:
+        """Note messages outside of chunks together; their size, 0 where not even one is whole."""
+        stream.seek(offset)
+        run = self._pieces.add_run(memoryview(stream.read(RUN_BYTES)), offset)
+        stream.seek(offset + RECORD.size)
+        return run
 
     def _note(self, stream: IO[bytes], opcode: int, size: int) -> None:
         offset = stream.tell()
@@ -239,24 +216,22 @@ class McapScan:
             raise RecordingError(f"cannot read {self.path}: {error.strerror or error}") from error
 
     def _ordered(self) -> Iterator[McapMessage]:
-        waiting: list[McapMessage] = []
+        waiting = Waiting(self._budget)
         pieces = sorted(self._pieces, key=lambda piece: (piece.start_ns, piece.offset))
         with opened(self.path) as stream:
             for piece in pieces:
                 # Messages older than all later pieces are due; the others wait for those pieces.
-                due = bisect_left(waiting, piece.start_ns, key=_log_ns)
-                self._budget.release(*_extent(waiting[:due]))
-                yield from waiting[:due]
-                waiting = waiting[due:]
+                yield from waiting.before(piece.start_ns)
                 unpacked = self._unpacked(stream, piece)
                 self._budget.resume()
+                messages: list[McapMessage] = []
                 while part := list(islice(unpacked, AT_ONCE)):
                     self._budget.count(len(part))
-                    self._budget.hold(*_extent(part))
-                    waiting += part
+                    waiting.hold(part)
+                    messages += part
+                waiting.add(messages)
                 self._budget.spend()
-                waiting.sort(key=_log_ns)
-        yield from waiting
+        yield from waiting.before(None)
 
     def _unpacked(
         self, stream: IO[bytes], piece: Piece, quiet: bool = False

@@ -10,7 +10,7 @@ from typing import Any
 from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.bags.budget import Budget
 from flea_diag.wire.bags.mcap_chunk import CHUNK_LIMIT_BYTES
-from flea_diag.wire.bags.mcap_scan import Channel, McapMessage, Schema
+from flea_diag.wire.bags.mcap_message import Channel, McapMessage, Schema
 from flea_diag.wire.regular_file import opened
 
 MAGIC = b"#ROSBAG V"

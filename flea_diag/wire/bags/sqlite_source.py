@@ -19,7 +19,7 @@ from flea_diag.errors import RecordingError, shown
 from flea_diag.wire.bags.bag_description import BagDescription
 from flea_diag.wire.bags.budget import STORAGE_RATIO, Budget
 from flea_diag.wire.bags.mcap_chunk import CHUNK_LIMIT_BYTES, DamageError, unzstd
-from flea_diag.wire.bags.mcap_scan import Channel, McapMessage
+from flea_diag.wire.bags.mcap_message import Channel, McapMessage
 from flea_diag.wire.command_budget import MEGABYTE
 from flea_diag.wire.regular_file import opened
 

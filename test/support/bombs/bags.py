@@ -59,9 +59,9 @@ def messages_of_nothing_in_order(folder: Path, chance: Random) -> Input:
 
 
 def messages_outside_of_chunks(folder: Path, chance: Random) -> Input:
-    """As large as they look: it is the memory of each that counts."""
+    """As large as they look: it is the memory and the time of each that count."""
     many = message(chance.randrange(8), TIME_NS + chance.randrange(2)) * several(
-        1000, 600_000, chance
+        1000, 1_500_000, chance
     )
     return _read(folder, chance, header() + slow_channel() + many + end())
 
