@@ -35,7 +35,7 @@ AGE_READINGS = 3.0
 
 
 @dataclass(frozen=True)
-class _Place:
+class _SourcePlace:
     """Where a reading is: a column of a table, or a field of a topic's messages."""
 
     topic: str = ""
@@ -45,17 +45,17 @@ class _Place:
 
 
 @dataclass(frozen=True)
-class _Term(_Place):
+class _PlaceTerm(_SourcePlace):
     sign: int = 1
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Row(_Term):
+class _ChannelRow(_PlaceTerm):
     """One channel; limits in SI, whatever the unit of the readings: so a wrong unit shows."""
 
     unit: str
     range: tuple[float, float]
-    sum: tuple[_Term, ...] = ()
+    sum: tuple[_PlaceTerm, ...] = ()
     scale: AboveZero = 1.0
     offset: float = 0.0
     rate_hz: Annotated[float, within(maximum=1e6, above=0.0)] = math.nan
@@ -68,18 +68,18 @@ class _Row(_Term):
 
 
 @dataclass(frozen=True)
-class _Time:
+class _TimeColumn:
     column: str
     unit: str = "s"
     start: str = ""
 
 
 @dataclass(frozen=True)
-class _File:
+class _ChannelsFile:
     format: Annotated[str, one_of(*FORMATS)] = FORMATS[0]
     rate_hz: float = math.nan
-    channels: Mapping[str, _Row] = field(default_factory=dict)
-    time: _Time | None = None
+    channels: Mapping[str, _ChannelRow] = field(default_factory=dict)
+    time: _TimeColumn | None = None
     split_by: tuple[str, ...] = ()
     truth: Mapping[str, str] = field(default_factory=dict)
 
@@ -98,7 +98,9 @@ def channel_sources(stand: Stand) -> SourceMapping:
             "they come from, and name it there (channels: channels.yaml)"
         )
     where = str(stand.channels)
-    known = read_as(_File, migrated("channel mapping", load_yaml(stand.channels), where), where)
+    known = read_as(
+        _ChannelsFile, migrated("channel mapping", load_yaml(stand.channels), where), where
+    )
     if known.format == FLEA_TEXT:
         return SourceMapping(where, stand.name, FLEA_TEXT, 100.0, ())
     rate_hz = _rate(known.rate_hz, f"{where}: rate_hz")
@@ -128,7 +130,7 @@ def _units(stand: Stand) -> dict[str, str]:
 
 
 def _channel(
-    name: str, row: _Row, units: Mapping[str, str], rate_hz: float, where: str
+    name: str, row: _ChannelRow, units: Mapping[str, str], rate_hz: float, where: str
 ) -> ChannelMapping:
     if name not in units:
         known = ", ".join(units)
@@ -167,7 +169,7 @@ def _channel(
     )
 
 
-def _terms(row: _Row, where: str) -> tuple[SourceTerm, ...]:
+def _terms(row: _ChannelRow, where: str) -> tuple[SourceTerm, ...]:
     """The sum of a channel, or its one place."""
     if not row.sum:
         return (_term(row, 1.0, where),)
@@ -180,7 +182,7 @@ def _terms(row: _Row, where: str) -> tuple[SourceTerm, ...]:
     return tuple(made)
 
 
-def _term(row: _Term, weight: float, where: str) -> SourceTerm:
+def _term(row: _PlaceTerm, weight: float, where: str) -> SourceTerm:
     column, topic = row.column, row.topic
     if bool(column) == bool(topic):
         raise ConfigurationError(
@@ -218,7 +220,7 @@ def _rate(value: float, where: str) -> float:
     return value
 
 
-def _time(known: _Time | None, where: str) -> TableTime:
+def _time(known: _TimeColumn | None, where: str) -> TableTime:
     if known is None:
         return TableTime(start_ns=_START_NS)
     seconds = conversion_to(known.unit, "s", f"{where}: unit")

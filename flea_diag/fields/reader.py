@@ -1,8 +1,8 @@
 """The one reader of what others wrote: values by their declared types, each field checked.
 
 The types of a dataclass are the schema of its file: a number is finite and of a likely size, a
-whole number fits 64 bits, a text is of bounded length, a tuple holds what it says. ``Limits`` in a
-type narrow its numbers and words, as those of a parameter do; what holds between fields the
+whole number fits 64 bits, a text is of bounded length, a tuple holds what it says. ``FieldLimits``
+in a type narrow its numbers and words, as those of a parameter do; what holds between fields the
 ``__post_init__`` of the record checks by a ValueError. Missing keys take the default.
 """
 
@@ -21,10 +21,10 @@ from flea_diag.fields.values import (
     IN_SI,
     LONGEST_TEXT,
     SIMPLE,
-    Limits,
+    FieldLimits,
+    FieldRules,
     Reader,
-    Refused,
-    Rules,
+    Refusal,
     WrittenAs,
     anything,
     refused,
@@ -62,19 +62,19 @@ def read_as(
         Of the type ``error``, in one line: the place, the value and what it must be.
     """
     wanted: Any = kind  # a type is hashable, what mypy does not see
-    rules = Rules(magnitudes, strict)
+    rules = FieldRules(magnitudes, strict)
     try:
         if given:
             made: R = _record(wanted, rules, frozenset(given))(content, given)
         else:
-            made = _reader(wanted, rules, Limits())(content)
-    except Refused as refusal:
+            made = _reader(wanted, rules, FieldLimits())(content)
+    except Refusal as refusal:
         raise error(f"{where}{refusal}" if where else str(refusal).removeprefix(": ")) from None
     return made
 
 
 @cache
-def _record(kind: Any, rules: Rules, given: frozenset[str]) -> Callable[[Any, Any], Any]:
+def _record(kind: Any, rules: FieldRules, given: frozenset[str]) -> Callable[[Any, Any], Any]:
     hints = get_type_hints(kind, include_extras=True)
     known = [each for each in fields(kind) if each.name not in given]
     names = {_key(hints[each.name]) or each.name: each.name for each in known}
@@ -88,15 +88,15 @@ def _record(kind: Any, rules: Rules, given: frozenset[str]) -> Callable[[Any, An
             raise refused(content, f"must be a mapping of {', '.join(readers)}")
         if rules.strict and not content.keys() <= readers.keys():
             odd = next(key for key in content if key not in readers)
-            raise Refused(f": unknown {word} {shown(odd)}, known are {', '.join(readers)}")
+            raise Refusal(f": unknown {word} {shown(odd)}, known are {', '.join(readers)}")
         if missing := [name for name in required if name not in content]:
-            raise Refused(f": {missing[0]} is missing; give it")
+            raise Refusal(f": {missing[0]} is missing; give it")
         found = {names[key]: _at(f": {key}", content[key], one)
                  for key, one in readers.items() if key in content}  # fmt: skip
         try:
             return kind(**found, **more)
         except ValueError as wrong:
-            raise Refused(f": {wrong}") from None
+            raise Refusal(f": {wrong}") from None
 
     return read
 
@@ -109,22 +109,22 @@ def _key(hint: Any) -> str:
     return next((each.key for each in get_args(hint) if isinstance(each, WrittenAs)), "")
 
 
-def _limits(entry: Field[Any]) -> Limits:
+def _limits(entry: Field[Any]) -> FieldLimits:
     """Those of a parameter; NaN as its default means that a number may be left open."""
-    known = {each.name for each in fields(Limits)}
+    known = {each.name for each in fields(FieldLimits)}
     told: dict[str, Any] = {key: value for key, value in entry.metadata.items() if key in known}
     is_open = isinstance(entry.default, float) and math.isnan(entry.default)
-    return Limits(**told, open=math.nan if is_open else None)
+    return FieldLimits(**told, open=math.nan if is_open else None)
 
 
 def _at(place: str, value: Any, read: Reader) -> Any:
     try:
         return read(value)
-    except Refused as words:
-        raise Refused(f"{place}{words}") from None
+    except Refusal as words:
+        raise Refusal(f"{place}{words}") from None
 
 
-def _reader(hint: Any, rules: Rules, limits: Limits) -> Reader:
+def _reader(hint: Any, rules: FieldRules, limits: FieldLimits) -> Reader:
     """What reads a value of a type; the limits hold for each number and each text in it."""
     if hint is Any or hint is object:
         return anything
@@ -132,7 +132,7 @@ def _reader(hint: Any, rules: Rules, limits: Limits) -> Reader:
         return SIMPLE[hint](rules, limits)
     origin, inside = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        stated = next((each for each in inside if isinstance(each, Limits)), limits)
+        stated = next((each for each in inside if isinstance(each, FieldLimits)), limits)
         left_open = limits.open if stated.open is None else stated.open
         return _reader(inside[0], rules, replace(stated, open=left_open))
     if origin in (Union, UnionType):
@@ -169,8 +169,8 @@ def _row(read: Reader) -> Reader:
         try:
             for entry in entries:
                 made.append(read(entry))
-        except Refused as words:
-            raise Refused(f"[{len(made)}]{words}") from None
+        except Refusal as words:
+            raise Refusal(f"[{len(made)}]{words}") from None
         return tuple(made)
 
     return read_row
@@ -196,7 +196,7 @@ def _table(read: Reader) -> Reader:
 
 def _name(key: Any) -> str:
     if not isinstance(key, str) or len(key) > LONGEST_TEXT:
-        raise Refused(f": the key {shown(key)} must be text")
+        raise Refusal(f": the key {shown(key)} must be text")
     return key
 
 

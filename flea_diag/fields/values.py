@@ -25,7 +25,7 @@ ANY = None
 
 
 @dataclass(frozen=True)
-class Limits:
+class FieldLimits:
     """What narrows the numbers or the text of a field; ``above`` is an end that is excluded.
 
     It stands in the type, ``Annotated[float, within(0.0, 1.0)]``, or is that of a parameter.
@@ -42,14 +42,14 @@ class Limits:
 
 def within(
     minimum: float | None = None, maximum: float | None = None, *, above: float | None = None
-) -> Limits:
+) -> FieldLimits:
     """Range of a number, or of each number in the field."""
-    return Limits(minimum, maximum, above)
+    return FieldLimits(minimum, maximum, above)
 
 
-def one_of(*choices: str | int) -> Limits:
+def one_of(*choices: str | int) -> FieldLimits:
     """Words that a text may be, or values of a whole number."""
-    return Limits(choices=choices)
+    return FieldLimits(choices=choices)
 
 
 @dataclass(frozen=True)
@@ -67,21 +67,21 @@ Share = Annotated[float, within(0.0, 1.0)]
 Count = Annotated[int, within(0)]
 
 
-class Refused(Exception):  # noqa: N818
+class Refusal(Exception):  # noqa: N818
     """Words that follow the name of the place: `` = 5 must be text`` or ``: x is missing``."""
 
 
 @dataclass(frozen=True)
-class Rules:
+class FieldRules:
     """How all values of a document are read, see ``read_as``."""
 
     magnitudes: tuple[float, float] | None
     strict: bool
 
 
-def refused(value: Any, words: str) -> Refused:
+def refused(value: Any, words: str) -> Refusal:
     """The refusal of a value, which it quotes."""
-    return Refused(f" = {shown(value)} {words}")
+    return Refusal(f" = {shown(value)} {words}")
 
 
 def anything(value: Any) -> Any:
@@ -89,7 +89,7 @@ def anything(value: Any) -> Any:
     return value
 
 
-def _text(_: Rules, limits: Limits) -> Reader:
+def _text(_: FieldRules, limits: FieldLimits) -> Reader:
     choices = limits.choices
 
     def read(value: Any) -> str:
@@ -109,7 +109,7 @@ def _check_choice(value: Any, choices: tuple[Any, ...]) -> None:
         raise refused(value, f"is unknown, choose one of {', '.join(map(str, choices))}")
 
 
-def _truth(_: Rules, limits: Limits) -> Reader:
+def _truth(_: FieldRules, limits: FieldLimits) -> Reader:
     def read(value: Any) -> bool:
         if not isinstance(value, bool):
             raise refused(value, "must be true or false")
@@ -118,7 +118,7 @@ def _truth(_: Rules, limits: Limits) -> Reader:
     return read
 
 
-def _whole(_: Rules, limits: Limits) -> Reader:
+def _whole(_: FieldRules, limits: FieldLimits) -> Reader:
     check = _bounds(limits)
 
     def read(value: Any) -> int:
@@ -134,7 +134,7 @@ def _whole(_: Rules, limits: Limits) -> Reader:
     return read
 
 
-def _number(rules: Rules, limits: Limits) -> Reader:
+def _number(rules: FieldRules, limits: FieldLimits) -> Reader:
     check, open_ = _bounds(limits), limits.open
 
     def read(value: Any) -> float:
@@ -175,7 +175,7 @@ def _check_magnitude(number: float, value: Any, magnitudes: tuple[float, float] 
         raise refused(value, f"{beyond}; check its unit")
 
 
-def _bounds(limits: Limits) -> Callable[[float], None]:
+def _bounds(limits: FieldLimits) -> Callable[[float], None]:
     minimum, maximum, above = limits.minimum, limits.maximum, limits.above
     said = f" {limits.unit}" if limits.unit not in ("", "1") else ""
 
@@ -183,13 +183,13 @@ def _bounds(limits: Limits) -> Callable[[float], None]:
         if above is not None and not value > above:
             raise refused(value, f"must be above {above:g}{said}")
         if minimum is not None and not value >= minimum:
-            raise Refused(f" = {shown(value)}{said} is below its limit {minimum!r}{said}")
+            raise Refusal(f" = {shown(value)}{said} is below its limit {minimum!r}{said}")
         if maximum is not None and not value <= maximum:
-            raise Refused(f" = {shown(value)}{said} is above its limit {maximum!r}{said}")
+            raise Refusal(f" = {shown(value)}{said} is above its limit {maximum!r}{said}")
 
     return check
 
 
-SIMPLE: dict[Any, Callable[[Rules, Limits], Reader]] = {
+SIMPLE: dict[Any, Callable[[FieldRules, FieldLimits], Reader]] = {
     str: _text, bool: _truth, int: _whole, float: _number,
 }  # fmt: skip

@@ -32,7 +32,7 @@ FILE_LIMIT_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
-class _Structure:
+class _Resonances:
     """Resonances at motor housing and nut."""
 
     motor: tuple[Mode, ...]
@@ -45,7 +45,7 @@ class _Structure:
 
 
 @dataclass(frozen=True)
-class _File:
+class _MachineFile:
     """The whole file."""
 
     name: str
@@ -60,7 +60,7 @@ class _File:
     limits: Limits
     drawn: DrawnMotion
     spread: Mapping[str, Share]
-    structure: _Structure
+    structure: _Resonances
     instruments: Mapping[str, Any]
     faults: Mapping[str, Mapping[str, Any]]
     sensor_faults: Mapping[str, Mapping[str, Any]]
@@ -85,7 +85,7 @@ def load_machine(path: Path) -> Machine:
 
 def machine_from_mapping(content: object, where: str) -> Machine:
     """Machine of the content of its file; see ``load_machine``."""
-    known = read_as(_File, migrated("machine", content, where), where, magnitudes=FINITE)
+    known = read_as(_MachineFile, migrated("machine", content, where), where, magnitudes=FINITE)
     for key in ("name", "description"):
         if not getattr(known, key).isprintable():
             raise ConfigurationError(f"{where}: {key} must be a line of text")

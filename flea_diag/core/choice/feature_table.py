@@ -135,7 +135,9 @@ class FaultFeatureTable:
         ConfigurationError
             An entry is invalid; the message names file, fault, feature and value.
         """
-        known = read_as(_File, migrated("feature table", content, where), where, magnitudes=FINITE)
+        known = read_as(
+            _TableFile, migrated("feature table", content, where), where, magnitudes=FINITE
+        )
         alphabet = tuple(map(str, known.alphabet))
         if alphabet not in ALPHABETS:
             raise ConfigurationError(
@@ -174,7 +176,7 @@ class _Unaffected:
 
 
 @dataclass(frozen=True)
-class _File:
+class _TableFile:
     """The whole file; an entry may be a symbol, or a mapping of probabilities."""
 
     features: Mapping[str, _Feature]

@@ -90,7 +90,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class _Row:
+class _FaultRow:
     """A fault as the catalogue describes it."""
 
     component: str
@@ -104,7 +104,7 @@ class _Row:
 
 
 @dataclass(frozen=True)
-class _Mode:
+class _SensorMode:
     """A fault of every sensor."""
 
     approach: Annotated[str, one_of(*APPROACHES)]
@@ -113,9 +113,9 @@ class _Mode:
 
 
 @dataclass(frozen=True)
-class _Catalogue:
-    faults: Mapping[str, _Row]
-    sensor_modes: Mapping[str, _Mode] = field(default_factory=dict)
+class _CatalogueFile:
+    faults: Mapping[str, _FaultRow]
+    sensor_modes: Mapping[str, _SensorMode] = field(default_factory=dict)
     sensor_errors: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -127,7 +127,7 @@ def catalogue(content: Any, actuator: Actuator, where: str = "faults.yaml") -> d
     ConfigurationError
         A row names an unknown parameter, mode or keyword.
     """
-    top = read_as(_Catalogue, migrated("fault catalogue", content, where), where)
+    top = read_as(_CatalogueFile, migrated("fault catalogue", content, where), where)
     found = {
         name: _fault(name, row, actuator, f"{where}: fault {shown(name)}")
         for name, row in top.faults.items()
@@ -152,7 +152,7 @@ def of_sensors(faults: Mapping[str, Fault], channels: Collection[str]) -> dict[s
     }
 
 
-def _fault(name: str, row: _Row, actuator: Actuator, where: str) -> Fault:
+def _fault(name: str, row: _FaultRow, actuator: Actuator, where: str) -> Fault:
     alternatives = tuple(
         tuple(hypothesis(words, where) for words in group) for group in row.hypotheses
     )
@@ -177,7 +177,7 @@ def _fault(name: str, row: _Row, actuator: Actuator, where: str) -> Fault:
     )
 
 
-def _sensor_fault(channel: str, mode: str, row: _Mode) -> Fault:
+def _sensor_fault(channel: str, mode: str, row: _SensorMode) -> Fault:
     return Fault(
         f"{channel}_{mode}",
         component=f"sensor {channel}",

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.errors import CalibrationError
-from flea_diag.fields.values import Count, Limits, Share, within
+from flea_diag.fields.values import Count, FieldLimits, Share, within
 
 SPEED_UNIT_RAD_S = 100.0  # scale of a regressor: any
 LOAD_UNIT_N = 100.0  # scale of a regressor: any
@@ -41,7 +41,7 @@ class VibrationOperatingPoint:
         return self.speed_rad_s >= MOVING_RAD_S
 
 
-HalfWidths = Annotated[float, Limits(minimum=1.0, open=math.inf)]
+HalfWidths = Annotated[float, FieldLimits(minimum=1.0, open=math.inf)]
 
 
 @dataclass(frozen=True)

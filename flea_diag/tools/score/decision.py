@@ -178,7 +178,7 @@ def _of_summary(content: Any, path: Path) -> Decision:
 
 def _shaped(kind: type[R], content: Any, path: Path) -> R:
     """The compared part of some JSON; what else it holds is passed over."""
-    where = f"{path}: not the JSON of flea replay --json"
+    where = f"{path}: not the JSON of a replay, write it with flea replay --json"
     return read_as(kind, content, where, error=RecordingError, magnitudes=FINITE, strict=False)
 
 

@@ -54,7 +54,9 @@ def description(content: Any) -> BagDescription:
     RecordingError
         Naming the field, its value and what it must be.
     """
-    known = read_as(_File, content, error=RecordingError, strict=False).rosbag2_bagfile_information
+    known = read_as(
+        _MetadataFile, content, error=RecordingError, strict=False
+    ).rosbag2_bagfile_information
     mode = (known.compression_mode or "").lower()
     return BagDescription(
         known.version,
@@ -89,5 +91,5 @@ class _Information:
 
 
 @dataclass(frozen=True)
-class _File:
+class _MetadataFile:
     rosbag2_bagfile_information: _Information
