@@ -236,9 +236,9 @@ SIZE = {"name": "drag", "unit": "N", "moves": {"coulomb_friction_n": 1}}
     [
         (bad("faults.jam.hypotheses", [["screw_drag+"]]), r"'jam'.*screw_drag\+"),
         (bad("faults.jam.hypotheses", [["screw_ratio"]]), "'jam'.*must end in"),
-        (bad("faults.jam.onset", "sudden"), "'jam'.*'sudden'"),
-        (bad("faults.jam.size", -1.0), "'jam'.*size"),
-        (bad("faults.jam.severity", 3), "'jam'.*unknown key 'severity'"),
+        (bad("faults.jam.onset", "sudden"), "jam: onset = 'sudden' is unknown"),
+        (bad("faults.jam.size", -1.0), "jam: size = -1.0 must be above 0"),
+        (bad("faults.jam.severity", 3), "jam: unknown key 'severity'"),
         (bad("sensor_modes.stuck", {"approach": "physics", "onset": "abrupt"}), "'stuck'"),
         (bad("sensor_errors.motor_torque", {"bias": 1.0}), "sensor_errors: 'motor_torque' is no"),
         (bad("sensor_errors.motor_current.ages_s", [0.0]), r"ages_s\[0\] = 0.0 must be above 0"),
