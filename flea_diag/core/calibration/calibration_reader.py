@@ -32,8 +32,8 @@ LATER = (
 )  # fmt: skip
 """Optional entries of this schema."""
 NAMES = tuple(entry.name for entry in fields(Calibration))
-RETIRED = {"tolerance": "noise_log", "limits": "nominal"}
-"""Entry -> key that older files have in it."""
+RETIRED = {"tolerance": ("noise_log",)}
+"""Entry -> keys that older files have in it; rows of lists may have others, which are not used."""
 
 
 def from_mapping(content: object, where: str) -> Calibration:
@@ -50,14 +50,14 @@ def from_mapping(content: object, where: str) -> Calibration:
             f"{where}: {REGIONS} = {shown(mapping.get(REGIONS))}, this version tests in "
             f"{list(SPEED_REGIONS_M_S)!r}; repeat 'flea calibrate'"
         )
-    known = {key: _current(key, value) for key, value in mapping.items() if key != REGIONS}
+    known = {key: value for key, value in mapping.items() if key != REGIONS}
     _require(known, where)
     levels = known.pop("observer_noise", None)
     noise = (
         ObserverNoise() if levels is None else _observer_noise(levels, f"{where}: observer_noise")
     )
     made = read_as(
-        Calibration, known, where, error=CalibrationError, magnitudes=LIMITED,
+        Calibration, known, where, error=CalibrationError, magnitudes=LIMITED, strict=False,
         given={"observer_noise": noise},
     )  # fmt: skip
     for wrong in _contradictions(made):
@@ -65,30 +65,36 @@ def from_mapping(content: object, where: str) -> Calibration:
     return made
 
 
-def _current(key: str, value: Any) -> Any:
-    """An entry without what only older files have in it."""
-    if isinstance(value, list) and key in RETIRED:
-        return [_current(key, row) for row in value]
-    if isinstance(value, Mapping) and key in RETIRED:
-        return {name: entry for name, entry in value.items() if name != RETIRED[key]}
-    return value
-
-
 def _require(known: Mapping[str, Any], where: str) -> None:
     """A calibration states what else would have a default, which is that of no actuator."""
-    parameters = {entry.name for entry in fields(ActuatorParameters)} - set(LATER_PARAMETERS)
-    tolerances = [entry.name for entry in fields(UnitTolerance)]
     for name, value in known.items():
         if value is None:
             raise CalibrationError(f"{where}: {name} = None holds nothing; leave it out")
-    _complete(known, [name for name in NAMES if name not in LATER], where)
-    _complete(known["parameters"], sorted(parameters), f"{where}: parameters")
-    _complete(known["tolerance"], tolerances, f"{where}: tolerance")
+    _complete(known, NAMES, where, LATER)
+    for key, kind, later in (
+        ("parameters", ActuatorParameters, LATER_PARAMETERS), ("tolerance", UnitTolerance, ())
+    ):  # fmt: skip
+        names = tuple(entry.name for entry in fields(kind))
+        _complete(known[key], names, f"{where}: {key}", later, RETIRED.get(key, ()))
 
 
-def _complete(content: Any, names: Collection[str], where: str) -> None:
-    for name in names if isinstance(content, Mapping) else ():
-        if name not in content:
+def _complete(
+    content: Any,
+    names: Collection[str],
+    where: str,
+    later: Collection[str] = (),
+    retired: Collection[str] = (),
+) -> None:
+    """All names are there but those that an older file may lack, and no others."""
+    if not isinstance(content, Mapping):
+        return  # the reader refuses it
+    for key in content:
+        if key not in names and key not in retired:
+            raise CalibrationError(
+                f"{where}: unknown key {shown(key)}, known are {', '.join(names)}"
+            )
+    for name in names:
+        if name not in content and name not in later:
             raise CalibrationError(f"{where}: {name} is missing; repeat 'flea calibrate'")
 
 
@@ -96,7 +102,7 @@ def _observer_noise(content: Any, where: str) -> ObserverNoise:
     levels = read_as(
         dict[str, Positive], content, where, error=CalibrationError, magnitudes=LIMITED
     )
-    _complete(levels, PROCESS, where)
+    _complete(levels, (*PROCESS, *levels), where)
     return ObserverNoise.of(levels)
 
 

@@ -12,7 +12,7 @@ from support import stands
 from support.places import WING
 
 from flea_diag.configuration import calibrations, files, knowledge
-from flea_diag.configuration.stand import load_stand
+from flea_diag.configuration.stand import load_stand, shipped_stands
 from flea_diag.core.calibration.calibration import BadStretch
 from flea_diag.core.calibration.calibration_reader import LATER, from_mapping
 from flea_diag.core.observers.observer_noise import ObserverNoise
@@ -169,6 +169,15 @@ def test_entries_that_older_files_had_are_passed_over():
     for limit in plain["limits"]:
         limit["nominal"] = 1.0
     assert from_mapping(plain, "cal.yaml") == from_mapping(mapping(), "cal.yaml")
+
+
+@pytest.mark.parametrize("stand", sorted(shipped_stands()))
+def test_the_shipped_calibrations_are_read_with_what_older_ones_have_in_their_rows(stand):
+    path = load_stand(stand).calibration
+    plain = yaml.load(path.read_text(), Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    for row in plain.get("envelope", {}).get("relations", []):
+        row["discrepancy"] = 0.1
+    assert from_mapping(plain, "here") == calibrations.load_calibration(path)
 
 
 def test_a_missing_entry_is_named():
