@@ -141,10 +141,22 @@ class EndOfTravel:
             end,
             still(last, 0.25 * self.stop.within_m),
             reaction,
-            bool(voltage_usable[k]) and abs(electrical) > bound,
+            bool(voltage_usable[k])
+            and abs(electrical) > bound
+            and not self._agree(recent[-1, -1], len(believed), p.moving_m_s),
             self._elapsed * self._period_s,
             self._settle_s,
         )
+
+    def _agree(self, motor_m_s: float, believed: int, moving_m_s: float) -> bool:
+        """Whether two sensors agree that it stands: one fault does not stop both.
+
+        Pushed against its stop a winding warms faster than predicted, and its drop of voltage
+        then reads as a back-EMF.
+        """
+        if math.isnan(motor_m_s):
+            return believed > 1
+        return believed > 0 and abs(motor_m_s) <= moving_m_s
 
     def _believed_end(self, recent: Array) -> tuple[int, list[int]]:
         """The end that all believed channels are near, and these channels."""

@@ -16,13 +16,11 @@ import numpy.typing as npt
 from flea_diag.core import backend as backends
 from flea_diag.core.row_ring import RowRing
 from flea_diag.core.sensors.noise_loops import noise_loops
-from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, SensorLimit, noise_logs
+from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, UNIT_LOG, SensorLimit, noise_logs
 from flea_diag.core.sensors.sensor_set import SensorSet
 
 Array = npt.NDArray[np.float64]
 
-UNIT_LOG = 0.3
-"""Logarithm of the factor by which a healthy sensor of another unit may be noisier."""
 QUIETER_LOG = 1.0
 """The same downwards: a sensor quieter than this no longer measures."""
 WARM_UP_SCANS = 600  # assumption: size of a sample

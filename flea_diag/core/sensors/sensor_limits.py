@@ -25,8 +25,11 @@ REST_SCANS = 3
 """Scans within which a position is seen to move: fewer than a drop-out lasts."""
 
 NOISE_WINDOWS = (100, 400)  # assumption: a burst, and a lasting rise
-STEP_GUARD = 1.25
-"""Ratio of the limit of steps to the largest step in nominal recordings."""
+UNIT_LOG = 0.3
+"""Logarithm of the factor by which a healthy sensor of another unit may be noisier."""
+STEP_GUARD = math.exp(UNIT_LOG)
+"""Ratio of the limit of steps to the largest step in nominal recordings: where none is of the
+motion it is of the noise, and a healthy sensor that is noisier steps by more."""
 SLOW_SHARE = 0.5
 """Where healthy motion seems to step by more of the way of a scan, starts and stops take no longer
 than a scan: a step of the sensor shows beyond what a scan may go, and no sooner."""
