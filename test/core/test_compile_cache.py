@@ -32,8 +32,9 @@ def doubled(folder: Path) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("content", [b"", b"garbage", b"\x80\x05K"])
-@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize(
+    ("ending", "content"), [("nbi", b""), ("nbi", b"\x80\x05K"), ("nbc", b"garbage")]
+)
 def test_a_damaged_file_is_made_anew(ending: str, content: bytes, tmp_path: Path) -> None:
     assert doubled(tmp_path).stdout == "42.0\n"
     (file,) = (tmp_path / "cache").rglob(f"*.{ending}")
