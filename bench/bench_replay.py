@@ -30,6 +30,8 @@ TYPED_BAGS, TYPED_TURNS = 24, 5
 TYPED_SECONDS = 30
 PERIOD_S = 0.01
 FLEA = (sys.executable, "-m", "flea_diag.tools.main")
+INSTALLED = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+"""What is typed runs from bytecode, as an installed package does."""
 
 
 def in_blocks(bag: Path, kind: str, backend: str) -> tuple[float, str, int]:
@@ -80,7 +82,8 @@ class Spent(NamedTuple):
 def typed(*arguments: str) -> Spent:
     """Of one ``flea`` command in a process of its own, with those that it starts."""
     begin, before = time.monotonic(), os.times()
-    subprocess.run([*FLEA, *arguments], check=False, stdout=subprocess.DEVNULL)
+    command = [*FLEA, *arguments]
+    subprocess.run(command, check=False, stdout=subprocess.DEVNULL, env=INSTALLED)
     after = os.times()
     cpu = after.children_user + after.children_system - before.children_user
     return Spent(cpu - before.children_system, time.monotonic() - begin)
@@ -111,6 +114,7 @@ def as_typed(bags: Sequence[str], calibration: str) -> list[Figure]:
     """The command against the function inside it, medians of interleaved turns."""
     option = ("--calibration", calibration, "-q")
     inside(bags[:2], calibration)  # what is loaded once is not part of it
+    typed("replay", bags[0], *option)
     rows = []
     for _ in range(TYPED_TURNS):
         own, seconds = inside(bags, calibration)
@@ -162,16 +166,25 @@ def of_simulated_bags() -> list[Figure]:
             "jam at 60 s": recording(Path(folder), SECONDS, "--fault", "jam", "--at", "60"),
         }
         print(f"{'':14s}{'state observer':20s}{'x real time':>14s}{'singly':>10s}{'ratio':>8s}")
-        for name, bag in runs.items():
-            for kind, backend in KINDS:
+        for kind, backend in KINDS:
+            what, rates = f"{kind}, {backend}", []
+            for name, bag in runs.items():
                 quick, slow = compared(bag, kind, backend)
-                what = f"{kind}, {backend}"
+                rates.append(quick)
                 print(f"{name:14s}{what:20s}{quick:14.0f}{slow:10.0f}{quick / slow:8.1f}")
                 figures += [
                     Figure(f"{name}, {what}", quick, "x real time", TURNS, seed="21"),
                     Figure(f"{name}, {what}", quick / slow, "x", TURNS, seed="21",
                            against="the same scan by scan"),
                 ]  # fmt: skip
+            share = rates[1] / rates[0]
+            print(
+                f"{'with an episode open for half of the time, of the quiet rate':62s}{share:6.2f}"
+            )
+            figures.append(
+                Figure(f"jam at 60 s, {what}, of the rate without", share, "x", TURNS, seed="21",
+                       against="the same without a fault")
+            )  # fmt: skip
         return figures + as_typed(simulated(Path(folder)), "")
 
 

@@ -30,6 +30,7 @@ class ClippedReadings:
         self._channels, self._scans = rows.channels, scans
         self.use({})
         self._left = np.zeros(len(rows.channels), dtype=np.int64)
+        self._lingers = False
         self._void: npt.NDArray[np.bool_] | None = None
 
     def use(self, ranges: Mapping[str, tuple[float, float]]) -> None:
@@ -40,16 +41,18 @@ class ClippedReadings:
     def step(self, rows: Array, at_end: bool) -> None:
         """Take n scans, shape (n, channels); ``at_end``: the part came to an end of its travel."""
         self._void = None
+        if not (at_end or self._lingers):
+            return
         clipped = (rows <= self._low) | (rows >= self._high)
         if not at_end or not clipped.any():
-            if not self._left.any():
+            if not self._lingers:
                 return
             clipped = clipped & at_end
         void = np.empty_like(clipped)
         for scan, now in enumerate(clipped):
             self._left = np.where(now, self._scans, np.maximum(self._left - 1, 0))
             void[scan] = self._left > 0
-        self._void = void
+        self._void, self._lingers = void, bool(self._left.any())
 
     def leave_out(self, residuals: ResidualRows) -> None:
         """Drop what needs a clipped reading."""

@@ -17,7 +17,7 @@ from flea_diag.core import backend as backends
 from flea_diag.core.sensors.noise_test import NoiseTest
 from flea_diag.core.sensors.position_step import SPAN, position_steps
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
-from flea_diag.core.sensors.sensor_limits import SensorLimit, at_rest
+from flea_diag.core.sensors.sensor_limits import REST_SCANS, SensorLimit, at_rest
 from flea_diag.core.sensors.sensor_loops import LOOKS
 from flea_diag.core.sensors.sensor_set import TESTS, SensorSet
 
@@ -94,6 +94,13 @@ class SensorTests:
         self._step_places = np.array([place for place, _ in self._steps], dtype=int)
         self._stepping = np.array([index for _, index in self._steps], dtype=int)
         self._sizes = np.array([self._limits[index].step for _, index in self._steps])
+        step_of = {index: place for place, index in self._steps}
+        held = zip(*(self._places[test].tolist() for test in TESTS[1:]), strict=True)
+        self._own = [
+            (column, *places, step_of.get(index))
+            for index, (column, places) in enumerate(zip(self._columns.tolist(), held, strict=True))
+        ]
+        """Of each channel its column, those of its tests, and that of its steps, if any."""
         self.k = self._all_limits(len(names), period_s)
         self._calm = np.where(np.isnan(self.k), np.nan, 0.0)
 
@@ -166,18 +173,20 @@ class SensorTests:
     def _watch(self, recent: Array, odd: Flags, usable: Array, z: Array) -> None:
         """Step through the channels with a jump or a hold, now or until now."""
         count = len(odd)
-        self._watched.update(np.flatnonzero(np.any(odd, axis=0)).tolist())
+        self._watched.update(np.flatnonzero(odd.any(axis=0)).tolist())
         for index in sorted(self._watched):
-            rests = self._rests(index, recent)[-count:].tolist()
+            rests = self._rests(index, recent, count)
             readings = recent[-count - 2 :, index].tolist()
             self._follow(index, readings, odd[:, index], rests, usable, z)
         self._watched = {index for index in self._watched if self._guards[index].busy}
 
-    def _rests(self, index: int, recent: Array) -> Flags:
-        """Rows in which a constant reading is correct: the encoder speed at rest."""
+    def _rests(self, index: int, recent: Array, count: int) -> list[bool]:
+        """The last scans in which a constant reading is correct: the encoder speed at rest."""
         if self._names[index] != self._sensors.speed:
-            return np.zeros(len(recent), dtype=bool)
-        return at_rest(recent[:, self._positions], self._rest)
+            return [False] * count
+        last = recent[-count - REST_SCANS :, self._positions]
+        rests: list[bool] = at_rest(last, self._rest).tolist()
+        return rests
 
     def _own_steps(self, recent: Array) -> list[Array]:
         """Step of each position; the part that two of them share is motion, e.g. an impact."""
@@ -198,9 +207,8 @@ class SensorTests:
         z: Array,
     ) -> None:
         """Judge the eventful scans of a channel; ``readings`` begins two scans earlier."""
-        guard, limit, column = self._guards[index], self._limits[index], self._columns[index]
-        stuck, dropout = (self._places[test][index] for test in TESTS[1:])
-        step = next((place for place, at in self._steps if at == index), None)
+        guard, limit = self._guards[index], self._limits[index]
+        column, stuck, dropout, step = self._own[index]
         for n in _eventful(odd, guard):
             value = readings[n + 2]
             guard.wake(readings[n], readings[n + 1])
