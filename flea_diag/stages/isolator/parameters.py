@@ -67,8 +67,8 @@ class IsolatorParameters:
     )
     drop_nats: float = parameter(
         3.5,
-        "log-likelihood below the most likely fault at which a fault is dropped, where the "
-        "calibration does not set it for the stated coverage",
+        "log-likelihood below the most likely fault at which a fault is dropped; more where the "
+        "scores of the calibration ask for more for the stated coverage",
         unit="1",
         minimum=0.1,
     )
@@ -103,10 +103,15 @@ class IsolatorParameters:
     source: str = parameter("live", "source of the data", choices=("live", "replay"))
 
     def covering(self, known: GroupCoverage | None) -> IsolatorParameters:
-        """The same with the limit that gives the stated coverage, where a calibration knows one."""
+        """The same with at least the limit that gives the stated coverage, where it is known.
+
+        The scores may be of simulated runs, whose models fit better than those of a real stand:
+        they widen a group, and never narrow it.
+        """
         if known is None or not self.coverage:
             return self
-        return replace(self, drop_nats=known.limit_nats(min(self.coverage, known.most)))
+        limit_nats = known.limit_nats(min(self.coverage, known.most))
+        return replace(self, drop_nats=max(self.drop_nats, limit_nats))
 
 
 @dataclass(frozen=True)

@@ -35,10 +35,11 @@ class Checkpoint:
         self.scans += len(block)
 
     def restored(self) -> ObserverChain:
-        """The state after the last quiet block; uses the checkpoint up."""
+        """The state after the last quiet block."""
+        chain = deepcopy(self.chain)
         for block in self.blocks:
-            self.chain.follow(block)
-        return self.chain
+            chain.follow(block)
+        return chain
 
 
 class BlockReplay:
@@ -73,8 +74,12 @@ class BlockReplay:
             self._checkpoint.take(part)
             return chain, quiet, output
         self._most = LEAST_SCANS
-        chain, self._checkpoint = self._checkpoint.restored(), None
-        if not quiet:
-            return chain, 0, None
-        _, output = chain.follow(block.part(slice(quiet)))
+        checkpoint, self._checkpoint = self._checkpoint, None
+        # A condition that begins in a block voids its relations in all of it: without the scans
+        # from there on an earlier event may show.
+        while quiet < count:
+            chain, count = checkpoint.restored(), quiet
+            if not count:
+                return chain, 0, None
+            quiet, output = chain.follow(block.part(slice(count)))
         return chain, quiet, output

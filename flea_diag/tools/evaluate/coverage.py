@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -112,12 +111,15 @@ def scored(case: Case, stand: Stand) -> CoverageScore | None:
     if truth is None:
         return None
     held = partial(_held, records, stand, truth)
-    alarmed = held(NEVER)
-    if not alarmed:
-        return CoverageScore(truth.fault, math.nan if alarmed is None else math.inf)
-    # Whether the fault is held can only turn from no to yes as the limit grows.
-    place = bisect_left(LADDER, True, key=lambda nats: bool(held(nats)))
-    return CoverageScore(truth.fault, LADDER[place] if place < len(LADDER) else NEVER)
+    # Whether there is an alarm no limit changes, and most faults are held by the least of them.
+    first = held(LADDER[0])
+    if first is None:
+        return CoverageScore(truth.fault, math.nan)
+    if first:
+        return CoverageScore(truth.fault, LADDER[0])
+    if not held(NEVER):
+        return CoverageScore(truth.fault, math.inf)
+    return CoverageScore(truth.fault, next(filter(held, LADDER[1:]), NEVER))
 
 
 def _held(records: list[Record], stand: Stand, truth: Truth, limit_nats: float) -> bool | None:
