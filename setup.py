@@ -51,6 +51,8 @@ EXTRAS = {
     "evaluate": ["Jinja2>=3.1", "tqdm>=4.65"],
     "dask": ["distributed>=2024.1"],
     "parquet": ["pyarrow>=15"],
+    # Bags at https://; s3:// needs s3fs besides, others what fsspec asks for.
+    "url": ["fsspec>=2024.1", "aiohttp>=3.9"],
     "web": ["nicegui>=3.0"],
     "docs": DOCS,
     # Coverage-guided fuzzing, by hand alone: scripts/fuzz --atheris.

@@ -110,7 +110,7 @@ def of_bench(summary: dict[str, Any], arguments: argparse.Namespace) -> KeptResu
     machine = f"{summary['cores']} cores, load average {summary['load']:.1f}"
     return KeptResult(
         arguments.title,
-        name if name.startswith("scripts/") else f"scripts/bench {name}",
+        name if name.startswith(("scripts/", "bench/")) else f"scripts/bench {name}",
         Origin(
             summary["date"],
             summary["commit"],

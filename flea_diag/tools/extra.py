@@ -12,6 +12,7 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "evaluate": ("jinja2", "tqdm"),
     "dask": ("distributed",),
     "parquet": ("pyarrow",),
+    "url": ("fsspec",),
 }
 """Extra of setup.py -> modules that come with it."""
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from flea_diag.core.calibration.promise import FALSE_ALARMS_PER_HOUR
 from flea_diag.errors import CalibrationError, ConfigurationError, shown
 from flea_diag.tools.argument import add_cluster, add_jobs
+from flea_diag.tools.bag_url import bag_place
 from flea_diag.tools.calibrate import report as calibration_report
 from flea_diag.tools.calibrate.nominal_recording import (
     NominalRecording,
@@ -58,9 +59,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "bags",
         nargs="+",
-        type=Path,
+        type=bag_place,
         metavar="BAG",
-        help="nominal recordings of one stand, 2 or more",
+        help="nominal recordings of one stand, 2 or more: paths, or URLs (needs the extra url)",
     )
     parser.add_argument(
         "-o", "--output", required=True, type=Path, metavar="FILE", help="calibration to write"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flea_diag.errors import CalibrationError, FleaError, shown
+from flea_diag.tools.bag_url import BagUrl, local
 from flea_diag.tools.calibrate.shared_work import ALONE, Sharing
 from flea_diag.tools.terminal import warn
 
@@ -34,7 +35,7 @@ class NominalRecording:
 
 
 def read_nominal(
-    bags: Sequence[Path], known: ResidualSet, sharing: Sharing = ALONE
+    bags: Sequence[Path | BagUrl], known: ResidualSet, sharing: Sharing = ALONE
 ) -> tuple[list[NominalRecording], list[str]]:
     """Usable recordings, and the reasons against the others, which are also printed at once.
 
@@ -64,14 +65,15 @@ class NominalRead(NamedTuple):
     refused: str = ""
 
 
-def _read_or_refused(item: tuple[Path, bool], known: ResidualSet) -> NominalRead:
+def _read_or_refused(item: tuple[Path | BagUrl, bool], known: ResidualSet) -> NominalRead:
     """Read one bag; the second part of the item says whether it was named before."""
     bag, again = item
     warnings: list[str] = []
     try:
         if again:
             raise CalibrationError(f"{bag} is given twice: list each recording once")
-        return NominalRead(_read(bag, known, warnings), tuple(warnings))
+        with local(bag) as place:
+            return NominalRead(_read(place, known, warnings), tuple(warnings))
     except FleaError as error:
         return NominalRead(None, tuple(warnings), str(error))
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from flea_diag.errors import ConfigurationError, RecordingError, shown
 from flea_diag.tools.argument import add_cluster, add_jobs
+from flea_diag.tools.bag_url import BagUrl, bag_place, local
 from flea_diag.tools.numeric_backend import numeric_backend
 from flea_diag.tools.refused import Refused, refusing
 from flea_diag.tools.stand_option import absolute, add_calibration, add_stand, chosen_stand
@@ -33,12 +34,19 @@ examples:
   flea replay bags/run --calibration cal.yaml --json -
   flea replay bags/run --stand ./mine               on a stand of your own
   flea replay bags/* --json results/ -q -j 4        write one JSON file per bag, 4 processes
+  flea replay s3://bucket/run https://host/bags/run --dask tcp://host:8786
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("bags", nargs="+", type=Path, metavar="BAGDIR", help="bags to diagnose")
+    parser.add_argument(
+        "bags",
+        nargs="+",
+        type=bag_place,
+        metavar="BAGDIR",
+        help="bags to diagnose: paths, or URLs (needs the extra url)",
+    )
     add_stand(parser)
     add_calibration(parser)
     parser.add_argument(
@@ -79,12 +87,17 @@ def run(arguments: argparse.Namespace) -> int:
     return _status(summaries, len(bags) - len(summaries), len(bags))
 
 
-def _replayed(bag: Path, stand: Stand, namespace: str | None) -> dict[str, Any] | Refused:
+def _replayed(bag: Path | BagUrl, stand: Stand, namespace: str | None) -> dict[str, Any] | Refused:
     """Summary of a bag; a wrong calibration is refused before any bag is read."""
     from flea_diag.configuration.component import make_pipeline
 
     pipeline = make_pipeline(stand)
-    return refusing(partial(replay, bag, pipeline, namespace))
+
+    def replayed() -> dict[str, Any]:
+        with local(bag) as place:
+            return replay(place, pipeline, namespace)
+
+    return refusing(replayed)
 
 
 def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[str, Any]:
@@ -179,7 +192,7 @@ def _say(summary: dict[str, Any], arguments: argparse.Namespace) -> None:
         say(in_words(summary), file=sys.stderr if arguments.json == "-" else sys.stdout)
 
 
-def _check_names(target: str | None, bags: Sequence[Path]) -> None:
+def _check_names(target: str | None, bags: Sequence[Path | BagUrl]) -> None:
     """Refuse bags of equal names that would share one file in a folder."""
     if target is None or not _is_folder(target):
         return

@@ -1,0 +1,111 @@
+"""Bags at a URL (``https://``, ``s3://``, what else fsspec knows), copied while they are read."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from flea_diag.errors import FleaError, RecordingError, line_of, shown
+from flea_diag.tools.extra import require
+from flea_diag.wire.bags.bag_description import LARGEST_BYTES, described
+from flea_diag.wire.bags.bag_layout import METADATA_FILE
+
+MARK = "://"
+MOST_BYTES = 16 << 30
+MOST_FILES = 1000
+PIECE_BYTES = 1 << 20
+CAUSE_LENGTH = 200
+
+
+@dataclass(frozen=True)
+class BagUrl:
+    """Address of a bag: of its folder, or of a single .mcap file."""
+
+    url: str
+
+    def __str__(self) -> str:
+        return self.url
+
+    @property
+    def name(self) -> str:
+        """Last part of the address."""
+        return PurePosixPath(self.url.partition(MARK)[2]).name
+
+    def absolute(self) -> BagUrl:
+        """The same: an address holds everywhere."""
+        return self
+
+    resolve = absolute
+
+
+def bag_place(text: str) -> Any:
+    """Path or ``BagUrl`` of a bag on the command line."""
+    if MARK not in text:
+        return Path(text)
+    require("url", f"a bag at {shown(text)}")
+    return BagUrl(text.rstrip("/"))
+
+
+@contextmanager
+def local(bag: Any) -> Iterator[Path]:
+    """Where the bag can be read: a path as it is, a ``BagUrl`` in a temporary folder.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be fetched, or is larger than is fetched.
+    """
+    if not isinstance(bag, BagUrl):
+        yield bag
+        return
+    with tempfile.TemporaryDirectory(prefix="flea_bag_") as folder:
+        place = Path(folder) / (bag.name or "bag")
+        try:
+            _fetch(bag.url, place)
+            yield place
+        except FleaError as error:  # what is said of the copy holds for the address
+            raise type(error)(str(error).replace(str(place), bag.url)) from None
+
+
+def _fetch(url: str, place: Path) -> None:
+    """Copy a .mcap file, or the files that the description of a bag lists."""
+    left = min(MOST_BYTES, shutil.disk_usage(place.parent).free // 2)
+    if url.endswith(".mcap"):
+        _copy(url, place, left)
+        return
+    place.mkdir()
+    _copy(f"{url}/{METADATA_FILE}", place / METADATA_FILE, LARGEST_BYTES)
+    losses: list[str] = []
+    known = described(place, losses)
+    if known is None:
+        raise RecordingError(f"{url}: {'; '.join(losses)}")
+    if len(known.files) > MOST_FILES:
+        raise RecordingError(f"{url}: {len(known.files)} files, at most {MOST_FILES} are fetched")
+    for name in (Path(file).name for file in known.files):
+        left -= _copy(f"{url}/{name}", place / name, left)
+
+
+def _copy(url: str, target: Path, limit_bytes: int) -> int:
+    """Copy one file of at most so many bytes; its size."""
+    import fsspec
+
+    size = 0
+    try:
+        with fsspec.open(url, "rb") as source, target.open("wb") as copy:
+            while piece := source.read(PIECE_BYTES):
+                size += len(piece)
+                if size > limit_bytes:
+                    raise RecordingError(f"{url}: more than {limit_bytes} bytes: fetch it yourself")
+                copy.write(piece)
+    except FleaError:
+        raise
+    except Exception as error:  # each protocol has errors of its own
+        first = error.__cause__ or error
+        cause = line_of(f"{type(first).__name__}: {first}")[:CAUSE_LENGTH]
+        raise RecordingError(f"{url}: cannot be fetched ({cause})") from None
+    return size

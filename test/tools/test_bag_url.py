@@ -1,0 +1,134 @@
+"""Bags at URLs: the same decisions as from disk, and one line for what cannot be fetched."""
+
+from __future__ import annotations
+
+import functools
+import json
+import threading
+from collections.abc import Iterator
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+from support.decisions import BAGS
+
+pytest.importorskip("fsspec", reason="needs the extra url")
+pytest.importorskip("aiohttp", reason="needs the extra url")
+
+import fsspec
+
+from flea_diag.configuration.description import compiled_relations
+from flea_diag.configuration.stand import load_stand
+from flea_diag.errors import RecordingError
+from flea_diag.tools import bag_url
+from flea_diag.tools.bag_url import BagUrl, bag_place, local
+from flea_diag.tools.calibrate.nominal_recording import read_nominal
+from flea_diag.tools.main import main
+
+FILES = sorted(path for path in (BAGS / "jam").iterdir() if path.is_file())
+
+
+class Silent(SimpleHTTPRequestHandler):
+    """Serves files, and writes no log."""
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture(scope="module")
+def host() -> Iterator[str]:
+    """Address at which the bags of the tests are served."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Silent, directory=BAGS))
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.fixture(scope="module")
+def in_memory() -> str:
+    """The same bag in a store that lists no folders on disk."""
+    for path in FILES:
+        with fsspec.open(f"memory://bags/jam/{path.name}", "wb") as file:
+            file.write(path.read_bytes())
+    return "memory://bags/jam"
+
+
+def decisions(bag: str, tmp_path: Path) -> dict[str, object]:
+    """What ``flea replay`` says of a bag, but for its place."""
+    out = tmp_path / "out.json"
+    assert main(["replay", bag, "-q", "--json", str(out)]) == 0
+    said = json.loads(out.read_text(encoding="utf-8"))
+    assert said.pop("bag") == bag
+    return dict(said)
+
+
+def test_a_bag_is_diagnosed_alike_wherever_it_lies(host: str, tmp_path: Path) -> None:
+    assert decisions(f"{host}/jam", tmp_path) == decisions(str(BAGS / "jam"), tmp_path)
+
+
+def test_a_copy_has_the_bytes_of_the_bag_and_goes_with_its_reader(
+    host: str, in_memory: str
+) -> None:
+    (mcap,) = [path for path in FILES if path.suffix == ".mcap"]
+    with local(BagUrl(in_memory)) as place:
+        assert {path.name: path.read_bytes() for path in place.iterdir()} == {
+            path.name: path.read_bytes() for path in FILES
+        }
+    assert not place.exists()
+    with local(BagUrl(f"{host}/jam/{mcap.name}")) as place:
+        assert place.read_bytes() == mcap.read_bytes()
+
+
+def test_a_calibration_reads_the_same_rows_from_a_url(host: str) -> None:
+    known = compiled_relations(load_stand().actuator).residuals
+    (there, here), refused = read_nominal([BagUrl(f"{host}/nominal"), BAGS / "nominal"], known)
+    assert refused == []
+    assert there.run.name == here.run.name == "nominal"
+    assert there.run.rows.tobytes() == here.run.rows.tobytes()
+    _, refused = read_nominal([BagUrl(f"{host}/jam")], known)
+    assert refused[0].startswith(f"{host}/jam: truth is 'jam'")
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("{host}/none", "metadata.yaml: cannot be fetched (ClientResponseError: 404"),
+        ("gopher://host/bag", "cannot be fetched (ValueError: Protocol not known: gopher)"),
+        ("http://127.0.0.1:1/bag", "cannot be fetched (ClientConnectorError"),
+        ("memory://nowhere/run.mcap", "cannot be fetched (FileNotFoundError"),
+    ],
+)
+def test_what_cannot_be_fetched_is_one_line(
+    host: str, capsys: pytest.CaptureFixture[str], url: str, words: str
+) -> None:
+    address = url.format(host=host)
+    assert main(["replay", address, "-q"]) == 1
+    (line,) = [row for row in capsys.readouterr().err.splitlines() if "cannot" in row]
+    assert address in line
+    assert words in line
+
+
+def test_no_more_is_fetched_than_a_limit(in_memory: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bag_url, "MOST_BYTES", 1000)
+    refused = pytest.raises(RecordingError, match="more than 1000 bytes: fetch it yourself")
+    with refused, local(BagUrl(in_memory)):
+        pass
+
+
+def test_a_file_that_the_description_puts_elsewhere_is_taken_from_the_bag(
+    tmp_path: Path,
+) -> None:
+    text = "rosbag2_bagfile_information: {version: 9, relative_file_paths: [../../etc/passwd]}\n"
+    with fsspec.open("memory://bags/sly/metadata.yaml", "w") as file:
+        file.write(text)
+    refused = pytest.raises(RecordingError, match="memory://bags/sly/passwd: cannot be fetched")
+    with refused, local(BagUrl("memory://bags/sly")):
+        pass
+
+
+def test_a_path_stays_a_path() -> None:
+    assert bag_place("bags/jam") == Path("bags/jam")
+    assert bag_place("https://host/bags/jam/") == BagUrl("https://host/bags/jam")
+    assert BagUrl("s3://bucket/run 1").name == "run 1"
