@@ -12,8 +12,6 @@ from typing import Any
 
 from flea_diag.errors import FleaError, RecordingError, line_of, shown
 from flea_diag.tools.extra import require
-from flea_diag.wire.bags.bag_description import LARGEST_BYTES, described
-from flea_diag.wire.bags.bag_layout import METADATA_FILE
 
 MARK = "://"
 MOST_BYTES = 16 << 30
@@ -74,6 +72,9 @@ def local(bag: Any) -> Iterator[Path]:
 
 def _fetch(url: str, place: Path) -> None:
     """Copy a .mcap file, or the files that the description of a bag lists."""
+    from flea_diag.wire.bags.bag_description import LARGEST_BYTES, described
+    from flea_diag.wire.bags.bag_layout import METADATA_FILE
+
     left = min(MOST_BYTES, shutil.disk_usage(place.parent).free // 2)
     if url.endswith(".mcap"):
         _copy(url, place, left)
