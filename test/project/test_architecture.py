@@ -31,7 +31,7 @@ ROS = (
 BAGS = ("mcap", "rosbags", "zstandard", "lz4", "yaml")
 TABLES = ("pyarrow",)
 PAGES = ("jinja2", "markupsafe")
-BATCH = ("tqdm", "distributed")
+BATCH = ("tqdm", "distributed", "fsspec")
 SCIENCE = ("numpy", "scipy", "numba", "pywt")
 
 # The first room whose name a module starts with is its room.
