@@ -84,7 +84,7 @@ def test_an_executable_that_does_not_exist_is_refused(domain: int) -> None:
         (("-p", "limit_a:=lots"), ["limit_a = 'lots'", "must be a number"]),
         (("-p", "limit_a:=.nan"), ["limit_a = nan"]),
         (("-p", "fault:=gremlin"), ["fault = 'gremlin'", "choose one of jam, spall"]),
-        (("-p", "fualt:=jam"), ["unknown parameter 'fualt'", "known are busy, fault"]),
+        (("-p", "fualt:=jam"), ["unknown parameter 'fualt'", "known are limit_a, fault"]),
         (("-p", "executor:=multi"), ["executor = 'multi'", "events, single"]),
         (("-p", "fault"), ["ROS refuses the arguments"]),
     ],
