@@ -141,7 +141,7 @@ REFUSED = {
     ),
     "a zero scale": ({"motor_voltage": {"scale": 0.0}}, iter, "scale = 0.0 must be above 0"),
     "a sign that is a factor": ({"load_force": {"sign": 2}}, iter, "sign = 2 must be 1 or -1"),
-    "a range of one number": ({"load_force": {"range": [1.0]}}, iter, r"range = \[1.0\] must be"),
+    "a range of one number": ({"load_force": {"range": [1.0]}}, iter, r"range = \[1.0\] must have"),
 }  # fmt: skip
 
 
