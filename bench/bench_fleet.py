@@ -190,7 +190,10 @@ def figures(runs: list[FleetLoad], asked: argparse.Namespace) -> list[Figure]:
         told += ", two accelerometers of 20 kHz"
     rows = []
     for run in runs:
-        n, where = round(run.stands * seconds / PERIOD_S), f"{run.stands} stands, {told}"
+        n, where = (
+            round(run.stands * seconds / PERIOD_S),
+            f"{run.stands} stand{'s' * (run.stands > 1)}, {told}",
+        )
         rows += [
             Figure(f"{where}: scans lost", run.lost, "scans", n),
             Figure(f"{where}: CPU a scan", run.cpu * 1e6, "us", n),

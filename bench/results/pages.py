@@ -87,7 +87,7 @@ PAGES = (
         "Reliability",
         "Disturbed, interrupted and damaged input, full disks, killed processes and long runs, all "
         "on the simulated stand.",
-        ("lossy", "disk", "fuzz", "bombs", "gates", "flood", "kill", "soak"),
+        ("lossy", "disk", "fuzz", "bombs", "gates", "flood", "kill", "cluster", "soak"),
     ),
 )  # fmt: skip
 

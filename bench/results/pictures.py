@@ -1,6 +1,7 @@
 """Creates the screenshots in docs: a live run with a jam, on each screen.
 
     .venv/bin/python bench/results/pictures.py            all screenshots, into docs
+    .venv/bin/python bench/results/pictures.py stands     that of several stands alone
 
 Needs Chromium, like the tests of the page. Review the screenshots before committing them.
 """
@@ -11,6 +12,7 @@ import asyncio
 import sys
 import tempfile
 import threading
+from contextlib import ExitStack
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -119,13 +121,50 @@ def make(domain: int, folder: Path) -> None:
             page_pictures(browser, port.partition("/\n")[0].rpartition(":")[2], web, peer, desk)
 
 
+def stands_picture(domain: int, folder: Path) -> None:
+    """Screenshot of the list of all stands: a fault, a stand without data, one without files."""
+    stands = "stands:=['bay_1', 'bay_2', 'bay_3', 'bay_4=./bay_4']"
+    names = "stands:=['bay_1', 'bay_2', 'bay_3', 'bay_4']"
+    journal = ("-p", f"journal:={folder / 'stands.sqlite'}", "-p", "author:=Ada")
+    faults = {"bay_1": "", "bay_2": "jam", "bay_3": ""}
+    with ExitStack() as stack:
+        enter = stack.enter_context
+        fleet = node("flea_diag.nodes.fleet.fleet", "-p", stands, "-p", "memory:=none")
+        enter(Process([*fleet, "-p", "batch_ms:=20"], domain, cwd=folder))
+        page = node("flea_diag.nodes.operator.web", "-p", "port:=0", "-p", names, *journal)
+        web = enter(Process(page, domain))
+        browser = enter(chromium())
+        browser.size(1440, 620)
+        browser.theme("light")
+        port = web.wait_for(SAYS_WHERE, LIMIT_S).partition(SAYS_WHERE)[2].partition("/\n")[0]
+        browser.open(f"http://127.0.0.1:{port.rpartition(':')[2]}/")
+        daqs = {name: enter(Process(daq(name, fault), domain)) for name, fault in faults.items()}
+        browser.until_text("#panel-stands", "ISOLATED", LIMIT_S)
+        browser.until(f"{WITHOUT_DEVIATION} === 2", LIMIT_S)
+        daqs["bay_3"].child.kill()
+        browser.until_text("#panel-stands", "no data from the stand", LIMIT_S)
+        keep(browser, DOCS / "page_stands.png")
+
+
+WITHOUT_DEVIATION = "[...document.querySelectorAll('#panel-stands .state.ok')].length"
+
+
+def daq(name: str, fault: str) -> list[str]:
+    """Command of a simulated stand in a namespace of its own."""
+    given = ("-p", "duration_s:=600.0", "-p", "wait_for_subscribers:=1")
+    fault_given = ("-p", f"fault:={fault}", "-p", "fault_onset_s:=8.0") if fault else ()
+    return node("flea_sim_driver.daq_node", "-r", f"__ns:=/{name}", *given, *fault_given)
+
+
 def main() -> int:
     """Create the screenshots; return the exit status."""
     if missing():
         print(missing(), file=sys.stderr)
         return 2
     with reserved_domain() as domain, tempfile.TemporaryDirectory() as folder:
-        make(domain, Path(folder))
+        if sys.argv[1:] != ["stands"]:
+            make(domain, Path(folder))
+        stands_picture(domain, Path(folder))
     return 0
 
 
