@@ -22,10 +22,13 @@ from flea_diag.core.frozen import Frozen
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.residuals.leverage import CalibrationEnvelope
 from flea_diag.core.residuals.parameters import (
+    LATER_TOLERANCES,
     UNIT_PARAMETERS,
     ActuatorParameters,
+    UnitSpread,
     UnitTolerance,
 )
+from flea_diag.core.residuals.unit_difference import difference_sigmas
 from flea_diag.core.sensors.sensor_limits import SensorLimit
 from flea_diag.fields.values import NotNegative, Positive, within
 from flea_diag.formats import stamped
@@ -37,7 +40,7 @@ PERIOD_S = (1e-4, 1.0)
 
 LATER_PARAMETERS = ("supply_voltage_v",)
 """Parameters that only some actuators have; 0 where a file lacks them."""
-SINCE_OUT_OF_SAMPLE = ("out_of_sample", "left_out", "envelope", "coverage")
+SINCE_OUT_OF_SAMPLE = ("out_of_sample", "left_out", "envelope", "coverage", "units")
 """Entries that older files lack; without them a calibration is the same as such a file."""
 
 
@@ -104,6 +107,8 @@ class Calibration(Frozen):
     """Where it was made; None in an older file: then no test depends on where the motion is."""
     coverage: GroupCoverage | None = None
     """Scores of faulty runs, by which a group holds the fault as often as stated."""
+    units: UnitSpread | None = None
+    """What the units of the calibration differ by; None where fewer than three are known."""
 
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
@@ -111,8 +116,7 @@ class Calibration(Frozen):
 
     def differences(self, names: Collection[str]) -> tuple[float, ...]:
         """The same including the heating rates, in the order of ``unit_differences``."""
-        rates = len(names) - len(UNIT_PARAMETERS)
-        return (*self.tolerances(), *(self.tolerance.thermal_rate_k_per_s,) * rates)
+        return difference_sigmas(self.tolerance, names)
 
     @property
     def promise(self) -> FalseAlarmPromise:
@@ -132,6 +136,9 @@ class Calibration(Frozen):
         for name in LATER_PARAMETERS:
             if not plain["parameters"][name]:
                 plain["parameters"].pop(name)  # so that a calibration without it keeps its digest
+        for name in LATER_TOLERANCES:
+            if not plain["tolerance"][name]:
+                plain["tolerance"].pop(name)
         # Without what an older file lacks it is the same as that file.
         plain = {k: v for k, v in plain.items() if v or k not in SINCE_OUT_OF_SAMPLE}
         return stamped("calibration", {**plain, "speed_regions_m_s": list(SPEED_REGIONS_M_S)})

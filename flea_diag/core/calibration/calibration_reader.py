@@ -16,6 +16,7 @@ from flea_diag.core.calibration.calibration import (
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit
 from flea_diag.core.observers.observer_noise import PROCESS, ObserverNoise
 from flea_diag.core.residuals.parameters import (
+    LATER_TOLERANCES,
     UNIT_PARAMETERS,
     ActuatorParameters,
     UnitTolerance,
@@ -72,7 +73,7 @@ def _require(known: Mapping[str, Any], where: str) -> None:
             raise CalibrationError(f"{where}: {name} = None holds nothing; leave it out")
     _complete(known, NAMES, where, LATER)
     for key, kind, later in (
-        ("parameters", ActuatorParameters, LATER_PARAMETERS), ("tolerance", UnitTolerance, ())
+        ("parameters", ActuatorParameters, LATER_PARAMETERS), ("tolerance", UnitTolerance, LATER_TOLERANCES),
     ):  # fmt: skip
         names = tuple(entry.name for entry in fields(kind))
         _complete(known[key], names, f"{where}: {key}", later, RETIRED.get(key, ()))
@@ -119,6 +120,9 @@ def _contradictions(made: Calibration) -> Iterator[str]:
     for block in made.covariance:
         for wrong in _of_covariance(block):
             yield f"covariance: {wrong}"
+    for name in made.units.spread if made.units else ():
+        if name not in UNIT_PARAMETERS:
+            yield f"units: {shown(name)} is no parameter that units differ in"
     nats = made.coverage.nats if made.coverage else ()
     if list(nats) != sorted(nats):
         yield "coverage: nats must ascend"
@@ -135,8 +139,9 @@ def _of_limit(limit: ResidualLimit) -> Iterator[str]:
     for name, row in rows.items():
         if len(row) != len(SPEED_REGIONS_M_S) + 1:
             yield f"{name} needs {len(SPEED_REGIONS_M_S) + 1} speed regions, has {len(row)}"
-    if len(limit.spread) not in (0, len(UNIT_PARAMETERS)):
-        yield f"spread has {len(limit.spread)} numbers, not {len(UNIT_PARAMETERS)}"
+    every = len(UNIT_PARAMETERS)
+    if len(limit.spread) not in (0, every - len(LATER_TOLERANCES), every):
+        yield f"spread has {len(limit.spread)} numbers, not {every}"
 
 
 def _of_covariance(block: CovarianceBlock) -> Iterator[str]:

@@ -23,13 +23,14 @@ from flea_diag.core.calibration import heat_identification
 from flea_diag.core.calibration.calibration import CovarianceBlock, NominalRun
 from flea_diag.core.calibration.heat_identification import NominalSignals
 from flea_diag.core.calibration.relation_fit import Regression, regression
-from flea_diag.core.calibration.robust_regression import fitted_without, robust_fit
+from flea_diag.core.calibration.robust_regression import fitted_by_fold, robust_fit
 from flea_diag.core.calibration.smoothed_columns import Smoothed, smooth
 from flea_diag.core.residuals.channel_units import COMMAND, CURRENT, LOAD, VOLTAGE
 from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.settling import scans_of, scans_since
+from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.core.symbolic.expression import evaluate, symbols
 from flea_diag.errors import CalibrationError
 
@@ -50,6 +51,8 @@ class Identified:
     voltage_limit_v: float = 10.0
     without: list[dict[str, float]] = field(default_factory=list)
     """Of each recording the parameters fitted without it and those left out with it."""
+    folds: list[dict[str, tuple[float, float]]] = field(default_factory=list)
+    """Of each unit, or recording, its own parameters and their standard errors."""
 
     def judging(self, recording: int) -> Identified:
         """The same with the parameters that a recording is judged by."""
@@ -165,11 +168,17 @@ def _leave_out(
     if folds < 2:
         return
     fold = data.fold[data.run[use]]
-    solutions = fitted_without(made.columns, made.target, weight, fold, folds)
+    fits = fitted_by_fold(made.columns, made.target, weight, fold, folds, KERNEL_LENGTH)
     no_error = np.zeros((len(made.names),) * 2)
-    values = [_possible(made.solved(x, no_error)[0]) for x in solutions]
+    values = [_possible(made.solved(x, no_error)[0]) for x in fits.without]
     for recording, number in enumerate(data.fold.tolist()):
         result.without[recording].update(values[number])
+    result.folds = result.folds or [{} for _ in range(folds)]
+    for own, x, covariance in zip(result.folds, fits.alone, fits.covariance, strict=True):
+        if np.isfinite(covariance).all():
+            found, errors = made.solved(x, covariance)
+            sigmas = np.sqrt(np.diag(errors)).tolist()
+            own.update({n: (found[n], sigma) for n, sigma in zip(found, sigmas, strict=True)})
 
 
 def _possible(values: dict[str, float]) -> dict[str, float]:

@@ -134,6 +134,8 @@ def unit_spread(
     spread = np.zeros((nominal[0].shape[1], len(UNIT_PARAMETERS)))
     for k, name in enumerate(UNIT_PARAMETERS):
         step = getattr(tolerance, name)
+        if not step:
+            continue  # healthy units are alike in it
         other = replace(parameters, **{name: getattr(parameters, name) + step})
         moved = [trace(other, rows) - before for rows, before in zip(pieces, nominal, strict=True)]
         # Equal seeds: any difference left after smoothing over a window is due to the parameter.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -38,16 +40,38 @@ def robust_fit(
     return np.asarray(x, dtype=np.float64), covariance, weight
 
 
-def fitted_without(
-    A: Array, y: Array, weight: Array, fold: npt.NDArray[np.int64], folds: int
-) -> Array:
-    """Solutions of a robust regression without each fold in turn, shape (folds, k).
+class FoldFits(NamedTuple):
+    """Solutions without each fold in turn, and of each fold alone with its covariance.
 
-    From the normal equations less those of the fold, at the weights of the whole fit.
+    Shapes (folds, k), (folds, k) and (folds, k, k), at the weights of the whole fit.
+    """
+
+    without: Array
+    alone: Array
+    covariance: Array
+
+
+def fitted_by_fold(
+    A: Array, y: Array, weight: Array, fold: npt.NDArray[np.int64], folds: int, correlated: float
+) -> FoldFits:
+    """A robust regression without and with each fold alone, from their normal equations.
+
+    ``correlated`` is the number of rows to one independent row. A fold that does not fix its
+    solution has an infinite covariance.
     """
     weighted = A * weight[:, None] ** 2
     parts = [fold == number for number in range(folds)]
     squares = np.array([weighted[part].T @ A[part] for part in parts])
     products = np.array([weighted[part].T @ y[part] for part in parts])
     left = zip(squares.sum(axis=0) - squares, products.sum(axis=0) - products, strict=True)
-    return np.array([np.linalg.pinv(N, hermitian=True, rcond=1e-15) @ b for N, b in left])
+    without = np.array([np.linalg.pinv(N, hermitian=True, rcond=1e-15) @ b for N, b in left])
+    alone, covariance = np.zeros_like(without), np.full_like(squares, np.inf)
+    for k, part in enumerate(parts):
+        inverse = np.linalg.pinv(squares[k], hermitian=True, rcond=1e-15)
+        alone[k] = inverse @ products[k]
+        count = float(np.square(weight[part]).sum())
+        fixed = np.linalg.matrix_rank(squares[k], hermitian=True) == A.shape[1]
+        if fixed and count > correlated * A.shape[1]:
+            apart = np.square((y[part] - A[part] @ alone[k]) * weight[part])
+            covariance[k] = inverse * (correlated * float(apart.sum()) / count)
+    return FoldFits(without, alone, covariance)

@@ -1,9 +1,28 @@
-"""By how much healthy units differ: tolerances of the description, at calibrated values."""
+"""By how much healthy units differ: as the description states it, and as three units or more show.
+
+The variance of a parameter between units is that of the values which each unit's own recordings
+give, less the variance of these values' errors (the moment estimate of a random effect). Of k units
+it has k - 1 degrees of freedom, so it is joined with the stated tolerance as with ``STATED`` more:
+
+    T^2 = (STATED T_stated^2 + (k - 1) T_measured^2) / (STATED + k - 1)
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
 from flea_diag.core.bond_graph.tolerance import Tolerance
-from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
+from flea_diag.core.residuals.parameters import (
+    LATER_TOLERANCES,
+    UNIT_PARAMETERS,
+    ActuatorParameters,
+    UnitSpread,
+    UnitTolerance,
+)
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.symbolic.expression import Variable
 
@@ -11,6 +30,13 @@ HEATING = "thermal_rate_k_per_s"
 SHARE, NOISES = 0.1, 3.0
 """Of what a description states no tolerance for: share of its value, and multiples of the noise of
 the sensor whose offset it is."""
+LEAST_UNITS = 3
+"""With fewer units of known serial number, recordings are left out one by one."""
+STATED = 2.0
+"""Degrees of freedom that a stated tolerance counts as: as many as three units have."""
+
+OwnFit = Mapping[str, tuple[float, float]]
+"""Parameter -> its value by the recordings of one unit, and the standard error of that."""
 
 
 def tolerance_of(parameters: ActuatorParameters, relations: RelationSet) -> UnitTolerance:
@@ -19,9 +45,42 @@ def tolerance_of(parameters: ActuatorParameters, relations: RelationSet) -> Unit
     noises = {offset: rows.noise[channel] for channel, offset in relations.offsets.items()}
     spread = {}
     for name in relations.units:
+        if name in LATER_TOLERANCES and name not in stated:
+            continue
         noise = noises.get(Variable(name), 0.0)
         tolerance = stated.get(name) or Tolerance(SHARE, NOISES * noise)
         spread[name] = tolerance.of(getattr(parameters, name))
     if HEATING in stated:
         spread[HEATING] = stated[HEATING].of(0.0)
     return UnitTolerance(**spread)
+
+
+def measured_spread(units: Sequence[OwnFit], stated: UnitTolerance) -> UnitSpread:
+    """Spread between units of each parameter that every unit's own recordings fix.
+
+    They fix it where the errors of the units' values are below the stated tolerance.
+    """
+    if len(units) < LEAST_UNITS:
+        return UnitSpread()
+    found = {}
+    for name in UNIT_PARAMETERS:
+        known = [unit[name] for unit in units if name in unit]
+        if len(known) < len(units):
+            continue
+        values, errors = np.array(known).T
+        error = float(np.mean(np.square(errors)))
+        if error < getattr(stated, name) ** 2:
+            found[name] = math.sqrt(max(float(np.var(values, ddof=1)) - error, 0.0))
+    return UnitSpread(len(units), found)
+
+
+def joined(stated: UnitTolerance, measured: UnitSpread) -> UnitTolerance:
+    """The stated tolerance, corrected by what units have shown."""
+    freedom = max(measured.count - 1, 0)
+    tolerances = {
+        name: math.sqrt(
+            (STATED * getattr(stated, name) ** 2 + freedom * spread**2) / (STATED + freedom)
+        )
+        for name, spread in measured.spread.items()
+    }
+    return replace(stated, **tolerances)

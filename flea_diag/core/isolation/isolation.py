@@ -35,6 +35,9 @@ DEFINED_BY = {
     "dead": (("stuck", "+"), ("noise", "-")),
 }
 """Modes defined by such a test: ruled out if none of these symbols appears in time."""
+KNOWN = 3e-3
+"""Share to which the signals are known that effects are made of: an effect that is off by it leaves
+this share squared of the likelihood ratio unexplained."""
 IMMEDIATE_MODES = ("noise", "dropout")
 """Modes that the sensor's own test detects no later than any mean of a relation does; loss of noise
 and held readings take longer."""
@@ -224,7 +227,8 @@ class Isolation:
     def apply_likelihoods(self, stamp_ns: int, fits: Sequence[Fit], drop_nats: float) -> None:
         """Apply likelihoods; drop faults that are ``drop_nats`` below the most likely one.
 
-        A hypothesis without a quantitative model is neither favoured nor dropped.
+        A hypothesis without a quantitative model is neither favoured nor dropped. Of a very large
+        likelihood ratio ``KNOWN`` squared is no evidence.
         """
         best_fit: dict[str, Fit] = {}
         for fit in fits:
@@ -234,6 +238,7 @@ class Isolation:
         if not fitted:
             return
         best = max(best_fit[h.name].log_likelihood for h in fitted)
+        drop_nats += KNOWN**2 * max(best, 0.0)
         for hypothesis in fitted:
             fit = best_fit[hypothesis.name]
             hypothesis.fit, hypothesis.log_likelihood = fit, fit.log_likelihood

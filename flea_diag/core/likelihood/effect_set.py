@@ -7,7 +7,7 @@ binds the models to the parameters of a calibration.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from types import FunctionType
@@ -21,7 +21,7 @@ from flea_diag.core.likelihood.plant_models import plant_models
 from flea_diag.core.likelihood.sensor_models import ELAPSED, expected, sensor_models
 from flea_diag.core.likelihood.symbolic_model import SymbolicModel
 from flea_diag.core.residuals.measured_graph import rate_symbol
-from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.parameters import LATER_TOLERANCES, ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
@@ -157,7 +157,10 @@ def effect_set(relations: RelationSet, faults: Iterable[Fault]) -> EffectSet:
             sensor_models(fault, rules, relations) if fault.channel else plant_models(fault, rules)
         )
     ]
-    units = (*_of_parameters(rules), *_of_temperatures(relations.residuals.predictions))
+    units = (
+        *_of_parameters(rules, relations.tolerances),
+        *_of_temperatures(relations.residuals.predictions),
+    )
     used = [effect.basis for model in models for effect in model.effects]
     used += [effect.basis for _, effect in units]
     followed = map(Variable, motion_signals(relations.residuals))
@@ -165,12 +168,13 @@ def effect_set(relations: RelationSet, faults: Iterable[Fault]) -> EffectSet:
     return EffectSet(relations, tuple(models), units, tuple(basis), dict(rules.shapes))
 
 
-def _of_parameters(rules: EffectRules) -> tuple[tuple[str, FaultEffect], ...]:
+def _of_parameters(
+    rules: EffectRules, stated: Collection[str]
+) -> tuple[tuple[str, FaultEffect], ...]:
     """What a parameter of the unit that is smaller by one leaves in the relations."""
     less = Constant(-1.0)
-    return tuple(
-        (name, effect) for name in WEIGHED_PARAMETERS for effect in rules.moved({name: less})
-    )
+    weighed = (*WEIGHED_PARAMETERS, *(n for n in LATER_TOLERANCES if n in stated))
+    return tuple((name, effect) for name in weighed for effect in rules.moved({name: less}))
 
 
 def _of_temperatures(predicted: Iterable[str]) -> Iterable[tuple[str, FaultEffect]]:

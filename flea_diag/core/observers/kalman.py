@@ -25,14 +25,18 @@ class KalmanFilter:
         What it runs on.
     mean, covariance : shape (n,), (n, n)
         What is known before the first scan.
+    expected
+        Normalised innovation squared of a channel; see ``ConsistencyMonitor``.
     """
 
     backend = "numpy"
 
-    def __init__(self, model: FilterModel, mean: Array, covariance: Array) -> None:
+    def __init__(
+        self, model: FilterModel, mean: Array, covariance: Array, expected: float = 1.0
+    ) -> None:
         self._x = np.array(mean, dtype=float)
         self._P = np.array(covariance, dtype=float)
-        self._consistency = ConsistencyMonitor()
+        self._consistency = ConsistencyMonitor(expected=expected)
         self.diverged = False
         self.adopt(model)
 

@@ -64,6 +64,8 @@ class ParticleFilter:
         Resample when the effective sample size falls below this share of N.
     backend
         "numpy", "numba" or "auto".
+    expected
+        Normalised innovation squared of a channel; see ``ConsistencyMonitor``.
 
     Raises
     ------
@@ -82,6 +84,7 @@ class ParticleFilter:
         proposal: str = "optimal",
         threshold: float = 0.5,
         backend: str = "auto",
+        expected: float = 1.0,
     ) -> None:
         if particles < 2:
             raise ConfigurationError(f"particles = {particles}: at least 2 are needed")
@@ -111,7 +114,7 @@ class ParticleFilter:
         self._width = 3 * p + n + 2
         self._row = np.zeros(self._width)
         self._row[3 * p : -2] = mean
-        self._consistency = ConsistencyMonitor()
+        self._consistency = ConsistencyMonitor(expected=expected)
         self.diverged = False
         self._tracked: tuple[Flags, Array | Views, Array | Views] | None = None
         self.adopt(model)

@@ -160,6 +160,7 @@ class Filter(Protocol):
 
 LOST = 10.0
 """Mean of NIS over channels measured at which a filter counts as diverged; 1 is expected."""
+UNIT_SIGMAS = 3.0
 MEMORY = 50
 """Scans over which that mean reaches back."""
 
@@ -170,19 +171,20 @@ class ConsistencyMonitor:
     See Bar-Shalom et al. 2001, section 5.4.
 
     An exponential mean of NIS / channels, which is 1 for a filter that knows its own error.
-    Model and reality always differ somewhat; ``LOST`` times is lost.
+    Model and reality always differ somewhat: ``LOST`` is lost, or, where more is ``expected`` of
+    healthy units, what one of them shows at three sigmas of their differences.
     """
 
-    def __init__(self, memory: int = MEMORY, lost: float = LOST) -> None:
+    def __init__(self, memory: int = MEMORY, expected: float = 1.0) -> None:
         self._share = 1.0 / memory
-        self._lost = lost
+        self._lost = max(LOST, UNIT_SIGMAS**2 * expected)
         self.level = 1.0
 
     def step(self, nis: float, measured: int) -> bool:
         """Take one scan; whether the filter has diverged."""
         if measured:
             # One outlier, of any size, is not yet a lost track.
-            most = 5.0 * self._lost
+            most = 10.0 * self._lost
             level = nis / measured
             bounded = level if level < most else most  # NaN is no less lost
             self.level += self._share * (bounded - self.level)

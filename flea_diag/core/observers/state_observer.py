@@ -93,6 +93,8 @@ class StateObserver:
         "mean" or "instant_pwm", as the ChannelTable and the calibration say.
     kind
         "optimal", "bootstrap" (particle filters) or "kalman" (extended Kalman filter).
+    expected
+        Normalised innovation squared of a channel on healthy units.
 
     Attributes
     ----------
@@ -117,6 +119,7 @@ class StateObserver:
         noise: ObserverNoise | None = None,
         voltage_sampling: str = "mean",
         kind: str = "optimal",
+        expected: float = 1.0,
     ) -> None:
         if kind not in FILTERS:
             raise ConfigurationError(
@@ -154,7 +157,7 @@ class StateObserver:
         cold = next(iter(known.reference.values()), math.nan)
         self._generator = generator
         self._particles = particles
-        self._kind = kind
+        self._kind, self._expected = kind, expected
         self.backend = "numpy" if kind == "kalman" else backends.chosen(backend)
         pwm = voltage_sampling == "instant_pwm"
         sigmas = tuple(sigma[name] for name in by.readings)
@@ -305,7 +308,7 @@ class StateObserver:
         known = KalmanFilter(self._model, np.array([voltage, 0.0, 0.0, position]), covariance)
         known.update(y)
         if self._kind == "kalman":
-            return KalmanFilter(self._model, known.mean, known.covariance)
+            return KalmanFilter(self._model, known.mean, known.covariance, self._expected)
         return ParticleFilter(
             self._model,
             known.mean,
@@ -314,4 +317,5 @@ class StateObserver:
             particles=self._particles,
             proposal=self._kind,
             backend=self.backend,
+            expected=self._expected,
         )

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
-from flea_diag.fields.values import Positive, within
+from flea_diag.fields.values import NotNegative, Positive, within
 
 MOVING_WIDTHS = 2.5
 """Speed above which the actuator moves, in widths of its smooth friction: there friction has 99 %
@@ -67,7 +68,8 @@ class UnitTolerance(Frozen):
     A difference inside it is another unit, not a fault. The FLEA's test actuators differ by
     20 % in resistance and 60 % in viscous friction, offsets of the voltage channel by 0.7 V:
     each taken as two sigma. Heating of a motor
-    that has been hot for hours departs from a one-node model by up to 0.06 K/s.
+    that has been hot for hours departs from a one-node model by up to 0.06 K/s. What only some
+    descriptions and recordings say is 0 elsewhere: then healthy units are taken as alike in it.
     """
 
     coulomb_friction_n: Positive = 10.0
@@ -78,9 +80,25 @@ class UnitTolerance(Frozen):
     voltage_offset_v: Positive = 0.5
     current_offset_a: Positive = 0.15
     thermal_rate_k_per_s: Positive = 0.03
+    force_constant_n_per_a: NotNegative = 0.0
+    drive_gain: NotNegative = 0.0
+    drive_offset_v: NotNegative = 0.0
 
 
 UNIT_PARAMETERS = tuple(
     entry.name for entry in fields(UnitTolerance) if entry.name != "thermal_rate_k_per_s"
 )
 """Parameters in which healthy units of one design differ."""
+LATER_TOLERANCES = ("force_constant_n_per_a", "drive_gain", "drive_offset_v")
+"""The last of them, which older calibrations lack and only some descriptions state."""
+
+
+@dataclass(frozen=True)
+class UnitSpread:
+    """Spread of parameters between the units of a calibration, one sigma; ``count`` of them.
+
+    What their recordings do not fix in each unit by itself is not in it.
+    """
+
+    count: int = 0
+    spread: Mapping[str, NotNegative] = field(default_factory=dict)

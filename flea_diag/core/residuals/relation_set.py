@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.residuals.parameters import LATER_TOLERANCES
 from flea_diag.core.residuals.prediction import Prediction
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.residuals.stop import Stop
@@ -147,15 +148,20 @@ class RelationSet(Frozen):
         return tuple(
             row.name
             for row in self.relations
-            if any(derivative(row.expression, unit) != ZERO for unit in self.units)
+            if any(self._apart(row, unit) != ZERO for unit in self.units)
         )
+
+    def _apart(self, row: CompiledRelation, unit: str) -> Expression:
+        """D r / d theta; 0 for what healthy units are alike in unless the description says more."""
+        alike = unit in LATER_TOLERANCES and unit not in self.tolerances
+        return ZERO if alike else derivative(row.expression, unit)
 
     @cached_property
     def source(self) -> str:
         """Text of the functions, all of parameters ``p`` and signals ``x``."""
         rows = [row.expression for row in self.relations]
-        apart = [row.expression for row in self.relations if row.name in self.differing]
-        spreads = [[derivative(row, unit) for unit in self.units] for row in apart]
+        apart = [row for row in self.relations if row.name in self.differing]
+        spreads = [[self._apart(row, unit) for unit in self.units] for row in apart]
         arguments = [shape.argument for shape in self.shapes.values()]
         # Each with a last zero: numba knows no empty tuple of results.
         supplies = [*(row.supply for row in self.predictions), ZERO]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitTolerance
 
 Array = npt.NDArray[np.float64]
 
@@ -21,6 +21,8 @@ WEIGHED_PARAMETERS = (
 )
 """Of these parameters those that a likelihood allows for. Not the inertia, which acts by less than
 the noise, and not the zero of the current, which is learned at the start."""
+LEAST = 1e-6
+"""A spread of 0 would make a difference impossible, and its information infinite."""
 
 
 def heating_rate(temperature: str) -> str:
@@ -31,6 +33,13 @@ def heating_rate(temperature: str) -> str:
 def unit_differences(temperatures: Iterable[str]) -> tuple[str, ...]:
     """What healthy units differ by: their parameters, and how their parts heat up."""
     return (*UNIT_PARAMETERS, *map(heating_rate, temperatures))
+
+
+def difference_sigmas(tolerance: UnitTolerance, names: Collection[str]) -> tuple[float, ...]:
+    """By how much they differ (one sigma), in the order of ``unit_differences``."""
+    rates = len(names) - len(UNIT_PARAMETERS)
+    parts = [getattr(tolerance, name) for name in UNIT_PARAMETERS]
+    return tuple(max(s, LEAST) for s in (*parts, *(tolerance.thermal_rate_k_per_s,) * rates))
 
 
 @dataclass(frozen=True, slots=True)

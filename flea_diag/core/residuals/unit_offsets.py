@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitTolerance
+from flea_diag.core.residuals.unit_difference import LEAST
 
 Array = npt.NDArray[np.float64]
 
@@ -31,7 +32,7 @@ class OffsetLearning:
 
     def __init__(self, parameter: str, tolerance: UnitTolerance) -> None:
         self._at = UNIT_PARAMETERS.index(parameter)
-        sigma = [_WIDE.get(name, getattr(tolerance, name)) for name in UNIT_PARAMETERS]
+        sigma = [_WIDE.get(name, max(getattr(tolerance, name), LEAST)) for name in UNIT_PARAMETERS]
         self._information = np.diag(1.0 / np.square(sigma))
         self._vector = np.zeros(len(UNIT_PARAMETERS))
 

@@ -15,6 +15,9 @@ from flea_diag.core.sensors.sensor_limits import DROPOUT_S, SensorLimit, scans_o
 
 HOLD_S = 0.1
 """Time after which a reading that jumped is accepted as the new level."""
+LEAST_HELD = 2
+"""Repeats of a reading that jumped and jumps back which make it a drop-out: no chance meets both
+jumps. A reading that does not jump is one after as many repeats as chance allows."""
 STUCK_S = 0.5
 """A reading held for this long is stuck; held for less it is a drop-out."""
 
@@ -25,10 +28,14 @@ def stuck_scans(limit: SensorLimit, period_s: float) -> int:
 
 
 class ReadingGuard:
-    """Detects jumps and held readings of one channel."""
+    """Detects jumps and held readings of one channel.
 
-    def __init__(self, limit: SensorLimit, period_s: float) -> None:
-        self._limit = limit
+    ``quantum``: of a reading that counts, about the size of a count. A steady motion holds it, too:
+    a drop-out is what it comes to, or leaves, by more than that.
+    """
+
+    def __init__(self, limit: SensorLimit, period_s: float, quantum: float = 0.0) -> None:
+        self._limit, self._quantum = limit, quantum
         self._stuck = stuck_scans(limit, period_s)
         self._hold = scans_of(HOLD_S, period_s)
         self._memory = scans_of(DROPOUT_S, period_s)
@@ -38,7 +45,7 @@ class ReadingGuard:
     def interrupt(self) -> None:
         """Forget the readings, not the drop-outs."""
         self._last = self._level = self._speed = math.nan
-        self._leapt = 0.0
+        self._leapt = self._came = 0.0
         self._away = self._calm = self.run = 0
 
     @property
@@ -55,6 +62,7 @@ class ReadingGuard:
         """Set the two readings before the next one, if none of them was unusual."""
         if not self.busy:
             self._last, self._level, self._speed = last, last, last - before
+            self._came = abs(last - before)
 
     def take(
         self, scan: int, value: float, at_end: bool, rests: bool = False
@@ -69,7 +77,7 @@ class ReadingGuard:
         if value != value:
             self._last = value
             return False, 0.0
-        leapt = self._leap(value - self._last)
+        leapt = self._leap(scan, value - self._last)
         held = self._held(scan, value, at_end, rests)
         return held or self._away > 0, leapt
 
@@ -78,17 +86,21 @@ class ReadingGuard:
         if value == self._level and not at_end:
             self.run += not rests
         else:
-            if least and least <= self.run < self._stuck:
+            went = abs(value - self._level)
+            steady = self._quantum > 0.0 and max(self._came, went) <= self._quantum
+            if least and least <= self.run < self._stuck and not steady:
                 self.events.append(scan)
-            self.run = 0
+            self.run, self._came = 0, went
         self._last = self._level = value
         return bool(least) and self.run >= least
 
-    def _leap(self, change: float) -> float:
+    def _leap(self, scan: int, change: float) -> float:
         """Track a reading that jumped; its step once it has stayed at the new level, else 0."""
         leaps, leapt = abs(change) > self._limit.reach, 0.0
         self._calm = max(self._calm - 1, 0)
         if leaps and self._away and change * self._leapt < 0.0:
+            if LEAST_HELD <= self.run < self._limit.repeats:
+                self.events.append(scan)
             self._away, self._calm = 0, 2 * SPAN
         elif leaps and not self._away:
             self._away = 1

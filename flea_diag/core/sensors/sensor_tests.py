@@ -70,7 +70,13 @@ class SensorTests:
         self._reach = np.array([limit.reach for limit in self._limits])
         self._low = np.full(len(self._limits), -math.inf)
         self._high = np.full(len(self._limits), math.inf)
-        self._guards = [ReadingGuard(limit, period_s) for limit in self._limits]
+        quanta = [
+            sensors.resolutions[name] if name == sensors.speed else 0.0 for name in self._names
+        ]
+        self._guards = [
+            ReadingGuard(limit, period_s, quantum)
+            for limit, quantum in zip(self._limits, quanta, strict=True)
+        ]
         self._watched: set[int] = set()
         """Channels in which a jump, a hold or a drop-out is still of effect."""
         self._noise = NoiseTest(self._limits, sensors, backend)

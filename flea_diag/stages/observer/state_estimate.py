@@ -20,6 +20,7 @@ from flea_diag.core.observers.observer_block import Innovations, innovated_place
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.residual_rows import ResidualSet
 
 Array = npt.NDArray[np.float64]
 
@@ -72,6 +73,7 @@ class StateEstimate:
                 noise=calibration.observer_noise,
                 voltage_sampling=calibration.voltage_sampling or "mean",
                 kind=KINDS[kind],
+                expected=expected_nis(calibration, known),
             )
 
     @property
@@ -157,3 +159,18 @@ class StateEstimate:
         """A gap in the stream."""
         if self._observer is not None:
             self._observer.interrupt()
+
+
+def expected_nis(calibration: Calibration, known: ResidualSet) -> float:
+    """Normalised innovation squared of a channel on any healthy unit, at least 1.
+
+    Its scatter over the nominal recordings, and what units differ by.
+    """
+    tolerance = np.array(calibration.tolerances())
+    found = []
+    for name in known.innovations[::2]:  # each also times the sign of the speed
+        limit = calibration.limit(name)
+        if limit is not None:
+            apart = np.array(limit.spread) * tolerance[: len(limit.spread)]
+            found.append(limit.sigma[0] ** 2 + float(np.square(apart).sum()))
+    return max(1.0, float(np.mean(found))) if found else 1.0

@@ -48,8 +48,6 @@ examples:
   flea calibrate bags/nominal_* -o calibration.yaml --plots pictures/
 """
 
-LEAST_UNITS = 3
-"""With fewer units of known serial number, recordings are left out one by one."""
 MOST_LEFT_OUT = 0.25
 """Largest share of the recordings that is left out as not nominal."""
 
@@ -200,7 +198,7 @@ def _learn(
 ) -> CalibrationResult:
     """Calibration from these recordings, and which of them the others show not to be nominal."""
     from flea_diag.core.calibration import envelope_fit, identification, nominal_trace, thresholds
-    from flea_diag.core.calibration.run_spread import tolerance_of
+    from flea_diag.core.calibration.run_spread import joined, measured_spread, tolerance_of
     from flea_diag.core.smoothing import KERNEL_LENGTH
 
     runs = [recording.run for recording in recordings]
@@ -216,7 +214,9 @@ def _learn(
         for trace in sharing.over(work.trace, items, "residuals")
     ]
     traces, judged = traced[: len(runs)], traced[len(runs) :]
-    tolerance = tolerance_of(found.parameters, relations)
+    stated = tolerance_of(found.parameters, relations)
+    units = measured_spread(found.folds if _known_units(recordings) else (), stated)
+    tolerance = joined(stated, units)
     innovations = _innovations(recordings, traces, found, relations, tolerance, work, sharing)
     traces, judged = (
         list(map(nominal_trace.with_innovations, part, innovations.residuals))
@@ -228,6 +228,7 @@ def _learn(
     calibration = replace(
         _calibration(name, recordings, found, traces, innovations, limits, tolerance),
         envelope=envelope_fit.envelope(traces, relations),
+        units=units if units.count else None,
     )
     spread = innovations.spread
     odd = thresholds.not_nominal(
@@ -256,10 +257,17 @@ def _check_left_out(recordings: Sequence[NominalRecording], odd: Mapping[str, st
 
 def folds_of(recordings: Sequence[NominalRecording]) -> tuple[str, ...]:
     """What each recording is left out with: its unit where there are enough, else itself."""
-    units = [recording.serial for recording in recordings]
-    if "" not in units and len(set(units)) >= LEAST_UNITS:
-        return tuple(units)
+    if _known_units(recordings):
+        return tuple(recording.serial for recording in recordings)
     return tuple(recording.run.name for recording in recordings)
+
+
+def _known_units(recordings: Sequence[NominalRecording]) -> bool:
+    """Whether all units are known by their serial numbers, and enough of them."""
+    from flea_diag.core.calibration.run_spread import LEAST_UNITS
+
+    units = {recording.serial for recording in recordings}
+    return "" not in units and len(units) >= LEAST_UNITS
 
 
 def _check_recordings(

@@ -19,10 +19,11 @@ from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.likelihood.sensor_models import ELAPSED, expected
 from flea_diag.core.likelihood.size_bound import LikelihoodOf, SizeBound, size_bounds
-from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
+from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.parity import channel_of
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
+from flea_diag.core.residuals.unit_difference import difference_sigmas
 from flea_diag.core.smoothing import KERNEL_LENGTH, hann_kernels
 from flea_diag.core.symbolic.expression import derivative, evaluate
 from flea_diag.stages.isolator.parameters import IsolatorParameters
@@ -178,9 +179,7 @@ class FaultSizes:
         if self.calibration is not None:
             return self.calibration.differences(effects.differences)
         tolerance = tolerance_of(self.parameters, effects.relations)
-        rates = len(effects.differences) - len(UNIT_PARAMETERS)
-        parts = [getattr(tolerance, name) for name in UNIT_PARAMETERS]
-        return (*parts, *(tolerance.thermal_rate_k_per_s,) * rates)
+        return difference_sigmas(tolerance, effects.differences)
 
     def _noise(
         self, relations: RelationSet, motion: MotionSignals

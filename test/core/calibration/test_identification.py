@@ -11,7 +11,7 @@ from support.models import linear_ema as ema
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.identification import identify
-from flea_diag.core.calibration.robust_regression import fitted_without, robust_fit
+from flea_diag.core.calibration.robust_regression import fitted_by_fold, robust_fit
 from flea_diag.errors import CalibrationError
 
 TRUE = {
@@ -87,11 +87,23 @@ def test_a_fit_without_each_recording_is_the_fit_of_the_others():
     A, fold = random.standard_normal((400, 3)), np.repeat(np.arange(4), 100)
     y = A @ [1.0, -2.0, 0.5] + 0.1 * random.standard_normal(400)
     weight = random.uniform(0.2, 1.0, 400)
-    for number, x in enumerate(fitted_without(A, y, weight, fold, 4)):
-        rest = fold != number
-        W = weight[rest, None]
-        again = np.linalg.lstsq(A[rest] * W, y[rest] * W[:, 0], rcond=None)[0]
-        np.testing.assert_allclose(x, again, rtol=1e-9)
+    fits = fitted_by_fold(A, y, weight, fold, 4, 1.0)
+    for number in range(4):
+        for x, part in ((fits.without, fold != number), (fits.alone, fold == number)):
+            W = weight[part, None]
+            again = np.linalg.lstsq(A[part] * W, y[part] * W[:, 0], rcond=None)[0]
+            np.testing.assert_allclose(x[number], again, rtol=1e-9)
+
+
+def test_the_error_of_a_unit_alone_is_that_of_least_squares_and_infinite_where_it_fixes_nothing():
+    random = np.random.default_rng(5)
+    A, fold = random.standard_normal((2000, 2)), np.repeat(np.arange(2), 1000)
+    A[fold == 1, 1] = A[fold == 1, 0]  # only the sum of the two shows
+    y = A @ [1.0, -2.0] + 0.1 * random.standard_normal(2000)
+    of_one, of_other = fitted_by_fold(A, y, np.ones(2000), fold, 2, 4.0).covariance
+    # Four rows to one independent row: 0.01 / (1000 / 4) for each regressor of unit variance.
+    np.testing.assert_allclose(np.diag(of_one), 4e-5, rtol=0.15)
+    assert np.isinf(of_other).all()
 
 
 def test_every_recording_has_the_parameters_that_the_others_give():

@@ -239,3 +239,15 @@ def test_a_feature_leaves_what_it_names():
     assert [(h.name, h.probability) for h in isolation.alive()] == [("jam", 0.7), ("spall", 0.3)]
     check = isolation.hypotheses["winding_short"].checks[-1]
     assert (check.source, check.observed, check.kept) == ("accelerometer_2_std", "1", False)
+
+
+@pytest.mark.parametrize(("ratio", "left"), [(3.6e6, True), (100.0, False)])
+def test_of_a_very_large_likelihood_ratio_a_few_nats_drop_no_fault(ratio, left):
+    isolation = fresh()
+    isolation.observe(1, "parity_mechanical_dn", "+", "?", BOTH)
+    fits = [
+        Fit(name, gain, (80.0,), (5.0,))
+        for name, gain in (("jam", ratio), ("ball_nut_friction", ratio - 7.0))
+    ]
+    isolation.apply_likelihoods(2, fits, 3.5)
+    assert ("ball_nut_friction" in alive(isolation)) is left

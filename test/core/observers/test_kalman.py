@@ -136,3 +136,9 @@ def test_consistency_takes_what_is_no_number_for_lost() -> None:
     monitor = ConsistencyMonitor()
     assert [monitor.step(np.nan, 2) for _ in range(100)][-1]
     assert not [monitor.step(2.0, 2) for _ in range(500)][-1]
+
+
+def test_what_healthy_units_are_expected_to_differ_by_is_no_lost_track() -> None:
+    monitor = ConsistencyMonitor(expected=4.0)
+    assert not any(monitor.step(35.0 * 2, 2) for _ in range(500))  # below 3^2 times 4
+    assert any(monitor.step(40.0 * 2, 2) for _ in range(500))

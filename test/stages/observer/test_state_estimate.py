@@ -12,6 +12,7 @@ from support import stands
 from support.models import linear_ema as ema
 
 from flea_diag.configuration.description import compiled_relations
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.stages.observer.state_estimate import StateEstimate
 from flea_diag.wire.records import Detection, Outcome, Residual, Scan, Symbols
 
@@ -173,7 +174,7 @@ def test_another_unit_moves_innovations_as_far_as_the_calibration_foretells():
     calibration = stands.calibration()
     limit = calibration.limit("innovation_motor_current_dn")
     assert limit is not None
-    assert len(limit.spread) == 7
+    assert len(limit.spread) == len(UNIT_PARAMETERS)
     assert all(value >= 0.0 for value in limit.spread)
     # Friction loads the motor one way only: the direction-normalised row feels it most.
     assert limit.spread[0] > 0.0

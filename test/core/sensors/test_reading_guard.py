@@ -1,0 +1,35 @@
+"""Jumps and holds of one reading, scan by scan."""
+
+from __future__ import annotations
+
+import pytest
+
+from flea_diag.core.sensors.reading_guard import ReadingGuard
+from flea_diag.core.sensors.sensor_limits import SensorLimit
+
+COUNT = 0.15
+LIMIT = SensorLimit("motor_speed", 0.0, 0.0, 1.0, repeats=7, reach=20.0, step=0.0, k=5.0)
+
+
+def drop_outs(readings: list[float], quantum: float = 0.5) -> int:
+    guard = ReadingGuard(LIMIT, 0.01, quantum)
+    guard.wake(readings[0], readings[1])
+    for scan, value in enumerate(readings[2:]):
+        guard.take(scan, value, at_end=False)
+    return len(guard.events)
+
+
+def test_an_encoder_that_counts_alike_in_a_steady_motion_has_no_drop_out() -> None:
+    steady = [100 * COUNT] * 9 + [101 * COUNT] * 9 + [100 * COUNT] * 9 + [99 * COUNT]
+    assert drop_outs(steady) == 0
+    assert drop_outs(steady, quantum=0.0) == 3  # of a reading that does not count
+
+
+@pytest.mark.parametrize("held", [3, 5, 8])
+def test_a_reading_that_jumps_to_a_value_holds_it_and_jumps_back_has_dropped_out(held) -> None:
+    moves = [60.0, 60.1, 60.3, 60.2, 60.4]
+    assert drop_outs(moves + [0.0] * held + moves) == 1
+
+
+def test_noise_that_jumps_both_ways_holds_nothing() -> None:
+    assert drop_outs([60.0, 60.1, 60.2, 1.0, 2.0, 0.5, 1.5, 60.1, 60.0, 60.3]) == 0
