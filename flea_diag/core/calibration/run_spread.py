@@ -74,9 +74,17 @@ def measured_spread(units: Sequence[OwnFit], stated: UnitTolerance) -> UnitSprea
     return UnitSpread(len(units), found)
 
 
+def recorded_spread(sigmas: Mapping[str, float], recordings: int) -> UnitSpread:
+    """Spread of the parameters between the recordings of one unit, by the errors of their mean."""
+    known = {name: sigma for name, sigma in sigmas.items() if name in UNIT_PARAMETERS}
+    return UnitSpread(1, {name: sigma * math.sqrt(recordings) for name, sigma in known.items()})
+
+
 def joined(stated: UnitTolerance, measured: UnitSpread) -> UnitTolerance:
     """The stated tolerance, corrected by what units have shown."""
-    freedom = max(measured.count - 1, 0)
+    if measured.count < LEAST_UNITS:
+        return stated
+    freedom = measured.count - 1
     tolerances = {
         name: math.sqrt(
             (STATED * getattr(stated, name) ** 2 + freedom * spread**2) / (STATED + freedom)

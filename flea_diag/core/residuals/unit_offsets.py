@@ -33,7 +33,7 @@ class OffsetLearning:
     def __init__(self, parameter: str, tolerance: UnitTolerance) -> None:
         self._at = UNIT_PARAMETERS.index(parameter)
         sigma = [_WIDE.get(name, max(getattr(tolerance, name), LEAST)) for name in UNIT_PARAMETERS]
-        self._information = np.diag(1.0 / np.square(sigma))
+        self._prior = self._information = np.diag(1.0 / np.square(sigma))
         self._vector = np.zeros(len(UNIT_PARAMETERS))
 
     def add(self, residuals: Array, sensitivities: Array, variance: float) -> None:
@@ -50,6 +50,11 @@ class OffsetLearning:
         self._information = np.add.accumulate((self._information, *outer))[-1]
         # A residual r at the calibrated value wants the parameter moved by -r / (dr/dp).
         self._vector = np.subtract.accumulate((self._vector, *(s * r[:, None] / variance)))[-1]
+
+    @property
+    def shown(self) -> tuple[Array, Array]:
+        """Information of the samples on the unit parameters, without the prior, and its vector."""
+        return self._information - self._prior, self._vector
 
     def offset(self) -> tuple[float, float]:
         """Correction of the calibrated offset, and its standard deviation."""

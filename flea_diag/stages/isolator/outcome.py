@@ -27,6 +27,8 @@ DIVERGED = (
     "state observer diverged and no residual isolates a cause: the calibration does not fit this "
     "actuator, calibrate on its own recordings"
 )
+REMEDY = "calibrate on recordings of this unit"
+NAMING = (Outcome.ISOLATED, Outcome.INDISTINGUISHABLE)
 NOT_ISOLATING = "innovation above threshold; no isolating residual yet"
 EVIDENCE_LOST = "episode opened before observer and isolator restarted; its evidence is lost"
 AT_REST = "actuator at rest: motor and screw faults are observable only in motion"
@@ -59,6 +61,8 @@ class OutcomeRules:
             # At most the last scan: the record being answered may come after a jump of the clock.
             if diverged(min(stamp_ns, stand.last_ns), stand.lost_ns):
                 return Outcome.MODEL_MISMATCH, DIVERGED
+            if stand.beyond:
+                return Outcome.MODEL_MISMATCH, f"{stand.beyond}: {REMEDY}"
             return self._quiet(stamp_ns, stand)
         outcome, words = self._of_episode(stamp_ns, stand, episode)
         early = episode.shared.detected_ns - max(stand.first_ns, stand.unit_ns) <= EARLY_NS
@@ -67,6 +71,16 @@ class OutcomeRules:
                 Outcome.MODEL_MISMATCH,
                 f"{words}; present since the start: the calibration does not fit this actuator",
             )
+        if early and outcome in NAMING and stand.other_unit is not None:
+            alive = episode.isolation.alive()
+            # What parameters of the motor and the screw have changed in is no error of a reading.
+            if all(h.fault.channel for h in alive):
+                names = " or ".join(h.name for h in alive)
+                return (
+                    Outcome.MODEL_MISMATCH,
+                    f"{stand.other_unit.reason}; present since the start, as {names} would be: "
+                    f"{REMEDY}",
+                )
         return outcome, words
 
     def _of_episode(self, stamp_ns: int, stand: StandStatus, episode: FaultEpisode) -> Decision:

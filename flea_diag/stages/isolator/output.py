@@ -46,6 +46,7 @@ class IsolatorOutput:
         number = episode.shared.number if episode is not None else 0
         names = episode.names() if episode is not None else ()
         state = (outcome, number, names, self._stand.bad, self._stand.contact, self._stand.outside)
+        state = (*state, self._stand.beyond)
         if state == self._said:
             return ()
         if episode is not None and self._said[:1] and self._said[1] == number:

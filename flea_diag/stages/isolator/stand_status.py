@@ -16,6 +16,7 @@ from flea_diag.errors import shown
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
     NEVER_NS,
+    OTHER_UNIT,
     OUTSIDE_CALIBRATION,
     STREAM,
     ChannelQuality,
@@ -49,6 +50,8 @@ class StandStatus:
     """The row of data quality while the actuator is at an end of its travel."""
     outside: ChannelQuality | None = None
     """The row of data quality while the motion is outside what the calibration has seen."""
+    other_unit: ChannelQuality | None = None
+    """The row of data quality of a unit that is none of the calibration's."""
     table_ns: int = NEVER_NS
     """When the stand began: the stamp of its channel table."""
     first_ns: int = NEVER_NS
@@ -71,6 +74,12 @@ class StandStatus:
     last_ns: int = NEVER_NS
     """Stamp of the newest scan."""
 
+    @property
+    def beyond(self) -> str:
+        """What no healthy unit of the design differs by; empty for any other unit."""
+        row = self.other_unit
+        return row.reason if row is not None and row.quality is Quality.SATURATED else ""
+
     def take_table(self, table: ChannelTable, mismatch: str) -> None:
         """Take the channel table, and why the calibration does not fit it (empty: it does)."""
         self.axes = tuple(r.name for r in table.channels if r.name.startswith("accelerometer"))
@@ -81,6 +90,7 @@ class StandStatus:
         self.bad = tuple(row.channel for row in quality.channels if row.quality in UNUSABLE)
         self.contact = _condition(quality, END_OF_TRAVEL)
         self.outside = _condition(quality, OUTSIDE_CALIBRATION)
+        self.other_unit = next((r for r in quality.channels if r.channel == OTHER_UNIT), None)
         self.offsets, self.counters = quality.offsets, wrong_samples(quality)
         began_ns = self.began_ns = max(
             (row.since_ns for row in quality.channels if row.channel == STREAM), default=0

@@ -29,6 +29,7 @@ from flea_diag.stages.observer.voltage_trust import VoltageTrust, VoltageVerdict
 from flea_diag.stages.observer.warm_up import Offsets, WarmUp
 from flea_diag.wire.records import (
     NEVER_NS,
+    OTHER_UNIT,
     OUTSIDE_CALIBRATION,
     ChannelQuality,
     ChannelTable,
@@ -94,6 +95,7 @@ class ResidualStream:
         self._tests = ResidualTests(known, c, estimate.runs, backend)
         self.offsets: tuple[UnitOffset, ...] = ()
         """Learned offsets of this unit; empty until the warm-up is over."""
+        self._unit: tuple[ChannelQuality, ...] = ()
         self._period_ns = round(c.period_s * 1e9)
         self._last_ns = start_ns
 
@@ -193,7 +195,7 @@ class ResidualStream:
         if self._lost.leave_out(residuals, read):
             self._estimate.interrupt()
         if self._warm_up is not None:
-            self._learn(self._warm_up, residuals, int(stamps_ns[0]))
+            self._learn(self._warm_up, residuals, int(stamps_ns[0]), frozen)
         # After the learning: the offsets of a unit are its own wherever it stands.
         if self.envelope is not None:
             self.envelope.leave_out(residuals)
@@ -219,18 +221,27 @@ class ResidualStream:
 
     def states(self) -> tuple[ChannelQuality, ...]:
         """Rows of DataQuality for conditions: contact, and a place outside the calibration."""
-        rows = self.conditions.states()
+        rows = (*self.conditions.states(), *self._unit)
         if self.envelope is None or not self.envelope.outside:
             return rows
         words = self.envelope.words
         row = ChannelQuality(OUTSIDE_CALIBRATION, Quality.SATURATED, self._outside_ns, words)
         return (*rows, row)
 
-    def _learn(self, warm_up: WarmUp, residuals: ResidualRows, stamp_ns: int) -> None:
-        """Adopt the offsets of this unit once the warm-up has estimated them."""
+    def _learn(self, warm_up: WarmUp, residuals: ResidualRows, stamp_ns: int, within: bool) -> None:
+        """Adopt the offsets of this unit once the warm-up has estimated them.
+
+        Of another unit than calibrated all that has shown is adopted, but ``within`` an episode.
+        """
         found = warm_up.step(residuals, stamp_ns, self._voltage.lost)
         if found is None:
             return
+        unit = warm_up.unit
+        if unit.words:
+            quality = Quality.SATURATED if unit.is_beyond else Quality.GOOD
+            self._unit = (ChannelQuality(OTHER_UNIT, quality, stamp_ns, unit.words),)
+        if unit.learned and not within:
+            found = {**found, **unit.learned}
         self._adopt(found)
         self.offsets = tuple(
             UnitOffset(name, getattr(self._p, name), sigma, stamp_ns)

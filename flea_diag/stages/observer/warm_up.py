@@ -8,8 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.residuals.unit_offsets import OffsetLearning
+from flea_diag.core.residuals.unit_start import UnitStart, unit_start
 
 Stamps = npt.NDArray[np.int64]
 Offsets = Mapping[str, tuple[float, float]]
@@ -29,6 +31,15 @@ class WarmUp:
             residual: OffsetLearning(name, calibration.tolerance)
             for residual, name in known.zeros.items()
         }
+        self.unit = UnitStart()
+        """Which unit has started; known after the last step."""
+        # Of the unit alone: the relations of the zeros, and the others that units differ in.
+        plain = (known.rows[j].name for j in known.spreading if not known.parities[j].normalised)
+        self._others = {
+            name: OffsetLearning(UNIT_PARAMETERS[0], calibration.tolerance)
+            for name in plain
+            if name not in self._learning and calibration.units
+        }
 
     def leading(self, stamps_ns: Stamps) -> int:
         """How many of these scans may come in one block: the warm-up ends with a single one."""
@@ -42,6 +53,9 @@ class WarmUp:
         """
         zeros = self._known.zeros
         if stamp_ns >= self._ends_ns:
+            c = self._calibration
+            learning = [*self._learning.values(), *self._others.values()]
+            self.unit = unit_start(learning, c.parameters, c.tolerance, c.units)
             return {
                 zeros[residual]: learning.offset()
                 for residual, learning in self._learning.items()
@@ -51,7 +65,7 @@ class WarmUp:
         return None
 
     def _learn(self, residuals: ResidualRows) -> None:
-        for name, learning in self._learning.items():
+        for name, learning in (self._learning | self._others).items():
             limit = self._calibration.limit(name)
             if limit is not None:
                 j = self._known.place[name]

@@ -198,7 +198,12 @@ def _learn(
 ) -> CalibrationResult:
     """Calibration from these recordings, and which of them the others show not to be nominal."""
     from flea_diag.core.calibration import envelope_fit, identification, nominal_trace, thresholds
-    from flea_diag.core.calibration.run_spread import joined, measured_spread, tolerance_of
+    from flea_diag.core.calibration.run_spread import (
+        joined,
+        measured_spread,
+        recorded_spread,
+        tolerance_of,
+    )
     from flea_diag.core.smoothing import KERNEL_LENGTH
 
     runs = [recording.run for recording in recordings]
@@ -216,6 +221,8 @@ def _learn(
     traces, judged = traced[: len(runs)], traced[len(runs) :]
     stated = tolerance_of(found.parameters, relations)
     units = measured_spread(found.folds if _known_units(recordings) else (), stated)
+    if len({recording.serial for recording in recordings} - {""}) == 1:
+        units = recorded_spread(found.sigmas, len(recordings))
     tolerance = joined(stated, units)
     innovations = _innovations(recordings, traces, found, relations, tolerance, work, sharing)
     traces, judged = (

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitTolerance
+from flea_diag.core.residuals.unit_difference import LEAST
 from flea_diag.core.residuals.unit_offsets import OffsetLearning
 
 K, R = 170.0, 3.1
@@ -15,7 +16,8 @@ def learn(drag: float, seconds: float = 6.0, offset: float = 0.2, both_ways: boo
     random, learning = np.random.default_rng(2), OffsetLearning("current_offset_a", TOLERANCE)
     for k in range(round(seconds * 100)):
         v = 0.03 if not both_ways or (k // 50) % 2 else -0.03
-        sensitivity = np.array([-np.sign(v), -v, 0.0, 0.0, 0.0, 0.0, -K])
+        sensitivity = np.zeros(len(UNIT_PARAMETERS))
+        sensitivity[[0, 1, 6]] = -np.sign(v), -v, -K
         residual = K * offset + drag * np.sign(v) + 8.0 * random.standard_normal()
         learning.add(np.array([residual]), sensitivity[None], 8.0**2)
     return learning.offset()
@@ -47,9 +49,9 @@ def test_it_agrees_with_least_squares_with_the_prior_as_rows():
     sensitivity = random.standard_normal((40, len(UNIT_PARAMETERS)))
     residual = random.standard_normal(40)
     learning.add(residual, sensitivity, 0.25)
-    wide = np.array([300.0, 5000.0, 100.0, 1.0, 30.0, TOLERANCE.voltage_offset_v, 0.15])
+    wide = np.array([300.0, 5000.0, 100.0, 1.0, 30.0, TOLERANCE.voltage_offset_v, 0.15, *[LEAST] * 3])
     A = np.vstack((sensitivity / 0.5, np.diag(1 / wide)))
-    x = np.linalg.lstsq(A, np.concatenate((-residual / 0.5, np.zeros(7))), rcond=None)[0]
+    x = np.linalg.lstsq(A, np.concatenate((-residual / 0.5, np.zeros(len(wide)))), rcond=None)[0]
     found, sigma = learning.offset()
     at = UNIT_PARAMETERS.index("voltage_offset_v")
     assert found == pytest.approx(x[at], rel=1e-6)
@@ -58,6 +60,6 @@ def test_it_agrees_with_least_squares_with_the_prior_as_rows():
 
 def test_what_is_not_a_number_is_no_evidence():
     learning = OffsetLearning("current_offset_a", TOLERANCE)
-    learning.add(np.array([np.nan]), np.ones((1, 7)), 1.0)
-    learning.add(np.ones(1), np.full((1, 7), np.nan), 1.0)
+    learning.add(np.array([np.nan]), np.ones((1, len(UNIT_PARAMETERS))), 1.0)
+    learning.add(np.ones(1), np.full((1, len(UNIT_PARAMETERS)), np.nan), 1.0)
     assert learning.offset() == OffsetLearning("current_offset_a", TOLERANCE).offset()

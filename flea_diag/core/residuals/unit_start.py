@@ -1,0 +1,115 @@
+"""Which unit has started: its parameters by its first seconds, against those of the calibration.
+
+Every relation in which healthy units differ shows them by its sensitivities (``unit_offsets``). The
+sums over all relations are solved together, with a prior so wide that the data alone decide where
+they say anything. A parameter has left a spread where its estimate is beyond ``SPREADS`` of it by
+more than ``SURE`` of its own errors. Two spreads count: that between the recordings of the
+calibration, beyond which it is another unit, and the tolerance that healthy units of the design
+keep. Zeros of sensors differ from day to day and are no mark of a unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.residuals.parameters import (
+    UNIT_PARAMETERS,
+    ActuatorParameters,
+    UnitSpread,
+    UnitTolerance,
+)
+from flea_diag.core.residuals.unit_difference import LEAST
+from flea_diag.core.residuals.unit_offsets import OffsetLearning
+
+Array = npt.NDArray[np.float64]
+
+SPREADS = 3.0
+SURE = 3.0
+REACH = 10.0
+"""Prior of a parameter, in tolerances of healthy units."""
+ZEROS = ("voltage_offset_v", "current_offset_a", "drive_offset_v")
+
+
+@dataclass(frozen=True, slots=True)
+class UnitDifference:
+    """By how much a parameter of the unit differs from the calibration, and the error of that.
+
+    ``share`` of the calibrated value; ``is_beyond`` what healthy units of the design differ by.
+    """
+
+    parameter: str
+    change: float
+    sigma: float
+    share: float
+    is_beyond: bool
+
+    def __str__(self) -> str:
+        return f"{self.parameter} {self.change:+.3g} ({self.share:+.1%})"
+
+
+@dataclass(frozen=True)
+class UnitStart:
+    """What the first seconds of a stream say of its unit.
+
+    ``differences``: parameters beyond the spread of the calibration, the farthest first.
+    ``learned``: parameter -> change from the calibrated value and its error, of another unit.
+    """
+
+    differences: tuple[UnitDifference, ...] = ()
+    learned: Mapping[str, tuple[float, float]] | None = None
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether no healthy unit of the design differs by so much."""
+        return any(each.is_beyond for each in self.differences)
+
+    @property
+    def words(self) -> str:
+        """What differs and by how much; empty for a unit as calibrated."""
+        if not self.differences:
+            return ""
+        said = f"another unit than calibrated: {', '.join(map(str, self.differences))}"
+        if self.is_beyond:
+            return f"{said}; beyond what healthy units of this design differ by"
+        return f"{said}; learned as its baseline"
+
+
+def unit_start(
+    learning: Sequence[OffsetLearning],
+    parameters: ActuatorParameters,
+    tolerance: UnitTolerance,
+    calibrated: UnitSpread | None,
+) -> UnitStart:
+    """The unit that these relations have shown.
+
+    ``calibrated`` is the spread between units, or recordings, of the calibration; without one
+    nothing tells another unit from those that it was made from.
+    """
+    if calibrated is None or not learning:
+        return UnitStart()
+    wide = np.array([REACH * max(getattr(tolerance, name), LEAST) for name in UNIT_PARAMETERS])
+    information, vector = (sum(parts) for parts in zip(*(e.shown for e in learning), strict=True))
+    covariance = np.linalg.inv(information + np.diag(1.0 / np.square(wide)))
+    mean, errors = covariance @ vector, np.sqrt(np.diag(covariance))
+    found = []
+    for name, change, sigma in zip(UNIT_PARAMETERS, mean.tolist(), errors.tolist(), strict=True):
+        spread, most = calibrated.spread.get(name), getattr(tolerance, name)
+        surely = abs(change) - SURE * sigma
+        if name in ZEROS or spread is None or not most or surely <= SPREADS * spread:
+            continue
+        value = getattr(parameters, name)
+        share = change / value if value else 0.0
+        found.append(UnitDifference(name, change, sigma, share, surely > SPREADS * most))
+    if not found:
+        return UnitStart()
+    found.sort(key=lambda each: -abs(each.change) / getattr(tolerance, each.parameter))
+    known = {
+        name: (change, sigma)
+        for name, change, sigma in zip(UNIT_PARAMETERS, mean.tolist(), errors.tolist(), strict=True)
+        if sigma < getattr(tolerance, name)
+    }
+    return UnitStart(tuple(found), known)

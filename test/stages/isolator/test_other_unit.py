@@ -1,0 +1,62 @@
+"""A healthy unit that is none of the calibration's: said, learned, and never a fault of a sensor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import pytest
+from support import stands
+from support.models import linear_ema as ema
+
+from flea_diag.configuration import knowledge as of_stand
+from flea_diag.core.residuals.parameters import UnitSpread
+from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
+from flea_diag.stages.observer.observer import ObserverStage
+from flea_diag.stages.observer.observer_parameters import ObserverParameters
+from flea_diag.stages.pipeline import Pipeline
+from flea_diag.wire.records import OTHER_UNIT, DataQuality, Outcome, Quality, Record
+
+RESISTANCE = "winding_resistance_ohm"
+ONE_UNIT = UnitSpread(1, {RESISTANCE: 0.01, "back_emf_v_s_per_m": 0.5})
+
+
+@lru_cache(maxsize=4)
+def diagnosed(resistance: float, tolerance: float = 0.3) -> tuple[Record, ...]:
+    """12 s of a healthy unit with so much resistance, by a calibration of one other unit."""
+    unit = ema.changed(resistance=ema.HEALTHY.resistance + resistance)
+    known = stands.calibration()
+    spread = replace(known.tolerance, winding_resistance_ohm=tolerance)
+    known = replace(known, units=ONE_UNIT, tolerance=spread)
+    observer = ObserverStage(known, of_stand.effects(stands.STAND, known), ObserverParameters())
+    isolator = IsolatorStage(of_stand.knowledge(stands.STAND, known), IsolatorParameters())
+    scans = stands.scans(ema.noisy(ema.run(unit, seconds=12.0), 71))
+    return tuple(stands.feed(Pipeline((observer, isolator)), [stands.table(), *scans]))
+
+
+def row(records: tuple[Record, ...]):
+    (last,) = (r for r in stands.of(DataQuality, records)[-1].channels if r.channel == OTHER_UNIT)
+    return last
+
+
+def test_the_calibrated_unit_is_no_other() -> None:
+    channels = stands.of(DataQuality, diagnosed(0.0))[-1].channels
+    assert OTHER_UNIT not in [r.channel for r in channels]
+
+
+def test_another_unit_within_the_tolerance_is_learned_as_its_baseline() -> None:
+    found = row(diagnosed(0.35))
+    assert found.quality is Quality.GOOD
+    assert found.reason.startswith("another unit than calibrated: winding_resistance_ohm +0.3")
+    learned = {o.parameter: o.value for o in stands.of(DataQuality, diagnosed(0.35))[-1].offsets}
+    assert learned[RESISTANCE] == pytest.approx(ema.HEALTHY.resistance + 0.35, abs=0.05)
+    assert stands.verdict(diagnosed(0.35)).outcome is Outcome.NOMINAL
+
+
+def test_beyond_the_tolerance_the_calibration_does_not_fit() -> None:
+    """With an alarm of its own or without, and never as a fault of the voltage sensor."""
+    found = diagnosed(0.6, 0.05)
+    assert row(found).quality is Quality.SATURATED
+    last = stands.verdict(found)
+    assert last.outcome is Outcome.MODEL_MISMATCH
+    assert RESISTANCE in last.words
