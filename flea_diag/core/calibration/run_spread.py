@@ -19,6 +19,7 @@ from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.residuals.parameters import (
     LATER_TOLERANCES,
     UNIT_PARAMETERS,
+    ZEROS,
     ActuatorParameters,
     UnitSpread,
     UnitTolerance,
@@ -32,6 +33,8 @@ SHARE, NOISES = 0.1, 3.0
 the sensor whose offset it is."""
 LEAST_UNITS = 3
 """With fewer units of known serial number, recordings are left out one by one."""
+ALIKE = 0.3
+"""Units that differ by less than this share of the stated tolerance in every parameter are one."""
 STATED = 2.0
 """Degrees of freedom that a stated tolerance counts as: as many as three units have."""
 
@@ -78,6 +81,16 @@ def recorded_spread(sigmas: Mapping[str, float], recordings: int) -> UnitSpread:
     """Spread of the parameters between the recordings of one unit, by the errors of their mean."""
     known = {name: sigma for name, sigma in sigmas.items() if name in UNIT_PARAMETERS}
     return UnitSpread(1, {name: sigma * math.sqrt(recordings) for name, sigma in known.items()})
+
+
+def are_one(measured: UnitSpread, stated: UnitTolerance) -> bool:
+    """Whether units of different serial numbers are alike, as no units of a design are."""
+    apart = [
+        spread / getattr(stated, name)
+        for name, spread in measured.spread.items()
+        if name not in ZEROS
+    ]
+    return measured.count >= LEAST_UNITS and bool(apart) and max(apart) < ALIKE
 
 
 def joined(stated: UnitTolerance, measured: UnitSpread) -> UnitTolerance:

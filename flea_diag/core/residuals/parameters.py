@@ -89,6 +89,8 @@ UNIT_PARAMETERS = tuple(
     entry.name for entry in fields(UnitTolerance) if entry.name != "thermal_rate_k_per_s"
 )
 """Parameters in which healthy units of one design differ."""
+ZEROS = ("voltage_offset_v", "current_offset_a", "drive_offset_v")
+"""Those of them that differ from day to day: no mark of a unit."""
 LATER_TOLERANCES = ("force_constant_n_per_a", "drive_gain", "drive_offset_v")
 """The last of them, which older calibrations lack and only some descriptions state."""
 

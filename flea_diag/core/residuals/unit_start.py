@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from flea_diag.core.residuals.parameters import (
     UNIT_PARAMETERS,
+    ZEROS,
     ActuatorParameters,
     UnitSpread,
     UnitTolerance,
@@ -31,7 +32,6 @@ SPREADS = 3.0
 SURE = 3.0
 REACH = 10.0
 """Prior of a parameter, in tolerances of healthy units."""
-ZEROS = ("voltage_offset_v", "current_offset_a", "drive_offset_v")
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,8 +45,9 @@ class IsolatorOutput:
         outcome, _ = self._verdict.outcome(stamp_ns, self._stand, episode)
         number = episode.shared.number if episode is not None else 0
         names = episode.names() if episode is not None else ()
-        state = (outcome, number, names, self._stand.bad, self._stand.contact, self._stand.outside)
-        state = (*state, self._stand.beyond)
+        stand = self._stand
+        conditions = stand.contact, stand.outside, stand.beyond
+        state = (outcome, number, names, stand.bad, *conditions)
         if state == self._said:
             return ()
         if episode is not None and self._said[:1] and self._said[1] == number:

@@ -113,6 +113,11 @@ def run(arguments: argparse.Namespace) -> int:
     calibration = found.calibration
     for row in calibration.left_out:
         warn(f"{row.recording}: left out: {row.reason}")
+    if found.alike:
+        warn(
+            f"serial numbers {', '.join(found.alike)}: their recordings differ by less than "
+            "healthy units do: counted as one unit, tolerances are those of the description"
+        )
     refused += [row.recording for row in calibration.left_out]
     write_calibration(arguments.output, calibration)
     if arguments.plots is not None:
@@ -144,6 +149,8 @@ class CalibrationResult:
     relations: RelationSet
     not_nominal: Mapping[str, str]
     """Recordings that the others show not to be nominal, and why."""
+    alike: tuple[str, ...] = ()
+    """Serial numbers of what behaves as one unit."""
 
 
 def calibrate(
@@ -199,6 +206,7 @@ def _learn(
     """Calibration from these recordings, and which of them the others show not to be nominal."""
     from flea_diag.core.calibration import envelope_fit, identification, nominal_trace, thresholds
     from flea_diag.core.calibration.run_spread import (
+        are_one,
         joined,
         measured_spread,
         recorded_spread,
@@ -221,7 +229,9 @@ def _learn(
     traces, judged = traced[: len(runs)], traced[len(runs) :]
     stated = tolerance_of(found.parameters, relations)
     units = measured_spread(found.folds if _known_units(recordings) else (), stated)
-    if len({recording.serial for recording in recordings} - {""}) == 1:
+    serials = sorted({recording.serial for recording in recordings} - {""})
+    alike = tuple(serials) if are_one(units, stated) else ()
+    if alike or len(serials) == 1:
         units = recorded_spread(found.sigmas, len(recordings))
     tolerance = joined(stated, units)
     innovations = _innovations(recordings, traces, found, relations, tolerance, work, sharing)
@@ -241,7 +251,7 @@ def _learn(
     odd = thresholds.not_nominal(
         traces, false_alarms_per_hour, period_s, folds, spread, limits, judged, tolerance
     )
-    return CalibrationResult(calibration, tuple(traces), relations, odd)
+    return CalibrationResult(calibration, tuple(traces), relations, odd, alike)
 
 
 def _check_left_out(recordings: Sequence[NominalRecording], odd: Mapping[str, str]) -> None:

@@ -85,7 +85,7 @@ def _read(bag: Path, known: ResidualSet, warnings: list[str]) -> NominalRecordin
     from flea_diag.core.calibration.calibration import NominalRun
     from flea_diag.core.residuals.channel_units import UNITS
 
-    table, stamps, measured, read = _content(bag, known, warnings)
+    table, stamps, measured, read, serial = _content(bag, known, warnings)
     if len(stamps) < 2 or table is None:
         missing = "channel table" if table is None else "scans"
         raise CalibrationError(f"{bag}: no {missing} ({len(stamps)} scans)")
@@ -99,14 +99,17 @@ def _read(bag: Path, known: ResidualSet, warnings: list[str]) -> NominalRecordin
         present,
         voltage.sampling if voltage is not None else "",
         float(np.median(np.diff(stamps))) / 1e9,
-        next((row.serial for row in table.channels if row.serial), ""),
+        serial,
     )
 
 
 def _content(
     bag: Path, known: ResidualSet, warnings: list[str]
-) -> tuple[ChannelTable | None, list[int], Any, set[str]]:
-    """Channel table, stamps (ns), readings, shape (scans, channels), and channels with values."""
+) -> tuple[ChannelTable | None, list[int], Any, set[str], str]:
+    """Channel table, stamps (ns), readings, shape (scans, channels), channels with values, serial.
+
+    The serial number is empty where it is not known or changes.
+    """
     import numpy as np
 
     from flea_diag.wire.bags.bag import BagReader
@@ -116,11 +119,13 @@ def _content(
     rows: list[Any] = [_rows((), np.empty((0, 0)), known)]
     stamps: list[int] = []
     read: set[str] = set()
+    serials: dict[str, None] = {}
     table: ChannelTable | None = None
     reader = BagReader(bag)
     for record in reader.blocks((ChannelTable, Scan, Truth)):
         if isinstance(record, ChannelTable):
             table = record
+            serials[next((row.serial for row in table.channels if row.serial), "")] = None
         elif isinstance(record, Truth) and record.fault not in NOMINAL:
             raise CalibrationError(
                 f"{bag}: truth is {shown(record.fault)}: calibration needs nominal recordings"
@@ -134,7 +139,13 @@ def _content(
             read.update(_with_values(record.channels, np.array([record.values])))
             stamps.append(record.stamp_ns)
     warnings += (f"{bag}: {loss}" for loss in reader.losses)
-    return table, stamps, np.concatenate(rows), read
+    if len(serials) > 1:
+        said = " to ".join(shown(serial) for serial in serials)
+        warnings.append(
+            f"{bag}: the serial number changes from {said}: of no known unit, so no spread of "
+            "units is learned and recordings are left out one by one; record each unit by itself"
+        )
+    return table, stamps, np.concatenate(rows), read, next(iter(serials), "") * (len(serials) == 1)
 
 
 def _with_values(channels: Sequence[str], values: Any) -> Iterator[str]:

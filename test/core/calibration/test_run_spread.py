@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.calibration.run_spread import joined, measured_spread, tolerance_of
+from flea_diag.core.calibration.run_spread import are_one, joined, measured_spread, tolerance_of
 from flea_diag.core.residuals.parameters import ActuatorParameters, UnitSpread, UnitTolerance
 
 RESISTANCE = "winding_resistance_ohm"
@@ -60,3 +60,12 @@ def test_units_are_alike_in_the_force_constant_unless_the_description_says_more(
 
 
 EMA = "config/stands/ema/actuator.yaml"
+
+
+@pytest.mark.parametrize(("apart", "one"), [(0.05, True), (0.2, False)])
+def test_three_serial_numbers_of_one_unit_are_seen_by_their_likeness(
+    apart: float, one: bool
+) -> None:
+    spread = {RESISTANCE: apart, "back_emf_v_s_per_m": 0.1, "voltage_offset_v": 0.5}
+    assert are_one(UnitSpread(3, spread), STATED) is one
+    assert not are_one(UnitSpread(), STATED)

@@ -78,8 +78,8 @@ def test_the_scale_is_that_of_the_speed_region():
 
 
 def test_what_another_unit_may_differ_by_widens_the_scale():
-    tolerance = (10.0, 100.0, *(1e-9,) * 5)
-    spread = (-1.0, -0.04, 0, 0, 0, 0, 0)
+    tolerance = (10.0, 100.0, *NONE[2:])
+    spread = (-1.0, -0.04, *(0.0,) * len(NONE[2:]))
     test = detector(limit("parity_mechanical", {50: 3.0}), tolerance=tolerance)
     results = settle(test, 50.0, speed=0.02, spread=spread)
     # sqrt(3^2 + (10 * 1)^2 + (100 * 0.04)^2)
@@ -87,9 +87,9 @@ def test_what_another_unit_may_differ_by_widens_the_scale():
 
 
 def test_the_spread_of_reversals_averages_out_before_it_is_squared():
-    test = detector(limit("parity_mechanical", {50: 3.0}), tolerance=(10.0, *(1e-9,) * 6))
+    test = detector(limit("parity_mechanical", {50: 3.0}), tolerance=(10.0, *NONE[1:]))
     for k in range(50):
-        spread = (1.0 if k % 2 else -1.0, *(0.0,) * 6)
+        spread = (1.0 if k % 2 else -1.0, *(0.0,) * len(NONE[1:]))
         results = test.step(sample({"parity_mechanical": 6.0}, speed=0.02, spread=spread))
     assert results.z[0, MECHANICAL] == pytest.approx(2.0)
 
@@ -113,12 +113,13 @@ def test_the_window_nearest_to_its_limit_speaks():
 
 
 def test_adopting_a_parameter_is_as_if_it_had_been_known():
-    spread = (0.0,) * 6 + (-170.0,)
-    tolerance = (1e-9,) * 6 + (0.15,)
+    zero, rest = (0.0,) * 6, len(NONE[7:])
+    spread = (*zero, -170.0, *(0.0,) * rest)
+    tolerance = (*NONE[:6], 0.15, *NONE[7:])
     test = detector(limit("parity_mechanical", {50: 5.0}), tolerance=tolerance)
     before = settle(test, 34.0, speed=0.02, spread=spread).z[0, MECHANICAL]
     assert before == pytest.approx(34.0 / math.hypot(5.0, 25.5))
-    test.adopt((0.0,) * 6 + (0.2,), (1e-9,) * 6 + (0.01,))
+    test.adopt((*zero, 0.2, *(0.0,) * rest), (*NONE[:6], 0.01, *NONE[7:]))
     # One more sample, already formed with the offset of 0.2 A that was learned.
     results = test.step(sample({"parity_mechanical": 0.0}, speed=0.02, spread=spread))
     assert results.z[0, MECHANICAL] == pytest.approx(0.0, abs=1e-9)

@@ -16,11 +16,12 @@ from flea_diag.core.likelihood.unit_baseline import (
     UnitBaseline,
 )
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters, UnitTolerance
+from flea_diag.core.residuals.unit_difference import difference_sigmas
 
 RESIDUALS = ("parity_mechanical", "parity_electrical")
 SIGMA = dict(zip(RESIDUALS, (20.0, 0.9), strict=True))
 SPACING = dict.fromkeys(RESIDUALS, 40.0)
-TOLERANCE = [*(getattr(UnitTolerance(), name) for name in UNIT_PARAMETERS), 0.03, 0.03, 0.03]
+TOLERANCE = difference_sigmas(UnitTolerance(), (*UNIT_PARAMETERS, "one", "two", "three"))
 P = ActuatorParameters()
 
 

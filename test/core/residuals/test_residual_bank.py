@@ -8,7 +8,7 @@ from support.models import linear_ema as ema
 
 from flea_diag.configuration import description
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
 from flea_diag.core.residuals.residual_bank import ResidualBank
 
 FLEA = compiled_relations("actuator.yaml").residuals
@@ -193,7 +193,7 @@ def test_adopted_parameters_count_from_then_on():
     plain, moved = bank.step(rows, False), other.step(rows, False)
     j = FLEA.place["parity_mechanical"]
     assert plain.values[-1, j] - moved.values[-1, j] == pytest.approx(17.0)
-    assert plain.spread.shape == (200, 4, 7)
+    assert plain.spread.shape == (200, 4, len(UNIT_PARAMETERS))
     assert FLEA.index["motor_current"] == 0
 
 

@@ -54,7 +54,8 @@ def test_another_unit_is_learned_with_what_differs_and_by_how_much() -> None:
     assert "coulomb_friction_n" not in found.learned  # nothing has shown it
     assert not found.is_beyond
     assert found.words == (
-        "another unit than calibrated: winding_resistance_ohm +0.307 (+10.2%); learned as its baseline"
+        "another unit than calibrated: winding_resistance_ohm +0.307 (+10.2%); "
+        "learned as its baseline"
     )
 
 

@@ -1,4 +1,4 @@
-"""A healthy unit that is none of the calibration's: said, learned, and never a fault of a sensor."""
+"""A healthy unit that is none of the calibration's: said, learned, never a fault of a sensor."""
 
 from __future__ import annotations
 

@@ -301,3 +301,16 @@ def test_pictures_without_matplotlib_are_refused_before_any_work(tmp_path, capsy
 
 def test_units_are_checked_for_every_channel_that_is_read():
     assert set(UNITS) == set(FLEA.channels)
+
+
+def test_a_serial_number_that_changes_within_a_bag_is_none(tmp_path, capsys):
+    columns = {name: values[:50] for name, values in next(iter(ema.nominal_runs())).items()}
+    with BagWriter(tmp_path / "switched") as writer:
+        for serial in "AB":
+            rows = tuple(replace(row, serial=serial) for row in stands.table().channels)
+            writer.write(replace(stands.table(), channels=rows), stands.START_NS)
+        for scan in stands.scans(columns):
+            writer.write(scan, scan.stamp_ns)
+    (recording,), refused = read_nominal([tmp_path / "switched"], FLEA)
+    assert (recording.serial, refused) == ("", [])
+    assert "the serial number changes from 'A' to 'B'" in capsys.readouterr().err
