@@ -5,7 +5,8 @@ sums over all relations are solved together, with a prior so wide that the data 
 they say anything. A parameter has left a spread where its estimate is beyond ``SPREADS`` of it by
 more than ``SURE`` of its own errors. Two spreads count: that between the recordings of the
 calibration, beyond which it is another unit, and the tolerance that healthy units of the design
-keep. Zeros of sensors differ from day to day and are no mark of a unit.
+keep. Zeros of sensors differ from day to day and are no mark of a unit. Nor are friction and mass:
+a few seconds at one speed do not part them, and a drag that is there at the start may be a fault.
 """
 
 from __future__ import annotations
@@ -28,6 +29,13 @@ from flea_diag.core.residuals.unit_offsets import OffsetLearning
 
 Array = npt.NDArray[np.float64]
 
+MARKS = (
+    "winding_resistance_ohm",
+    "back_emf_v_s_per_m",
+    "force_constant_n_per_a",
+    "drive_gain",
+)
+"""What tells a unit from others."""
 SPREADS = 3.0
 SURE = 3.0
 REACH = 10.0
@@ -99,7 +107,7 @@ def unit_start(
     for name, change, sigma in zip(UNIT_PARAMETERS, mean.tolist(), errors.tolist(), strict=True):
         spread, most = calibrated.spread.get(name), getattr(tolerance, name)
         surely = abs(change) - SURE * sigma
-        if name in ZEROS or spread is None or not most or surely <= SPREADS * spread:
+        if name not in MARKS or spread is None or not most or surely <= SPREADS * spread:
             continue
         value = getattr(parameters, name)
         share = change / value if value else 0.0
@@ -110,6 +118,6 @@ def unit_start(
     known = {
         name: (change, sigma)
         for name, change, sigma in zip(UNIT_PARAMETERS, mean.tolist(), errors.tolist(), strict=True)
-        if sigma < getattr(tolerance, name)
+        if name in (*MARKS, *ZEROS) and sigma < getattr(tolerance, name)
     }
     return UnitStart(tuple(found), known)
