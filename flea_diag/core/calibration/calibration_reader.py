@@ -73,8 +73,9 @@ def _require(known: Mapping[str, Any], where: str) -> None:
             raise CalibrationError(f"{where}: {name} = None holds nothing; leave it out")
     _complete(known, NAMES, where, LATER)
     for key, kind, later in (
-        ("parameters", ActuatorParameters, LATER_PARAMETERS), ("tolerance", UnitTolerance, LATER_TOLERANCES),
-    ):  # fmt: skip
+        ("parameters", ActuatorParameters, LATER_PARAMETERS),
+        ("tolerance", UnitTolerance, LATER_TOLERANCES),
+    ):
         names = tuple(entry.name for entry in fields(kind))
         _complete(known[key], names, f"{where}: {key}", later, RETIRED.get(key, ()))
 
