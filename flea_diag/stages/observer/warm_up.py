@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.likelihood.unit_start import UnitStart, unit_start
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.residuals.unit_offsets import OffsetLearning
-from flea_diag.core.residuals.unit_start import UnitStart, unit_start
 
 Stamps = npt.NDArray[np.int64]
 Offsets = Mapping[str, tuple[float, float]]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flea_diag.core.likelihood.unit_start import UnitStart, unit_start
 from flea_diag.core.residuals.parameters import (
     UNIT_PARAMETERS,
     ActuatorParameters,
@@ -14,7 +15,6 @@ from flea_diag.core.residuals.parameters import (
     UnitTolerance,
 )
 from flea_diag.core.residuals.unit_offsets import OffsetLearning
-from flea_diag.core.residuals.unit_start import UnitStart, unit_start
 
 PARAMETERS = ActuatorParameters(winding_resistance_ohm=3.0)
 TOLERANCE = replace(UnitTolerance(), force_constant_n_per_a=4.0)
