@@ -37,7 +37,9 @@ MARKS = (
 )
 """What tells a unit from others."""
 SPREADS = 3.0
+"""Of a normal distribution 0.3 % lie beyond."""
 SURE = 3.0
+"""The same of the errors of an estimate."""
 REACH = 10.0
 """Prior of a parameter, in tolerances of healthy units."""
 

@@ -161,6 +161,7 @@ class Filter(Protocol):
 LOST = 10.0
 """Mean of NIS over channels measured at which a filter counts as diverged; 1 is expected."""
 UNIT_SIGMAS = 3.0
+"""Of a normal distribution 0.3 % lie beyond."""
 MEMORY = 50
 """Scans over which that mean reaches back."""
 
