@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from flea_diag.core.calibration.nominal_trace import Trace
     from flea_diag.core.calibration.thresholds import LimitFit
     from flea_diag.core.observers.observer_noise import ObserverNoise
-    from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
+    from flea_diag.core.residuals.parameters import ActuatorParameters, UnitSpread, UnitTolerance
     from flea_diag.core.residuals.relation_set import RelationSet
 
 NAME = "calibrate"
@@ -205,13 +205,6 @@ def _learn(
 ) -> CalibrationResult:
     """Calibration from these recordings, and which of them the others show not to be nominal."""
     from flea_diag.core.calibration import envelope_fit, identification, nominal_trace, thresholds
-    from flea_diag.core.calibration.run_spread import (
-        are_one,
-        joined,
-        measured_spread,
-        recorded_spread,
-        tolerance_of,
-    )
     from flea_diag.core.smoothing import KERNEL_LENGTH
 
     runs = [recording.run for recording in recordings]
@@ -227,13 +220,7 @@ def _learn(
         for trace in sharing.over(work.trace, items, "residuals")
     ]
     traces, judged = traced[: len(runs)], traced[len(runs) :]
-    stated = tolerance_of(found.parameters, relations)
-    units = measured_spread(found.folds if _known_units(recordings) else (), stated)
-    serials = sorted({recording.serial for recording in recordings} - {""})
-    alike = tuple(serials) if are_one(units, stated) else ()
-    if alike or len(serials) == 1:
-        units = recorded_spread(found.sigmas, len(recordings))
-    tolerance = joined(stated, units)
+    units, tolerance, alike = _units(recordings, found, relations)
     innovations = _innovations(recordings, traces, found, relations, tolerance, work, sharing)
     traces, judged = (
         list(map(nominal_trace.with_innovations, part, innovations.residuals))
@@ -252,6 +239,27 @@ def _learn(
         traces, false_alarms_per_hour, period_s, folds, spread, limits, judged, tolerance
     )
     return CalibrationResult(calibration, tuple(traces), relations, odd, alike)
+
+
+def _units(
+    recordings: Sequence[NominalRecording], found: Identified, relations: RelationSet
+) -> tuple[UnitSpread, UnitTolerance, tuple[str, ...]]:
+    """Measured spread, tolerance of healthy units, and serial numbers that are of one unit."""
+    from flea_diag.core.calibration.run_spread import (
+        are_one,
+        joined,
+        measured_spread,
+        recorded_spread,
+        tolerance_of,
+    )
+
+    stated = tolerance_of(found.parameters, relations)
+    units = measured_spread(found.folds if _known_units(recordings) else (), stated)
+    serials = sorted({recording.serial for recording in recordings} - {""})
+    alike = tuple(serials) if are_one(units, stated) else ()
+    if alike or len(serials) == 1:
+        units = recorded_spread(found.sigmas, len(recordings))
+    return units, joined(stated, units), alike
 
 
 def _check_left_out(recordings: Sequence[NominalRecording], odd: Mapping[str, str]) -> None:
