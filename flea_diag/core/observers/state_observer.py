@@ -155,8 +155,7 @@ class StateObserver:
         warm = next(iter(known.predicted.values()), "")
         self._winding = next((k for k, row in enumerate(stores) if row.name == warm), -1)
         cold = next(iter(known.reference.values()), math.nan)
-        self._generator = generator
-        self._particles = particles
+        self._generator, self._particles = generator, particles
         self._kind, self._expected = kind, expected
         self.backend = "numpy" if kind == "kalman" else backends.chosen(backend)
         pwm = voltage_sampling == "instant_pwm"
