@@ -1,10 +1,11 @@
 """Prompt and orderly end on SIGINT and SIGTERM in every phase of a process: status 0, no traceback.
 
-Before rclpy is loaded, a signal ends the process at once: nothing is open yet. From then on both
-signals are blocked, in every thread, and a thread of its own waits for them: it asks the program to
-end, which closes what it has open and only then its context of rclpy. rclpy's own handlers would
-end the context in the middle of a call that publishes or logs. The same thread enforces the exit if
-the program does not end in time, for example during compilation.
+Before rclpy is loaded, a signal ends the process at once: nothing is open yet. From then on a
+thread of its own is told of each signal, whichever thread the system gives it to (a library may
+have begun one early), and asks the program to end, which closes what it has open and only then its
+context of rclpy. rclpy's own handlers would end the context in the middle of a call that publishes
+or logs. The same thread enforces the exit if the program does not end in time, for example during
+compilation.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
 
@@ -38,10 +40,9 @@ def leave() -> None:
 
 
 class Ending:
-    """Waits for SIGINT and SIGTERM in a thread, and enforces the end of the process.
+    """Hears SIGINT and SIGTERM in a thread, and enforces the end of the process.
 
-    To be made before rclpy starts its threads, which inherit that the signals are blocked. They
-    remain blocked until the process has gone: its interpreter restores the default handlers first.
+    To be made in the main thread.
 
     Parameters
     ----------
@@ -55,23 +56,33 @@ class Ending:
         """Asks the program to end; called at the first signal, in the thread of this object."""
         self._begun = threading.Event()
         self._met = threading.Event()
-        signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
-        self._thread = threading.Thread(target=self._watch, name="ending", daemon=True)
-        self._thread.start()
+        self._heard, self._tell = os.pipe()
+        os.set_blocking(self._tell, False)
+        # The system's handler writes there at once, even while Python is busy elsewhere; where an
+        # event loop has put its own descriptor in place, that of Python does.
+        signal.set_wakeup_fd(self._tell, warn_on_full_buffer=False)
+        for number in ENDING:
+            signal.signal(number, lambda *_: self._wake())
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+        threading.Thread(target=self._watch, name="ending", daemon=True).start()
 
     def begin(self) -> None:
         """Begin the time allowed for the end, which the program has decided on itself."""
         self._begun.set()
-        if self._thread.ident is not None:
-            signal.pthread_kill(self._thread.ident, ENDING[0])
+        self._wake()
 
     def met(self) -> None:
-        """Cancel what enforces the end: the process ends by itself."""
+        """Cancel what enforces the end: the process ends by itself, and hears no more signals."""
         self._met.set()
+        for number in ENDING:
+            signal.signal(number, signal.SIG_IGN)  # the interpreter would restore the default
+
+    def _wake(self) -> None:
+        with suppress(BlockingIOError):
+            os.write(self._tell, b"\0")
 
     def _watch(self) -> None:
-        # No sigtimedwait: that of Python 3.11 takes being stopped past its time for a signal.
-        signal.sigwait(ENDING)
+        os.read(self._heard, 1)
         if not self._begun.is_set():
             self.on_signal()
         if not self._met.wait(self.patience_s):

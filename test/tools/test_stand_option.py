@@ -172,7 +172,7 @@ def test_a_digest_that_is_none_is_refused(
 ) -> None:
     edit(mine / CALIBRATION, actuator_sha256=wrong)
     said = refused(capsys, "replay", str(BAG), "--stand", "./mine")
-    assert f"{CALIBRATION}: actuator_sha256: " in said
+    assert f"{CALIBRATION}: actuator_sha256 = " in said
 
 
 # --- campaigns --------------------------------------------------------------------------------

@@ -220,7 +220,8 @@ def test_an_empty_folder_and_a_missing_package_are_said_before_any_work(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "empty").mkdir()
-    assert main(["evaluate", str(tmp_path / "empty"), "-o", str(tmp_path / "out")]) == 2
+    monkeypatch.chdir(tmp_path)
+    assert main(["evaluate", "empty", "-o", str(tmp_path / "out")]) == 2
     assert "empty': no bag, no .data file" in capsys.readouterr().err
     monkeypatch.setattr(extra, "find_spec", lambda name: None)
     assert main(["evaluate", "small.yaml", "-o", str(tmp_path / "out")]) == 2

@@ -47,6 +47,20 @@ def test_a_node_that_was_stopped_goes_on(domain: int) -> None:
 
 
 @pytest.mark.parametrize("number", [INT, TERM])
+def test_a_signal_that_reaches_a_thread_of_a_library_ends_the_node_in_order(
+    domain: int, number: signal.Signals, tmp_path: Path
+) -> None:
+    """That of a BLAS begins with the import of numpy, before any handler is in place."""
+    module = ["-c", "import threading, time, sys;"
+              "threading.Thread(target=time.sleep, args=(1e6,), daemon=True).start();"
+              "from flea_diag.nodes.main import main; sys.exit(main(['recorder']))"]  # fmt: skip
+    with Process([sys.executable, *module], domain, cwd=tmp_path) as process:
+        process.wait_for(f"recording {len(TOPICS)} topics")
+        assert process.signal(number) == 0
+    assert "\nrecorder: " in process.output, "its bag was closed"
+
+
+@pytest.mark.parametrize("number", [INT, TERM])
 def test_a_node_that_never_gets_ready_ends_all_the_same(
     domain: int, number: signal.Signals
 ) -> None:
