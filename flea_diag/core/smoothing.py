@@ -15,9 +15,6 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-KERNEL_LENGTH = 31
-"""Length of the diagnoser's kernel, in scans."""
-
 
 def hann_kernels(length: int, period_s: float) -> Array:
     """Value, first and second derivative kernels, shape (3, length), for use as ``k @ window``.

@@ -29,6 +29,7 @@ from flea_diag.core.residuals.parameters import (
     UnitTolerance,
 )
 from flea_diag.core.residuals.unit_difference import difference_sigmas
+from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
 from flea_diag.core.sensors.sensor_limits import SensorLimit
 from flea_diag.fields.values import NotNegative, Positive, within
 from flea_diag.formats import stamped
@@ -109,6 +110,8 @@ class Calibration(Frozen):
     """Scores of faulty runs, by which a group holds the fault as often as stated."""
     units: UnitSpread | None = None
     """What the units of the calibration differ by; None where fewer than three are known."""
+    counted_period_s: Annotated[float, within(*PERIOD_S)] = FLEA_COUNTS.period_s
+    """Period by which times were made counts of scans; an older file has the FLEA's at any rate."""
 
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
@@ -117,6 +120,11 @@ class Calibration(Frozen):
     def differences(self, names: Collection[str]) -> tuple[float, ...]:
         """The same including the heating rates, in the order of ``unit_differences``."""
         return difference_sigmas(self.tolerance, names)
+
+    @property
+    def counts(self) -> ScanCounts:
+        """Counts of scans that its limits hold for."""
+        return ScanCounts(self.counted_period_s)
 
     @property
     def promise(self) -> FalseAlarmPromise:
@@ -141,6 +149,8 @@ class Calibration(Frozen):
                 plain["tolerance"].pop(name)
         # Without what an older file lacks it is the same as that file.
         plain = {k: v for k, v in plain.items() if v or k not in SINCE_OUT_OF_SAMPLE}
+        if self.counted_period_s == FLEA_COUNTS.period_s:
+            plain.pop("counted_period_s")
         return stamped("calibration", {**plain, "speed_regions_m_s": list(SPEED_REGIONS_M_S)})
 
 

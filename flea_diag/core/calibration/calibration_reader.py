@@ -13,6 +13,7 @@ from flea_diag.core.calibration.calibration import (
     Calibration,
     CovarianceBlock,
 )
+from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS_S
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit
 from flea_diag.core.observers.observer_noise import PROCESS, ObserverNoise
 from flea_diag.core.residuals.parameters import (
@@ -21,7 +22,8 @@ from flea_diag.core.residuals.parameters import (
     ActuatorParameters,
     UnitTolerance,
 )
-from flea_diag.core.residuals.residual_rows import WINDOWS
+from flea_diag.core.residuals.residual_rows import WINDOWS_S
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.errors import CalibrationError, shown
 from flea_diag.fields.reader import read_as
 from flea_diag.fields.values import LIMITED, Positive
@@ -29,7 +31,8 @@ from flea_diag.formats import migrated
 
 REGIONS = "speed_regions_m_s"
 LATER = (
-    "observer_noise", "sensors", "covariance", "shifts", "actuator_sha256", *SINCE_OUT_OF_SAMPLE,
+    "observer_noise", "sensors", "covariance", "shifts", "actuator_sha256", "counted_period_s",
+    *SINCE_OUT_OF_SAMPLE,
 )  # fmt: skip
 """Optional entries of this schema."""
 NAMES = tuple(entry.name for entry in fields(Calibration))
@@ -116,8 +119,12 @@ def _contradictions(made: Calibration) -> Iterator[str]:
     if digest and not re.fullmatch("[0-9a-f]{64}", digest):
         yield f"actuator_sha256 = {shown(digest)} is no SHA-256 of 64 hexadecimal digits"
     for limit in made.limits:
-        for wrong in _of_limit(limit):
+        for wrong in _of_limit(limit, made.counts):
             yield f"limits: {shown(limit.name)}: {wrong}"
+    shifts = tuple(map(made.counts.of, SHIFT_WINDOWS_S))
+    for shift in made.shifts:
+        if shift.window not in shifts:
+            yield f"shifts: {shown(shift.name)}: window = {shift.window}, choose one of {shifts}"
     for block in made.covariance:
         for wrong in _of_covariance(block):
             yield f"covariance: {wrong}"
@@ -129,10 +136,11 @@ def _contradictions(made: Calibration) -> Iterator[str]:
         yield "coverage: nats must ascend"
 
 
-def _of_limit(limit: ResidualLimit) -> Iterator[str]:
+def _of_limit(limit: ResidualLimit, counts: ScanCounts) -> Iterator[str]:
     windows = [each.window for each in limit.windows]
-    if not windows or len({*windows} & {*WINDOWS}) != len(windows):
-        yield f"windows {shown(windows)}, known {WINDOWS}, each once"
+    known = tuple(map(counts.of, WINDOWS_S))
+    if not windows or len({*windows} & {*known}) != len(windows):
+        yield f"windows {shown(windows)}, known {known}, each once"
     rows = {"sigma": limit.sigma}
     for each in limit.windows:
         rows |= {f"window {each.window}: centre": each.centre}

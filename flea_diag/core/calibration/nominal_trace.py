@@ -13,7 +13,8 @@ from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualSet
-from flea_diag.core.sensors.plausibility import ENTER_SAMPLES, usable
+from flea_diag.core.scan_counts import ScanCounts
+from flea_diag.core.sensors.plausibility import ENTER_S, usable
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -44,13 +45,11 @@ def trace(
     run: NominalRun,
     identified: Identified,
     relations: RelationSet,
-    kernel_length: int,
     period_s: float,
 ) -> Trace:
     """Run one recording through the residual bank, without intervals of bad voltage."""
-    bank = ResidualBank(
-        identified.parameters, relations, period_s=period_s, kernel_length=kernel_length
-    )
+    counts = ScanCounts(period_s)
+    bank = ResidualBank(identified.parameters, relations, period_s=period_s, counts=counts)
     residuals = bank.step(run.rows, frozen=False)
     values = residuals.values
     good = np.ones(len(values), dtype=bool)
@@ -58,7 +57,7 @@ def trace(
     command, circuit = rows.channel(COMMAND), rows.column(rows.circuit)
     corroborated = command >= 0 and np.isfinite(run.rows[:, command]).any()
     if circuit >= 0 and not corroborated:
-        good = usable(values[:, circuit], identified.voltage_limit_v)
+        good = usable(values[:, circuit], identified.voltage_limit_v, counts)
         _leave_out(values, good, rows)
     channel, position = displacement(rows, run.rows)
     return Trace(
@@ -104,5 +103,5 @@ def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
     return [
         BadStretch(traced.name, VOLTAGE, float(a * period_s), float(b * period_s))
         for a, b in bad.reshape(-1, 2)
-        if b - a >= ENTER_SAMPLES
+        if b - a >= ScanCounts(period_s).of(ENTER_S)
     ]

@@ -26,11 +26,12 @@ from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.calibration.out_of_sample import OutOfSample
 from flea_diag.core.calibration.promise import LEAST_RECORDINGS
 from flea_diag.core.calibration.window_fit import WindowFit, WindowStatistic, others_of, window_fit
-from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanShiftLimit
+from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS_S, MeanShift, MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitTolerance
 from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.sensor_limits import SENSOR_SHARE
 
 Array = npt.NDArray[np.float64]
@@ -112,6 +113,11 @@ class _Tests:
     def rows(self) -> ResidualSet:
         """The residuals of the stand."""
         return self.traces[0].rows
+
+    @property
+    def counts(self) -> ScanCounts:
+        """Counts of scans at their rate."""
+        return ScanCounts(self.period_s)
 
     @property
     def differing(self) -> Array:
@@ -240,7 +246,7 @@ def _z_tests(given: _Tests) -> tuple[tuple[WindowFit, ...], dict[str, float]]:
         everything = np.concatenate([values for values, _, _ in columns] or [np.empty(0)])
         if not np.any(everything):
             continue
-        for window in row.windows:
+        for window in map(given.counts.of, row.windows_s):
             k = given.student(rate, window, len(everything))
             means = [
                 _means(column, window, given.differing, given.extra(row)) for column in columns
@@ -255,17 +261,19 @@ def _z_tests(given: _Tests) -> tuple[tuple[WindowFit, ...], dict[str, float]]:
 def _shift_tests(given: _Tests) -> tuple[WindowFit, ...]:
     """Tests of the mean shift within a recording; they share ``SHIFT_SHARE`` of the rate."""
     rate = (
-        SHIFT_SHARE * given.rate_per_hour / (max(len(given.rows.spreading), 1) * len(SHIFT_WINDOWS))
+        SHIFT_SHARE
+        * given.rate_per_hour
+        / (max(len(given.rows.spreading), 1) * len(SHIFT_WINDOWS_S))
     )
     samples = sum(len(entry.values) for entry in given.traces)
     found = []
     for column in given.rows.spreading:
         row = given.rows.rows[column]
         shifts, own = (
-            [_shifts(row, column, entry, given.differing) for entry in part]
+            [_shifts(row, column, entry, given) for entry in part]
             for part in (given.traces, given.judged)
         )
-        for index, window in enumerate(SHIFT_WINDOWS):
+        for index, window in enumerate(map(given.counts.of, SHIFT_WINDOWS_S)):
             k = given.student(rate, window, samples)
             every, judged = ([_known(each[:, index]) for each in part] for part in (shifts, own))
             found.append(window_fit(row.name, window, every, 1, k, given.others, False, judged))
@@ -279,13 +287,14 @@ def _known(shifts: Array) -> WindowStatistic:
     return WindowStatistic(known[:, 0], region, np.square(known[:, 1:]).sum(axis=1))
 
 
-def _shifts(row: ResidualRow, column: int, entry: Trace, differing: Array) -> Array:
+def _shifts(row: ResidualRow, column: int, entry: Trace, given: _Tests) -> Array:
     """Shifts of a residual and of what units differ by, (scans, windows, 1 + unit parameters)."""
     gated = row.gate == "moving"
     use = entry.moving[:, None] | (not gated)
-    spread = _spread_of(entry, column) * differing
+    spread = _spread_of(entry, column) * given.differing
     values = np.concatenate((entry.values[:, [column]], spread), axis=1)
-    return MeanShift([gated], values.shape[1]).step(values[:, None], use)[:, 0]
+    level = MeanShift([gated], values.shape[1], given.counts)
+    return level.step(values[:, None], use)[:, 0]
 
 
 def _spread_of(entry: Trace, column: int) -> Array:

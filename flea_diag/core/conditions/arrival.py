@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-LOOKS_BACK = 64
-"""Scans over which a reading is held against itself and against the motor's speed."""
+LOOKS_BACK_S = 0.64
+"""Time over which a reading is held against itself and against the motor's speed."""
 SLIP = 0.05
 """Share of a way by which two sensors of it may differ."""
 

@@ -7,21 +7,22 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.conditions.arrival import LOOKS_BACK, arrived, still
+from flea_diag.core.conditions.arrival import LOOKS_BACK_S, arrived, still
 from flea_diag.core.conditions.contact import Contact, Signs, following, missing_force
 from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.residuals.stop import Stop
 from flea_diag.core.row_ring import RowRing
+from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 MOST_SCANS = 1024
 """Most scans of a block."""
-STILL_SCANS = 10
-"""Scans over which a part in contact stands, but for a quarter of the width of its end."""
+STILL_S = 0.1
+"""Time over which a part in contact stands, but for a quarter of the width of its end."""
 SIGMAS = 3.0
 """Sigmas of another unit's winding beyond which the back-EMF contradicts a standstill."""
 
@@ -39,14 +40,15 @@ class EndOfTravel:
         tolerance: UnitTolerance,
         noise_v: float,
         period_s: float,
-        settle_s: float,
+        counts: ScanCounts,
     ) -> None:
         rows = self._rows = known.residuals
         self._electrical, self._encoder = rows.column(rows.circuit), rows.channel(rows.encoder)
         self._drag = known.functions["drag"]
         self._current = known.signals.index(rows.current) if rows.current in known.signals else None
         self._tolerance, self._noise_v = tolerance, noise_v
-        self._period_s, self._settle_s = period_s, settle_s
+        self._period_s, self._settle_s = period_s, counts.kernel * period_s
+        self._looks_back, self._still = counts.of(LOOKS_BACK_S), counts.of(STILL_S)
         self.contact = Contact.FREE
         self.side = 0
         """End of the contact: -1 lower, 1 upper, 0 none so far."""
@@ -63,7 +65,7 @@ class EndOfTravel:
         relation, gain = next(fixed, ("", math.nan))
         self._gain, self._balance = gain, self._rows.column(relation)
         self._watches = stop.known and self._balance >= 0 and bool(self._columns)
-        self._recent = RowRing(len(self._columns) + 1, (MOST_SCANS + LOOKS_BACK,))
+        self._recent = RowRing(len(self._columns) + 1, (MOST_SCANS + self._looks_back,))
         self.interrupt()
 
     def interrupt(self) -> None:
@@ -86,9 +88,11 @@ class EndOfTravel:
         if self.contact is Contact.FREE and not self._doubted and not self._any_near(readings):
             self._elapsed += count
             return count
-        recent = self._recent.store[start - LOOKS_BACK : start + count]
+        recent = self._recent.store[start - self._looks_back : start + count]
         for k in range(count):
-            signs = self._signs(p, recent[k + 1 : k + 1 + LOOKS_BACK], residuals, voltage_usable, k)
+            signs = self._signs(
+                p, recent[k + 1 : k + 1 + self._looks_back], residuals, voltage_usable, k
+            )
             then = following(self.contact, signs)
             self._elapsed += 1
             if then is not self.contact:
@@ -136,7 +140,7 @@ class EndOfTravel:
             end or self.side,
             dry_n,
         )
-        last = [recent[-STILL_SCANS:, c] for c in believed]
+        last = [recent[-self._still :, c] for c in believed]
         return Signs(
             end,
             still(last, 0.25 * self.stop.within_m),

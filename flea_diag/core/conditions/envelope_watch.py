@@ -25,19 +25,16 @@ from flea_diag.core.residuals.leverage import (
 )
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
-from flea_diag.core.smoothing import KERNEL_LENGTH
 
 Array = npt.NDArray[np.float64]
-
-BEYOND = KERNEL_LENGTH // 3
-"""Scans in a row beyond before the tests abstain: smoothing makes so many of one jerk."""
-BACK = 3 * KERNEL_LENGTH
 
 
 class EnvelopeWatch:
     """State of one stream."""
 
-    def __init__(self, known: CalibrationEnvelope, relations: RelationSet) -> None:
+    def __init__(self, known: CalibrationEnvelope, relations: RelationSet, kernel: int) -> None:
+        # Before the tests abstain: smoothing makes so many scans of one jerk.
+        self._enough, self._back = kernel // 3, 3 * kernel
         self._basis = LeverageBasis(relations)
         rows = {row.relation: row for row in known.relations}
         fitted = [rows.get(name) for name in self._basis.names]
@@ -59,7 +56,7 @@ class EnvelopeWatch:
         alone = {*chain(range(len(table.rows))[table.sensor_columns], *self._columns)}
         self._others = [j for j in range(len(table.rows)) if j not in alone]
         self._beyond = [0] * len(fitted)
-        self._within = [BACK] * len(fitted)
+        self._within = [self._back] * len(fitted)
         self.outside: tuple[int, ...] = ()
         """Relations whose tests abstain, by their place."""
         self.words = ""
@@ -97,7 +94,8 @@ class EnvelopeWatch:
             outside = tuple(
                 k
                 for k in range(len(flags))
-                if self._beyond[k] >= BEYOND or (k in self.outside and self._within[k] < BACK)
+                if self._beyond[k] >= self._enough
+                or (k in self.outside and self._within[k] < self._back)
             )
             if outside != self.outside:
                 self.outside = outside

@@ -23,6 +23,7 @@ from flea_diag.core.detection.window_limit import ResidualLimit
 from flea_diag.core.detection.z_test import ZTests
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
+from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
 
 Array = npt.NDArray[np.float64]
 
@@ -81,13 +82,14 @@ class Detector:
         tolerance: Sequence[float],
         thermal_rate_k_per_s: float,
         backend: str = "auto",
+        counts: ScanCounts = FLEA_COUNTS,
     ) -> None:
         extra = (thermal_rate_k_per_s * CORRECTION_S) ** 2
         named = {limit.name: limit for limit in limits}
         compiled = backends.chosen(backend) == "numba"
         self._count = len(known.rows)
         self._groups = tuple(
-            ZTests(known, gate, named, np.array(tolerance), extra, compiled)
+            ZTests(known, gate, named, np.array(tolerance), extra, compiled, counts)
             for gate in ("moving", "always")
         )
 

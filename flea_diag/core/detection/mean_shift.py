@@ -5,7 +5,7 @@ measured, stays what it is throughout a run. So the mean of the last w samples l
 of those before them knows nothing of it, and what is left to be told from a fault is a
 fraction of what the calibration must allow any unit:
 
-    d = mean(last w) - mean(up to REFERENCE before them),   |d| > k sigma   ->  symbol
+    d = mean(last w) - mean(up to REFERENCE_S before them),   |d| > k sigma   ->  symbol
 
 A step or a drift of a sensor shows, wherever the level of its relation was; what was there
 from the start does not, and is left to the tests against the calibration (``detection``). From
@@ -23,28 +23,27 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
-from flea_diag.fields.values import Positive, one_of
+from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.fields.values import Positive, within
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
 
-SHIFT_WINDOWS = (200, 400)
-WINDOWS = np.array(SHIFT_WINDOWS)
-REFERENCE, LEAST = 2000, 300
-"""Most and fewest samples of the mean that is the earlier level."""
-LEAST_ALWAYS = 600
-"""Fewest for a residual that is also tested at rest: strokes and rests alternate in its level."""
-_KEPT = REFERENCE + max(SHIFT_WINDOWS) + 1
+SHIFT_WINDOWS_S = (2.0, 4.0)
+REFERENCE_S, LEAST_S = 20.0, 3.0
+"""Longest and shortest mean that is the earlier level."""
+LEAST_ALWAYS_S = 6.0
+"""Shortest for a residual that is also tested at rest: strokes and rests alternate in its level."""
 _ROOM = 1000  # scans between two moves of the store
 
 
 @dataclass(frozen=True, slots=True)
 class MeanShiftLimit(Frozen):
-    """Sigma of the mean shift of one residual over ``window`` samples, and its limit in sigmas."""
+    """Sigma of the mean shift of one residual over ``window`` scans, and its limit in sigmas."""
 
     name: str
-    window: Annotated[int, one_of(*SHIFT_WINDOWS)]
+    window: Annotated[int, within(1, 10**6)]
     sigma: Positive
     k: Positive
 
@@ -60,10 +59,18 @@ class MeanShift:
     unit. ``gated`` is, for each residual, whether samples in motion alone are to be used.
     """
 
-    def __init__(self, gated: Sequence[bool] = (True,), columns: int = 1) -> None:
-        shape = (len(gated), len(SHIFT_WINDOWS), columns)
-        self._least = np.where(gated, LEAST, LEAST_ALWAYS)
-        self._store = np.zeros((len(gated), _KEPT + _ROOM, columns))
+    def __init__(
+        self,
+        gated: Sequence[bool] = (True,),
+        columns: int = 1,
+        counts: ScanCounts = FLEA_COUNTS,
+    ) -> None:
+        self.windows = np.array([counts.of(time_s) for time_s in SHIFT_WINDOWS_S])
+        self._reference = counts.of(REFERENCE_S)
+        self._kept = self._reference + int(self.windows.max()) + 1
+        shape = (len(gated), len(self.windows), columns)
+        self._least = np.where(gated, counts.of(LEAST_S), counts.of(LEAST_ALWAYS_S))
+        self._store = np.zeros((len(gated), self._kept + _ROOM, columns))
         self._ends = np.ones(len(gated), dtype=np.int64)  # the sum of nothing
         self._last, self._frozen = np.full(shape, np.nan), np.full(shape, np.nan)
         self._is_frozen = np.zeros(len(gated), dtype=bool)
@@ -81,7 +88,7 @@ class MeanShift:
     def freeze(self) -> None:
         """Compare every window with the present earlier level from now on."""
         for each, end in enumerate(self._ends.tolist()):
-            self._frozen[each] = self._earlier(each, end - 1 - WINDOWS)
+            self._frozen[each] = self._earlier(each, end - 1 - self.windows)
         self._is_frozen[:] = True
 
     def step(self, values: Array, use: Flags) -> Array:
@@ -105,22 +112,23 @@ class MeanShift:
                     shifts[part, each] = self._follow(each, values[part, each], use[part, each])
         return shifts
 
-    def room(self, count: int) -> tuple[Array, Counts, Array, Array, Flags, Counts]:
+    def room(self, count: int) -> tuple[Array, Counts, Array, Array, Flags, Counts, Counts, int]:
         """State updated by ``mean_shift_test_loops``, with room for a block of scans.
 
         Sums up to each scan that is still looked back at, where they end, the last shifts, the
-        earlier levels that are frozen, and whether they are; then how few samples make a level.
+        earlier levels that are frozen, and whether they are; then how few samples make a
+        level, the windows, and how many samples it reaches back.
         """
         most = self._store.shape[1]
         if max(self._ends, default=0) + count > most:
             store = self._store
-            if _KEPT + count > most:
-                self._store = np.zeros((len(store), _KEPT + count + _ROOM, store.shape[2]))
+            if self._kept + count > most:
+                self._store = np.zeros((len(store), self._kept + count + _ROOM, store.shape[2]))
             for each, end in enumerate(self._ends.tolist()):
-                kept = store[each, max(end - _KEPT, 0) : end].copy()
+                kept = store[each, max(end - self._kept, 0) : end].copy()
                 self._store[each, : len(kept)], self._ends[each] = kept, len(kept)
         memory = self._store, self._ends, self._last, self._frozen
-        return *memory, self._is_frozen, self._least
+        return *memory, self._is_frozen, self._least, self.windows, self._reference
 
     def _follow(self, each: int, values: Array, use: Flags) -> Array:
         """Scans of one residual that have a value."""
@@ -138,8 +146,8 @@ class MeanShift:
 
     def _shifts(self, each: int, last: Counts) -> Array:
         """Shifts at these sums, shape (count, windows, columns)."""
-        sums, begins = self._store[each], last - WINDOWS
-        means = (sums[last] - sums[np.maximum(begins, 0)]) / WINDOWS[:, None]
+        sums, begins = self._store[each], last - self.windows
+        means = (sums[last] - sums[np.maximum(begins, 0)]) / self.windows[:, None]
         if not self._is_frozen[each]:
             return np.asarray(means - self._earlier(each, begins))
         means -= self._frozen[each]
@@ -148,7 +156,7 @@ class MeanShift:
 
     def _earlier(self, each: int, begins: Counts) -> Array:
         """Mean of what lies before windows that begin there, NaN where that is too little."""
-        sums, samples = self._store[each], np.minimum(begins, REFERENCE)
+        sums, samples = self._store[each], np.minimum(begins, self._reference)
         enough = np.where(samples >= self._least[each], samples, np.nan)[..., None]
-        before = sums[np.maximum(begins, 0)] - sums[np.maximum(begins - REFERENCE, 0)]
+        before = sums[np.maximum(begins, 0)] - sums[np.maximum(begins - self._reference, 0)]
         return np.asarray(before / enough)

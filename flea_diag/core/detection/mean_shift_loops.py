@@ -7,22 +7,21 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.detection.mean_shift import REFERENCE, SHIFT_WINDOWS
-
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
 
 
 def mean_shift_loops(
-    row: Array, sums: Array, end: int, least: int, frozen: Array, is_frozen: bool, last: Array
-) -> None:
+    row: Array, sums: Array, end: int, least: int, windows: Counts, reference: int,
+    frozen: Array, is_frozen: bool, last: Array,
+) -> None:  # fmt: skip
     """``mean_shift.MeanShift`` for one residual in one scan, whose sum is put at ``end``."""
     for c in range(len(row)):
         sums[end, c] = sums[end - 1, c] + row[c]
-    for w, window in enumerate(SHIFT_WINDOWS):
+    for w, window in enumerate(windows):
         begin = end - window
-        near, far, samples = max(begin, 0), max(begin - REFERENCE, 0), min(begin, REFERENCE)
+        near, far, samples = max(begin, 0), max(begin - reference, 0), min(begin, reference)
         known = begin >= 0 if is_frozen else samples >= least
         for c in range(len(row)):
             earlier = math.nan
@@ -36,7 +35,8 @@ def mean_shift_loops(
 
 def mean_shift_test_loops(
     rows: tuple[Array, Array, Flags], tests: tuple[Counts, Counts, Flags],
-    unit: tuple[Array, Array], memory: tuple[Array, Counts, Array, Array, Flags, Counts],
+    unit: tuple[Array, Array],
+    memory: tuple[Array, Counts, Array, Array, Flags, Counts, Counts, int],
     limits: tuple[Array, Array], z: Array, shifts: Array,
 ) -> bool:  # fmt: skip
     """Scan after scan; returns whether any shift is beyond its limit.
@@ -47,7 +47,7 @@ def mean_shift_test_loops(
     values, spread, moving = rows
     columns, places, gated = tests
     change, tolerance = unit
-    store, ends, last, frozen, is_frozen, least = memory
+    store, ends, last, frozen, is_frozen, least, windows, reference = memory
     variance, k = limits
     row, beyond = np.empty(1 + len(change)), False
     for i in range(len(values)):
@@ -62,9 +62,12 @@ def mean_shift_test_loops(
                 store[t, 0], last[t] = 0.0, math.nan
                 ends[t], is_frozen[t] = 1, False
             elif moving[i] or not gated[t]:
-                mean_shift_loops(row, store[t], ends[t], least[t], frozen[t], is_frozen[t], last[t])
+                mean_shift_loops(
+                    row, store[t], ends[t], least[t], windows, reference,
+                    frozen[t], is_frozen[t], last[t],
+                )  # fmt: skip
                 ends[t] += 1
-            for w in range(len(SHIFT_WINDOWS)):
+            for w in range(len(windows)):
                 unit_variance = 0.0
                 for u in range(len(change)):
                     unit_variance += last[t, w, 1 + u] * last[t, w, 1 + u]

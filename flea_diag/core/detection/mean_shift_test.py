@@ -16,10 +16,11 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.detection.detection import TestResults
-from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS, MeanShift, MeanShiftLimit
+from flea_diag.core.detection.mean_shift import MeanShift, MeanShiftLimit
 from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.running_mean import summed_in_order
+from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -41,6 +42,7 @@ class MeanShiftTest:
         limits: Sequence[MeanShiftLimit],
         tolerance: Sequence[float],
         backend: str = "auto",
+        counts: ScanCounts = FLEA_COUNTS,
     ) -> None:
         self._electrical, self._mechanical = map(known.column, (known.circuit, known.friction))
         # Not used for a drag that may come with a change of unit.
@@ -57,11 +59,12 @@ class MeanShiftTest:
         self._columns = np.array(known.columns(names), dtype=int)
         self._places = np.array([known.spreading.index(j) for j in self._columns], dtype=int)
         self._gated = np.array([known.named[n].gate == "moving" for n in names], dtype=bool)
-        self._level = MeanShift(self._gated.tolist(), 1 + len(tolerance))
+        self._level = MeanShift(self._gated.tolist(), 1 + len(tolerance), counts)
+        windows = self._windows = tuple(self._level.windows.tolist())
         # A NaN limit is never exceeded.
-        self._variance, self._k = np.full((2, len(names), len(SHIFT_WINDOWS)), np.nan)
+        self._variance, self._k = np.full((2, len(names), len(windows)), np.nan)
         for limit in limits:
-            at = names.index(limit.name), SHIFT_WINDOWS.index(limit.window)
+            at = names.index(limit.name), windows.index(limit.window)
             self._variance[at], self._k[at] = limit.sigma**2, limit.k
 
     def adopt(self, change: Sequence[float]) -> None:
@@ -151,12 +154,11 @@ class MeanShiftTest:
         both, k = results.z[called, circuit], results.k[called, circuit]
         results.z[called, forces], results.k[called, forces] = -both, k
 
-    @staticmethod
-    def _judge(z: Array, column: int, k: Array, results: TestResults, shifts: Array) -> Flags:
+    def _judge(self, z: Array, column: int, k: Array, results: TestResults, shifts: Array) -> Flags:
         """Fill the results in; after which scans a shift counts."""
         quiet = ~(np.abs(results.z[:, column]) > results.k[:, column])
         counts = np.zeros(len(quiet), dtype=bool)
-        for each, shift, limit, window in zip(z.T, shifts.T, k, SHIFT_WINDOWS, strict=True):
+        for each, shift, limit, window in zip(z.T, shifts.T, k, self._windows, strict=True):
             beyond = quiet & (np.abs(each) > limit)
             results.z[beyond, column], results.k[beyond, column] = each[beyond], limit
             results.window[beyond, column] = window

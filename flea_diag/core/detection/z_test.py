@@ -12,6 +12,7 @@ from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLim
 from flea_diag.core.detection.z_test_loops import Z_TEST_LOOPS
 from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualRows, ResidualSet
 from flea_diag.core.running_mean import WindowedMeans, summed_in_order
+from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
 
@@ -33,13 +34,16 @@ class ZTests:
         tolerance: Array,
         thermal_variance: float,
         compiled: bool,
+        counts: ScanCounts,
     ) -> None:
         self._gated, self._compiled = gate == "moving", compiled
         every = enumerate(known.rows)
         columns = [j for j, row in every if row.gate == gate and row.name in limits]
         rows = [known.rows[j] for j in columns]
         self._columns = np.array(columns, dtype=int)
-        self._windows = sorted({window for row in rows for window in row.windows}) or [1]
+        self._windows = sorted({counts.of(time_s) for row in rows for time_s in row.windows_s}) or [
+            1
+        ]
         # Where healthy units differ: their columns here, and their places in a row's spread.
         differing = known.spreading
         self._spread = [c for c, j in enumerate(columns) if j in differing]

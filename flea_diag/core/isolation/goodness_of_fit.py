@@ -19,6 +19,9 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.likelihood.likelihood import FOLD, NormalEquations
 
+BLOCK_S = 0.5
+"""Shortest time whose mean is held against nominal recordings."""
+
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
@@ -35,20 +38,21 @@ class Misfit:
 
 @dataclass(frozen=True, slots=True)
 class MeanScatter:
-    """Means over ``FOLD`` scans of one relation in nominal recordings: mean square, limit."""
+    """Means over ``BLOCK_S`` of one relation in nominal recordings: mean square, limit."""
 
     square: float
     k: float
 
     @classmethod
     def of(cls, calibration: Calibration, residual: str) -> MeanScatter | None:
-        """By the test of the shortest window, where it scatters most; None without limits."""
+        """By the test of the window nearest to a block; None without limits."""
         limit = calibration.limit(residual)
         if limit is None or not limit.windows:
             return None
-        short = min(limit.windows, key=lambda row: row.window)
+        block = max(calibration.counts.of(BLOCK_S), FOLD)
+        short = min(limit.windows, key=lambda row: abs(row.window - block))
         square = max(c**2 + s**2 for c, s in zip(short.centre, short.sigma, strict=True))
-        return cls(square * max(short.window / FOLD, 1.0), short.k)
+        return cls(square * max(short.window / block, 1.0), short.k)
 
 
 class GoodnessOfFit:

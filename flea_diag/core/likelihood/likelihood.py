@@ -43,8 +43,9 @@ class NormalEquations:
     Constant memory.
     """
 
-    def __init__(self, residuals: Sequence[str], basis: Basis) -> None:
+    def __init__(self, residuals: Sequence[str], basis: Basis, block_scans: int = FOLD) -> None:
         self.residuals, self.basis = tuple(residuals), basis
+        self._least_block = max(block_scans, FOLD)
         count, width = len(self.residuals), len(basis.names)
         self._gram = np.zeros((count, width, width))
         self._cross = np.zeros((count, width))
@@ -53,7 +54,7 @@ class NormalEquations:
         self._spacing = np.ones(count)
         self._means = np.zeros((count, 1 + width, 1 + width))
         self.blocks = np.zeros(count)
-        """Of each residual, blocks of at least ``FOLD`` scans of which half had a value."""
+        """Blocks of each residual, ``block_scans`` or ``FOLD`` long, at least half with values."""
         self._block, self._block_samples = np.zeros((count, 1 + width)), np.zeros(count)
         self._block_scans = 0
         self._values, self._phi = np.empty((FOLD, count)), np.empty((FOLD, width))
@@ -100,7 +101,7 @@ class NormalEquations:
             self._block_samples[index] += len(y)
         self._block_scans += self._waiting
         self._waiting = 0
-        if self._block_scans >= FOLD:
+        if self._block_scans >= self._least_block:
             self._end_block()
 
     def _end_block(self) -> None:

@@ -16,12 +16,13 @@ import numpy.typing as npt
 
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.likelihood import NormalEquations
+from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
 
 Array = npt.NDArray[np.float64]
 
-EVERY = 4
-"""One scan in this many is kept: residuals change slowly."""
-PIECE_SCANS = 100
+EVERY_S = 0.04
+"""One scan is kept of each such time: residuals change slowly."""
+PIECE_S = 1.0
 LEFT_OUT = 3
 """Pieces before a detection that are left out of the baseline."""
 LEAST_PIECES = 5
@@ -33,7 +34,10 @@ MEMORY = 60.0
 class UnitBaseline:
     """Running evidence of the residuals ``residuals``, constant memory."""
 
-    def __init__(self, residuals: Sequence[str], basis: Basis) -> None:
+    def __init__(
+        self, residuals: Sequence[str], basis: Basis, counts: ScanCounts = FLEA_COUNTS
+    ) -> None:
+        self._piece, self._every = counts.of(PIECE_S), counts.of(EVERY_S)
         self._residuals, self._basis = tuple(residuals), basis
         self._recent: deque[NormalEquations] = deque()
         self._scans = 0
@@ -52,25 +56,25 @@ class UnitBaseline:
         """
         start = 0
         while start < len(values):
-            if self._scans % PIECE_SCANS == 0:
+            if self._scans % self._piece == 0:
                 self._next_piece()
-            count = min(PIECE_SCANS - self._scans % PIECE_SCANS, len(values) - start)
-            kept = slice(start + -self._scans % EVERY, start + count, EVERY)
+            count = min(self._piece - self._scans % self._piece, len(values) - start)
+            kept = slice(start + -self._scans % self._every, start + count, self._every)
             self._recent[-1].add(values[kept], regressors[kept])
             self._scans += count
             start += count
 
     def count(self) -> bool:
         """Count one scan; whether to hand it to ``keep`` before its piece is over."""
-        if self._scans % PIECE_SCANS == 0:
+        if self._scans % self._piece == 0:
             self._next_piece()
         self._scans += 1
-        return self._scans % EVERY == 1
+        return self._scans % self._every == 1 % self._every
 
     @property
     def is_piece_over(self) -> bool:
         """Whether the next scan begins another piece."""
-        return self._scans % PIECE_SCANS == 0
+        return self._scans % self._piece == 0
 
     def keep(self, values: Array, regressors: Array) -> None:
         """Add scans of this piece that were counted, in order; shapes as for ``add``."""
@@ -80,7 +84,7 @@ class UnitBaseline:
         self._recent.append(NormalEquations(self._residuals, self._basis))
         if len(self._recent) > LEFT_OUT + 1:
             self._known.fade(np.exp(-1.0 / MEMORY))
-            self._known.take(self._recent.popleft(), EVERY)
+            self._known.take(self._recent.popleft(), self._every)
             self._pieces += 1
 
     def interrupt(self) -> None:

@@ -26,11 +26,15 @@ from flea_diag.core.residuals.residual import STALL, Value, direction
 from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.residuals.settling import Settling
 from flea_diag.core.residuals.thermal import PredictedStores
+from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
 from flea_diag.core.smoothing import Smoother
 from flea_diag.core.symbolic.expression import FUNCTIONS, symbols
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+
+START_S = 1.0
+"""Readings at the start whose mean a predicted store starts from."""
 
 
 class ResidualBank:
@@ -45,8 +49,7 @@ class ResidualBank:
         relations: RelationSet,
         *,
         period_s: float = 0.01,
-        kernel_length: int = 31,
-        start_samples: int = 100,
+        counts: ScanCounts = FLEA_COUNTS,
         backend: str = "auto",
     ) -> None:
         self._relations, self._layout = relations, layout(relations)
@@ -61,15 +64,15 @@ class ResidualBank:
         # numba knows no empty tuple of results.
         self._compiled = backends.chosen(backend) == "numba" and bool(relations.differing)
         rows = relations.residuals
-        self._stores = PredictedStores.of(relations, rows.index, rows.place, start_samples)
+        self._stores = PredictedStores.of(relations, rows.index, rows.place, counts.of(START_S))
         self._width, self._spreading = len(rows.rows), len(rows.spreading)
         self.adopt(parameters)
         self._period_s = period_s
         self._moving_m_s = parameters.moving_m_s
-        self._kernel_length = kernel_length
+        self._kernel_length = counts.kernel
         self._still = 0
-        self._smoother = Smoother(len(rows.channels), kernel_length, period_s)
-        self._settling = Settling(rows, period_s, kernel_length)
+        self._smoother = Smoother(len(rows.channels), counts.kernel, period_s)
+        self._settling = Settling(rows, period_s, counts.kernel)
         self.has_encoder = bool(rows.encoder) and parameters.encoder_m_per_rad != 0.0
 
     def step(self, rows: Array, frozen: bool) -> ResidualRows:

@@ -24,8 +24,8 @@ Flags = npt.NDArray[np.bool_]
 
 SPEED = "speed"
 """Stands for the channel the speed comes from: the encoder, or the slope of the position."""
-WINDOWS = (50, 100, 400)
-"""Samples over which a residual is averaged before a test, but for tests of single sensors."""
+WINDOWS_S = (0.5, 1.0, 4.0)
+"""Times over which a residual is averaged before a test, but for tests of single sensors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,15 +33,16 @@ class ResidualRow(Frozen):
     """One residual: its unit, the channels it needs, and when it may be tested.
 
     ``gate`` is "moving" where the excitation of motion is needed, "always" where not, and
-    "sensor" where ``sensor_tests`` judge it. ``windows`` are the numbers of samples over which
-    it is averaged before a test. A row with ``isolates`` False detects, but makes no symbol.
+    "sensor" where ``sensor_tests`` judge it. ``windows_s`` are the times over which it is
+    averaged before a test, not counting those without one. A row with ``isolates`` False detects,
+    but makes no symbol.
     """
 
     name: str
     unit: str
     needs: tuple[str, ...]
     gate: str
-    windows: tuple[int, ...] = WINDOWS
+    windows_s: tuple[float, ...] = WINDOWS_S
     isolates: bool = True
 
 

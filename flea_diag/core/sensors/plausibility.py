@@ -2,8 +2,8 @@
 
 A voltage that disagrees with current and motion by more than any healthy unit or winding fault
 can explain is a bad channel. The test uses the smoothed electrical residual: implausible samples
-are dropped at once, ``ENTER_SAMPLES`` of them in a row make the channel bad, and
-``CLEAN_SAMPLES`` plausible ones make it good again.
+are dropped at once, ``ENTER_S`` of them in a row make the channel bad, and
+``CLEAN_S`` of plausible ones make it good again.
 """
 
 from __future__ import annotations
@@ -13,20 +13,22 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-ENTER_SAMPLES = 20
-CLEAN_SAMPLES = 1000
+ENTER_S, CLEAN_S = 0.2, 10.0
 
 
 class VoltagePlausibility:
     """Tests the electrical residual (V) of one stream."""
 
-    def __init__(self, limit_v: float) -> None:
+    def __init__(self, limit_v: float, counts: ScanCounts = FLEA_COUNTS) -> None:
         self._limit_v = limit_v
+        self._enter, self._again = counts.of(ENTER_S), counts.of(CLEAN_S)
         self._implausible = 0
-        self._clean = CLEAN_SAMPLES
+        self._clean = self._again
         self.bad = False
 
     def step(self, residual_v: float) -> bool:
@@ -36,11 +38,11 @@ class VoltagePlausibility:
         if abs(residual_v) > self._limit_v:
             self._implausible += 1
             self._clean = 0
-            self.bad = self.bad or self._implausible >= ENTER_SAMPLES
+            self.bad = self.bad or self._implausible >= self._enter
             return False
         self._implausible = 0
         self._clean += 1
-        if self.bad and self._clean >= CLEAN_SAMPLES:
+        if self.bad and self._clean >= self._again:
             self.bad = False
         return not self.bad
 
@@ -61,6 +63,6 @@ class VoltagePlausibility:
         return np.array(usable), np.array(bad)
 
 
-def usable(residual_v: Array, limit_v: float) -> Flags:
+def usable(residual_v: Array, limit_v: float, counts: ScanCounts = FLEA_COUNTS) -> Flags:
     """Which samples of a whole recording are usable, shape as given."""
-    return VoltagePlausibility(limit_v).follow(residual_v)[0]
+    return VoltagePlausibility(limit_v, counts).follow(residual_v)[0]

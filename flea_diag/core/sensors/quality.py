@@ -6,12 +6,13 @@ import math
 from dataclasses import dataclass, field
 
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
 
-ABSENT_SAMPLES = 50
-"""Consecutive unusable values that make a channel bad (absent if it never had a usable one)."""
+ABSENT_S = 0.5
+"""Unusable for so long a channel is bad (absent if it never had a usable value)."""
 BEYOND_BOUNDS = 1e9
 """No quantity of an actuator is larger in SI units; squares and sums below it stay finite."""
-SATURATED_SAMPLES = 10
+SATURATED_S = 0.1
 COUNTERS = ("samples", "missing", "stale", "out_of_range", "saturated", "implausible")
 
 
@@ -31,6 +32,7 @@ class ChannelMonitor:
     channel: str
     minimum: float = -math.inf
     maximum: float = math.inf
+    counts: ScanCounts = FLEA_COUNTS
     state: ChannelState = ChannelState("absent", 0, "no value yet")
     counters: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTERS, 0))
     _unusable: int = 0
@@ -66,7 +68,7 @@ class ChannelMonitor:
         known = self.counters["samples"] > self.counters["missing"]
         if self.state.quality == "absent":
             return not known
-        return self.state.quality == "bad" and self._unusable >= ABSENT_SAMPLES
+        return self.state.quality == "bad" and self._unusable >= self.counts.of(ABSENT_S)
 
     def pass_over(self, scans: int) -> None:
         """Count ``scans`` more values that change only counters."""
@@ -79,7 +81,7 @@ class ChannelMonitor:
     def silent(self) -> bool:
         """Whether a channel that had usable values has long had none."""
         known = self.counters["samples"] > self.counters["missing"]
-        return known and self._unusable >= ABSENT_SAMPLES
+        return known and self._unusable >= self.counts.of(ABSENT_S)
 
     def _range(self, value: float) -> float:
         if math.isnan(value):
@@ -91,11 +93,11 @@ class ChannelMonitor:
 
     def _judge(self, trusted: bool, distrust: str) -> tuple[str, str]:
         had_one = self.counters["samples"] > self.counters["missing"]
-        if self._unusable >= ABSENT_SAMPLES or not had_one:
+        if self._unusable >= self.counts.of(ABSENT_S) or not had_one:
             words = f"no usable value for {self._unusable} scans" if had_one else "not measured"
             return ("bad" if had_one else "absent"), words
         if not trusted:
             return "bad", distrust
-        if self._at_limit >= SATURATED_SAMPLES:
+        if self._at_limit >= self.counts.of(SATURATED_S):
             return "saturated", f"at the limit of its range ({self.minimum!r} to {self.maximum!r})"
         return "good", ""

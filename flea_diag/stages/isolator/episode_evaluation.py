@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.stages.isolator.fault_episode import CONCLUSIVE_SAMPLES, FaultEpisode
+from flea_diag.stages.isolator.fault_episode import CONCLUSIVE_S, FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 
@@ -35,9 +35,9 @@ class EpisodeEvaluation:
         if self._p.likelihood:
             self._apply_likelihoods(stamp_ns, episode)
         waited = (stamp_ns - episode.shared.detected_ns) / 1e9 >= self._p.settle_s
-        if waited or episode.evidence.moving >= self._p.settle_samples:
+        if waited or episode.evidence.moves(self._p.settle_motion_s):
             episode.settled = True
-        if episode.symbols and (episode.settled or episode.evidence.scans >= CONCLUSIVE_SAMPLES):
+        if episode.symbols and (episode.settled or episode.evidence.lasts(CONCLUSIVE_S)):
             episode.isolation.require(
                 stamp_ns, episode.magnitudes(), episode.evidence.moved_channels(), episode.settled
             )

@@ -7,18 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.isolation.goodness_of_fit import BLOCK_S
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import DIRECTION
 from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.wire.blocks import ResidualBlock
 
 Array = npt.NDArray[np.float64]
 
-MOVED_SAMPLES = 50
-"""Scans in motion since the detection after which a channel counts as alive."""
+MOVED_S = 0.5
+"""Time in motion since the detection after which a channel counts as alive."""
 
 
 class EpisodeEvidence:
@@ -31,6 +33,7 @@ class EpisodeEvidence:
     onset_ns : time after it in which scans are left out (smoothing transient)
     parameters : of the actuator, by which it is in motion
     known : residuals of the stand
+    counts : of scans at its rate
     """
 
     def __init__(
@@ -41,12 +44,14 @@ class EpisodeEvidence:
         onset_ns: int,
         parameters: ActuatorParameters,
         known: ResidualSet,
+        counts: ScanCounts,
     ) -> None:
+        self._counts = counts
         self._in_motion = known.in_motion
         _, _, speed, position = known.followed
         self._speeds = {position: rate_symbol(position), speed: speed}
         """Channels of motion, and the signals that are their speeds."""
-        self.equations = NormalEquations(residuals, basis)
+        self.equations = NormalEquations(residuals, basis, counts.of(BLOCK_S))
         self._basis = basis
         self._per_unit = np.array([1.0, parameters.encoder_m_per_rad])
         self._moving_m_s = parameters.moving_m_s
@@ -83,12 +88,19 @@ class EpisodeEvidence:
         self._back += int((directions < 0.0).sum())
         self._moved += (np.abs(speeds) > self._moving_m_s).sum(axis=0)
 
-    @property
-    def least_one_way(self) -> int:
-        """Scans in the direction of motion with fewer scans."""
-        return min(self._out, self._back)
+    def lasts(self, time_s: float) -> bool:
+        """Whether there are as many scans of evidence as in this time."""
+        return self.scans >= self._counts.of(time_s)
+
+    def moves(self, time_s: float) -> bool:
+        """Whether as many were in motion."""
+        return self.moving >= self._counts.of(time_s)
+
+    def goes_both_ways(self, time_s: float) -> bool:
+        """Whether as many were in motion in each direction."""
+        return min(self._out, self._back) >= self._counts.of(time_s)
 
     def moved_channels(self) -> tuple[str, ...]:
         """Channels whose reading has moved since the detection."""
         pairs = zip(self._speeds, self._moved, strict=True)
-        return tuple(channel for channel, samples in pairs if samples >= MOVED_SAMPLES)
+        return tuple(channel for channel, samples in pairs if samples >= self._counts.of(MOVED_S))

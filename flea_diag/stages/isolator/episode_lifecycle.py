@@ -147,6 +147,7 @@ class EpisodeLifecycle:
                 self._onset_ns,
                 self._k.calibration.parameters,
                 self._k.effects.residuals,
+                self._k.calibration.counts,
             ),
             FeatureQuery(shared.detected_ns, self._window_ns, self._windows),
         )

@@ -13,10 +13,10 @@ from flea_diag.stages.isolator.episode_evidence import EpisodeEvidence
 from flea_diag.stages.isolator.feature_query import FeatureQuery
 from flea_diag.wire.records import Detection, Symbols
 
-CONCLUSIVE_SAMPLES = 50
-"""Scans of evidence before likelihoods or absent symptoms may drop a fault."""
-BOTH_WAYS_SAMPLES = 30
-"""Scans in each direction of motion before parity residuals may decide by likelihood."""
+CONCLUSIVE_S = 0.5
+"""Time of evidence before likelihoods or absent symptoms may drop a fault."""
+BOTH_WAYS_S = 0.3
+"""Time in each direction of motion before parity residuals may decide by likelihood."""
 
 
 @dataclass
@@ -102,8 +102,8 @@ class FaultEpisode:
         seen = self.magnitudes()
         relations = {self.residuals.relation(residual) for residual in seen}
         if self.residuals.friction in relations and self.residuals.circuit not in seen:
-            return self.evidence.least_one_way >= BOTH_WAYS_SAMPLES
-        return self.evidence.scans >= CONCLUSIVE_SAMPLES
+            return self.evidence.goes_both_ways(BOTH_WAYS_S)
+        return self.evidence.lasts(CONCLUSIVE_S)
 
     def _is_circuit(self, residual: str) -> bool:
         """Whether this residual is of the relation of the winding."""

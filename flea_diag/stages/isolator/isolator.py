@@ -60,13 +60,14 @@ class IsolatorStage:
         self._merge = merge = Merge(
             Residual, round(parameters.watermark_s * 1e9), round(parameters.answer_limit_s * 1e9)
         )
-        self._stand = stand = StandStatus()
+        self._stand = stand = StandStatus(knowledge.calibration.counts)
         self._vibration = VibrationWatch(knowledge.features.nominal)
         self._motion = motion = MotionHistory(
             knowledge.calibration.parameters.encoder_m_per_rad,
             round(parameters.feature_window_s * 1e9),
             self._vibration.monitor,
             knowledge.effects,
+            knowledge.calibration.counts,
         )
         quantitative = QuantitativeIsolation(knowledge.calibration, knowledge.effects)
         self._episodes = EpisodeLifecycle(knowledge, parameters, quantitative, merge)

@@ -9,14 +9,15 @@ from collections.abc import Sequence
 from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.relation_set import DIRECTION
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.vibration.vibration_monitor import SCANS, VibrationMonitor
 from flea_diag.stages.isolator.motion_window import MotionWindow
 from flea_diag.wire.blocks import ResidualBlock
 
 SPEED, MOVING = -2, -1
 """Columns of the regressors, from the last."""
-VISITED_SCANS = 400
-"""Scans in motion over which visited quadrants are kept."""
+VISITED_S = 4.0
+"""Time in motion over which visited quadrants are kept."""
 IDLE_A = 0.1
 """Below this the sign of a current is noise."""
 
@@ -30,6 +31,7 @@ class MotionHistory:
     window_ns : length of ``window``
     monitor : receives speed and load of each scan
     effects : whose basis signals are the first regressors
+    counts : of scans at the rate of the stand
     """
 
     def __init__(
@@ -38,6 +40,7 @@ class MotionHistory:
         window_ns: int,
         monitor: VibrationMonitor,
         effects: EffectSet,
+        counts: ScanCounts,
     ) -> None:
         current, load, _, _ = effects.residuals.followed
         self._load, self._current, self._direction = map(
@@ -45,7 +48,8 @@ class MotionHistory:
         )
         self._lead = encoder_m_per_rad
         self._monitor = monitor
-        self._visited: deque[tuple[float, float]] = deque(maxlen=VISITED_SCANS)
+        self._most_visited = counts.of(VISITED_S)
+        self._visited: deque[tuple[float, float]] = deque(maxlen=self._most_visited)
         self.window = MotionWindow(window_ns)
 
     def step(self, stamp_ns: int, regressors: Sequence[float], moving: bool) -> None:
@@ -60,7 +64,7 @@ class MotionHistory:
         """Take many scans, of which only the last are kept."""
         moving = block.regressors[:, MOVING] > 0.5
         visited = block.regressors[moving][
-            -VISITED_SCANS:, [self._current, self._direction]
+            -self._most_visited :, [self._current, self._direction]
         ].tolist()
         self._visited.extend((current, direction) for current, direction in visited)
         recent = int((block.stamps_ns > block.stamps_ns[-1] - self.window.history_ns).sum())

@@ -15,7 +15,7 @@ from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.stages.isolator.ambiguity import Ambiguity
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
-from flea_diag.stages.isolator.stand_status import SEEN_MOVING, StandStatus, diverged, rested
+from flea_diag.stages.isolator.stand_status import StandStatus, diverged, rested
 from flea_diag.wire.records import DRIVER_DEAD, STARVING, STREAM, Outcome
 
 Decision = tuple[Outcome, str]
@@ -127,7 +127,7 @@ class OutcomeRules:
         if bad:
             return Outcome.DATA_UNUSABLE, f"{', '.join(bad)} unusable; the other channels are valid"
         resting = rested(stamp_ns, stand.moved_ns, self._rest_ns)
-        if stand.moved < SEEN_MOVING or resting:
+        if not stand.seen_moving or resting:
             return Outcome.NOT_OBSERVABLE, AT_REST
         if stand.outside is not None:
             return Outcome.NOT_OBSERVABLE, f"outside the calibration: {stand.outside.reason}"

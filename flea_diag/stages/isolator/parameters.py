@@ -56,8 +56,11 @@ class IsolatorParameters:
         minimum=0.0,
         maximum=5.0,
     )
-    settle_samples: int = parameter(
-        200, "scans in motion after detection before features are requested", minimum=1
+    settle_motion_s: float = parameter(
+        2.0,
+        "time in motion after detection before features are requested",
+        unit="s",
+        minimum=0.01,
     )
     settle_s: float = parameter(
         4.0,

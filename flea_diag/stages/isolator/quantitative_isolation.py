@@ -33,6 +33,7 @@ class QuantitativeIsolation:
     """
 
     def __init__(self, calibration: Calibration, effects: EffectSet) -> None:
+        self._counts = calibration.counts
         limits, fitted = calibration.limits, calibration.parameters
         residuals = effects.residuals
         self._friction, self._in_motion = residuals.friction, residuals.in_motion
@@ -48,7 +49,7 @@ class QuantitativeIsolation:
         self.basis = effects.basis_of(fitted)
         self.models = self._of_stand(effects.bound(fitted))
         self._of_vibration = self._of_stand(effects.bound(fitted, is_vibration_only=True))
-        self._baseline = UnitBaseline(self.names, self.basis)
+        self._baseline = UnitBaseline(self.names, self.basis, self._counts)
         self._waiting: list[Residual] = []
 
     def _of_stand(self, models: tuple[FaultModel, ...]) -> tuple[FaultModel, ...]:
@@ -63,7 +64,7 @@ class QuantitativeIsolation:
     def forget(self) -> None:
         """The unit was exchanged: the baseline of the previous one does not apply."""
         self._waiting.clear()
-        self._baseline = UnitBaseline(self.names, self.basis)
+        self._baseline = UnitBaseline(self.names, self.basis, self._counts)
 
     def learn_scan(self, record: Residual) -> None:
         """``learn`` for one scan; kept scans are buffered until their piece is over."""

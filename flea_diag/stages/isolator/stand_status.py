@@ -12,6 +12,7 @@ import numpy.typing as npt
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.channel_units import unit_refusal
 from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
 from flea_diag.errors import shown
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
@@ -35,14 +36,15 @@ LOST_NS = 3_000_000_000
 """A state observer that has diverged for this long has a model that does not fit."""
 GAP_NS = 1_000_000_000
 """After a gap this long an earlier divergence is not counted on."""
-SEEN_MOVING = 50
-"""Scans in motion before motor and screw are observable."""
+SEEN_MOVING_S = 0.5
+"""Time in motion before motor and screw are observable."""
 
 
 @dataclass
 class StandStatus:
     """State of the stand, kept from scan to scan."""
 
+    counts: ScanCounts = FLEA_COUNTS
     axes: tuple[str, ...] = ()
     mismatch: str = ""
     bad: tuple[str, ...] = ()
@@ -79,6 +81,11 @@ class StandStatus:
         """What no healthy unit of the design differs by; empty for any other unit."""
         row = self.other_unit
         return row.reason if row is not None and row.quality is Quality.SATURATED else ""
+
+    @property
+    def seen_moving(self) -> bool:
+        """Whether it has been in motion for long enough to observe motor and screw."""
+        return self.moved >= self.counts.of(SEEN_MOVING_S)
 
     def take_table(self, table: ChannelTable, mismatch: str) -> None:
         """Take the channel table, and why the calibration does not fit it (empty: it does)."""
@@ -135,7 +142,7 @@ class StandStatus:
         lost_ns = np.where(lost, lost_ns, NEVER_NS)
         seen = np.stack(
             (
-                moved < SEEN_MOVING,
+                moved < self.counts.of(SEEN_MOVING_S),
                 rested(stamps_ns, moved_ns, rest_ns),
                 diverged(stamps_ns, lost_ns),
             )

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
 from flea_diag.core.sensors.channel_loops import glance_loops
 from flea_diag.core.sensors.quality import BEYOND_BOUNDS, ChannelMonitor
 from flea_diag.core.sensors.stale_rows import LEAST_CHANNELS, StaleRows
@@ -45,13 +46,20 @@ class Channels:
     """
 
     def __init__(
-        self, rows: ResidualSet, known: Collection[str], distrust: str, backend: str = "auto"
+        self,
+        rows: ResidualSet,
+        known: Collection[str],
+        distrust: str,
+        backend: str = "auto",
+        counts: ScanCounts = FLEA_COUNTS,
     ) -> None:
         self._index, self._width = rows.index, len(rows.channels)
         self._voltage = rows.channel(rows.voltage)
         self._compiled = backends.chosen(backend) == "numba"
         self._distrust = distrust
-        self._monitors = {k: ChannelMonitor(n) for n, k in rows.index.items() if n in known}
+        self._monitors = {
+            k: ChannelMonitor(n, counts=counts) for n, k in rows.index.items() if n in known
+        }
         self._layout: tuple[str, ...] = ()
         self._from = self._to = np.empty(0, dtype=int)
         self._said: tuple[str, ...] = ()

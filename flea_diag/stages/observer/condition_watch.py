@@ -23,7 +23,6 @@ from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
-from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
     NEVER_NS,
@@ -81,11 +80,11 @@ class ConditionWatch:
             c.tolerance,
             limit.sigma[0] if limit is not None else 0.0,
             c.period_s,
-            KERNEL_LENGTH * c.period_s,
+            c.counts,
         )
         self._command = NAMED["saturated_drive"].columns(relations)
-        self._saturated = Lingering(KERNEL_LENGTH)
-        self._clipped = ClippedReadings(self._rows, KERNEL_LENGTH)
+        self._saturated = Lingering(c.counts.kernel)
+        self._clipped = ClippedReadings(self._rows, c.counts.kernel)
         self._range = -math.inf, math.inf
         self._void_drive: Flags | None = None
         self._voids = self._held = False

@@ -12,24 +12,23 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
-from flea_diag.core.smoothing import KERNEL_LENGTH
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-
-MOST_FILLED = KERNEL_LENGTH // 2
-"""Most lost scans in a kernel; beyond, it averages less noise than the limits assume."""
 
 
 class LostScans:
     """Interpolation between the last scans before a loss and the first after it."""
 
-    def __init__(self, known: ResidualSet) -> None:
+    def __init__(self, known: ResidualSet, kernel: int) -> None:
+        self._kernel = kernel
+        # Beyond, a kernel averages less noise than the limits assume.
+        self._most_filled = kernel // 2
         parities = known.columns(row.name for row in known.parities)
         self._sparse = [*parities, *known.columns(known.innovations)]
         self._thermal, self._fine = known.predicted_columns, known.columns(known.of_one_speed)
         self._wait = 0
-        self._filled: Flags = np.zeros(KERNEL_LENGTH - 1, dtype=bool)
+        self._filled: Flags = np.zeros(self._kernel - 1, dtype=bool)
         self.interrupt()
 
     def interrupt(self) -> None:
@@ -47,7 +46,7 @@ class LostScans:
         """
         if len(self._rows) < 2:
             return None
-        self._wait = KERNEL_LENGTH + count
+        self._wait = self._kernel + count
         steps = np.arange(1.0, count + 1.0)
         return parabola(steps[:, None], count + 1, (*self._rows, row))
 
@@ -63,8 +62,8 @@ class LostScans:
         scans = len(residuals)
         filled = np.concatenate((self._filled, np.full(scans, not read)))
         self._filled = filled[scans:]
-        inside = np.lib.stride_tricks.sliding_window_view(filled, KERNEL_LENGTH).sum(axis=1)
-        starved = inside > MOST_FILLED
+        inside = np.lib.stride_tricks.sliding_window_view(filled, self._kernel).sum(axis=1)
+        starved = inside > self._most_filled
         residuals.leave_out(starved, self._sparse)
         residuals.leave_out(filled[-scans:], self._thermal)
         wrong = np.arange(scans) < self._wait

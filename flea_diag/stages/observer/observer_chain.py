@@ -42,7 +42,9 @@ class ObserverChain:
         """Start a new stream; only counters of the stream order are kept."""
         c, p = self._calibration, self._parameters
         distrust = f"disagrees with current and motion by more than {c.voltage_limit_v:.1f} V"
-        self.channels = Channels(self._effects.residuals, c.channels, distrust, p.observer_backend)
+        self.channels = Channels(
+            self._effects.residuals, c.channels, distrust, p.observer_backend, c.counts
+        )
         estimate = StateEstimate(
             c, self._effects.relations, p.state_observer, p.observer_seed, p.observer_backend
         )

@@ -17,7 +17,6 @@ from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
-from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.stages.observer.condition_watch import ConditionWatch
 from flea_diag.stages.observer.lost_scans import LostScans
 from flea_diag.stages.observer.regressor_table import RegressorTable
@@ -76,20 +75,22 @@ class ResidualStream:
             c.parameters,
             relations,
             period_s=c.period_s,
-            kernel_length=KERNEL_LENGTH,
+            counts=c.counts,
             backend=backend,
         )
         # The command corroborates the measured voltage, where the stand has it.
         signals, command = relations.signals, known.command
         self._command = signals.index(command) if command in signals else None
         self._sensors = SensorValidation(known, c, backend)
-        self._voltage = VoltageTrust(known, c.voltage_limit_v)
+        self._voltage = VoltageTrust(known, c.voltage_limit_v, c.counts)
         self._estimate = estimate
-        self._speed = SpeedTrust(known, self._bank.has_encoder)
-        self._lost = LostScans(known)
+        self._speed = SpeedTrust(known, self._bank.has_encoder, c.counts.kernel)
+        self._lost = LostScans(known, c.counts.kernel)
         self.conditions = ConditionWatch(c, relations)
         self._outside_ns = NEVER_NS
-        self.envelope = EnvelopeWatch(c.envelope, relations) if c.envelope else None
+        self.envelope = (
+            EnvelopeWatch(c.envelope, relations, c.counts.kernel) if c.envelope else None
+        )
         self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s, start_ns)
         self._regressors = RegressorTable(effects, c.parameters)
         self._tests = ResidualTests(known, c, estimate.runs, backend)

@@ -31,8 +31,8 @@ class ResidualTests:
         limits = [limit for limit in c.limits if estimates or limit.name not in known.innovations]
         thermal = c.tolerance.thermal_rate_k_per_s
         self._tolerance = c.tolerance
-        self._z_tests = Detector(known, limits, c.tolerances(), thermal, backend)
-        self._mean_shift = MeanShiftTest(known, c.shifts, c.tolerances(), backend)
+        self._z_tests = Detector(known, limits, c.tolerances(), thermal, backend, c.counts)
+        self._mean_shift = MeanShiftTest(known, c.shifts, c.tolerances(), backend, c.counts)
         self._discrepancy = _discrepancies(known, c)
         self._disabled: list[int] = []
 

@@ -7,19 +7,15 @@ import numpy as np
 from flea_diag.core.conditions.lingering import Lingering
 from flea_diag.core.residuals.residual_rows import SPEED, ResidualRows, ResidualSet
 from flea_diag.core.sensors.position_step import SPAN
-from flea_diag.core.smoothing import KERNEL_LENGTH
-
-SPEED_SCANS = KERNEL_LENGTH + SPAN
-"""Scans over which a position step shows as a speed."""
 
 
 class SpeedTrust:
     """Drops residuals of the speed for as long as the kernel contains a position step."""
 
-    def __init__(self, known: ResidualSet, has_encoder: bool) -> None:
+    def __init__(self, known: ResidualSet, has_encoder: bool, kernel: int) -> None:
         self._position, self.columns = known.column(known.position), known.needing(SPEED)
         self._has_encoder = has_encoder
-        self._stepped = Lingering(SPEED_SCANS)
+        self._stepped = Lingering(kernel + SPAN)
 
     def leave_out(self, residuals: ResidualRows) -> None:
         """Drop them in these scans; an encoder measures the speed itself and is left alone."""

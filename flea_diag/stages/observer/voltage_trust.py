@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.plausibility import VoltagePlausibility
 
 Flags = npt.NDArray[np.bool_]
@@ -36,10 +37,10 @@ class VoltageVerdict(NamedTuple):
 class VoltageTrust:
     """Cross-check of the voltage against current and motion."""
 
-    def __init__(self, known: ResidualSet, limit_v: float) -> None:
+    def __init__(self, known: ResidualSet, limit_v: float, counts: ScanCounts) -> None:
         self._circuit = known.column(known.circuit)
         self.columns = known.needing(known.voltage)
-        self._plausible = VoltagePlausibility(limit_v)
+        self._plausible = VoltagePlausibility(limit_v, counts)
 
     @property
     def lost(self) -> bool:

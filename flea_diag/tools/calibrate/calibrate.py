@@ -205,11 +205,13 @@ def _learn(
 ) -> CalibrationResult:
     """Calibration from these recordings, and which of them the others show not to be nominal."""
     from flea_diag.core.calibration import envelope_fit, identification, nominal_trace, thresholds
-    from flea_diag.core.smoothing import KERNEL_LENGTH
+    from flea_diag.core.scan_counts import ScanCounts
 
     runs = [recording.run for recording in recordings]
     period_s, folds = recordings[0].period_s, folds_of(recordings)
-    found = identification.identify(runs, relations_of, KERNEL_LENGTH, period_s, folds)
+    found = identification.identify(
+        runs, relations_of, ScanCounts(period_s).kernel, period_s, folds
+    )
     has_encoder = found.parameters.encoder_m_per_rad != 0.0
     relations = relations_of(has_encoder)
     work = RecordingWork(relations_of, has_encoder, period_s, recordings[0].sampling or "mean")
@@ -387,6 +389,7 @@ def _calibration(
         covariance=tuple(found.covariance),
         shifts=limits.shift_limits(),
         out_of_sample=limits.out_of_sample(),
+        counted_period_s=period_s,
     )
 
 

@@ -67,11 +67,10 @@ class RecordingWork(NamedTuple):
     def trace(self, item: tuple[NominalRun, Identified]) -> Trace:
         """Residuals of a recording."""
         from flea_diag.core.calibration import nominal_trace
-        from flea_diag.core.smoothing import KERNEL_LENGTH
 
         run, identified = item
         relations = self.relations_of(self.has_encoder)
-        return nominal_trace.trace(run, identified, relations, KERNEL_LENGTH, self.period_s)
+        return nominal_trace.trace(run, identified, relations, self.period_s)
 
     def innovations(self, item: tuple[ActuatorParameters, Array]) -> Array:
         """Innovation residuals of the rows of a recording."""

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from flea_diag.core.choice.feature_learning import NOMINAL, Sample
-from flea_diag.core.smoothing import KERNEL_LENGTH, hann_kernels
+from flea_diag.core.scan_counts import ScanCounts
+from flea_diag.core.smoothing import hann_kernels
 from flea_diag.core.vibration.features import all_ids, compute_all
 from flea_diag.core.vibration.features_motion import reverses
 from flea_diag.core.vibration.level_learning import Levels
@@ -159,11 +160,14 @@ def _pointed(
     A load actuator that slips and sticks again causes steps within a few scans, in which smoothed
     and raw speed differ by a large factor.
     """
-    if len(scans) < KERNEL_LENGTH:
+    if len(scans) < 2:
         return
-    kernel = hann_kernels(KERNEL_LENGTH, 1.0)[0]
-    edge = KERNEL_LENGTH // 2
-    stamps_ns = np.array([stamp_ns for stamp_ns, _, _ in scans])[edge:-edge]
+    stamps_ns = np.array([stamp_ns for stamp_ns, _, _ in scans])
+    length = ScanCounts(float(np.median(np.diff(stamps_ns))) * 1e-9).kernel
+    if len(scans) < length:
+        return
+    kernel, edge = hann_kernels(length, 1.0)[0], length // 2
+    stamps_ns = stamps_ns[edge:-edge]
     motion = np.array([row[1:] for row in scans])
     smooth = np.column_stack([np.convolve(column, kernel, "valid") for column in motion.T])
     for block in heard:

@@ -24,7 +24,8 @@ from flea_diag.core.residuals.parity import channel_of
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.unit_difference import difference_sigmas
-from flea_diag.core.smoothing import KERNEL_LENGTH, hann_kernels
+from flea_diag.core.scan_counts import ScanCounts
+from flea_diag.core.smoothing import hann_kernels
 from flea_diag.core.symbolic.expression import derivative, evaluate
 from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.stages.isolator.quantitative_isolation import own_sigma
@@ -127,7 +128,7 @@ class FaultSizes:
             self.parameters,
             effects.relations,
             period_s=motion.period_s,
-            kernel_length=KERNEL_LENGTH,
+            counts=ScanCounts(motion.period_s),
             backend="numpy",
         )
         residuals = bank.step(rows, frozen=False)
@@ -185,7 +186,7 @@ class FaultSizes:
         self, relations: RelationSet, motion: MotionSignals
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Scatter of each residual, and the samples to one independent sample."""
-        kernels = hann_kernels(KERNEL_LENGTH, self.period_s)
+        kernels = hann_kernels(ScanCounts(self.period_s).kernel, self.period_s)
         gains = np.sqrt(np.square(kernels).sum(axis=1))
         sensors = described(self.stand.actuator).sensors
         known = {**asdict(self.parameters), **motion.signals}

@@ -94,7 +94,15 @@ DAMAGE = {
         "limits: .*window 50: sigma needs 3 speed regions, has 1",
     ),
     "sigma not positive": (put(("limits", 0, "windows", 0, "sigma"), [1.0, 0.0, 1.0]), "limits"),
-    "unknown window": (put(("limits", 0, "windows", 0, "window"), 77), "limits: .*77"),
+    "unknown window": (
+        put(("limits", 0, "windows", 0, "window"), 77),
+        r"limits: .*windows \[77.*known \(50, 100",
+    ),
+    "unknown shift": (
+        put(("shifts", 0, "window"), 17),
+        r"shifts: .*window = 17, choose one of \(200, 400",
+    ),
+    "no period": (put(("counted_period_s",), 0.0), "counted_period_s = 0.0 must be"),
     "half a window": (put(("limits", 0, "windows", 0, "window"), 0.5), "limits"),
     "scatter lacking": (put(("limits", 0, "sigma"), []), "limits"),
     "limits a number": (put(("limits",), 3), "limits"),

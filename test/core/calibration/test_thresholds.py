@@ -159,7 +159,7 @@ def test_bad_stretches_are_found_left_out_and_named():
     runs = [NominalRun(f"r{n}", ema.rows(each, ema.STAND)) for n, each in enumerate(columns)]
     found = identify(runs, partial(compiled_relations, "actuator.yaml", ema.STAND), 31, 0.01)
     relations = compiled_relations("actuator.yaml", ema.STAND, False)
-    traced = [trace(run, found, relations, 31, 0.01) for run in runs[1:3]]
+    traced = [trace(run, found, relations, 0.01) for run in runs[1:3]]
     assert stretches(traced[0], 0.01) == []
     (stretch,) = stretches(traced[1], 0.01)
     assert (stretch.run, stretch.channel) == ("r2", "motor_voltage")

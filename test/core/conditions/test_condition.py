@@ -8,6 +8,7 @@ import pytest
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.conditions.condition import CONDITIONS, NAMED
+from flea_diag.core.scan_counts import FLEA_COUNTS
 from flea_diag.stages.observer.speed_trust import SpeedTrust
 from flea_diag.stages.observer.voltage_trust import VoltageTrust
 from flea_diag.wire.records import END_OF_TRAVEL
@@ -39,8 +40,8 @@ def test_a_saturated_drive_voids_what_holds_the_command() -> None:
 
 def test_conditions_that_other_parts_judge_void_what_those_leave_out() -> None:
     rows = FLEA.residuals
-    assert NAMED["untrusted_voltage"].columns(FLEA) == VoltageTrust(rows, 1.0).columns
-    assert NAMED["stepped_position"].columns(FLEA) == SpeedTrust(rows, False).columns
+    assert NAMED["untrusted_voltage"].columns(FLEA) == VoltageTrust(rows, 1.0, FLEA_COUNTS).columns
+    assert NAMED["stepped_position"].columns(FLEA) == SpeedTrust(rows, False, 31).columns
 
 
 def test_standing_against_a_push_voids_nothing() -> None:

@@ -10,12 +10,14 @@ from support import stands
 from support.models import linear_ema as ema
 
 from flea_diag.core.calibration.calibration_reader import from_mapping
-from flea_diag.core.conditions.envelope_watch import BACK, BEYOND, EnvelopeWatch
+from flea_diag.core.conditions.envelope_watch import EnvelopeWatch
 from flea_diag.core.residuals.leverage import LeverageBasis
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.scan_counts import FLEA_COUNTS
 from flea_diag.wire.records import OUTSIDE_CALIBRATION, AmbiguityGroup, DataQuality, Outcome
 
+KERNEL = FLEA_COUNTS.kernel
 MECHANICAL = ["parity_mechanical", "parity_mechanical_dn"]
 
 
@@ -33,7 +35,7 @@ def columns(load_n: float) -> ema.Columns:
 def watched(load_n: float) -> tuple[ResidualRows, list[int], list[tuple[int, ...]]]:
     """Residuals that a watch left, the scans at which it turned, what was outside in each."""
     calibration, relations = stands.calibration(), stands.relations()
-    watch = EnvelopeWatch(calibration.envelope, relations)
+    watch = EnvelopeWatch(calibration.envelope, relations, KERNEL)
     rows = ema.rows(columns(load_n), ema.STAND)
     residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
     turns, outside = [], []
@@ -58,8 +60,8 @@ def test_within_what_was_seen_nothing_is_added_and_nothing_abstains() -> None:
 def test_a_load_far_beyond_silences_what_rests_on_it_and_nothing_else() -> None:
     """The relation of the winding at first, whose current is three times as large."""
     residuals, (begins, *_, ends), outside = watched(420.0)
-    assert begins >= 400 + BEYOND
-    assert 800 + BACK - 31 <= ends <= 800 + BACK + 31
+    assert begins >= 400 + KERNEL // 3
+    assert 800 + 3 * KERNEL - 31 <= ends <= 800 + 3 * KERNEL + 31
     names = list(LeverageBasis(stands.relations()).names)
     for name in ("parity_mechanical", "parity_electrical"):
         silent = np.array([names.index(name) in place for place in outside[100:]])
@@ -74,7 +76,7 @@ def test_blocks_turn_where_single_scans_do() -> None:
     rows = ema.rows(columns(420.0), ema.STAND)
     residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
     _, (begins, *_), _ = watched(420.0)
-    assert EnvelopeWatch(calibration.envelope, relations).step(rows, residuals) == begins
+    assert EnvelopeWatch(calibration.envelope, relations, KERNEL).step(rows, residuals) == begins
 
 
 def test_the_verdict_names_the_range_and_is_not_observable_meanwhile() -> None:

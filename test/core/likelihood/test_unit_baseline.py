@@ -12,12 +12,14 @@ from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.likelihood.unit_baseline import (
     LEAST_PIECES,
     LEFT_OUT,
-    PIECE_SCANS,
+    PIECE_S,
     UnitBaseline,
 )
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters, UnitTolerance
 from flea_diag.core.residuals.unit_difference import difference_sigmas
+from flea_diag.core.scan_counts import FLEA_COUNTS
 
+PIECE_SCANS = FLEA_COUNTS.of(PIECE_S)
 RESIDUALS = ("parity_mechanical", "parity_electrical")
 SIGMA = dict(zip(RESIDUALS, (20.0, 0.9), strict=True))
 SPACING = dict.fromkeys(RESIDUALS, 40.0)

@@ -21,7 +21,7 @@ from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.observers.thermal_filter import ESTIMATE, heat_loops, thermal_filter
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.smoothing import KERNEL_LENGTH
+from flea_diag.core.scan_counts import FLEA_COUNTS
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools.recordings.flea_data import read_flea_data
 from flea_diag.tools.recordings.flea_run import FleaRun
@@ -337,7 +337,7 @@ def test_real_jam_shows_in_the_currents_residual_and_real_spall_does_not() -> No
     nominal = [file for file in files if "_Nominal_" in file.name]
     learned = [NominalRun(file.name, real_rows(file)) for file in nominal[::4]]
     relations_of = partial(compiled_relations, "actuator.yaml", ROWS.channels)
-    p = identify(learned, relations_of, KERNEL_LENGTH, 0.01).parameters
+    p = identify(learned, relations_of, FLEA_COUNTS.kernel, 0.01).parameters
     fresh = nominal[1::6]
     jam = [file for file in files if "_Jam_" in file.name][::3]
     spall = [file for file in files if "_Spall_" in file.name][::3]

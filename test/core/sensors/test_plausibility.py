@@ -6,14 +6,16 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flea_diag.core.scan_counts import FLEA_COUNTS
 from flea_diag.core.sensors.plausibility import (
-    CLEAN_SAMPLES,
-    ENTER_SAMPLES,
+    CLEAN_S,
+    ENTER_S,
     VoltagePlausibility,
     usable,
 )
 
 LIMIT_V = 8.0
+ENTER_SAMPLES, CLEAN_SAMPLES = map(FLEA_COUNTS.of, (ENTER_S, CLEAN_S))
 
 
 def test_a_bad_stretch_is_left_at_once_and_trusted_again_late():

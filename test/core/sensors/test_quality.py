@@ -4,7 +4,10 @@ import math
 
 import pytest
 
-from flea_diag.core.sensors.quality import ABSENT_SAMPLES, SATURATED_SAMPLES, ChannelMonitor
+from flea_diag.core.scan_counts import FLEA_COUNTS
+from flea_diag.core.sensors.quality import ABSENT_S, SATURATED_S, ChannelMonitor
+
+ABSENT_SAMPLES, SATURATED_SAMPLES = map(FLEA_COUNTS.of, (ABSENT_S, SATURATED_S))
 
 
 def run(monitor: ChannelMonitor, *values: float, trusted: bool = True, start: int = 0) -> list:

@@ -26,7 +26,7 @@ def moving(scans: int, *jumps: int) -> ResidualRows:
 
 @pytest.mark.parametrize("block", [1, 13, 100])
 def test_a_position_step_takes_the_speed_out_for_as_long_as_the_kernel_sees_it(block):
-    trust, whole = SpeedTrust(FLEA, has_encoder=False), moving(100, 20)
+    trust, whole = SpeedTrust(FLEA, has_encoder=False, kernel=31), moving(100, 20)
     for start in range(0, 100, block):
         at = slice(start, start + block)
         parts = (whole.values, whole.spread, whole.signals, whole.motion, whole.moving)
@@ -41,7 +41,7 @@ def test_a_position_step_takes_the_speed_out_for_as_long_as_the_kernel_sees_it(b
 
 
 def test_an_encoder_measures_the_speed_itself():
-    trust, whole = SpeedTrust(FLEA, has_encoder=True), moving(50, 20)
+    trust, whole = SpeedTrust(FLEA, has_encoder=True, kernel=31), moving(50, 20)
     trust.leave_out(whole)
     assert whole.moving.all()
     assert not np.isnan(whole.values).any()

@@ -10,6 +10,7 @@ from support.observer_scans import after, decisions, healthy, quality
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.scan_counts import FLEA_COUNTS
 from flea_diag.stages.observer.voltage_trust import VoltageTrust
 from flea_diag.wire.records import DataQuality, Quality, Residual
 
@@ -56,7 +57,7 @@ def electrical(volts: list[float]) -> ResidualRows:
 
 def test_a_voltage_loses_trust_with_the_twentieth_implausible_scan_in_a_row():
     rows = electrical([0.0] * 5 + [9.0] * 30)
-    trust = VoltageTrust(FLEA, LIMIT_V)
+    trust = VoltageTrust(FLEA, LIMIT_V, FLEA_COUNTS)
     verdict = trust.judge(rows, np.ones(35, dtype=bool))
     assert verdict.lost_at == 5 + 20 - 1
     assert trust.lost
@@ -70,7 +71,7 @@ def test_a_voltage_loses_trust_with_the_twentieth_implausible_scan_in_a_row():
 
 
 def test_a_voltage_that_a_command_corroborates_is_not_judged():
-    trust = VoltageTrust(FLEA, LIMIT_V)
+    trust = VoltageTrust(FLEA, LIMIT_V, FLEA_COUNTS)
     verdict = trust.judge(electrical([9.0] * 30), np.zeros(30, dtype=bool))
     assert verdict.usable.all()
     assert verdict.trusted.all()

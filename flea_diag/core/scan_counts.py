@@ -1,0 +1,37 @@
+"""How many scans the times of the method are, at the rate of a stand.
+
+Windows, smoothing and the least evidence of a decision are stated in seconds, so that a fault
+shows after the same time at any rate. What rests on the number of readings alone, such as an
+estimate of noise, is a count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flea_diag.core.frozen import Frozen
+
+PERIOD_S = 0.01
+"""Period of the FLEA's scans, by which older calibrations count at any rate."""
+HALF_KERNEL_S = 0.15
+"""Half the length of the smoothing kernel, and its delay."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScanCounts(Frozen):
+    """Counts of scans that follow each other by ``period_s``."""
+
+    period_s: float = PERIOD_S
+
+    def of(self, time_s: float) -> int:
+        """Scans in a time, at least one."""
+        return max(1, round(time_s / self.period_s))
+
+    @property
+    def kernel(self) -> int:
+        """Length of the smoothing kernel: odd, and at least the five that a curvature takes."""
+        return 1 + 2 * max(2, round(HALF_KERNEL_S / self.period_s))
+
+
+FLEA_COUNTS = ScanCounts()
+"""Those of the FLEA."""
