@@ -8,35 +8,38 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.residuals.leverage import CalibrationEnvelope
 from flea_diag.core.residuals.measured_graph import rate_symbol, time_derivative
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import CompiledRelation, RelationSet
+from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.scan_counts import PERIOD_S
 from flea_diag.core.symbolic.collect import solved_for
 from flea_diag.core.symbolic.expression import Function, evaluate, symbols
 
 Array = npt.NDArray[np.float64]
 
-SCAN_S = 0.01  # of a planned motion, which no stand has to follow
-MIDDLE_M = 0.05  # of a planned motion, which no stand has to follow
 ROOM_DEGC = 25.0  # of a planned motion, which no stand has to follow
 
 
 @dataclass(frozen=True)
 class PlannedMotion:
-    """A reciprocating motion, sinusoidal in position, under a constant load."""
+    """A reciprocating motion, sinusoidal in position about ``middle_m``, under a constant load."""
 
     name: str
     peak_m_s: float
     period_s: float
     load_n: float
     seconds: float
+    middle_m: float = 0.05
+    scan_s: float = PERIOD_S
 
 
 MOTIONS = (
@@ -48,6 +51,41 @@ MOTIONS = (
     PlannedMotion("fast reciprocating, load -200 N", 0.040, 4.0, -200.0, 8.0),
 )
 """Within stroke, speed and load of the FLEA (0.1 m, 0.08 m/s, 311 N)."""
+PACES = (("slow", 0.125, 8.0), ("fast", 0.5, 4.0))
+"""Pace, share of the largest speed, longest period."""
+LOAD_SHARE, STROKE_SHARE = 0.6, 0.4
+"""Of the largest load either way, and most of the calibrated stroke either way."""
+
+
+def motions_within(known: ResidualSet, envelope: CalibrationEnvelope | None,
+                   scan_s: float = PERIOD_S) -> tuple[PlannedMotion, ...]:  # fmt: skip
+    """Motions within what a calibration has seen; those of the FLEA where it does not say.
+
+    ``scan_s`` is the period of the scans.
+    """
+    place = envelope.ranges.get(known.position) if envelope else None
+    speed = envelope.ranges.get(rate_symbol(known.position)) if envelope else None
+    if envelope is None or place is None or speed is None:
+        return tuple(replace(motion, scan_s=scan_s) for motion in MOTIONS)
+    middle, reach = sum(place) / 2.0, STROKE_SHARE * (place[1] - place[0])
+    unit = known.units.get(known.load, "")
+    found = []
+    for load in _loads(*envelope.ranges.get(known.load, (0.0, 0.0))):
+        under = f"load {load:.3g} {unit}" if load else "no load"
+        for pace, share, longest_s in PACES:
+            peak = share * max(map(abs, speed))
+            period_s = min(longest_s, 2.0 * math.pi * reach / peak)
+            seconds = period_s * math.ceil(8.0 / period_s)
+            name = f"{pace} reciprocating, {under}"
+            found.append(PlannedMotion(name, peak, period_s, load, seconds, middle, scan_s))
+    return tuple(found)
+
+
+def _loads(low: float, high: float) -> tuple[float, ...]:
+    """No load, and a share of the largest one either way; the least one that was always there."""
+    if low > 0.0 or high < 0.0:
+        return tuple(low + share * (high - low) for share in (1.0 - LOAD_SHARE, LOAD_SHARE))
+    return (0.0, *(LOAD_SHARE * end for end in (high, low) if end))
 
 
 def planned(
@@ -65,7 +103,7 @@ def planned(
 
 @lru_cache(maxsize=64)
 def _planned(effects: EffectSet, p: ActuatorParameters, motion: PlannedMotion) -> Array:
-    times = np.arange(0.0, motion.seconds, SCAN_S)
+    times = np.arange(0.0, motion.seconds, motion.scan_s)
     known = signals(effects.relations, p, motion, times)
     known |= _shapes(effects.shapes, known)
     room = {name for name in effects.signals if name.endswith("_degc")}
@@ -91,7 +129,7 @@ def signals(
     known = {
         **asdict(p),
         **relations.reference,
-        position: MIDDLE_M + motion.peak_m_s / omega * np.sin(omega * times_s),
+        position: motion.middle_m + motion.peak_m_s / omega * np.sin(omega * times_s),
         rate: motion.peak_m_s * np.cos(omega * times_s),
         rate_symbol(rate): -motion.peak_m_s * omega * np.sin(omega * times_s),
         load: np.full(len(times_s), motion.load_n),

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 from collections import deque
 
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.position_step import SPAN
-from flea_diag.core.sensors.sensor_limits import DROPOUT_S, SensorLimit, scans_of
+from flea_diag.core.sensors.sensor_limits import DROPOUT_S, SensorLimit
 
 HOLD_S = 0.1
 """Time after which a reading that jumped is accepted as the new level."""
@@ -24,7 +25,7 @@ STUCK_S = 0.5
 
 def stuck_scans(limit: SensorLimit, period_s: float) -> int:
     """Scans after which a held reading counts as stuck."""
-    return max(scans_of(STUCK_S, period_s), 2 * limit.repeats)
+    return max(ScanCounts(period_s).of(STUCK_S), 2 * limit.repeats)
 
 
 class ReadingGuard:
@@ -35,10 +36,10 @@ class ReadingGuard:
     """
 
     def __init__(self, limit: SensorLimit, period_s: float, quantum: float = 0.0) -> None:
-        self._limit, self._quantum = limit, quantum
+        self._limit, self._quantum, counts = limit, quantum, ScanCounts(period_s)
         self._stuck = stuck_scans(limit, period_s)
-        self._hold = scans_of(HOLD_S, period_s)
-        self._memory = scans_of(DROPOUT_S, period_s)
+        self._hold = counts.of(HOLD_S)
+        self._memory = counts.of(DROPOUT_S)
         self.events: deque[int] = deque()
         self.interrupt()
 

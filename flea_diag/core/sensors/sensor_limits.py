@@ -15,14 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.position_step import position_steps
 from flea_diag.core.sensors.sensor_set import SensorSet
 from flea_diag.fields.values import Count, NotNegative
 
 Array = npt.NDArray[np.float64]
 
-REST_SCANS = 3
-"""Scans within which a position is seen to move: fewer than a drop-out lasts."""
+REST_S = 0.03
+"""Time within which a position is seen to move: shorter than a drop-out."""
 
 NOISE_WINDOWS = (100, 400)  # assumption: a burst, and a lasting rise
 UNIT_LOG = 0.3
@@ -82,11 +83,6 @@ class SensorLimit(Frozen):
         return asdict(self)
 
 
-def scans_of(time_s: float, period_s: float) -> int:
-    """Scans that a time takes, at least one."""
-    return max(1, round(time_s / period_s))
-
-
 def noise_logs(values: Array, resolution: float | Array) -> Array:
     """Logarithm of the noise of each sample, shape (n - 3,) or (n - 3, channels).
 
@@ -99,13 +95,13 @@ def noise_logs(values: Array, resolution: float | Array) -> Array:
     return logs
 
 
-def at_rest(positions: Array, rest: Array) -> npt.NDArray[np.bool_]:
-    """Where no position has moved lately, shape (n, positions) gives (n - ``REST_SCANS``,).
+def at_rest(positions: Array, rest: Array, scans: int) -> npt.NDArray[np.bool_]:
+    """Where no position has moved in so many scans, shape (n, positions) gives (n - scans,).
 
     ``rest`` are their ``SensorSet.positions``. Without a position nothing says so.
     """
     with np.errstate(invalid="ignore"):
-        moved = np.abs(positions[REST_SCANS:] - positions[:-REST_SCANS]) > rest
+        moved = np.abs(positions[scans:] - positions[:-scans]) > rest
     rests = np.full(len(moved), bool(positions.shape[1]))
     rests &= ~moved.any(axis=1)
     return rests
@@ -134,21 +130,23 @@ def sensor_limits(
     return tuple(found)
 
 
-def _in_use(channel: str, sensors: SensorSet, run: Mapping[str, Array]) -> Array:
+def _in_use(channel: str, sensors: SensorSet, run: Mapping[str, Array], scans: int) -> Array:
     """Readings of a channel without those in which it rightly stands still."""
     readings = run[channel]
     return (
-        np.where(_rests(sensors, run), np.nan, readings) if channel == sensors.speed else readings
+        np.where(_rests(sensors, run, scans), np.nan, readings)
+        if channel == sensors.speed
+        else readings
     )
 
 
-def _rests(sensors: SensorSet, run: Mapping[str, Array]) -> npt.NDArray[np.bool_]:
+def _rests(sensors: SensorSet, run: Mapping[str, Array], scans: int) -> npt.NDArray[np.bool_]:
     """Where the actuator rests, shape (scans,); nowhere without a position."""
     known = {name: rest for name, rest in sensors.positions.items() if name in run}
     rests = np.zeros(len(next(iter(run.values()))), dtype=bool)
     if known:
         positions = np.stack([run[name] for name in known], axis=1)
-        rests[REST_SCANS:] = at_rest(positions, np.array(list(known.values())))
+        rests[scans:] = at_rest(positions, np.array(list(known.values())), scans)
     return rests
 
 
@@ -226,18 +224,22 @@ def _repeats(
     rest for as long as it likes. What nominal recordings show is exceeded in any case, but for one
     run of an encoder in each, which may hold its zero for a moment where it turns about.
     """
-    steps = [np.diff(_in_use(channel, sensors, run)) for run in runs]
+    counts = ScanCounts(period_s)
+    scans = counts.of(REST_S)
+    steps = [np.diff(_in_use(channel, sensors, run, scans)) for run in runs]
     same = [step[np.isfinite(step)] == 0.0 for step in steps]
-    every, rests = np.concatenate(same), [_rests(sensors, run)[1:] for run in runs]
+    every, rests = np.concatenate(same), [_rests(sensors, run, scans)[1:] for run in runs]
     still = np.concatenate([r[np.isfinite(s)] for r, s in zip(rests, steps, strict=True)])
     # A drive that is off rightly holds its voltage; its command tells that from a fault.
     parts = () if channel in sensors.held else (every[still], every[~still])
     share = max(map(_share, (every, *parts)))
-    single_per_scan = math.sqrt(rate_per_s * period_s / scans_of(DROPOUT_S, period_s))
+    if not share:
+        return 0  # too little motion tells it
+    single_per_scan = math.sqrt(rate_per_s * period_s / counts.of(DROPOUT_S))
     by_chance = math.ceil(math.log(single_per_scan) / math.log(share))
     longest = max(_longest(row, but=int(channel == sensors.speed)) for row in same)
     repeats = max(by_chance, longest + 1, 2)
-    return repeats if repeats <= scans_of(LONGEST_REPEAT_S, period_s) else 0
+    return repeats if repeats <= counts.of(LONGEST_REPEAT_S) else 0
 
 
 def _share(same: npt.NDArray[np.bool_]) -> float:

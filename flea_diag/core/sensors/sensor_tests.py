@@ -14,10 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
+from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
 from flea_diag.core.sensors.noise_test import NoiseTest
 from flea_diag.core.sensors.position_step import SPAN, position_steps
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
-from flea_diag.core.sensors.sensor_limits import REST_SCANS, SensorLimit, at_rest
+from flea_diag.core.sensors.sensor_limits import REST_S, SensorLimit, at_rest
 from flea_diag.core.sensors.sensor_loops import LOOKS
 from flea_diag.core.sensors.sensor_set import TESTS, SensorSet
 
@@ -51,6 +52,7 @@ class SensorTests:
     channels : names of the columns of a row
     sensors : what is tested; its names are those of the columns of ``SensorTestResults.z``
     period_s : time between two rows
+    counts : those that the limits hold for
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class SensorTests:
         sensors: SensorSet,
         backend: str = "auto",
         period_s: float = 0.01,
+        counts: ScanCounts = FLEA_COUNTS,
     ) -> None:
         names, self._sensors = sensors.names, sensors
         self._compiled = backends.chosen(backend) == "numba"
@@ -80,7 +83,8 @@ class SensorTests:
         self._watched: set[int] = set()
         """Channels in which a jump, a hold or a drop-out is still of effect."""
         self._noise = NoiseTest(self._limits, sensors, backend)
-        self._recent = np.full((2 * SPAN - 1, len(self._limits)), np.nan)
+        self._rest_scans = counts.of(REST_S)
+        self._recent = np.full((max(2 * SPAN - 1, self._rest_scans), len(self._limits)), np.nan)
         rests = {name: rest for name, rest in sensors.positions.items() if name in self._names}
         self._positions = [self._names.index(name) for name in rests]
         self._rest = np.array(list(rests.values()))
@@ -143,7 +147,8 @@ class SensorTests:
         look = backends.exact(*LOOKS) if self._compiled else self._look
         bounds = self._low, self._high, self._reach
         stepping = self._stepping, self._paired
-        anywhere = look(rows, self._columns, bounds, stepping, recent, inside, steps, odd)
+        near = recent[-(count + 2 * SPAN - 1) :]
+        anywhere = look(rows, self._columns, bounds, stepping, near, inside, steps, odd)
         self._recent = recent[count:]
         usable, z = rows.copy(), np.empty((count, len(self._calm)))
         z[:] = self._calm
@@ -190,8 +195,8 @@ class SensorTests:
         """The last scans in which a constant reading is correct: the encoder speed at rest."""
         if self._names[index] != self._sensors.speed:
             return [False] * count
-        last = recent[-count - REST_SCANS :, self._positions]
-        rests: list[bool] = at_rest(last, self._rest).tolist()
+        last = recent[-count - self._rest_scans :, self._positions]
+        rests: list[bool] = at_rest(last, self._rest, self._rest_scans).tolist()
         return rests
 
     def _own_steps(self, recent: Array) -> list[Array]:

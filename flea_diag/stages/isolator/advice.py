@@ -12,7 +12,7 @@ from flea_diag.core.choice.next_test import (
     motion_tests,
     next_tests,
 )
-from flea_diag.core.choice.planned_motion import MOTIONS, planned
+from flea_diag.core.choice.planned_motion import motions_within, planned
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters, Knowledge
@@ -41,7 +41,11 @@ class Advice:
             knowledge.calibration.differences(knowledge.effects.differences),
             parameters.drop_nats,
         )
-        for motion in MOTIONS:  # cached now, so that no verdict waits for it
+        calibration = knowledge.calibration
+        self._motions = motions_within(
+            knowledge.effects.residuals, calibration.envelope, calibration.period_s
+        )
+        for motion in self._motions:  # cached now, so that no verdict waits for it
             planned(knowledge.effects, knowledge.calibration.parameters, motion)
 
     def tests(
@@ -61,6 +65,7 @@ class Advice:
                 self._k.effects,
                 self._k.calibration.parameters,
                 (stamp_ns - episode.shared.detected_ns) / 1e9,
+                self._motions,
             )
         ranked = next_tests(suspects, motions, features, sensors)[:MOST_TESTS]
         return tuple(

@@ -23,7 +23,9 @@ class SensorValidation:
 
     def __init__(self, known: ResidualSet, calibration: Calibration, backend: str) -> None:
         c = calibration
-        self._tests = SensorTests(c.sensors, known.channels, known.sensors, backend, c.period_s)
+        self._tests = SensorTests(
+            c.sensors, known.channels, known.sensors, backend, c.period_s, c.counts
+        )
         self._held = HeldReadings(c.sensors, known.channels, known.sensors, c.period_s)
         self._period_ns = round(calibration.period_s * 1e9)
         self.k = self._tests.k.copy()

@@ -21,7 +21,9 @@ from support.models.fault_terms import (
 from support.models.hand_relations import catalogue_effects
 from support.places import ROOT
 
+from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.configuration.description import compiled_relations
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.choice.next_test import (
     LikelihoodTest,
@@ -31,7 +33,12 @@ from flea_diag.core.choice.next_test import (
     motion_tests,
     next_tests,
 )
-from flea_diag.core.choice.planned_motion import MOTIONS, PlannedMotion, planned
+from flea_diag.core.choice.planned_motion import (
+    MOTIONS,
+    PlannedMotion,
+    motions_within,
+    planned,
+)
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.residuals.parameters import ActuatorParameters
@@ -221,3 +228,27 @@ def test_an_unsplit_group_of_a_recorded_bag_gets_advice() -> None:
     assert last.next_tests[0].kind == "sensor"
     assert last.next_tests[0].what == "accelerometer_2"
     assert last.next_tests[0].expected_size < len(last.members)
+
+
+@pytest.mark.parametrize("stand", ["ema", "joint"])
+def test_motions_stay_within_what_the_calibration_has_seen(stand: str) -> None:
+    files = load_stand(stand)
+    calibration = load_calibration(files.calibration)
+    known = compiled_relations(files.actuator, calibration.channels).residuals
+    ranges = calibration.envelope.ranges
+    motions = motions_within(known, calibration.envelope, calibration.period_s)
+    assert len(motions) == (6 if known.load else 2)
+    for motion in motions:
+        reach = motion.peak_m_s * motion.period_s / (2.0 * math.pi)
+        low, high = ranges[known.position]
+        assert low < motion.middle_m - reach < motion.middle_m + reach < high
+        assert motion.peak_m_s < max(ranges[f"d_{known.position}"])
+        assert motion.scan_s == calibration.period_s
+        if motion.load_n:
+            assert ranges[known.load][0] < motion.load_n < ranges[known.load][1]
+            assert motion.name.endswith(f"load {motion.load_n:.3g} N")
+
+
+def test_without_an_envelope_they_are_those_of_the_flea() -> None:
+    known = compiled_relations(load_stand().actuator).residuals
+    assert motions_within(known, None) == MOTIONS
