@@ -4,10 +4,10 @@ scripts/bench rates                        the aileron drive at five rates
 python bench/bench_rates.py 25 1000        these rates alone
 python bench/bench_rates.py 200 --seed 40 --folder DIR
 
-At each rate the same unit makes six healthy recordings, from which its stand is calibrated, two more
-healthy runs, and one run of each fault. A run is right if the fault is in the final group, of three
-at most, and was not detected before its onset. The simulated DAQ has no 25 Hz: every second scan of
-50 Hz makes them.
+At each rate the same unit makes six healthy recordings, from which its stand is calibrated, two
+more healthy runs, and one run of each fault. A run is right if the fault is in the final group, of
+three at most, and was not detected before its onset. The simulated DAQ has no 25 Hz: every second
+scan of 50 Hz makes them.
 """
 
 from __future__ import annotations
@@ -130,8 +130,8 @@ def at(rate_hz: int, seed: int, folder: Path) -> list[Figure]:
     seeds = f"unit {UNIT}, {seed} and on"
     middle = sorted(delays)[len(delays) // 2] if delays else float("nan")
     print(
-        f"{rate_hz:5d} Hz  {right:2d} of {len(FAULTS)} right, {len(delays)} detected after a median "
-        f"of {middle:.2f} s, {quiet} of 2 healthy runs NOMINAL"
+        f"{rate_hz:5d} Hz  {right:2d} of {len(FAULTS)} right, {len(delays)} detected after a "
+        f"median of {middle:.2f} s, {quiet} of 2 healthy runs NOMINAL"
     )
     return [
         share(f"{rate_hz} Hz: fault in a group of at most 3", right, len(FAULTS), seed=seeds),

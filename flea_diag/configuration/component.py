@@ -136,7 +136,8 @@ class Component(Generic[P]):
 def _observer(stand: Stand, values: Any) -> ObserverStage:
     calibration = learned(stand)
     known = effects(stand, calibration)
-    return ObserverStage(calibration, known, _part(ObserverParameters, values))
+    nominal = load_features(stand.features).nominal
+    return ObserverStage(calibration, known, _part(ObserverParameters, values), nominal)
 
 
 def _isolator(stand: Stand, values: Any) -> IsolatorStage:

@@ -27,6 +27,7 @@ from flea_diag.wire.vocabulary import STARVING as STARVING
 from flea_diag.wire.vocabulary import STREAM as STREAM
 from flea_diag.wire.vocabulary import TAKEN_BACK as TAKEN_BACK
 from flea_diag.wire.vocabulary import TAKEN_OVER as TAKEN_OVER
+from flea_diag.wire.vocabulary import VIBRATION as VIBRATION
 from flea_diag.wire.vocabulary import Level as Level
 from flea_diag.wire.vocabulary import Outcome as Outcome
 from flea_diag.wire.vocabulary import Quality as Quality

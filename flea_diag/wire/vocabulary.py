@@ -25,6 +25,8 @@ OUTSIDE_CALIBRATION = "outside_calibration"
 OTHER_UNIT = "unit"
 """Row of ``data_quality`` of a unit that is none of the calibration's, with what differs: saturated
 beyond what healthy units differ by, else good."""
+VIBRATION = "vibration"
+"""Row of ``data_quality`` where no nominal range can judge an accelerometer."""
 STARVING = "starved: more than half of the scans lost or too late"
 """Reason of a stream that has too few scans left to test."""
 DRIVER_DEAD = "DAQ frozen: scans arrive, values do not change or are missing"

@@ -12,14 +12,18 @@ import pytest
 from support.stand_runs import fault, records
 
 from flea_diag.configuration.component import EXTRACTOR, ISOLATOR, OBSERVER, make_pipeline
+from flea_diag.configuration.knowledge import load_features
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.vibration.features_envelope import named_line
+from flea_diag.core.vibration.nominal_range import NominalRanges
+from flea_diag.core.vibration.unjudged import said, unjudged
 from flea_diag.stages.extractor.windows import Windows
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.tools.features.bench import FLEA_SCREW
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
+    DataQuality,
     Detection,
     FeatureRequest,
     FeatureValue,
@@ -28,6 +32,7 @@ from flea_diag.wire.records import (
     Scan,
     Truth,
     VibrationBlock,
+    VibrationLevel,
 )
 
 S = 1_000_000_000
@@ -314,3 +319,39 @@ def test_where_no_feature_could_be_computed_the_verdict_says_that_one_would_spli
     assert group.features_computed == ()
     assert "not isolated yet; vibration features need" in group.words
     assert "by design" not in group.words
+
+
+@pytest.mark.parametrize("rate_hz", [10_000.0, 50_000.0])
+def test_accelerometers_at_another_rate_are_said_to_be_deaf(rate_hz: float) -> None:
+    made = records(
+        motion={"kind": "sine", "amplitude_m": 0.022, "frequency_hz": 0.6},
+        duration_s=2.0,
+        sensors={"vibration_rate_hz": rate_hz},
+        **fault("spall", 0.0, size=1.5),
+    )
+    out = replayed(made)
+    verdict = [r for r in out if isinstance(r, AmbiguityGroup)][-1]
+    why = f"sampled at {rate_hz:.6g} Hz, nominal ranges were learned at 20000 Hz"
+    unseen = {name: reason for name, reason in verdict.not_observable if "vibration" in reason}
+    assert {"spall", "rotor_eccentricity"} <= set(unseen)
+    assert all(why in reason for reason in unseen.values())
+    rows = {r.channel: r for r in [q for q in out if isinstance(q, DataQuality)][-1].channels}
+    assert rows["vibration"].reason.startswith(f"accelerometer_1, accelerometer_2: {why}")
+    assert not any(isinstance(r, VibrationLevel) for r in out)
+
+
+def test_accelerometers_without_a_table_are_said_to_be_deaf_and_judged_ones_are_not() -> None:
+    nominal = load_features(load_stand().features).nominal
+    rates = dict.fromkeys(("accelerometer_1_x", "accelerometer_3_x"), 20_000.0)
+    assert unjudged(nominal, rates) == {"accelerometer_3_x": "no nominal range was learned"}
+    assert len(unjudged(NominalRanges(), rates)) == 2
+    assert said({}) == ""
+
+
+def replayed(made: list[Record]) -> list[Record]:
+    """All that the three stages say to these records."""
+    chain, out = make_pipeline(load_stand(), state_observer="none"), []
+    for record in made:
+        if not isinstance(record, Truth):
+            out += chain.handle(record)
+    return [*out, *chain.finish()]

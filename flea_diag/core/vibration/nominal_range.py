@@ -24,6 +24,8 @@ MOVING_RAD_S = 15.0
 FAST_RAD_S = 55.0
 """RMS speed from which impacts are frequent enough to isolate a pit from a jam; at low speed the
 few impacts of both are indistinguishable."""
+RATE_TOLERANCE = 0.01
+"""Largest relative error of the sampling rate."""
 NEAR_FASTEST = 0.8
 """In slower motion, windows of at least this share of its fastest window are used."""
 
@@ -243,6 +245,10 @@ class NominalRanges:
     resting_levels: Mapping[str, NominalRange] = field(default_factory=dict)
     kurtosis: Mapping[str, NominalRange] = field(default_factory=dict)
     orders: Mapping[str, Annotated[float, within(0.01, 1000.0)]] = field(default_factory=dict)
+
+    def holds_at(self, rate_hz: float, tolerance: float = RATE_TOLERANCE) -> bool:
+        """Whether vibration sampled at this rate may be held against these ranges."""
+        return not self.rate_hz or abs(rate_hz / self.rate_hz - 1.0) <= tolerance
 
     def symbol(self, feature: str, value: float, point: VibrationOperatingPoint) -> str:
         """``-``, ``0`` or ``+`` against the nominal range, ``?`` where there is none."""

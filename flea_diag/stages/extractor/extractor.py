@@ -15,7 +15,7 @@ import numpy as np
 
 from flea_diag.core.choice.feature_table import FaultFeatureTable
 from flea_diag.core.vibration.features import FeatureId, Scope, evaluate
-from flea_diag.core.vibration.nominal_range import VibrationOperatingPoint
+from flea_diag.core.vibration.nominal_range import RATE_TOLERANCE, VibrationOperatingPoint
 from flea_diag.core.vibration.window import NotComputableError, Window
 from flea_diag.errors import ConfigurationError
 from flea_diag.stages.extractor.condition_indicators import condition_indicators
@@ -54,7 +54,11 @@ class ExtractorParameters:
         0.05, "longest break between scans inside a window", unit="s", minimum=0.0, maximum=1.0
     )
     rate_tolerance: float = parameter(
-        0.01, "largest relative error of the sampling rate", unit="1", minimum=0.0, maximum=0.5
+        RATE_TOLERANCE,
+        "largest relative error of the sampling rate",
+        unit="1",
+        minimum=0.0,
+        maximum=0.5,
     )
     full_scale_m_s2: float = parameter(
         0.0,
@@ -251,8 +255,7 @@ class ExtractorStage:
         return self._cut
 
     def _is_rate_known(self, rate_hz: float) -> bool:
-        learned_hz = self.table.nominal.rate_hz
-        return not learned_hz or abs(rate_hz / learned_hz - 1.0) <= self.parameters.rate_tolerance
+        return self.table.nominal.holds_at(rate_hz, self.parameters.rate_tolerance)
 
     def _check_rate(self, rate_hz: float) -> None:
         learned_hz = self.table.nominal.rate_hz

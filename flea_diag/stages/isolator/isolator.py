@@ -56,7 +56,7 @@ class IsolatorStage:
     def __init__(self, knowledge: Knowledge, parameters: IsolatorParameters) -> None:
         self._calibration, self._residuals = knowledge.calibration, knowledge.effects.residuals
         parameters = parameters.covering(knowledge.calibration.coverage)
-        self._gating = parameters.gating
+        self._gating, self._nominal = parameters.gating, knowledge.features.nominal
         self._merge = merge = Merge(
             Residual, round(parameters.watermark_s * 1e9), round(parameters.answer_limit_s * 1e9)
         )
@@ -169,5 +169,6 @@ class IsolatorStage:
         return ()
 
     def _channel_table(self, record: ChannelTable) -> Records:
-        self._stand.take_table(record, mismatch(self._calibration, record, self._residuals))
+        unfit = mismatch(self._calibration, record, self._residuals)
+        self._stand.take_table(record, unfit, self._nominal)
         return ()

@@ -13,6 +13,8 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.channel_units import unit_refusal
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.vibration.nominal_range import NominalRanges
+from flea_diag.core.vibration.unjudged import said, unjudged
 from flea_diag.errors import shown
 from flea_diag.wire.records import (
     END_OF_TRAVEL,
@@ -46,6 +48,8 @@ class StandStatus:
 
     counts: ScanCounts = FLEA_COUNTS
     axes: tuple[str, ...] = ()
+    deaf: str = ""
+    """Why no accelerometer is judged; empty: one is, or there is none."""
     mismatch: str = ""
     bad: tuple[str, ...] = ()
     contact: ChannelQuality | None = None
@@ -87,9 +91,11 @@ class StandStatus:
         """Whether it has been in motion for long enough to observe motor and screw."""
         return self.moved >= self.counts.of(SEEN_MOVING_S)
 
-    def take_table(self, table: ChannelTable, mismatch: str) -> None:
+    def take_table(self, table: ChannelTable, mismatch: str, nominal: NominalRanges) -> None:
         """Take the channel table, and why the calibration does not fit it (empty: it does)."""
-        self.axes = tuple(r.name for r in table.channels if r.name.startswith("accelerometer"))
+        axes = {r.name: r.rate_hz for r in table.channels if r.name.startswith("accelerometer")}
+        self.axes, found = tuple(axes), unjudged(nominal, axes)
+        self.deaf = said(found) if len(found) == len(axes) else ""
         self.mismatch, self.table_ns = mismatch, table.stamp_ns
 
     def take(self, quality: DataQuality) -> bool:

@@ -130,10 +130,11 @@ class VerdictRecord:
 
     def _not_observable(self, stand: StandStatus) -> tuple[tuple[str, str], ...]:
         """Faults that this stand cannot show, with the reason."""
-        if stand.axes:
+        if stand.axes and not stand.deaf:
             return self._undetectable
+        reason = f"shows only in vibration, and {stand.deaf}" if stand.deaf else NO_ACCELEROMETER
         vibration_only = tuple(
-            (name, NO_ACCELEROMETER)
+            (name, reason)
             for name, fault in self._k.faults.items()
             if fault.vibration and fault.approach == "data"
         )

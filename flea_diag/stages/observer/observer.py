@@ -12,6 +12,8 @@ import numpy as np
 
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.likelihood.effect_set import EffectSet
+from flea_diag.core.vibration.nominal_range import NominalRanges
+from flea_diag.core.vibration.unjudged import said, unjudged
 from flea_diag.stages.observer.block_replay import BlockReplay
 from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
@@ -22,7 +24,9 @@ from flea_diag.wire.blocks import ResidualBlock, ScanBlock
 from flea_diag.wire.records import (
     ANOTHER_UNIT,
     DRIVER_DEAD,
+    VIBRATION,
     AmbiguityGroup,
+    ChannelQuality,
     ChannelTable,
     DataQuality,
     Quality,
@@ -38,8 +42,14 @@ class ObserverStage:
     takes_blocks = True
 
     def __init__(
-        self, calibration: Calibration, effects: EffectSet, parameters: ObserverParameters
+        self,
+        calibration: Calibration,
+        effects: EffectSet,
+        parameters: ObserverParameters,
+        nominal: NominalRanges | None = None,
     ) -> None:
+        self._nominal = nominal
+        self._deaf: tuple[ChannelQuality, ...] = ()
         self._chain = ObserverChain(calibration, effects, parameters)
         self._replay = BlockReplay()
         self._records = ResidualRecords(
@@ -56,6 +66,7 @@ class ObserverStage:
         if isinstance(record, ChannelTable):
             self._table = record
             self._chain.take_ranges(record)
+            self._deaf = self._unheard(record)
         elif isinstance(record, AmbiguityGroup):
             self._verdict = record
         stamp_ns = self._chain.order.last_ns
@@ -131,8 +142,16 @@ class ObserverStage:
         if chain.channels.driver_dead:
             stream = replace(stream, quality=Quality.BAD, reason=DRIVER_DEAD)
         channels = chain.channels.states(chain.stream.stuck)
-        rows = (stream, *channels, *chain.stream.states())
+        rows = (stream, *channels, *self._deaf, *chain.stream.states())
         return DataQuality(stamp_ns, rows, chain.stream.offsets)
+
+    def _unheard(self, table: ChannelTable) -> tuple[ChannelQuality, ...]:
+        """The row of accelerometers that no nominal range can judge."""
+        if self._nominal is None:
+            return ()
+        axes = {r.name: r.rate_hz for r in table.channels if r.name.startswith("accelerometer")}
+        words = said(unjudged(self._nominal, axes))
+        return (ChannelQuality(VIBRATION, Quality.ABSENT, 0, words),) if words else ()
 
     def finish(self) -> tuple[Record, ...]:
         """The input has ended: report counters that have changed."""
