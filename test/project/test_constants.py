@@ -13,11 +13,11 @@ FOLDERS = ("flea_diag/core", "flea_diag/stages")
 ELSEWHERE = {
     "SECOND_NS": "by definition",
     "PERIOD_S": "bounds of a file",
-    "SHIFT_WINDOWS": "docstring of the module",
+    "SHIFT_WINDOWS_S": "docstring of the module",
     "PIECE_SCANS": "size of a sample",
-    "ENTER_SAMPLES": "docstring of the module",
-    "CLEAN_SAMPLES": "docstring of the module",
-    "SATURATED_SAMPLES": "docstring of the function",
+    "ENTER_S": "docstring of the module",
+    "CLEAN_S": "docstring of the module",
+    "SATURATED_S": "docstring of the function",
 }
 """Constants that say it elsewhere."""
 

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 
 EVERY_S = 0.04
 """One scan is kept of each such time: residuals change slowly."""
-PIECE_S = 1.0
+PIECE_S = 1.0  # assumption: size of a sample
 LEFT_OUT = 3
 """Pieces before a detection that are left out of the baseline."""
 LEAST_PIECES = 5
