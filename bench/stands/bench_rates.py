@@ -1,8 +1,8 @@
 """One machine scanned at 25 Hz to 1 kHz: its faults are found after the same time at any rate.
 
-scripts/bench rates                        the aileron drive at five rates
-python bench/bench_rates.py 25 1000        these rates alone
-python bench/bench_rates.py 200 --seed 40 --folder DIR
+python bench/stands/bench_rates.py                 the aileron drive at five rates
+python bench/stands/bench_rates.py 25 1000         these rates alone
+python bench/stands/bench_rates.py 200 --seed 40 --folder DIR
 
 At each rate the same unit makes six healthy recordings, from which its stand is calibrated, two
 more healthy runs, and one run of each fault. A run is right if the fault is in the final group, of
@@ -22,6 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from summary import ROOT, Figure, bench_parser, share, write_summary
 
 from flea_diag.tools.main import main as flea

@@ -1,6 +1,6 @@
 """The bridge with ten topics at 100 Hz beside the diagnoser: CPU of both, and the same decisions.
 
-scripts/bench bridge
+python bench/stands/bench_bridge.py
 
 A recording with a short circuit of the winding is published in real time as ten topics of
 sensor_msgs/Temperature, which has a stamp and a number, one channel each. The bridge makes scans of
@@ -20,8 +20,8 @@ from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "test")]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "bench"), str(ROOT / "test")]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from bench_stand import cpu_s
