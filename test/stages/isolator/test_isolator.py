@@ -332,7 +332,11 @@ def test_features_are_requested_one_by_one_and_used():
         assert request.window_end_ns == request.stamp_ns
     group = stands.verdict(out)
     assert stands.members(group) <= {"jam", "ball_nut_friction"}
-    assert dict(group.not_observable).get("spall") is None
+    # It opens no episode by itself: nothing says what is nominal.
+    assert (
+        "accelerometer_1, accelerometer_2: no nominal range was learned"
+        in dict(group.not_observable)["spall"]
+    )
     assert group.features_available == 2
 
 
