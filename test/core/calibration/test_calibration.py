@@ -102,7 +102,7 @@ DAMAGE = {
         put(("shifts", 0, "window"), 17),
         r"shifts: .*window = 17, choose one of \(200, 400",
     ),
-    "no period": (put(("counted_period_s",), 0.0), "counted_period_s = 0.0 must be"),
+    "no period": (put(("counted_period_s",), 0.0), "counted_period_s = 0.0 is below its limit"),
     "half a window": (put(("limits", 0, "windows", 0, "window"), 0.5), "limits"),
     "scatter lacking": (put(("limits", 0, "sigma"), []), "limits"),
     "limits a number": (put(("limits",), 3), "limits"),
