@@ -12,6 +12,7 @@ from support import stands
 from flea_diag.core.conditions.contact import Contact
 from flea_diag.core.conditions.end_of_travel import EndOfTravel
 from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.scan_counts import FLEA_COUNTS
 
 LEAD_M = 5e-4
 PUSH_N = 1000.0
@@ -26,7 +27,7 @@ def pressed(motor_rad_s: float) -> list[Contact]:
     """
     calibration, relations = stands.calibration(), stands.relations()
     rows, p = relations.residuals, replace(calibration.parameters, encoder_m_per_rad=LEAD_M)
-    travel = EndOfTravel(relations, calibration.tolerance, 0.1, 0.01, 0.31)
+    travel = EndOfTravel(relations, calibration.tolerance, 0.1, 0.01, FLEA_COUNTS)
     readings = np.full((120, len(rows.channels)), np.nan)
     readings[:, rows.index["actuator_position"]] = np.append(
         np.linspace(0.02, 0.0, 50), np.zeros(70)
