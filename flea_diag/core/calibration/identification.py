@@ -30,7 +30,6 @@ from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.settling import scans_of, scans_since
-from flea_diag.core.smoothing import KERNEL_LENGTH
 from flea_diag.core.symbolic.expression import evaluate, symbols
 from flea_diag.errors import CalibrationError
 
@@ -168,7 +167,7 @@ def _leave_out(
     if folds < 2:
         return
     fold = data.fold[data.run[use]]
-    fits = fitted_by_fold(made.columns, made.target, weight, fold, folds, KERNEL_LENGTH)
+    fits = fitted_by_fold(made.columns, made.target, weight, fold, folds, data.kernel)
     no_error = np.zeros((len(made.names),) * 2)
     values = [_possible(made.solved(x, no_error)[0]) for x in fits.without]
     for recording, number in enumerate(data.fold.tolist()):

@@ -28,6 +28,8 @@ class Smoothed:
     first: Array
     second: Array
     run: npt.NDArray[np.int64]
+    kernel: int
+    """Scans that one smoothed value rests on."""
     fold: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     """Of each recording, the number of the group that is left out together with it."""
 
@@ -59,4 +61,4 @@ def smooth(
     if not numbers:
         raise CalibrationError("no recording is as long as the smoothing window")
     value, first, second = (np.concatenate(part) for part in parts)
-    return Smoothed(rows, value, first, second, np.concatenate(numbers))
+    return Smoothed(rows, value, first, second, np.concatenate(numbers), kernel_length)
