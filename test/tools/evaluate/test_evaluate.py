@@ -217,12 +217,14 @@ def test_what_cannot_be_run_is_refused(
 
 
 def test_an_empty_folder_and_a_missing_package_are_said_before_any_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    (tmp_path / "empty").mkdir()
-    monkeypatch.chdir(tmp_path)
-    assert main(["evaluate", "empty", "-o", str(tmp_path / "out")]) == 2
-    assert "empty': no bag, no .data file" in capsys.readouterr().err
+    empty = tmp_path_factory.mktemp("empty")  # of a short name: a quoted value has 80 characters
+    assert main(["evaluate", str(empty), "-o", str(tmp_path / "out")]) == 2
+    assert f"no recording matches '{empty}': no bag, no .data file" in capsys.readouterr().err
     monkeypatch.setattr(extra, "find_spec", lambda name: None)
     assert main(["evaluate", "small.yaml", "-o", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
