@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from support.places import ROOT
+from test_machine_numbers import FOLDERS, literals
 
-FOLDERS = ("flea_diag/core", "flea_diag/stages")
 ELSEWHERE = {
     "SECOND_NS": "by definition",
     "PERIOD_S": "bounds of a file",
@@ -30,18 +30,8 @@ def is_numeric(value: object) -> bool:
 
 def constants(source: str) -> Iterator[tuple[str, bool]]:
     """Numeric constants of a module, and whether a comment or a docstring stands with each."""
-    lines, body = source.splitlines(), ast.parse(source).body
-    for node, after in zip(body, [*body[1:], None], strict=True):
-        if isinstance(node, ast.Assign):
-            targets = node.targets
-        elif isinstance(node, ast.AnnAssign) and node.value is not None:
-            targets = [node.target]
-        else:
-            continue
-        try:
-            value = ast.literal_eval(node.value or node)
-        except ValueError:  # made of others, which are counted themselves
-            continue
+    lines = source.splitlines()
+    for node, after, targets, value in literals(source):
         below = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
         above = node.lineno > 1 and lines[node.lineno - 2].startswith("#")
         beside = "#" in lines[(node.end_lineno or 1) - 1]

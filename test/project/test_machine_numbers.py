@@ -98,21 +98,31 @@ MACHINE: frozenset[Row] = frozenset(
 """Constants that are those of the FLEA; none is to be added."""
 
 
-def numbers(source: str) -> Iterator[tuple[str, object]]:
-    """Literal constants of a module whose names end in a unit, and their values."""
-    for node in ast.parse(source).body:
+Literal = tuple[ast.stmt, ast.stmt | None, list[ast.expr], object]
+
+
+def literals(source: str) -> Iterator[Literal]:
+    """Literal constants of a module: their statement and the next one, their targets, the value."""
+    body = ast.parse(source).body
+    for node, after in zip(body, [*body[1:], None], strict=True):
         if isinstance(node, ast.Assign):
             targets = node.targets
         elif isinstance(node, ast.AnnAssign) and node.value is not None:
             targets = [node.target]
         else:
             continue
+        try:
+            yield node, after, targets, ast.literal_eval(node.value or node)
+        except ValueError:  # made of others, which are counted themselves
+            continue
+
+
+def numbers(source: str) -> Iterator[tuple[str, object]]:
+    """Literal constants of a module whose names end in a unit, and their values."""
+    for _, _, targets, value in literals(source):
         for target in targets:
             if isinstance(target, ast.Name) and UNITS.search(target.id):
-                try:
-                    yield target.id, ast.literal_eval(node.value)
-                except ValueError:  # made of others, which are counted themselves
-                    continue
+                yield target.id, value
 
 
 def found() -> set[Row]:

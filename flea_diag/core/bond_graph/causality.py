@@ -113,7 +113,6 @@ _FIXED = {
 
 _INTEGRAL = {"I": "flow", "C": "effort"}
 _VERB = {"effort": "sets the effort", "flow": "sets the flow"}
-_OPPOSITE = {"effort": "flow", "flow": "effort"}
 
 
 class _Assignment:
