@@ -14,11 +14,11 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.errors import ConfigurationError, shown
+from flea_diag.fields.reader import read_as
+from flea_diag.fields.values import FINITE, AboveZero
 from flea_diag.formats import migrated, stamped
 
 Array = npt.NDArray[np.float64]
-KEYS = frozenset({"source", "features", "faults", "means", "scales", "layers"})
 FARTHEST = 5.0
 """Inputs are clipped at this many standard deviations, so that outliers cannot dominate."""
 
@@ -82,45 +82,45 @@ class Perceptron:
         ConfigurationError
             A key, shape or number is invalid; ``where`` is named.
         """
-        mapping = migrated("classifier", content, where)
-        if set(mapping) != KEYS:
-            raise ConfigurationError(f"{where}: must hold exactly {', '.join(sorted(KEYS))}")
-        try:
-            found = cls(
-                tuple(map(str, mapping["features"])),
-                tuple(map(str, mapping["faults"])),
-                np.array(mapping["means"], dtype=np.float64),
-                np.array(mapping["scales"], dtype=np.float64),
-                tuple(
-                    (np.array(row["weights"], np.float64), np.array(row["offsets"], np.float64))
-                    for row in mapping["layers"]
-                ),
-                str(mapping["source"]),
-            )
-        except (TypeError, ValueError, KeyError) as error:
-            raise ConfigurationError(
-                f"{where}: not a classifier: {type(error).__name__}: {shown(str(error))}"
-            ) from error
-        found._check(where)
-        return found
+        known = read_as(
+            _NetworkFile, migrated("classifier", content, where), where, magnitudes=FINITE
+        )
+        layers = ((np.array(each.weights), np.array(each.offsets)) for each in known.layers)
+        means, scales = np.array(known.means), np.array(known.scales)
+        return cls(known.features, known.faults, means, scales, tuple(layers), known.source)
 
-    def _check(self, where: str) -> None:
-        """Refuse numbers that are not finite and shapes that are inconsistent."""
-        if self.means.shape != self.scales.shape or not (self.scales > 0.0).all():
-            raise ConfigurationError(f"{where}: means and scales must be as many, scales positive")
+
+@dataclass(frozen=True)
+class _Layer:
+    """One row of weights for each input, one offset for each output."""
+
+    weights: tuple[tuple[float, ...], ...]
+    offsets: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class _NetworkFile:
+    """The file of a network; each layer has as many inputs as the one before has outputs."""
+
+    source: str
+    features: tuple[str, ...]
+    faults: tuple[str, ...]
+    means: tuple[float, ...]
+    scales: tuple[AboveZero, ...]
+    layers: tuple[_Layer, ...]
+
+    def __post_init__(self) -> None:
         width = len(self.features)
-        shapes = [self.means.shape == (width,), bool(self.layers)]
-        for weights, offsets in self.layers:
-            shapes.append(weights.shape == (width, len(offsets)) and offsets.ndim == 1)
-            width = len(offsets)
-        if not all(shapes) or width != len(self.faults):
-            raise ConfigurationError(
-                f"{where}: layers do not lead from {len(self.features)} features to "
-                f"{len(self.faults)} faults"
-            )
-        numbers = [self.means, *(part for layer in self.layers for part in layer)]
-        if not all(np.isfinite(part).all() for part in numbers):
-            raise ConfigurationError(f"{where}: holds numbers that are not finite")
+        if not len(self.means) == len(self.scales) == width:
+            raise ValueError(f"means and scales must have {width} entries, one for each feature")
+        for layer in self.layers:
+            outputs = len(layer.offsets)
+            if len(layer.weights) != width or any(len(row) != outputs for row in layer.weights):
+                raise ValueError(f"a layer must have {width} rows of {outputs} weights")
+            width = outputs
+        if not self.layers or width != len(self.faults):
+            ends = f"{len(self.features)} features to {len(self.faults)} faults"
+            raise ValueError(f"layers do not lead from {ends}")
 
 
 def scaled(rows: Sequence[Mapping[str, float]], features: Sequence[str]) -> Array:

@@ -88,10 +88,12 @@ def test_a_network_worked_on_paper() -> None:
     [
         ({"layers": []}, "do not lead from 1 features to 2 faults"),
         ({"faults": ["jam"]}, "do not lead"),
-        ({"scales": [0.0]}, "scales positive"),
-        ({"means": [math.nan]}, "not finite"),
-        ({"means": "many"}, "not a classifier"),
-        ({"extra": 1}, "exactly"),
+        ({"scales": [0.0]}, r"scales\[0\] = 0.0 must be above 0"),
+        ({"scales": [1.0, 1.0]}, "must have 1 entries"),
+        ({"means": [math.nan]}, r"means\[0\] = nan must be a finite number"),
+        ({"means": "many"}, "means = 'many' must be a list"),
+        ({"layers": [{"weights": [[1.0], [2.0]], "offsets": [0.0]}]}, "must have 1 rows"),
+        ({"extra": 1}, "unknown key 'extra'"),
     ],
 )
 def test_a_file_that_does_not_fit_is_refused(change: dict[str, object], words: str) -> None:
@@ -114,7 +116,7 @@ def test_foreign_files_are_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"foreign\.json: classifier must be a mapping"):
         read_classifier(path)
     path.write_text(json.dumps({"schema_version": 1, "features": []}))
-    with pytest.raises(ConfigurationError, match=r"foreign\.json: must hold"):
+    with pytest.raises(ConfigurationError, match=r"foreign\.json: source is missing"):
         read_classifier(path)
 
 
