@@ -36,6 +36,7 @@ from flea_diag.wire.records import (
     Health,
     Hypotheses,
     Record,
+    Remark,
     Residual,
     Scan,
     Symbols,
@@ -54,8 +55,8 @@ JUDGEMENTS = (
     AmbiguityGroup,
 )
 
-SOURCES: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan)
-"""Records that a stand publishes; all other records follow from them."""
+SOURCES: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan, Remark)
+"""Records that a stand and its operators publish; all other records follow from them."""
 
 STREAMS: tuple[type, ...] = (VibrationBlock, Scan, Residual, VibrationLevel)
 """Records with increasing stamps. Latched records are excluded: they may be of any age."""

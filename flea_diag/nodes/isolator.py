@@ -28,6 +28,7 @@ def program() -> Program:
                 r.Symbols,
                 r.VibrationLevel,
                 r.FeatureValue,
+                r.Remark,
             ),
             publishes=(r.FeatureRequest, r.Hypotheses, r.AmbiguityGroup),
         ),

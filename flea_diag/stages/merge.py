@@ -13,10 +13,10 @@ import heapq
 import numpy as np
 
 from flea_diag.wire.blocks import ResidualBlock
-from flea_diag.wire.records import ChannelTable, DataQuality, Detection, Record, Symbols
+from flea_diag.wire.records import ChannelTable, DataQuality, Detection, Record, Remark, Symbols
 from flea_diag.wire.topics import TOPIC_OF
 
-STANDING = (ChannelTable, DataQuality, Detection, Symbols)
+STANDING = (ChannelTable, DataQuality, Detection, Symbols, Remark)
 """Latched records: a node that starts later gets them late, and needs them all the same."""
 RESTART_NS = 1_000_000_000
 """A clock that jumps back by more than this has started a new run."""

@@ -417,7 +417,8 @@ class Remark:
     """Remark of an operator: a mark of a moment, or a comment or acknowledgement of an episode.
 
     The stamp of a mark is the marked moment, by the clock of the stand. A comment and an
-    acknowledgement identify their episode by ``source`` and the stamp of its detection.
+    acknowledgement identify their episode by ``source`` and the stamp of its detection. A decision
+    on the unit holds for the one that was told from the calibrated ones at ``detected_ns``.
     """
 
     stamp_ns: int

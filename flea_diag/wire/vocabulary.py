@@ -73,6 +73,13 @@ class RemarkKind(str, Enum):
     MARK = "mark"
     COMMENT = "comment"
     ACKNOWLEDGED = "acknowledged"
+    UNIT_ACCEPTED = "unit accepted"
+    UNIT_REJECTED = "unit rejected"
+
+    @property
+    def is_on_unit(self) -> bool:
+        """Whether it decides that the unit on the stand is healthy, or takes that back."""
+        return self in (RemarkKind.UNIT_ACCEPTED, RemarkKind.UNIT_REJECTED)
 
 
 class Quality(str, Enum):

@@ -167,8 +167,11 @@ class AlarmJournal:
         if remark.kind is RemarkKind.ACKNOWLEDGED:
             self._acknowledge(key, remark.stamp_ns, remark.author)
             return
-        said = Comment(remark.stamp_ns, remark.author, remark.text)
-        self._comment(MARK if remark.kind is RemarkKind.MARK else key, said)
+        on_unit, text = remark.kind.is_on_unit, remark.text
+        if on_unit:
+            text = ": ".join(filter(None, (remark.kind.value, text)))
+        alone = on_unit or remark.kind is RemarkKind.MARK
+        self._comment(MARK if alone else key, Comment(remark.stamp_ns, remark.author, text))
 
     def _acknowledge(self, key: Key, stamp_ns: int, author: str) -> None:
         """Acknowledge an alarm, unless it is unknown or already acknowledged."""

@@ -20,6 +20,7 @@ from flea_diag.nodes.operator.desk import Desk
 from flea_diag.operator.alarm import Alarm
 from flea_diag.operator.alarm_view import detail, key_text
 from flea_diag.operator.panel import Line, Panel
+from flea_diag.operator.unit_decision import ASKED, EXAMPLE, unit_in_question
 from flea_diag.operator.verdict_view import level_of, why
 from flea_diag.operator.view import view
 from flea_diag.wire.records import Level
@@ -57,6 +58,7 @@ class ConsoleScreen(Screen[None]):
         Binding("a", "acknowledge", "Acknowledge"),
         Binding("c", "comment", "Comment"),
         Binding("m", "mark", "Mark"),
+        Binding("u", "accept_unit", "Accept unit"),
         Binding("i", "inject", "Inject (simulated)"),
         Binding("tab", "app.focus_next", "Next list"),
         Binding("q", "app.quit", "Quit"),
@@ -65,7 +67,7 @@ class ConsoleScreen(Screen[None]):
     def __init__(self, desk: Desk, ended: Callable[[], bool]) -> None:
         super().__init__()
         self._desk, self._ended = desk, ended
-        self._takes_faults = False
+        self._offered = (False, False)
         self._bell = Bell()
         self._said = ""
         self._rows: dict[str, tuple[Line, ...]] = {}
@@ -93,7 +95,7 @@ class ConsoleScreen(Screen[None]):
         if self._ended():
             self.app.exit()
             return
-        self._offer_faults()
+        self._offer()
         self.ring()
         state = self._desk.state
         shown = {panel.name: panel for panel in view(state, self._desk.now_ns())}
@@ -105,15 +107,18 @@ class ConsoleScreen(Screen[None]):
             self._panel(name, shown.get(name))
         self.query_one("#message", Static).update(plain(self._desk.trouble or self._said))
 
-    def _offer_faults(self) -> None:
-        """Show the injection key while a stand that accepts faults is running."""
-        if self._takes_faults != self._desk.faults.present:
-            self._takes_faults = self._desk.faults.present
+    def _offer(self) -> None:
+        """Show the keys of what can be done only now."""
+        unit = unit_in_question(self._desk.state)
+        offered = self._desk.faults.present, unit is not None
+        if self._offered != offered:
+            self._offered = offered
             self.refresh_bindings()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool:
         """Whether a key is active now."""
-        return action != "inject" or self._takes_faults
+        takes_faults, in_question = self._offered
+        return {"inject": takes_faults, "accept_unit": in_question}.get(action, True)
 
     def _verdict(self, panel: Panel) -> None:
         group = self._desk.state.group
@@ -199,6 +204,14 @@ class ConsoleScreen(Screen[None]):
                 self._tell(f"marked: {text}")
 
         self.app.push_screen(Ask("Mark this moment", "load changed"), kept)
+
+    def action_accept_unit(self) -> None:
+        """Ask why the unit on the stand is healthy; its difference stands in the verdict."""
+
+        def decided(text: str | None) -> None:
+            self._desk.decide_on_unit(text or "")
+
+        self.app.push_screen(Ask(ASKED, EXAMPLE), decided)
 
     def action_inject(self) -> None:
         """Ask for a fault to inject into a simulated stand."""

@@ -24,6 +24,7 @@ from flea_diag.operator.state import (
     with_journal,
     with_losses,
 )
+from flea_diag.operator.unit_decision import decision, unit_in_question
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.records import NEVER_NS, Record, Remark, RemarkKind, Scan
 
@@ -130,6 +131,12 @@ class Desk:
         at_ns = self.moment_ns() if stamp_ns == NEVER_NS else stamp_ns
         self._say(Remark(at_ns, RemarkKind.MARK, self._author, text))
 
+    def decide_on_unit(self, text: str) -> None:
+        """Accept the unit on the stand as healthy for this reason, or take that back."""
+        unit = unit_in_question(self.state)
+        if unit is not None and text.strip():
+            self._say(decision(unit, text, self.moment_ns(), self._author))
+
     def moment_ns(self) -> int:
         """Present time by the clock of the stand: the stamp of the latest scan shown.
 
@@ -142,7 +149,7 @@ class Desk:
         return state.scan.stamp_ns
 
     def _say(self, remark: Remark) -> None:
-        if not remark.text.strip() and remark.kind is not RemarkKind.ACKNOWLEDGED:
+        if not remark.text.strip() and remark.kind in (RemarkKind.COMMENT, RemarkKind.MARK):
             return
         self._hear(remark)
         for call in self.on_remark:

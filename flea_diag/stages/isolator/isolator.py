@@ -32,6 +32,7 @@ from flea_diag.wire.records import (
     Detection,
     FeatureValue,
     Record,
+    Remark,
     Residual,
     Symbols,
     VibrationLevel,
@@ -51,6 +52,7 @@ class IsolatorStage:
         Symbols,
         VibrationLevel,
         FeatureValue,
+        Remark,
     )
 
     def __init__(self, knowledge: Knowledge, parameters: IsolatorParameters) -> None:
@@ -90,10 +92,13 @@ class IsolatorStage:
             VibrationLevel: self._vibration_level,
             DataQuality: self._data_quality,
             ChannelTable: self._channel_table,
+            Remark: self._decision,
         }
 
     def handle(self, record: Record) -> Records:
         """Records caused by one more input, once its turn in the merged order has come."""
+        if isinstance(record, Remark) and not record.kind.is_on_unit:
+            return ()
         self._merge.push(record)
         return self._drain(everything=False)
 
@@ -167,6 +172,10 @@ class IsolatorStage:
     def _vibration_level(self, record: VibrationLevel) -> Records:
         self._vibration.add(record)
         return ()
+
+    def _decision(self, record: Remark) -> Records:
+        self._stand.decision = record
+        return self._output.say(record.stamp_ns)
 
     def _channel_table(self, record: ChannelTable) -> Records:
         unfit = mismatch(self._calibration, record, self._residuals)

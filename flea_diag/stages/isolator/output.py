@@ -46,7 +46,7 @@ class IsolatorOutput:
         number = episode.shared.number if episode is not None else 0
         names = episode.names() if episode is not None else ()
         stand = self._stand
-        conditions = stand.contact, stand.outside, stand.beyond
+        conditions = stand.contact, stand.outside, stand.beyond, stand.accepted
         state = (outcome, number, names, stand.bad, *conditions)
         if state == self._said:
             return ()

@@ -27,6 +27,8 @@ from flea_diag.wire.records import (
     DataQuality,
     Detection,
     Quality,
+    Remark,
+    RemarkKind,
     UnitOffset,
 )
 
@@ -58,6 +60,8 @@ class StandStatus:
     """The row of data quality while the motion is outside what the calibration has seen."""
     other_unit: ChannelQuality | None = None
     """The row of data quality of a unit that is none of the calibration's."""
+    decision: Remark | None = None
+    """What an operator has last decided on a unit."""
     table_ns: int = NEVER_NS
     """When the stand began: the stamp of its channel table."""
     first_ns: int = NEVER_NS
@@ -81,10 +85,20 @@ class StandStatus:
     """Stamp of the newest scan."""
 
     @property
+    def accepted(self) -> Remark | None:
+        """By which an operator has accepted this unit as healthy."""
+        row, decision = self.other_unit, self.decision
+        if row is None or decision is None or decision.kind is not RemarkKind.UNIT_ACCEPTED:
+            return None
+        return decision if decision.detected_ns == row.since_ns else None
+
+    @property
     def beyond(self) -> str:
-        """What no healthy unit of the design differs by; empty for any other unit."""
+        """What no healthy unit of the design differs by; empty for any other or accepted unit."""
         row = self.other_unit
-        return row.reason if row is not None and row.quality is Quality.SATURATED else ""
+        if row is None or row.quality is not Quality.SATURATED or self.accepted is not None:
+            return ""
+        return row.reason
 
     @property
     def seen_moving(self) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Collection, Sequence
 from flea_diag.core.isolation.detectability import undetectable
 from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.errors import shown
 from flea_diag.stages.isolator.advice import Advice
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
 from flea_diag.stages.isolator.outcome import Decision, OutcomeRules
@@ -144,7 +145,7 @@ class VerdictRecord:
 def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:
     """Remarks that qualify a verdict, appended to its words."""
     assumption = " (single-fault assumption)" if episode is not None else ""
-    start = _another_unit(stand) + _missed(stand) + _returned(stand, episode)
+    start = _another_unit(stand) + _accepted(stand) + _missed(stand) + _returned(stand, episode)
     assumption += _outside(stand) if episode is not None else ""
     return assumption + _at_its_end(stand) + _taken_back(stand) + start
 
@@ -183,6 +184,16 @@ def _another_unit(stand: StandStatus) -> str:
         return ""
     since_s = (stand.unit_ns - stand.first_ns) / 1e9
     return f"; unit exchanged {since_s:.2f} s after the start, sensor offsets relearned"
+
+
+def _accepted(stand: StandStatus) -> str:
+    """Remark that a unit beyond what healthy units differ by counts as healthy, and who said so."""
+    if stand.accepted is None:
+        return ""
+    since_s = (stand.accepted.stamp_ns - stand.first_ns) / 1e9
+    why = f": {shown(stand.accepted.text)}" if stand.accepted.text else ""
+    by = shown(stand.accepted.author)
+    return f"; unit accepted as healthy by {by} {since_s:.2f} s after the start{why}"
 
 
 def _missed(stand: StandStatus) -> str:

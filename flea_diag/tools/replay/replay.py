@@ -139,9 +139,9 @@ def replay(bag: Path, pipeline: Pipeline, namespace: str | None = None) -> dict[
 
 def sources() -> tuple[type, ...]:
     """Record types that are the input of a diagnosis."""
-    from flea_diag.wire.records import ChannelTable, Scan, VibrationBlock
+    from flea_diag.wire.records import ChannelTable, Remark, Scan, VibrationBlock
 
-    return (ChannelTable, VibrationBlock, Scan)
+    return (ChannelTable, VibrationBlock, Scan, Remark)
 
 
 def diagnosed(

@@ -12,6 +12,7 @@ from flea_diag.operator.alarm import Alarm, Key
 from flea_diag.operator.alarm_view import key_text
 from flea_diag.operator.fault_entry import FaultEntry
 from flea_diag.operator.state import OperatorState
+from flea_diag.operator.unit_decision import ASKED, EXAMPLE, unit_in_question
 from flea_diag.web.pages.button import button
 from flea_diag.web.pages.charts import CHARTS, NOTES, SPANS, Chart, Marks
 from flea_diag.web.pages.elements import PanelBody, Strips, section
@@ -31,6 +32,7 @@ KEYS = (
     ("a", "acknowledge the latest episode"),
     ("c", "comment on the latest episode"),
     ("m", "mark this moment"),
+    ("u", "accept a unit as healthy that differs by more than the calibration allows"),
     ("i", "inject a fault (simulated stand only)"),
     ("1 … 9, 0", "go to a panel, in page order"),
 )
@@ -59,6 +61,9 @@ class OperatorNode(Protocol):
 
     def moment_ns(self) -> int:
         """Present time by the clock of the stand."""
+
+    def decide_on_unit(self, text: str) -> None:
+        """Accept the unit on the stand as healthy, or take that back."""
 
 
 class DiagnosisPage(Frame):
@@ -98,6 +103,8 @@ class DiagnosisPage(Frame):
         button("Acknowledge", "a", self._acknowledge_latest).classes("primary")
         button("Comment", "c", self._comment_latest)
         button("Mark", "m", self._mark)
+        self._accept = button("Accept unit", "u", self._decide_on_unit)
+        self._accept.set_visibility(False)
         self._injection = InjectionDialog(self._desk)
 
     def panels(self) -> None:
@@ -121,6 +128,9 @@ class DiagnosisPage(Frame):
     def show(self, view: View, strips: StripCharts, marks: Marks) -> None:
         """Send the changes."""
         self._injection.offer()
+        in_question = unit_in_question(self._desk.state) is not None
+        if self._accept.visible != in_question:
+            self._accept.set_visibility(in_question)
         self.fill(view)
         for chart in self._charts:
             chart.show(strips, marks)
@@ -164,6 +174,10 @@ class DiagnosisPage(Frame):
 
     def _comment(self, alarm: Alarm) -> None:
         self.ask("Comment on the episode", "", lambda text: self._desk.comment(alarm.key, text))
+
+    def _decide_on_unit(self) -> None:
+        if unit_in_question(self._desk.state) is not None:
+            self.ask(f"{ASKED} ({EXAMPLE})", "", self._desk.decide_on_unit)
 
     def _mark(self) -> None:
         moment_ns = self._desk.moment_ns()

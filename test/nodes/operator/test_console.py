@@ -23,7 +23,16 @@ from flea_diag.nodes.operator.alarm_journal import AlarmJournal
 from flea_diag.nodes.operator.console import chosen_style
 from flea_diag.nodes.operator.desk import Desk, connect
 from flea_diag.wire.bags.bag import read_bag
-from flea_diag.wire.records import Remark, RemarkKind, Scan, Truth
+from flea_diag.wire.records import (
+    OTHER_UNIT,
+    ChannelQuality,
+    DataQuality,
+    Quality,
+    Remark,
+    RemarkKind,
+    Scan,
+    Truth,
+)
 
 MODULE = "flea_diag.nodes.operator.console"
 PROMPT_S = 1.5
@@ -124,6 +133,20 @@ def test_a_mark_is_of_the_moment_of_its_key_and_not_of_its_last_word(desk: Desk)
 
     piloted(desk, act)
     assert [mark.stamp_ns for mark in desk.state.marks] == [START + 1000]
+
+
+def test_a_unit_in_question_can_be_accepted_and_no_other(desk: Desk) -> None:
+    async def act(pilot: Any) -> None:
+        await pilot.press("u", "escape")
+        assert "Accept unit" not in words(pilot)
+        unit = ChannelQuality(OTHER_UNIT, Quality.SATURATED, START, "winding_resistance_ohm +1")
+        desk.take(DataQuality(START, (unit,)))
+        await shown(pilot, "Accept unit")
+        await pilot.press("u", *"rewound", "enter")
+        await pilot.pause()
+
+    piloted(desk, act)
+    assert [mark.text for mark in desk.state.marks] == ["unit accepted: rewound"]
 
 
 def test_inject_asks_and_says_what_came_of_it(desk: Desk) -> None:

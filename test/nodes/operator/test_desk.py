@@ -11,7 +11,16 @@ from support.verdicts import FIRST, FLAG, LAST, NOMINAL, START
 
 from flea_diag.nodes.operator.alarm_journal import AlarmJournal
 from flea_diag.nodes.operator.desk import Desk
-from flea_diag.wire.records import Outcome, Remark, RemarkKind, Scan
+from flea_diag.wire.records import (
+    OTHER_UNIT,
+    ChannelQuality,
+    DataQuality,
+    Outcome,
+    Quality,
+    Remark,
+    RemarkKind,
+    Scan,
+)
 
 
 def desk(path: Path) -> Desk:
@@ -90,6 +99,28 @@ def test_a_mark_has_the_stamp_of_the_scan_that_people_see(tmp_path: Path) -> Non
     assert said[1] == Remark(START + 7, RemarkKind.MARK, "Ada", "with the stand")
     one.mark("  ")
     assert len(said) == 2
+
+
+def test_a_unit_is_accepted_by_name_with_a_reason_and_that_is_taken_back(tmp_path: Path) -> None:
+    one = desk(tmp_path)
+    said: list[Remark] = []
+    one.on_remark.append(said.append)
+    one.decide_on_unit("no unit is in question")
+    unit = ChannelQuality(OTHER_UNIT, Quality.SATURATED, START + 5, "winding_resistance_ohm +1")
+    one.take(DataQuality(START + 5, (unit,)))
+    one.take(Scan(START + 7, ("motor_current",), (0.0,)))
+    for text in ("rewound", " ", "reject"):
+        one.decide_on_unit(text)
+    accepted, rejected = RemarkKind.UNIT_ACCEPTED, RemarkKind.UNIT_REJECTED
+    assert said == [
+        Remark(START + 7, accepted, "Ada", "rewound", "", START + 5),
+        Remark(START + 7, rejected, "Ada", "", "", START + 5),
+    ]
+    kept = AlarmJournal(tmp_path / "alarms.sqlite").marks()
+    assert [(mark.author, mark.text) for mark in kept] == [
+        ("Ada", "unit accepted: rewound"),
+        ("Ada", "unit rejected"),
+    ]
 
 
 def test_marks_are_kept(tmp_path: Path) -> None:

@@ -15,14 +15,23 @@ from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
-from flea_diag.wire.records import OTHER_UNIT, DataQuality, Outcome, Quality, Record
+from flea_diag.wire.records import (
+    OTHER_UNIT,
+    AmbiguityGroup,
+    DataQuality,
+    Outcome,
+    Quality,
+    Record,
+    Remark,
+    RemarkKind,
+)
 
 RESISTANCE = "winding_resistance_ohm"
 ONE_UNIT = UnitSpread(1, {RESISTANCE: 0.01, "back_emf_v_s_per_m": 0.5})
 
 
-@lru_cache(maxsize=4)
-def diagnosed(resistance: float, tolerance: float = 0.3) -> tuple[Record, ...]:
+@lru_cache(maxsize=8)
+def diagnosed(resistance: float, tolerance: float = 0.3, *decisions: Remark) -> tuple[Record, ...]:
     """12 s of a healthy unit with so much resistance, by a calibration of one other unit."""
     unit = ema.changed(resistance=ema.HEALTHY.resistance + resistance)
     known = stands.calibration()
@@ -31,7 +40,8 @@ def diagnosed(resistance: float, tolerance: float = 0.3) -> tuple[Record, ...]:
     observer = ObserverStage(known, of_stand.effects(stands.STAND, known), ObserverParameters())
     isolator = IsolatorStage(of_stand.knowledge(stands.STAND, known), IsolatorParameters())
     scans = stands.scans(ema.noisy(ema.run(unit, seconds=12.0), 71))
-    return tuple(stands.feed(Pipeline((observer, isolator)), [stands.table(), *scans]))
+    given = sorted((stands.table(), *scans, *decisions), key=lambda record: record.stamp_ns)
+    return tuple(stands.feed(Pipeline((observer, isolator)), given))
 
 
 def row(records: tuple[Record, ...]):
@@ -60,3 +70,39 @@ def test_beyond_the_tolerance_the_calibration_does_not_fit() -> None:
     last = stands.verdict(found)
     assert last.outcome is Outcome.MODEL_MISMATCH
     assert RESISTANCE in last.words
+
+
+BEYOND = (0.6, 0.05)
+ACCEPTED, REJECTED = RemarkKind.UNIT_ACCEPTED, RemarkKind.UNIT_REJECTED
+
+
+def decided(kind: RemarkKind, at_s: float, of_ns: int = 0) -> Remark:
+    stamp_ns = stands.START_NS + round(at_s * 1e9)
+    told_ns = of_ns or row(diagnosed(*BEYOND)).since_ns
+    return Remark(stamp_ns, kind, "Ada", "rewound", "", told_ns)
+
+
+def test_an_operator_accepts_a_unit_and_takes_that_back() -> None:
+    accepted = diagnosed(*BEYOND, decided(ACCEPTED, 10.0))
+    said_ns = stands.START_NS + 10 * 10**9
+    before = [v for v in stands.of(AmbiguityGroup, accepted) if v.stamp_ns < said_ns]
+    assert before[-1].outcome is Outcome.MODEL_MISMATCH
+    last = stands.verdict(accepted)
+    assert last.outcome is Outcome.NOMINAL
+    assert "unit accepted as healthy by 'Ada' 10.0" in last.words
+    assert "rewound" in last.words
+    back = diagnosed(*BEYOND, decided(ACCEPTED, 10.0), decided(REJECTED, 11.0))
+    assert stands.verdict(back).outcome is Outcome.MODEL_MISMATCH
+    assert "accepted" not in stands.verdict(back).words
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        decided(ACCEPTED, 10.0, of_ns=stands.START_NS + 1),
+        Remark(stands.START_NS + 10 * 10**9, RemarkKind.MARK, "Ada", "unit accepted"),
+    ],
+    ids=["of another start", "a mark"],
+)
+def test_what_is_said_of_something_else_accepts_no_unit(said: Remark) -> None:
+    assert stands.verdict(diagnosed(*BEYOND, said)).outcome is Outcome.MODEL_MISMATCH

@@ -1,0 +1,30 @@
+"""An operator accepts a unit as healthy that differs by more than the calibration allows.
+
+The decision is a remark: it goes into the journal and the bag, to every screen and to the isolator,
+names who made it and why, and can be taken back. It holds for the unit that the observer has told
+from the calibrated ones; one that starts later is judged anew.
+"""
+
+from __future__ import annotations
+
+from flea_diag.operator.state import OperatorState
+from flea_diag.wire.records import OTHER_UNIT, ChannelQuality, Quality, Remark, RemarkKind
+
+TAKE_BACK = "reject"
+ASKED = "Accept this unit as healthy, for what reason?"
+EXAMPLE = f"rewound, resistance measured; '{TAKE_BACK}' takes it back"
+
+
+def unit_in_question(state: OperatorState) -> ChannelQuality | None:
+    """The row of data quality of a unit beyond what healthy ones differ by."""
+    rows = state.quality.channels if state.quality is not None else ()
+    other = (row for row in rows if row.channel == OTHER_UNIT)
+    return next((row for row in other if row.quality is Quality.SATURATED), None)
+
+
+def decision(unit: ChannelQuality, text: str, stamp_ns: int, author: str) -> Remark:
+    """Accept this unit for the reason that was given, or take that back."""
+    back = text.strip() == TAKE_BACK
+    kind = RemarkKind.UNIT_REJECTED if back else RemarkKind.UNIT_ACCEPTED
+    reason = "" if back else text.strip()
+    return Remark(stamp_ns, kind, author, reason, "", unit.since_ns)
