@@ -69,12 +69,14 @@ class Bridge:
             return
         if not values:
             return
-        if not self._received:
-            self._bus.publish(self._mapping.channel_table(stamp_ns))
         self._received[topic] += 1
+        streams = self._grid.streams
         for scan in self._grid.push(stamp_ns, values):
             self._bus.publish(scan)
             self._scans += 1
+        if self._grid.streams > streams:
+            # Before its scans, which are yet to come: that of the stream before may be newer.
+            self._bus.publish(self._mapping.channel_table(stamp_ns))
 
     def _report(self) -> None:
         """Publish the health: which topics are silent, and what was left out."""

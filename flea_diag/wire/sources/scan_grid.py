@@ -59,6 +59,8 @@ class ScanGrid:
     counts
         Readings that were left out: ``disordered`` (not newer than the one before) and
         ``leaping``; and those that came ``late`` for a scan.
+    streams
+        Streams of stamps that rise, so far: a recording that is played again begins a new one.
     """
 
     def __init__(self, mapping: SourceMapping) -> None:
@@ -69,6 +71,7 @@ class ScanGrid:
         self._readings = [_Readings(row) for row in mapping.channels for _ in row.terms]
         self._weights = [term.weight for row in mapping.channels for term in row.terms]
         self._awaited = [each for each in self._readings if each.interpolates]
+        self.streams = 0
         self._begin()
 
     def _begin(self) -> None:
@@ -94,6 +97,7 @@ class ScanGrid:
         self._leaps = 0
         if self._next_ns < 0:
             self._next_ns = stamp_ns
+            self.streams += 1
         self.counts["late"] += stamp_ns < self._next_ns - self._period_ns
         for number, value in values:
             readings = self._readings[number]

@@ -109,6 +109,7 @@ def test_single_leaps_are_errors_ten_in_a_row_are_a_new_stream() -> None:
     assert made.counts["leaping"] == 1
     after = rows(pushed(made, [(hour + 100 * k, 0, 4.0) for k in range(12)]))
     assert set(after) == {hour + 900, hour + 1000}, "none of the hour between, and one waits"
+    assert made.streams == 2
     assert not rows(pushed(made, [(0, 0, 1.0)])), "a looping source begins again the same way"
 
 
