@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 
@@ -24,6 +25,7 @@ from flea_diag.wire.records import (
     Record,
     Remark,
     RemarkKind,
+    Scan,
 )
 
 RESISTANCE = "winding_resistance_ohm"
@@ -31,8 +33,13 @@ ONE_UNIT = UnitSpread(1, {RESISTANCE: 0.01, "back_emf_v_s_per_m": 0.5})
 
 
 @lru_cache(maxsize=8)
-def diagnosed(resistance: float, tolerance: float = 0.3, *decisions: Remark) -> tuple[Record, ...]:
-    """12 s of a healthy unit with so much resistance, by a calibration of one other unit."""
+def diagnosed(
+    resistance: float, tolerance: float = 0.3, *decisions: Remark, bias_from_s: float = math.inf
+) -> tuple[Record, ...]:
+    """12 s of a unit with so much resistance, by a calibration of one other unit.
+
+    It is healthy, but for a motor current that reads 0.3 A too much ``bias_from_s`` on.
+    """
     unit = ema.changed(resistance=ema.HEALTHY.resistance + resistance)
     known = stands.calibration()
     spread = replace(known.tolerance, winding_resistance_ohm=tolerance)
@@ -40,8 +47,15 @@ def diagnosed(resistance: float, tolerance: float = 0.3, *decisions: Remark) -> 
     observer = ObserverStage(known, of_stand.effects(stands.STAND, known), ObserverParameters())
     isolator = IsolatorStage(of_stand.knowledge(stands.STAND, known), IsolatorParameters())
     scans = stands.scans(ema.noisy(ema.run(unit, seconds=12.0), 71))
+    onset_ns = stands.START_NS + 1e9 * bias_from_s
+    scans = [biased(scan) if scan.stamp_ns >= onset_ns else scan for scan in scans]
     given = sorted((stands.table(), *scans, *decisions), key=lambda record: record.stamp_ns)
     return tuple(stands.feed(Pipeline((observer, isolator)), given))
+
+
+def biased(scan: Scan) -> Scan:
+    assert scan.channels[0] == "motor_current"
+    return replace(scan, values=(scan.values[0] + 0.3, *scan.values[1:]))
 
 
 def row(records: tuple[Record, ...]):
@@ -70,6 +84,15 @@ def test_beyond_the_tolerance_the_calibration_does_not_fit() -> None:
     last = stands.verdict(found)
     assert last.outcome is Outcome.MODEL_MISMATCH
     assert RESISTANCE in last.words
+
+
+@pytest.mark.parametrize(("bias_from_s", "is_of_unit"), [(6.5, True), (9.0, False)])
+def test_a_sensor_is_blamed_only_for_what_begins_after_the_start(
+    bias_from_s: float, is_of_unit: bool
+) -> None:
+    last = stands.verdict(diagnosed(0.35, bias_from_s=bias_from_s))
+    assert (last.outcome is Outcome.MODEL_MISMATCH) is is_of_unit
+    assert "motor_current_bias" in stands.members(last)
 
 
 BEYOND = (0.6, 0.05)
