@@ -16,6 +16,7 @@ import io
 import json
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -100,11 +101,14 @@ def recorded(rate_hz: int, seed: int, folder: Path) -> Path:
     return folder / "bags"
 
 
-def _run(*arguments: object) -> None:
+def _run(*arguments: object) -> float:
+    """CPU time of a command in s."""
+    begin_s = time.process_time()
     with redirect_stdout(io.StringIO()):
         status = flea([*map(str, arguments)])
     if status:
         sys.exit(f"flea {' '.join(map(str, arguments))}: exit status {status}")
+    return time.process_time() - begin_s
 
 
 def at(rate_hz: int, seed: int, folder: Path) -> list[Figure]:
@@ -112,10 +116,10 @@ def at(rate_hz: int, seed: int, folder: Path) -> list[Figure]:
     bags = recorded(rate_hz, seed, folder)
     calibration, verdicts = folder / "calibration.yaml", folder / "verdicts.json"
     healthy = [bags / f"healthy{name}" for name in HEALTHY]
-    _run("calibrate", *healthy, "--stand", MACHINE, "-o", calibration)
+    learning_s = _run("calibrate", *healthy, "--stand", MACHINE, "-o", calibration)
     names = ["test", "test_loaded", *FAULTS]
     chosen = "--stand", MACHINE, "--calibration", calibration
-    _run("replay", *(bags / name for name in names), *chosen, "--json", verdicts)
+    replay_s = _run("replay", *(bags / name for name in names), *chosen, "--json", verdicts)
     found = dict(zip(names, json.loads(verdicts.read_text(encoding="utf-8")), strict=True))
     right, delays = 0, []
     for fault, (_, expected) in FAULTS.items():
@@ -131,14 +135,24 @@ def at(rate_hz: int, seed: int, folder: Path) -> list[Figure]:
     quiet = sum(found[name]["outcome"] == "NOMINAL" for name in ("test", "test_loaded"))
     seeds = f"unit {UNIT}, {seed} and on"
     middle = sorted(delays)[len(delays) // 2] if delays else float("nan")
+    recorded_s = sum(found[name]["duration_s"] for name in names)
     print(
         f"{rate_hz:5d} Hz  {right:2d} of {len(FAULTS)} right, {len(delays)} detected after a "
-        f"median of {middle:.2f} s, {quiet} of 2 healthy runs NOMINAL"
+        f"median of {middle:.2f} s, {quiet} of 2 healthy runs NOMINAL; "
+        f"calibration {learning_s:.1f} s of CPU, replay {recorded_s / replay_s:.0f} times real time"
     )
     return [
         share(f"{rate_hz} Hz: fault in a group of at most 3", right, len(FAULTS), seed=seeds),
         Figure(f"{rate_hz} Hz: detected after", middle, "s", len(delays), seed=seeds),
         share(f"{rate_hz} Hz: healthy runs NOMINAL", quiet, 2, seed=seeds),
+        Figure(f"{rate_hz} Hz: calibration", learning_s, "s of CPU", len(HEALTHY), seed=seeds),
+        Figure(
+            f"{rate_hz} Hz: replay over real time, CPU",
+            recorded_s / replay_s,
+            "",
+            len(names),
+            seed=seeds,
+        ),
     ]
 
 

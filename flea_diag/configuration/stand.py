@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -17,6 +17,7 @@ from flea_diag.configuration.files import (
     load_yaml,
     text_of,
 )
+from flea_diag.core.vibration.bearing_frequencies import Kinematics
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.fields.reader import read_as
 from flea_diag.formats import migrated
@@ -37,6 +38,7 @@ class _StandFile:
     calibration: str
     features: str
     channels: str = ""
+    kinematics: Kinematics = field(default_factory=Kinematics)
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,8 @@ class Stand:
         Fault feature table.
     channels
         Where its channels come from; None where it sends them itself.
+    kinematics
+        What rolls and meshes in its drive, from which lines of vibration follow.
     """
 
     name: str
@@ -68,6 +72,7 @@ class Stand:
     calibration: Path
     features: Path
     channels: Path | None = None
+    kinematics: Kinematics = field(default_factory=Kinematics)
 
     def texts(self) -> dict[str, str]:
         """Name of each file -> its text, to be stored in a recording.
@@ -113,7 +118,7 @@ def stand_from_mapping(content: object, folder: Path) -> Stand:
         raise ConfigurationError(f"{where}: name = {shown(known.name)} is no name; give one")
     given = (*FILES, CHANNELS) if known.channels else FILES
     files = {key: folder / _inside(getattr(known, key), f"{where}: {key}") for key in given}
-    return Stand(known.name, folder, **files)
+    return Stand(known.name, folder, **files, kinematics=known.kinematics)
 
 
 def shipped_stands() -> dict[str, Path]:

@@ -23,7 +23,12 @@ SHIPPED = {
     "calibration": "calibration_simulated_stand.yaml",
     "features": "feature_table.yaml",
     "channels": "channels.yaml",
-}
+    "kinematics": {
+        "ball_screw": {
+            "pitch_diameter_m": 9.9e-3, "ball_diameter_m": 1.588e-3, "lead_m": 3.175e-3,
+        },
+    },
+}  # fmt: skip
 
 
 def folder_of(parent: Path, place: str = "mine", /, **changes: object) -> Path:
@@ -47,7 +52,7 @@ def test_the_flea_is_shipped_as_a_folder() -> None:
     assert stand == load_stand(FLEA_STAND)
     named = {stand.actuator, stand.faults, stand.calibration, stand.features, stand.channels}
     beside = {path for path in FLEA_STAND.iterdir() if path.name != "stand.yaml"}
-    assert named == beside
+    assert {*named, FLEA_STAND / "README.md"} == beside
 
 
 def test_texts_are_those_of_all_its_files() -> None:
@@ -78,6 +83,22 @@ def test_texts_are_those_of_all_its_files() -> None:
         ({"calibration": ""}, "calibration = '' is no name of a file"),
         ({"calibration": "."}, "calibration = '.' is no name of a file"),
         ({"calibration": "a\0b"}, r"calibration = 'a\x00b' is no name of a file"),
+        (
+            {"kinematics": {"bearing": {"pitch_diameter_m": 0.04, "ball_diameter_m": 0.008}}},
+            "kinematics: bearing: balls is missing; give it",
+        ),
+        (
+            {"kinematics": {"ball_screw": {**SHIPPED["kinematics"]["ball_screw"], "lead_m": -1.0}}},
+            "kinematics: ball_screw: lead_m = -1.0 must be above 0",
+        ),
+        (
+            {
+                "kinematics": {
+                    "bearing": {"pitch_diameter_m": 8.0, "ball_diameter_m": 40.0, "balls": 9}
+                }
+            },
+            "kinematics: bearing: ball_diameter_m = 40 must be below pitch_diameter_m = 8",
+        ),
         ({"name": " "}, "name = ' ' is no name; give one"),
         ({"name": "a\nb"}, r"name = 'a\nb' is no name; give one"),
     ],
@@ -94,7 +115,7 @@ def test_an_entry_is_refused_in_one_line(
 
 
 @pytest.mark.parametrize(
-    "key", [key for key in SHIPPED if key not in ("schema_version", "channels")]
+    "key", [key for key in SHIPPED if key not in ("schema_version", "channels", "kinematics")]
 )
 def test_every_entry_is_needed(tmp_path: Path, key: str) -> None:
     folder = folder_of(tmp_path)

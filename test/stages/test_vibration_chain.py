@@ -19,7 +19,6 @@ from flea_diag.core.vibration.nominal_range import NominalRanges
 from flea_diag.core.vibration.unjudged import said, unjudged
 from flea_diag.stages.extractor.windows import Windows
 from flea_diag.stages.pipeline import Pipeline
-from flea_diag.tools.features.bench import FLEA_SCREW
 from flea_diag.wire.records import (
     AmbiguityGroup,
     ChannelTable,
@@ -218,7 +217,7 @@ def test_order_tracking_names_the_nut_through_a_simulated_sweep(
         unit_spread=0.0,
         **faults,
     )
-    windows = Windows(10.0, 0.002, 0.05, FLEA_SCREW.orders())
+    windows = Windows(10.0, 0.002, 0.05, load_stand().kinematics.orders())
     for record in made:
         if isinstance(record, Scan | VibrationBlock):
             windows.add(record)

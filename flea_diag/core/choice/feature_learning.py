@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from flea_diag.core.vibration.features import FeatureId
 from flea_diag.core.vibration.nominal_range import (
+    LEAST_WINDOWS,
     NominalRange,
     VibrationOperatingPoint,
     learn_nominal,
@@ -111,7 +112,7 @@ def learn(
     Raises
     ------
     CalibrationError
-        Without nominal windows, or without any moving window of a fault.
+        Without nominal windows or with too few, or without any moving window of a fault.
     """
     nominal = [sample for sample in samples if sample.fault == NOMINAL]
     moving = [sample for sample in samples if sample.moving]
@@ -120,6 +121,11 @@ def learn(
         raise CalibrationError(
             f"{len(nominal)} nominal and {len(samples) - len(nominal)} faulty windows: "
             "a table needs both, with motion"
+        )
+    if len(nominal) < LEAST_WINDOWS:
+        raise CalibrationError(
+            f"{len(nominal)} nominal windows make no range, {LEAST_WINDOWS} are needed: give more "
+            "nominal recordings"
         )
     found = {feature: _range(nominal, feature, false_alarm_rate) for feature in features}
     ranges = {feature: range_ for feature, range_ in found.items() if range_ is not None}

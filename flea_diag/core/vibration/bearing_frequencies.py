@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
+
+from flea_diag.fields.values import Positive, within
+
+ContactAngle = Annotated[float, within(0.0, 1.5)]
 
 
 @dataclass(frozen=True)
@@ -14,12 +19,17 @@ class BallScrew:
     those of one turn of the helix.
     """
 
-    pitch_diameter_m: float
-    ball_diameter_m: float
-    lead_m: float
-    contact_angle_rad: float = math.pi / 4.0
-    spacing: float = 1.02
+    pitch_diameter_m: Positive
+    ball_diameter_m: Positive
+    lead_m: Positive
+    contact_angle_rad: ContactAngle = math.pi / 4.0
+    spacing: Annotated[float, within(1.0, 10.0)] = 1.02
     """Distance between adjacent balls of the train, in ball diameters."""
+    turns: Positive = 1.0
+    """Turns of the screw for each turn of the motor."""
+
+    def __post_init__(self) -> None:
+        _check_balls(self.ball_diameter_m, self.pitch_diameter_m)
 
     def orders(self) -> dict[str, float]:
         """Orders of a defect on the nut, the screw and a ball (two strikes per spin)."""
@@ -38,10 +48,15 @@ class BallScrew:
 class Bearing:
     """Geometry of a ball bearing whose outer race does not turn."""
 
-    pitch_diameter_m: float
-    ball_diameter_m: float
-    balls: int
-    contact_angle_rad: float = 0.0
+    pitch_diameter_m: Positive
+    ball_diameter_m: Positive
+    balls: Annotated[int, within(3, 1000)]
+    contact_angle_rad: ContactAngle = 0.0
+    turns: Positive = 1.0
+    """Turns of the inner race for each turn of the motor."""
+
+    def __post_init__(self) -> None:
+        _check_balls(self.ball_diameter_m, self.pitch_diameter_m)
 
     def orders(self) -> dict[str, float]:
         """Orders of a defect on the outer race, the inner race and a ball (two per spin)."""
@@ -49,6 +64,44 @@ class Bearing:
             self.balls, self.ball_diameter_m / self.pitch_diameter_m, self.contact_angle_rad
         )
         return {"outer": outer, "inner": inner, "ball": ball}
+
+
+@dataclass(frozen=True)
+class Gear:
+    """A pair of wheels, by the teeth of one of them."""
+
+    teeth: Annotated[int, within(3, 10_000)]
+    turns: Positive = 1.0
+    """Turns of that wheel for each turn of the motor."""
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """What rolls and meshes in a drive; all of it follows the motor."""
+
+    ball_screw: BallScrew | None = None
+    bearing: Bearing | None = None
+    gear: Gear | None = None
+
+    def orders(self) -> dict[str, float]:
+        """Order of each line of vibration: events for each turn of the motor."""
+        found: dict[str, float] = {}
+        if self.ball_screw:
+            turns = self.ball_screw.turns
+            found |= {name: turns * order for name, order in self.ball_screw.orders().items()}
+        if self.bearing:
+            turns, orders = self.bearing.turns, self.bearing.orders()
+            found |= {f"bearing_{name}": turns * order for name, order in orders.items()}
+        if self.gear:
+            found["gear_mesh"] = self.gear.turns * self.gear.teeth
+        return found
+
+
+def _check_balls(ball_m: float, pitch_m: float) -> None:
+    if not ball_m < pitch_m:
+        raise ValueError(
+            f"ball_diameter_m = {ball_m:g} must be below pitch_diameter_m = {pitch_m:g}"
+        )
 
 
 def _orders(balls: float, ratio: float, contact_angle: float) -> tuple[float, float, float]:

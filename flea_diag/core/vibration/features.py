@@ -94,8 +94,9 @@ _ROWS: tuple[Feature, ...] = (
     Feature("axis_coherence", "1", spectral.axis_coherence, 8.4),
     *(
         Feature(f"{line}_line", "1", envelope.line_ratio(line), 13.7, np.max, **_TRACKED)
-        for line in ("nut", "screw", "ball")
+        for line in ("nut", "screw", "ball", "bearing_outer", "bearing_inner", "bearing_ball")
     ),
+    Feature("gear_mesh_line", "1", envelope.mesh_ratio, 8.0, np.max, **_TRACKED),
     Feature("order_1_amplitude", "m/s^2", envelope.order_amplitude(1.0), 4.9, **_LEVEL, **_TRACKED),
     Feature("rest_std", "m/s^2", motion.rest_std, 1.3, **_LEVEL, **_TRACKED),
     Feature("rest_moving_ratio", "1", motion.rest_moving_ratio, 1.6, **_TRACKED),

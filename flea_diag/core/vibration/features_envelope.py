@@ -32,19 +32,24 @@ def envelope(window: Window, band_hz: tuple[float, float] = ENVELOPE_BAND_HZ) ->
     """Magnitude of the analytic signal of a band, shape (axes, n), m/s^2."""
     from scipy import fft
 
-    inside = window.band(*band_hz)
+    # What is left of the band at a low rate shows the impacts as well.
+    inside = window.band(band_hz[0], min(band_hz[1], 0.5 * window.rate_hz))
     analytic = np.zeros((len(window.axes), window.count), dtype=np.complex64)
     analytic[:, : window.spectrum.shape[1]][:, inside] = 2.0 * window.spectrum[:, inside]
     return np.asarray(np.abs(fft.ifft(analytic, axis=1, overwrite_x=True)))
 
 
-def order_spectrum(rows: Floats, window: Window) -> tuple[Floats, Floats]:
+def order_spectrum(
+    rows: Floats, window: Window, per_revolution: int = BINS_PER_REVOLUTION
+) -> tuple[Floats, Floats]:
     """Orders (bins,) and amplitudes (axes, bins) of ``rows`` over travelled shaft angle.
 
-    Each stretch of one direction is averaged into 64 bins per revolution, weighted with a Hann
-    window and transformed on a common grid of orders; powers are averaged weighted by length.
+    Each stretch of one direction is averaged into bins of angle, weighted with a Hann window
+    and transformed on a common grid of orders; powers are averaged weighted by length.
     """
-    stretches = [_by_angle(rows, window, start, stop) for start, stop in _stretches(window)]
+    stretches = [
+        _by_angle(rows, window, start, stop, per_revolution) for start, stop in _stretches(window)
+    ]
     longest = max(stretch.shape[1] for stretch in stretches)
     size = 2 ** int(np.ceil(np.log2(2 * longest)))
     power = np.zeros((len(rows), size // 2 + 1))
@@ -53,7 +58,7 @@ def order_spectrum(rows: Floats, window: Window) -> tuple[Floats, Floats]:
         spectrum = np.fft.rfft(stretch * weight, size, axis=1) * (2.0 / weight.sum())
         power += np.square(np.abs(spectrum)) * stretch.shape[1]
     power /= sum(stretch.shape[1] for stretch in stretches)
-    return np.fft.rfftfreq(size, 1.0 / BINS_PER_REVOLUTION), np.sqrt(power)
+    return np.fft.rfftfreq(size, 1.0 / per_revolution), np.sqrt(power)
 
 
 def order_amplitude(order: float) -> Callable[[Window], Floats]:
@@ -81,6 +86,18 @@ def line_ratio(line: str) -> Callable[[Window], Floats]:
         "amplitudes; order-tracked by motor speed (Randall and Antoni 2011)."
     )
     return feature
+
+
+def mesh_ratio(window: Window) -> Floats:
+    """Line of the gear mesh over the median of its surroundings; order-tracked by motor speed."""
+    order = window.order("gear_mesh")
+    fastest_hz = order * float(np.abs(window.speed).max()) / (2.0 * np.pi)
+    if fastest_hz >= 0.5 * window.rate_hz:
+        raise NotComputableError(
+            f"teeth mesh at {fastest_hz:.4g} Hz, above half the rate {window.rate_hz:g} Hz"
+        )
+    bins = max(BINS_PER_REVOLUTION, int(np.ceil(4.0 * order)))
+    return _over_surroundings(*order_spectrum(window.centred, window, bins), order)
 
 
 def named_line(window: Window) -> str:
@@ -145,10 +162,12 @@ def _stretches(window: Window) -> list[tuple[int, int]]:
     return found
 
 
-def _by_angle(rows: Floats, window: Window, start: int, stop: int) -> npt.NDArray[np.float64]:
+def _by_angle(
+    rows: Floats, window: Window, start: int, stop: int, per_revolution: int
+) -> npt.NDArray[np.float64]:
     """Mean of each row in each bin of travelled angle, without its mean, shape (axes, bins)."""
     travelled = np.abs(window.shaft_angle_rad[start:stop] - window.shaft_angle_rad[start])
-    bins = (travelled * (BINS_PER_REVOLUTION / (2.0 * np.pi))).astype(np.intp)
+    bins = (travelled * (per_revolution / (2.0 * np.pi))).astype(np.intp)
     visits = np.maximum(np.bincount(bins), 1)
     means = np.stack([np.bincount(bins, row[start:stop]) / visits for row in rows])
     return np.asarray(means - means.mean(axis=1, keepdims=True))

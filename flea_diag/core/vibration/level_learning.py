@@ -40,15 +40,24 @@ def learn_levels(
     longer run has more blocks. For blocks in motion or blocks at rest. Axes with fewer than
     ``LEAST_RUNS`` runs in which an alarm is possible are omitted.
     """
+    return {
+        axis: _range(axis, found, false_alarm_rate)
+        for axis, found in usable_runs(runs, moving).items()
+        if len(found) >= LEAST_RUNS
+    }
+
+
+def usable_runs(runs: Sequence[Levels], moving: bool) -> dict[str, list[Levels]]:
+    """Blocks in motion, or at rest, of the runs in which they are enough for an alarm, by axis."""
     kept = [[row for row in run if row[0].moving == moving] for run in runs]
     kept = [run for run in kept if len(run) >= RAISED]
     axes = dict.fromkeys(axis for run in kept for _, levels in run for axis in levels)
-    by_axis = {axis: [run for run in kept if axis in run[0][1]] for axis in axes}
-    return {
-        axis: _range(axis, found, false_alarm_rate)
-        for axis, found in by_axis.items()
-        if len(found) >= LEAST_RUNS
-    }
+    return {axis: [run for run in kept if axis in run[0][1]] for axis in axes}
+
+
+def observed_rate(count: int) -> float:
+    """Least share of alarms, of both ends of a range together, that ``count`` runs show."""
+    return 2.0 / (count + 1)
 
 
 def gumbel(rate: float) -> float:

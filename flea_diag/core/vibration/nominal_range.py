@@ -26,6 +26,7 @@ FAST_RAD_S = 55.0
 few impacts of both are indistinguishable."""
 RATE_TOLERANCE = 0.01
 """Largest relative error of the sampling rate."""
+LEAST_WINDOWS = 20  # assumption: size of a sample
 NEAR_FASTEST = 0.8
 """In slower motion, windows of at least this share of its fastest window are used."""
 
@@ -164,8 +165,10 @@ def learn_nominal(
     if points:
         kept &= np.array([math.isfinite(point.speed_rad_s) for point in points])
     found = found[kept]
-    if len(found) < 20:
-        raise CalibrationError(f"{len(found)} nominal values cannot make a range, give at least 20")
+    if len(found) < LEAST_WINDOWS:
+        raise CalibrationError(
+            f"{len(found)} nominal values cannot make a range, give at least {LEAST_WINDOWS}"
+        )
     if not np.ptp(found) > 0.0:
         raise CalibrationError(f"all nominal values are {found[0]!r}: a range needs some spread")
     if logarithmic and not (found > 0.0).all():

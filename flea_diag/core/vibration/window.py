@@ -112,14 +112,14 @@ class Window:
     def order(self, line: str) -> float:
         """Order of a ball-pass line, or a refusal where the kinematics do not give it."""
         if line not in self.orders:
-            raise NotComputableError(f"the order of the {line!r} line is not configured")
+            raise NotComputableError("the kinematics of the stand do not give this line")
         return self.orders[line]
 
     def band(self, low_hz: float, high_hz: float) -> slice:
         """Bins of ``spectrum`` inside a band; refused where the rate cannot carry the band."""
-        if low_hz >= self.rate_hz / 2:
+        if high_hz > self.rate_hz / 2 or low_hz >= high_hz:
             raise NotComputableError(
-                f"band {low_hz:g} to {high_hz:g} Hz is above half the rate {self.rate_hz:g} Hz"
+                f"band {low_hz:g} to {high_hz:g} Hz goes beyond half the rate {self.rate_hz:g} Hz"
             )
         return slice(
             int(np.ceil(low_hz * self.duration_s)), int(np.ceil(high_hz * self.duration_s))

@@ -123,7 +123,6 @@ def _limits(setting: Setting) -> Stage:
 
 def _classifier(setting: Setting) -> Stage:
     from flea_diag.stages.baselines.feature_classifier import FeatureClassifierStage
-    from flea_diag.tools.features.bench import FLEA_SCREW
     from flea_diag.tools.features.classifier import read_classifier
 
     if setting.classifier is None:
@@ -131,7 +130,8 @@ def _classifier(setting: Setting) -> Stage:
             "the feature-only classifier needs a network: train one with `flea features train`, "
             "and name it under `classifier` in the campaign"
         )
-    return FeatureClassifierStage(read_classifier(setting.classifier), FLEA_SCREW.orders())
+    orders = setting.stand.kinematics.orders()
+    return FeatureClassifierStage(read_classifier(setting.classifier), orders)
 
 
 @cache

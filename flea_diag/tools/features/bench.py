@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from flea_diag.core.vibration.bearing_frequencies import BallScrew
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.vibration.features import (
     FEATURES,
     Feature,
@@ -19,12 +19,16 @@ from flea_diag.core.vibration.features import (
 from flea_diag.core.vibration.window import Window
 
 AXES = tuple(f"accelerometer_{number}_{axis}" for number in (1, 2) for axis in "xyz")
-FLEA_SCREW = BallScrew(pitch_diameter_m=9.9e-3, ball_diameter_m=1.588e-3, lead_m=3.175e-3)
-"""Assumed geometry, since the data sheet of the stand's screws is not public."""
 
 
-def bench_window(rate_hz: float = 20_000.0, duration_s: float = 1.0) -> Window:
-    """Noise on six axes while the shaft oscillates; with empty caches."""
+def bench_window(
+    rate_hz: float = 20_000.0, duration_s: float = 1.0, orders: Mapping[str, float] | None = None
+) -> Window:
+    """Noise on six axes while the shaft oscillates; with empty caches.
+
+    ``orders`` of the lines are those of the shipped stand, unless given.
+    """
+    orders = load_stand().kinematics.orders() if orders is None else orders
     count = round(rate_hz * duration_s)
     draw = np.random.default_rng(0)
     samples = draw.standard_normal((count, len(AXES)), dtype=np.float32)
@@ -37,7 +41,7 @@ def bench_window(rate_hz: float = 20_000.0, duration_s: float = 1.0) -> Window:
         "load_force": 100.0 * draw.standard_normal(len(scan_s)),
     }
     speed = 80.0 * np.cos(2.0 * np.pi * 0.9 * np.arange(count) / rate_hz + 0.3)
-    return Window(samples, rate_hz, AXES, speed, slow, scan_s, FLEA_SCREW.orders())
+    return Window(samples, rate_hz, AXES, speed, slow, scan_s, orders)
 
 
 def costs_s(repeats: int = 9, both: bool = False) -> dict[str, float]:

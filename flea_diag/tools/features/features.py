@@ -43,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     tree.add_argument("--draw", type=Path, metavar="OUT", help="draw the tree: .svg, .png or .pdf")
     train = commands.add_parser("train", help="train the feature-only classifier on labelled bags")
     _run_arguments(train)
+    add_stand(train)
     train.add_argument("-o", "--output", type=Path, required=True, help="JSON file to write")
     _study_arguments(commands.add_parser("study", help="score the diagnosis on simulated runs"))
     found = commands.add_parser("bearing", help="test features on bearing recordings")

@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from flea_diag.configuration.stand import Stand
 from flea_diag.errors import ConfigurationError, FleaError, shown
-from flea_diag.tools.features import bench
 from flea_diag.tools.features.samples import FeatureRun, Grid, run_of_bag
 from flea_diag.tools.features.stand import LARGEST_LOAD_N, SEVERITIES, stand_runs
 from flea_diag.tools.planned_runs import check_planned
+from flea_diag.tools.stand_option import chosen_stand
 from flea_diag.tools.terminal import warn
 
 
 def labelled_runs(
-    arguments: argparse.Namespace, faults: Sequence[str] = tuple(SEVERITIES), nominal: bool = True
+    arguments: argparse.Namespace,
+    orders: Mapping[str, float],
+    faults: Sequence[str] = tuple(SEVERITIES),
+    nominal: bool = True,
 ) -> tuple[list[FeatureRun], str, int]:
     """Runs of bags or of the simulated stand, their source, and 1 if some could not be read.
+
+    ``orders`` of the lines that features track.
 
     Raises
     ------
     ConfigurationError
         Neither bags nor seeds are given, or loads or seeds are invalid.
     """
-    grid = Grid(arguments.window, arguments.hop, bench.FLEA_SCREW.orders())
+    grid = Grid(arguments.window, arguments.hop, orders)
     if arguments.seeds:
         seeds, loads = seeds_of(arguments.seeds), _loads(arguments.loads)
         planned = len(seeds) * (len(faults) + 4 * nominal)
@@ -77,3 +83,13 @@ def _loads(text: str) -> tuple[float, float]:
             f"features: --loads = {shown(text)} must be LOW:HIGH within 0 to {LARGEST_LOAD_N:g} N"
         )
     return low, high
+
+
+def stand_of(arguments: argparse.Namespace) -> Stand:
+    """The stand of the arguments; a range of seeds is refused with the option that takes it."""
+    if ":" in arguments.stand:
+        raise ConfigurationError(
+            f"features: --stand = {shown(arguments.stand)} is no stand; seeds of simulated runs "
+            "are given by --seeds FIRST:LAST"
+        )
+    return chosen_stand(arguments)

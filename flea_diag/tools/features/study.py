@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +24,6 @@ from flea_diag.core.vibration.window import NotComputableError
 from flea_diag.stages.extractor.extractor import ExtractorStage
 from flea_diag.stages.extractor.scan_ring import SECOND_NS
 from flea_diag.stages.extractor.windows import Windows
-from flea_diag.tools.features.bench import FLEA_SCREW
 from flea_diag.tools.features.classifier import call, read_classifier
 from flea_diag.tools.features.judge import judge
 from flea_diag.tools.features.samples import FeatureRun, Grid, run_of
@@ -121,7 +120,8 @@ def study_run(fault: str, seed: int, plan: Plan) -> Study:
     groups = [record for record in said if isinstance(record, AmbiguityGroup)]
     requests = [record for record in said if isinstance(record, FeatureRequest)]
     answers = [record for record in said if isinstance(record, FeatureValue)]
-    table, run = load_features(plan.table), after_onset(records)
+    table = load_features(plan.table)
+    run = after_onset(records, table.nominal.orders)
     walks = judge([run], table, plan.faults, windows=WINDOWS)
     return Study(
         fault,
@@ -138,12 +138,12 @@ def study_run(fault: str, seed: int, plan: Plan) -> Study:
     )
 
 
-def after_onset(records: Sequence[Record]) -> FeatureRun:
+def after_onset(records: Sequence[Record], orders: Mapping[str, float]) -> FeatureRun:
     """All features of every window with the fault present throughout."""
     truths = [record for record in records if isinstance(record, Truth)]
     onset_ns = max((truth.onset_ns for truth in truths), default=0)
     late = [record for record in records if record.stamp_ns >= onset_ns]
-    return run_of("", late, truths, Grid(orders=FLEA_SCREW.orders()))
+    return run_of("", late, truths, Grid(orders=orders))
 
 
 def called(run: FeatureRun, classifier: Classifier) -> str:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
+import shutil
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from support.places import DATA
+from support.places import DATA, FLEA_STAND
 
 from flea_diag.core.choice.feature_learning import (
     SYMBOLS,
@@ -226,18 +228,38 @@ def command(*words: str) -> int:
     return tool.run(parser.parse_args(words))
 
 
+def stand_with_a_bearing(folder: Path) -> Path:
+    """The FLEA with a bearing of published orders instead of its screw."""
+    shutil.copytree(FLEA_STAND, folder)
+    content = yaml.safe_load((folder / "stand.yaml").read_text())
+    geometry = {"pitch_diameter_m": 39.04e-3, "ball_diameter_m": 7.94e-3, "balls": 9}
+    content["kinematics"] = {"bearing": geometry}
+    (folder / "stand.yaml").write_text(yaml.safe_dump(content))
+    return folder
+
+
+def bearing_orders() -> dict[str, float]:
+    return {"bearing_outer": 3.5848, "bearing_inner": 5.4152, "bearing_ball": 4.7135}
+
+
 def test_learn_judge_and_tree_on_a_small_draw(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "table.yaml"
     draw = ["--duration", "3.4", "--window", "0.5", "--hop", "0.5"]
-    assert command("learn", "--seeds", "0:4", *draw, "--most", "8", "-o", str(path)) == 0
+    stand = str(stand_with_a_bearing(tmp_path / "mine"))
+    given = ["--stand", stand, "--most", "8", "-o", str(path)]
+    assert command("learn", "--seeds", "0:4", *draw, *given) == 0
+    told = capsys.readouterr().err
+    assert re.search(r"resting_levels: \d+ healthy runs with 6 blocks at rest, 20 are needed", told)
+    assert "accelerometer_2_gear_mesh_line: the kinematics of the stand do not give this" in told
     text = path.read_text()
     assert text.startswith("# learned fault feature table. Made by")
     table = FaultFeatureTable.from_mapping(yaml.safe_load(text), "table")
     assert {"spall", "jam", "accelerometer_2_fault", "motor_current_bias"} <= set(table.faults)
     assert not any(fault.startswith("motor_speed") for fault in table.faults)
     assert table.nominal.window_s == 0.5
+    assert table.nominal.orders == pytest.approx(bearing_orders(), abs=3e-3)
     assert table.nominal.rate_hz == 20_000.0
     capsys.readouterr()
     group = "spall,accelerometer_2_fault,accelerometer_1_fault"

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import signal, stats
 from support.places import ROOT
 
-from flea_diag.core.vibration.bearing_frequencies import BallScrew, Bearing
+from flea_diag.core.vibration.bearing_frequencies import BallScrew, Bearing, Gear, Kinematics
 from flea_diag.core.vibration.features import (
     FEATURES,
     FeatureId,
@@ -143,6 +143,44 @@ def test_orders_of_a_published_bearing() -> None:
     assert orders["ball"] == pytest.approx(4.7135, abs=3e-3)
 
 
+def test_orders_of_a_drive_count_turns_of_the_motor() -> None:
+    """A screw behind a gear of 4 to 1, a bearing at half the speed, a wheel of 60 teeth."""
+    screw = BallScrew(9.9e-3, 1.588e-3, 3.175e-3, turns=0.25)
+    drive = Kinematics(screw, Bearing(39.04e-3, 7.94e-3, 9, turns=0.5), Gear(60, turns=0.25))
+    expected = {
+        "nut": 8.56 / 4, "screw": 10.75 / 4, "ball": 6.15 / 4, "bearing_outer": 3.5848 / 2,
+        "bearing_inner": 5.4152 / 2, "bearing_ball": 4.7135 / 2, "gear_mesh": 15.0,
+    }  # fmt: skip
+    assert drive.orders() == pytest.approx(expected, abs=4e-3)
+    assert Kinematics().orders() == {}
+
+
+def test_the_mesh_of_a_gear_is_a_line_unless_it_is_too_fast_for_the_rate() -> None:
+    speed = np.linspace(60.0, 120.0, 20_000)
+    mesh = np.sin(48.0 * np.cumsum(speed) / RATE) + NOISE[:, 0]
+    moved = {"speed_rad_s": speed, "orders": {"gear_mesh": 48.0}}
+    assert of("gear_mesh_line", mesh, **moved) > 10.0
+    assert of("gear_mesh_line", NOISE[:, 0], **moved) < 5.0
+    orders = {"gear_mesh": 48.0}
+    slow = Window(mesh[::12, None], RATE / 12, ("accelerometer_1_x",), speed[::12], orders=orders)
+    with pytest.raises(NotComputableError, match=r"mesh at 916\.\d Hz, above half the rate"):
+        compute("accelerometer_1_gear_mesh_line", slow)
+
+
+def test_at_half_the_rate_bands_beyond_nyquist_are_left_out_and_lines_are_not() -> None:
+    speed = np.full(20_000, 90.0)
+    orders = Kinematics(bearing=Bearing(39.04e-3, 7.94e-3, 9)).orders()
+    shaken = struck(orders["bearing_outer"], speed)[::2, None]
+    half = Window(shaken, RATE / 2, ("accelerometer_1_x",), speed[::2], orders=orders)
+    bands = [f"accelerometer_1_{name}" for name in FEATURES if name.startswith("band_")]
+    found = compute_all(bands, half)
+    left_out = {name for name, value in found.items() if math.isnan(value)}
+    assert left_out == {"accelerometer_1_band_3000_6000_rms", "accelerometer_1_band_6000_9500_rms"}
+    lines = {name: compute(f"accelerometer_1_{name}_line", half) for name in orders}
+    assert max(lines, key=lines.__getitem__) == "bearing_outer"
+    assert lines["bearing_outer"] > 6.0
+
+
 def struck(order: float, speed: np.ndarray) -> np.ndarray:
     """A ring at each strike of a defect, whatever the speed does; on a floor of noise."""
     strikes = np.floor(np.cumsum(np.abs(speed)) / RATE / (2.0 * np.pi) * order)
@@ -252,7 +290,7 @@ def test_heating_is_the_slope() -> None:
         ("kurtosis", np.zeros(20_000), "constant"),
         ("std", np.full(20_000, np.nan), "not finite"),
         ("order_1_amplitude", NOISE[:, 0], "motor_speed is not measured"),
-        ("nut_line", NOISE[:, 0], "order of the 'nut' line is not configured"),
+        ("nut_line", NOISE[:, 0], "kinematics of the stand do not give this line"),
         ("axis_coherence", NOISE[:, 0], "needs two axes, the window has one"),
         ("spectral_centroid", NOISE[:1000, 0], "too few"),
     ],
