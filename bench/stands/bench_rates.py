@@ -95,13 +95,13 @@ def recorded(rate_hz: int, seed: int, folder: Path) -> Path:
         path = folder / f"{name}.yaml"
         path.write_text(yaml.safe_dump({**content, "seed": seed + number}), encoding="utf-8")
         bag = folder / ("fast" if rate_hz < SLOWEST_HZ else "bags") / name
-        _run("simulate", path, "--machine", machine, "--unit-seed", UNIT, "-o", bag)
+        run("simulate", path, "--machine", machine, "--unit-seed", UNIT, "-o", bag)
         if rate_hz < SLOWEST_HZ:
             thinned(bag, folder / "bags" / name)
     return folder / "bags"
 
 
-def _run(*arguments: object) -> float:
+def run(*arguments: object) -> float:
     """CPU time of a command in s."""
     begin_s = time.process_time()
     with redirect_stdout(io.StringIO()):
@@ -116,22 +116,24 @@ def at(rate_hz: int, seed: int, folder: Path) -> list[Figure]:
     bags = recorded(rate_hz, seed, folder)
     calibration, verdicts = folder / "calibration.yaml", folder / "verdicts.json"
     healthy = [bags / f"healthy{name}" for name in HEALTHY]
-    learning_s = _run("calibrate", *healthy, "--stand", MACHINE, "-o", calibration)
+    learning_s = run("calibrate", *healthy, "--stand", MACHINE, "-o", calibration)
     names = ["test", "test_loaded", *FAULTS]
     chosen = "--stand", MACHINE, "--calibration", calibration
-    replay_s = _run("replay", *(bags / name for name in names), *chosen, "--json", verdicts)
+    replay_s = run("replay", *(bags / name for name in names), *chosen, "--json", verdicts)
     found = dict(zip(names, json.loads(verdicts.read_text(encoding="utf-8")), strict=True))
     right, delays = 0, []
     for fault, (_, expected) in FAULTS.items():
-        run = found[fault]
-        group = run["ambiguity_group"]
-        start_s = run["detected_at_s"]
+        verdict = found[fault]
+        group = verdict["ambiguity_group"]
+        start_s = verdict["detected_at_s"]
         detected = start_s is not None and start_s >= ONSET_S
         good = detected and bool(set(group) & set(expected)) and len(group) <= GROUP
         right += good
         delays += [start_s - ONSET_S] if detected else []
         if not good:
-            print(f"    {rate_hz} Hz, {fault}: {run['outcome']} {start_s} {', '.join(group[:6])}")
+            print(
+                f"    {rate_hz} Hz, {fault}: {verdict['outcome']} {start_s} {', '.join(group[:6])}"
+            )
     quiet = sum(found[name]["outcome"] == "NOMINAL" for name in ("test", "test_loaded"))
     seeds = f"unit {UNIT}, {seed} and on"
     middle = sorted(delays)[len(delays) // 2] if delays else float("nan")
@@ -169,7 +171,7 @@ def main() -> int:
             folder = (arguments.folder or Path(temporary)) / str(rate_hz)
             folder.mkdir(parents=True, exist_ok=True)
             figures += at(rate_hz, arguments.seed, folder)
-    write_summary("rates", figures, arguments.json)
+    write_summary("bench/stands/bench_rates.py", figures, arguments.json)
     return 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from support.live import Peer, Process, node
 from flea_diag.tools.main import main
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.records import ChannelTable, Health, Scan
+from flea_diag.wire.sources.field_path import FieldPath
 
 pytest.importorskip("rclpy", reason="needs ROS 2: rclpy is not installed")
 
@@ -107,6 +109,50 @@ def counted(records: list[Any], count: dict[str, int]) -> bool:
     wanted = {f"{topic}/received": str(n) for topic, n in count.items()}
     said = [dict(r.values) for r in records if isinstance(r, Health) and r.node == "bridge"]
     return bool(said) and wanted.items() <= said[-1].items()
+
+
+LIVE_FIELDS = {
+    "sensor_msgs.JointState": "effort[elbow]",
+    "sensor_msgs.Temperature": "temperature",
+    "sensor_msgs.BatteryState": "cell_voltage[1]",
+    "sensor_msgs.Imu": "linear_acceleration.z",
+    "geometry_msgs.WrenchStamped": "wrench.force.z",
+    "std_msgs.Float64": "data",
+    "std_msgs.Float64MultiArray": "data[1]",
+    "diagnostic_msgs.DiagnosticArray": "status[motor].values[celsius].value",
+}
+
+
+def filled(message: Any) -> Any:
+    """A message of rclpy with 2.5 in the field of its row."""
+    from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+    match type(message).__name__:
+        case "JointState":
+            message.name, message.effort = ["shoulder", "elbow"], [1.0, 2.5]
+        case "Temperature":
+            message.temperature = 2.5
+        case "BatteryState":
+            message.cell_voltage = [1.0, 2.5]
+        case "Imu":
+            message.linear_acceleration.z = 2.5
+        case "WrenchStamped":
+            message.wrench.force.z = 2.5
+        case "Float64":
+            message.data = 2.5
+        case "Float64MultiArray":
+            message.data = [1.0, 2.5]
+        case "DiagnosticArray":
+            pair = KeyValue(key="celsius", value="2.5")
+            message.status = [DiagnosticStatus(name="motor", values=[pair])]
+    return message
+
+
+@pytest.mark.parametrize("kind", LIVE_FIELDS)
+def test_a_field_of_a_live_message_is_read(kind: str) -> None:
+    package, name = kind.split(".")
+    message = filled(getattr(importlib.import_module(f"{package}.msg"), name)())
+    assert FieldPath.parsed(LIVE_FIELDS[kind], "here").read(message) == 2.5
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,10 @@
-"""Detectability: sensor faults that a stand cannot show at any size, so that it can say so.
+"""Detectability: faults that a stand cannot show at any size, so that it can say so.
 
 A sensor fault is detectable by a test of that sensor alone (``sensor_tests``), by a relation whose
 terms vary or grow with it, or by a constant offset of a relation above the limit of its test. A
 fault that only adds a constant below every limit is not detectable: the drift of a single position
-sensor, whose slope is also the only speed, enters the relations as ``-B d`` and ``-Ke d``.
+sensor, whose slope is also the only speed, enters the relations as ``-B d`` and ``-Ke d``. A fault
+of the plant is not detectable where the channels of the stand close no relation that holds it.
 """
 
 from __future__ import annotations
@@ -33,6 +34,22 @@ def undetectable(
         if fault.channel in calibration.channels
         and not tested_alone(fault, sensors)
         and not any(_is_detectable(model, reach) for model in models if model.fault == name)
+    )
+
+
+def without_relation(
+    faults: Mapping[str, Fault], models: Sequence[FaultModel], calibration: Calibration
+) -> tuple[Fault, ...]:
+    """Faults of the plant that no tested relation of the stand holds.
+
+    Those that move no relation of any stand and show in vibration alone are not among them.
+    """
+    reach = smallest_detectable_offsets(calibration)
+    held = {m.fault for m in models if any(term.residual in reach for term in m.terms)}
+    return tuple(
+        fault
+        for name, fault in faults.items()
+        if name not in held and not fault.channel and (fault.effects or not fault.vibration)
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
-from flea_diag.core.isolation.detectability import undetectable
+from flea_diag.core.isolation.detectability import undetectable, without_relation
 from flea_diag.core.isolation.isolation import Hypothesis
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.errors import shown
@@ -29,6 +29,9 @@ UNDETECTABLE = (
     "not detectable at any size with these sensors; a second sensor of the same quantity would "
     "show it"
 )
+NO_RELATION = (
+    "in no relation of these channels: 'flea stand check' names the sensor that would show it"
+)
 NO_ACCELEROMETER = "shows only in vibration, and this stand has no accelerometer"
 
 
@@ -45,15 +48,11 @@ class VerdictRecord:
         self._k = knowledge
         self._source = parameters.source
         self._models = tuple(models)
-        self._undetectable = tuple(
-            (name, UNDETECTABLE)
-            for name in undetectable(
-                knowledge.faults,
-                self._models,
-                knowledge.calibration,
-                knowledge.effects.residuals.symptoms,
-            )
-        )
+        faults, calibration = knowledge.faults, knowledge.calibration
+        symptoms = knowledge.effects.residuals.symptoms
+        self._without_relation = without_relation(faults, self._models, calibration)
+        silent = undetectable(faults, self._models, calibration, symptoms)
+        self._undetectable = tuple((name, UNDETECTABLE) for name in silent)
         promise = knowledge.calibration.promise
         self._stated_per_hour = promise.stated_per_hour
         self._supported_per_hour = promise.supported_per_hour
@@ -131,15 +130,21 @@ class VerdictRecord:
 
     def _not_observable(self, stand: StandStatus) -> tuple[tuple[str, str], ...]:
         """Faults that this stand cannot show, with the reason."""
-        if stand.axes and not stand.deaf:
-            return self._undetectable
+        heard = bool(stand.axes) and not stand.deaf
+        unseen = tuple(
+            (fault.name, NO_RELATION)
+            for fault in self._without_relation
+            if not (heard and fault.vibration)
+        )
+        if heard:
+            return unseen + self._undetectable
         reason = f"shows only in vibration, and {stand.deaf}" if stand.deaf else NO_ACCELEROMETER
         vibration_only = tuple(
             (name, reason)
             for name, fault in self._k.faults.items()
             if fault.vibration and fault.approach == "data"
         )
-        return vibration_only + self._undetectable
+        return vibration_only + unseen + self._undetectable
 
 
 def _remarks(stand: StandStatus, episode: FaultEpisode | None) -> str:

@@ -12,7 +12,13 @@ import numpy.typing as npt
 
 from flea_diag.errors import RecordingError, WireError, shown
 from flea_diag.tools.recordings.source_checks import check_ranges, check_rate, check_signs
-from flea_diag.tools.recordings.table import Columns, read_table, stem_of, suffix_of
+from flea_diag.tools.recordings.table import (
+    Columns,
+    NoColumnError,
+    read_table,
+    stem_of,
+    suffix_of,
+)
 from flea_diag.wire.bags.foreign_bag import ForeignBag
 from flea_diag.wire.records import NEVER_NS, ChannelTable, Scan, Truth
 from flea_diag.wire.sources.mapping import SourceMapping
@@ -75,10 +81,21 @@ def _of_table(path: Path, mapping: SourceMapping) -> Iterator[MappedRecording]:
     if not columns:
         raise RecordingError(f"{path} is a table, {mapping.where} names topics: name a bag")
     time = [mapping.time.column] if mapping.time.column else []
-    table = read_table(path, [*time, *columns, *mapping.split_by])
+    try:
+        table = read_table(path, [*time, *columns, *mapping.split_by])
+    except NoColumnError as error:
+        raise RecordingError(f"{error}; correct {_user_of(error.name, mapping)}") from None
     for name, rows in _parts(path, table, mapping):
         part = {key: values[rows] for key, values in table.items()}
         yield _of_rows(f"{path}: {name}" if mapping.split_by else str(path), name, part, mapping)
+
+
+def _user_of(column: str, mapping: SourceMapping) -> str:
+    """The line of the mapping that names a column."""
+    for row in mapping.channels:
+        if any(term.column == column for term in row.terms):
+            return f"the column of {row.channel} in {mapping.where}"
+    return f"{'time' if column == mapping.time.column else 'split_by'} in {mapping.where}"
 
 
 def _parts(path: Path, table: Columns, mapping: SourceMapping) -> Iterator[tuple[str, slice]]:
@@ -114,7 +131,8 @@ def _of_rows(where: str, name: str, part: Columns, mapping: SourceMapping) -> Ma
         scans += grid.push(stamp_ns, enumerate(row))
     scans += grid.finish()
     for rate_hz in {row.rate_hz for row in mapping.channels}:
-        check_rate(where, mapping, rate_hz, stamps)
+        rows = [row for row in mapping.channels if row.rate_hz == rate_hz]
+        check_rate(where, mapping, rows, stamps)
     return _checked(where, name, mapping, scans, grid)
 
 
@@ -178,7 +196,7 @@ def _of_bag(path: Path, mapping: SourceMapping) -> MappedRecording:
     _check_found(path, mapping, terms, last)
     for row in mapping.channels:
         topic = row.terms[0].topic
-        check_rate(f"{path}: {topic}", mapping, row.rate_hz, np.array(stamps[topic]))
+        check_rate(f"{path}: {topic}", mapping, [row], np.array(stamps[topic]))
     made = _checked(str(path), path.name.removesuffix(path.suffix), mapping, scans, grid)
     return replace(made, warnings=(*bag.losses[:3], *made.warnings))
 

@@ -19,6 +19,8 @@ MOST_DRIFT = 0.05
 """Deviation of a rate from the declared one."""
 PIECE_S = 5.0
 """Length over which a rate is measured."""
+MOST_NAMED = 3
+"""Channels that a message names."""
 FEWEST = 10
 """Readings without which a rate is not measured."""
 
@@ -71,17 +73,26 @@ def _lies_inside(row: ChannelMapping, values: npt.NDArray[np.float64]) -> bool:
 
 
 def check_rate(
-    where: str, mapping: SourceMapping, declared_hz: float, stamps_ns: npt.NDArray[np.int64]
+    where: str,
+    mapping: SourceMapping,
+    rows: Sequence[ChannelMapping],
+    stamps_ns: npt.NDArray[np.int64],
 ) -> None:
     """Refuse readings that come at another rate than declared, throughout or for a while.
 
     Lost readings do not change the median of the intervals by which the rate is measured.
 
+    Parameters
+    ----------
+    rows
+        Channels of one declared rate whose readings have these stamps.
+
     Raises
     ------
     RecordingError
-        Names the rate, where it was measured, and the declared one.
+        Names the channels, the rate, where it was measured, and the declared one.
     """
+    declared_hz = rows[0].rate_hz
     length = max(FEWEST, round(declared_hz * PIECE_S))
     for start in range(0, len(stamps_ns), length):
         piece = stamps_ns[start : start + length + 1]
@@ -92,10 +103,16 @@ def check_rate(
         if not abs(rate_hz - declared_hz) <= MOST_DRIFT * declared_hz:
             at_s = (piece[0] - stamps_ns[0]) * 1e-9
             raise RecordingError(
-                f"{where}: readings come at {rate_hz:.4g} Hz from {at_s:.4g} s on, declared are "
-                f"{declared_hz:g} Hz within {MOST_DRIFT:.0%}: correct rate_hz in {mapping.where}, "
-                "or the clock that stamps them"
+                f"{where}: {_names(rows)}: readings come at {rate_hz:.4g} Hz from {at_s:.4g} s on, "
+                f"declared are {declared_hz:g} Hz within {MOST_DRIFT:.0%}: correct rate_hz in "
+                f"{mapping.where}, or the clock that stamps them"
             )
+
+
+def _names(rows: Sequence[ChannelMapping]) -> str:
+    names = [row.channel for row in rows[:MOST_NAMED]]
+    more = [f"{len(rows) - MOST_NAMED} more"] if len(rows) > MOST_NAMED else []
+    return ", ".join([*names, *more])
 
 
 def check_signs(where: str, mapping: SourceMapping, scans: Sequence[Scan]) -> None:

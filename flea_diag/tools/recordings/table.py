@@ -68,16 +68,16 @@ def header_of(path: Path) -> tuple[str, ...]:
     missing: list[str] = []
     try:
         read_table(path, ["\0"])
-    except _NoColumnError as error:
+    except NoColumnError as error:
         missing = list(error.known)
     return tuple(missing)
 
 
-class _NoColumnError(RecordingError):
+class NoColumnError(RecordingError):
     """A column is not in the table, which has these."""
 
     def __init__(self, path: Path, name: str, known: Iterable[str]) -> None:
-        self.known = tuple(known)
+        self.name, self.known = name, tuple(known)
         has = ", ".join(shown(each)[1:-1] for each in self.known[:20])
         super().__init__(f"{path} has no column {shown(name)}, it has {has or 'none'}")
 
@@ -87,7 +87,7 @@ def _places(path: Path, wanted: Sequence[str], known: Sequence[str]) -> list[int
         if known.count(name) != 1:
             if name in known:
                 raise RecordingError(f"{path} has {known.count(name)} columns {shown(name)}")
-            raise _NoColumnError(path, name, known)
+            raise NoColumnError(path, name, known)
     return [known.index(name) for name in wanted]
 
 

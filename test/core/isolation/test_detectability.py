@@ -12,7 +12,11 @@ from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.window_limit import ResidualLimit, WindowLimit
-from flea_diag.core.isolation.detectability import smallest_detectable_offsets, undetectable
+from flea_diag.core.isolation.detectability import (
+    smallest_detectable_offsets,
+    undetectable,
+    without_relation,
+)
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
 
 SECOND = ("motor_speed", "load_position", "commanded_voltage")
@@ -65,6 +69,32 @@ def test_without_its_thermal_limits_a_temperature_shows_only_what_its_readings_t
     found = silent(replace(stand, limits=tuple(limits)))
     modes = {name.removeprefix("motor_temperature_") for name in found if "motor_t" in name}
     assert modes == {"bias", "drift", "scaling"}
+
+
+@pytest.mark.parametrize(
+    ("stand", "lacking", "expected"),
+    [
+        ("flea", (), set()),
+        ("flea", ("load_force",), {"jam", "ball_nut_friction"}),
+        ("flea", ("motor_voltage",), {"winding_open", "supply_open"}),
+        ("joint", (), {"backlash", "winding_resistance_rise"}),
+    ],
+)
+def test_a_fault_of_the_plant_that_no_relation_holds_is_named(
+    stand: str, lacking: tuple[str, ...], expected: set[str]
+) -> None:
+    """Friction is in the balance with the load, an open circuit in that of voltages.
+
+    config/stands/joint/README.md lists what its sensors show nothing of.
+    """
+    files = load_stand(stand)
+    calibration = learned(files)
+    names = tuple(name for name in calibration.channels if name not in lacking)
+    known = knowledge(files, replace(calibration, channels=names))
+    models = QuantitativeIsolation(calibration, known.effects).models
+    found = {f.name for f in without_relation(known.faults, models, known.calibration)}
+    assert expected <= found
+    assert found == expected or lacking
 
 
 def test_the_least_offset_is_that_of_the_finest_test():

@@ -78,6 +78,76 @@ def test_the_channel_table_says_what_the_mapping_says(
     assert [r.fault for r in records if isinstance(r, Truth)] == ["nominal"]
 
 
+# --- every type of message that stands send ------------------------------------------------------
+
+DYNAMIC = "control_msgs/msg/DynamicJointState"
+DEFINITION = """\
+std_msgs/Header header
+string[] joint_names
+control_msgs/InterfaceValue[] interface_values
+"""
+INTERFACE = """\
+string[] interface_names
+float64[] values
+"""
+SENSORS: dict[str, tuple[str, str, str]] = {
+    "motor_speed": ("sensor_msgs/msg/Imu", "angular_velocity.z", "deg/s"),
+    "motor_voltage": ("sensor_msgs/msg/BatteryState", "voltage", "V"),
+    "motor_temperature": ("std_msgs/msg/Float64MultiArray", "data[2]", "degF"),
+    "motor_current": (DYNAMIC, "interface_values[elbow].values[effort]", "mA"),
+}
+"""Those that the arm does not send; the last is defined in the bag alone."""
+
+
+def sensor_messages(count: int) -> Iterator[tuple[str, int, Any]]:
+    """Readings that rise by one with each scan, in the units above."""
+    t = arm.T
+    nine, vector = np.zeros(9), t["geometry_msgs/msg/Vector3"]
+    still, turn = vector(0.0, 0.0, 0.0), t["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+    layout, none = t["std_msgs/msg/MultiArrayLayout"]([], 0), np.zeros(0, dtype=np.float32)
+    for k in range(count):
+        stamp_ns = START_NS + k * 10_000_000
+        header, at = arm.header_at(stamp_ns), float(k)
+        imu = t["sensor_msgs/msg/Imu"](header, turn, nine, vector(0.0, 9.0, at), nine, still, nine)
+        battery = t["sensor_msgs/msg/BatteryState"](
+            header, at, *[0.0] * 6, 0, 0, 0, True, none, none, "", ""
+        )
+        interface = t["control_msgs/msg/InterfaceValue"]
+        rows = [interface(["effort"], np.zeros(1)), interface(["v", "effort"], np.array([7.0, at]))]
+        yield "/motor_speed", stamp_ns, imu
+        yield "/motor_voltage", stamp_ns, battery
+        yield (
+            "/motor_temperature",
+            stamp_ns,
+            t["std_msgs/msg/Float64MultiArray"](layout, np.array([5.0, 6.0, at])),
+        )
+        yield "/motor_current", stamp_ns, t[DYNAMIC](header, ["shoulder", "elbow"], rows)
+
+
+def test_imu_battery_array_and_dynamic_joint_states_are_read(tmp_path: Path) -> None:
+    from rosbags.typesys import get_types_from_msg
+
+    arm.STORE.register(get_types_from_msg(INTERFACE, "control_msgs/msg/InterfaceValue"))
+    arm.STORE.register(get_types_from_msg(DEFINITION, DYNAMIC))
+    channels = {
+        name: {"topic": f"/{name}", "type": kind, "field": field, "unit": unit,
+               "range": [-300.0, 300.0]}
+        for name, (kind, field, unit) in SENSORS.items()
+    }  # fmt: skip
+    stand = arm.arm_stand(tmp_path / "arm", {**arm.MAPPING, "channels": channels})
+    bag = arm.write_ros2(tmp_path / "session", sensor_messages(120))
+    assert main(["import", "--stand", str(stand), str(bag), "-o", str(tmp_path / "bags")]) == 0
+    names, _, values = scans_of(tmp_path / "bags" / "session")
+    rising = np.arange(120.0)
+    expected = {
+        "motor_speed": np.radians(rising), "motor_voltage": rising,
+        "motor_temperature": (rising - 32.0) / 1.8, "motor_current": 1e-3 * rising,
+    }  # fmt: skip
+    assert set(names) == set(expected)
+    for name, wanted in expected.items():
+        np.testing.assert_allclose(values[:, names.index(name)], wanted, rtol=1e-6, atol=1e-9)
+
+
 # --- one line that says what is wrong, and nothing written --------------------------------------
 
 
@@ -127,7 +197,8 @@ REFUSED = {
         {"motor_current": {"range": [0.0, 60.0]}}, iter, "motor_current reads -.* A, .*%",
     ),
     "a rate that drifts": (
-        {}, slower, "/arm/wrench: readings come at 50 Hz from 1.* s on, declared are 100 Hz within",
+        {}, slower,
+        "/arm/wrench: load_force: readings come at 50 Hz from 1.* s on, declared are 100 Hz within",
     ),
     "an unknown unit": (
         {"load_force": {"unit": "pounds"}}, iter, "load_force: unit: unit 'pounds' is unknown; use",
@@ -268,7 +339,7 @@ DAMAGED = {
     "a line that is cut off": (b"t,set,error,i,load,test\n0,1,0\n", "line 2 has 3 columns, 'i' is"),
     "a column that is missing": (
         b"t;set;error\n0;1;2\n",
-        "has no column 'i', it has t, set, error",
+        "has no column 'i', it has t, set, error; correct the column of motor_current in",
     ),
     "a column twice": (b"t,t,set,error,i,load,test\n", "has 2 columns 't'"),
     "a line without end": (b"t" * 200_000, "line 1 has more than 100000 characters"),

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from support.foreign import arm
 from support.foreign.recordings_of_others import (
     Sent,
@@ -161,3 +162,40 @@ def test_a_recording_ends_right_or_in_one_line(
         assert count > 0.98 * len(expected)
         tolerance = 1e-6 * float(np.abs(expected).max())
         np.testing.assert_allclose(column[:count:step], expected[:count:step], atol=tolerance)
+
+
+SIGNS = {
+    "motor_current": "motor_current: copper loss: voltage by current is -",
+    "motor_voltage": "motor_voltage: back-EMF: voltage by speed is -",
+    "motor_speed": "motor_speed: speed by rate of position is -",
+    "load_force": "load_force: work on the load: current by load is -",
+    "actuator_position": "actuator_position reads -.* outside its range of .*: correct unit, sign,",
+}
+
+
+def test_each_turned_sign_is_refused_by_the_channel_that_it_is_of(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = csv(tmp_path / "run.csv", WITH_UNITS)
+    sensors = {
+        each.channel: {
+            "column": each.name, "sign": int(each.sign),
+            "unit": each.unit or "AV"["volt" in each.name],
+            "range": [0.0, 0.1] if each.channel == "actuator_position" else [-3000.0, 3000.0],
+        }
+        for each in WITH_UNITS[:5]
+    }  # fmt: skip
+    mapping = {"schema_version": 1, "rate_hz": 100.0, "channels": sensors}
+    stand = arm.arm_stand(tmp_path / "mine", mapping)
+    channels = stand / "channels.yaml"
+    for channel, words in SIGNS.items():
+        turned = {**sensors[channel], "sign": -int(str(sensors[channel]["sign"]))}
+        rows = {**mapping, "channels": {**sensors, channel: turned}}
+        channels.write_text(yaml.safe_dump(rows), encoding="utf-8")
+        capsys.readouterr()
+        given = ["--stand", str(stand), str(recording), "-o", str(tmp_path / "bags")]
+        assert main(["import", *given]) == 1
+        told = capsys.readouterr().err.splitlines()[0]
+        assert re.search(words, told), told
+        assert str(channels) in told
+    assert not (tmp_path / "bags").exists()
