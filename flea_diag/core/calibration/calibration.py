@@ -149,6 +149,8 @@ class Calibration(Frozen):
                 plain["tolerance"].pop(name)
         # Without what an older file lacks it is the same as that file.
         plain = {k: v for k, v in plain.items() if v or k not in SINCE_OUT_OF_SAMPLE}
+        if plain.get("envelope") and not plain["envelope"]["travel"]:
+            plain["envelope"].pop("travel")
         if self.counted_period_s == FLEA_COUNTS.period_s:
             plain.pop("counted_period_s")
         return stamped("calibration", {**plain, "speed_regions_m_s": list(SPEED_REGIONS_M_S)})

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.nominal_trace import Trace
+from flea_diag.core.calibration.travel_fit import travel_factors
 from flea_diag.core.residuals.leverage import (
     PLACE,
     CalibrationEnvelope,
@@ -17,6 +18,7 @@ from flea_diag.core.residuals.leverage import (
     leverages,
 )
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
 
@@ -26,7 +28,9 @@ MOST = 0.999
 """Share of them below its largest leverage: a spike of the acceleration is no operating point."""
 
 
-def envelope(traces: Sequence[Trace], relations: RelationSet) -> CalibrationEnvelope | None:
+def envelope(
+    traces: Sequence[Trace], relations: RelationSet, counts: ScanCounts
+) -> CalibrationEnvelope | None:
     """Envelope of the recordings; None where they show none."""
     basis = LeverageBasis(relations)
     position = traces[0].position_channel
@@ -48,7 +52,8 @@ def envelope(traces: Sequence[Trace], relations: RelationSet) -> CalibrationEnve
         fits.append(LeverageFit(name, table, reach, most))
     if not any(fit.relation != PLACE for fit in fits):
         return None
-    return CalibrationEnvelope(position, tuple(fits), _ranges(traces, relations, position))
+    ranges = _ranges(traces, relations, position)
+    return CalibrationEnvelope(position, tuple(fits), ranges, travel_factors(traces, counts))
 
 
 def _ranges(

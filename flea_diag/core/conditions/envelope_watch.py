@@ -2,7 +2,8 @@
 
 Beyond the reach of the calibration the variance of a relation's tests grows with the leverage, and
 that of all other tests but those of single sensors by the same factor: what two sensors differ by,
-and what a prediction neglects, depends on load and place as well.
+and what a prediction neglects, depends on load and place as well. At an end of the travel that few
+recordings came to, a residual scatters by its own factor, if that is more.
 Where the leverage stays beyond ``ABSTAIN`` times the largest that nominal recordings had (twice
 their distance), the tests that rest on the relation say nothing, until the motion has been back
 within for ``BACK`` scans.
@@ -11,6 +12,7 @@ within for ``BACK`` scans.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
@@ -25,8 +27,31 @@ from flea_diag.core.residuals.leverage import (
 )
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.residuals.travel import stretches
 
 Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where n scans lie.
+
+    ``beyond``: leverage of each residual beyond the reach; ``travel``: its factor at an end of the
+    travel. Both of shape (n, residuals), None where no scan has any.
+    """
+
+    beyond: Array | None = None
+    travel: Array | None = None
+
+    def factor(self, discrepancy: float | Array = 1.0) -> Array | None:
+        """How many times each residual scatters as in the middle of what was seen.
+
+        ``discrepancy``, shape (residuals,), is what the leverage counts.
+        """
+        if self.beyond is None:
+            return self.travel
+        factor: Array = np.sqrt(1.0 + self.beyond * discrepancy)
+        return factor if self.travel is None else np.maximum(factor, self.travel)
 
 
 class EnvelopeWatch:
@@ -55,6 +80,9 @@ class EnvelopeWatch:
         self._columns = [table.of_relation(name) for name in self._basis.names]
         alone = {*chain(range(len(table.rows))[table.sensor_columns], *self._columns)}
         self._others = [j for j in range(len(table.rows)) if j not in alone]
+        self._travel = known.travel
+        if self._travel is not None:
+            self._factors = self._travel.table([row.name for row in table.rows])
         self._beyond = [0] * len(fitted)
         self._within = [self._back] * len(fitted)
         self.outside: tuple[int, ...] = ()
@@ -62,28 +90,34 @@ class EnvelopeWatch:
         self.words = ""
         self.turned = False
         """Whether the last scan has changed what abstains."""
-        self.beyond: Array | None = None
-        """Leverage of each residual beyond the reach, shape (n, residuals); None in no scan."""
+        self.place = Place()
 
     def step(self, rows: Array, residuals: ResidualRows) -> int:
         """Take n scans; the first that changes what abstains, or n. Nothing counts from there."""
-        count, self.turned, self.beyond = len(rows), False, None
+        count, self.turned = len(rows), False
         position = rows[:, self._position] if self._position >= 0 else np.zeros(count)
+        beyond, travel = None, self._at(position)
         psi = self._basis.rows(residuals.signals, position)
         h = leverages(psi, self._root, self._basis.starts)
         # A reading that is missing says nothing of where it is: NaN is beyond nothing.
         if (h > self._reach).any():
             over = np.where(h > self._reach, h - self._reach, 0.0)
-            self.beyond = np.zeros((count, len(self._known.rows)))
-            self.beyond[:, self._others] = over.max(axis=1)[:, None]
+            beyond = np.zeros((count, len(self._known.rows)))
+            beyond[:, self._others] = over.max(axis=1)[:, None]
             for k, columns in enumerate(self._columns):
-                self.beyond[:, columns] = over[:, k, None]
-        elif not self.outside and not any(self._beyond):
-            return count
+                beyond[:, columns] = over[:, k, None]
+        self.place = Place(beyond, travel)
         far = h > self._far
         if not far.any() and not self.outside and not any(self._beyond):
             return count
         return self._turn(far, rows, residuals)
+
+    def _at(self, position: Array) -> Array | None:
+        """Factor of each residual at the ends of the travel; None where no scan is at one."""
+        if self._travel is None:
+            return None
+        places = stretches(position, self._travel.edges)
+        return self._factors[places] if (places != 1).any() else None
 
     def _turn(self, far: npt.NDArray[np.bool_], rows: Array, residuals: ResidualRows) -> int:
         """Follow the scans up to the first that changes the state."""

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.measured_graph import channel_of
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.travel import TravelFactors
 from flea_diag.core.symbolic.collect import collect
 from flea_diag.core.symbolic.expression import ONE, Expression, Variable, symbols
 from flea_diag.core.symbolic.generated import compiled, function_source
@@ -58,6 +59,8 @@ class CalibrationEnvelope(Frozen):
     """Channel of x; empty where no sensor reads a displacement."""
     relations: tuple[LeverageFit, ...]
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    travel: TravelFactors | None = None
+    """What residuals are at the ends of the travel; None in an older file, or where no more."""
 
 
 class LeverageBasis:

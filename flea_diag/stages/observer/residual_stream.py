@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.conditions.envelope_watch import EnvelopeWatch
+from flea_diag.core.conditions.envelope_watch import EnvelopeWatch, Place
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
@@ -38,6 +38,8 @@ from flea_diag.wire.records import (
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
+ANYWHERE = Place()
+"""Without an envelope no limit depends on the place."""
 
 
 @dataclass(slots=True)
@@ -201,8 +203,8 @@ class ResidualStream:
         if self.envelope is not None:
             self.envelope.leave_out(residuals)
         regressors = self._regressors.rows(rows, residuals)
-        beyond = self.envelope.beyond if self.envelope is not None else None
-        results = self._tests.step(residuals, (sensors, self._sensors.k), alone, beyond)
+        place = self.envelope.place if self.envelope is not None else ANYWHERE
+        results = self._tests.step(residuals, (sensors, self._sensors.k), alone, place)
         results.void = void
         return StreamOutput(residuals, results, regressors, voltage, estimate, turn)
 

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.conditions.envelope_watch import Place
 from flea_diag.core.detection.detection import Detector, TestResults
 from flea_diag.core.detection.mean_shift_test import MeanShiftTest
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
@@ -41,29 +42,29 @@ class ResidualTests:
         residuals: ResidualRows,
         sensors: tuple[Array, Array],
         alone: Flags,
-        beyond: Array | None = None,
+        place: Place,
     ) -> TestResults:
         """Results after each of n scans.
 
         ``sensors``: statistics, shape (n, sensor tests), and limits of the tests of single
-        sensors. ``alone``, shape (n,): where nothing corroborates the voltage. ``beyond``, shape
-        (n, residuals): leverage beyond the reach of the calibration; None where there is none.
+        sensors. ``alone``, shape (n,): where nothing corroborates the voltage. ``place``: where
+        the scans lie in what was calibrated.
         """
         residuals.values[:, self._disabled] = np.nan
-        near = residuals if beyond is None else self._scaled(residuals, np.sqrt(1.0 + beyond))
-        results = self._z_tests.step(near)
+        results = self._z_tests.step(self._scaled(residuals, place.factor()))
         results.z[:, self._sensors], results.k[:, self._sensors] = sensors
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;
         # what alternates with the motion (direction-normalised) still is one.
         if self._circuit >= 0:
             results.z[alone, self._circuit] = np.nan
-        if beyond is not None:
-            near = self._scaled(residuals, np.sqrt(1.0 + beyond * self._discrepancy))
+        near = self._scaled(residuals, place.factor(self._discrepancy))
         self._mean_shift.step(near, results, alone)
         return results
 
-    def _scaled(self, rows: ResidualRows, factor: Array) -> ResidualRows:
+    def _scaled(self, rows: ResidualRows, factor: Array | None) -> ResidualRows:
         """The same residuals where they scatter by so much more, shape (n, residuals)."""
+        if factor is None:
+            return rows
         spread = rows.spread / factor[:, self._known.spreading, None]
         return ResidualRows(rows.values / factor, spread, rows.signals, rows.motion, rows.moving)
 

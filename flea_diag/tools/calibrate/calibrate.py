@@ -204,7 +204,13 @@ def _learn(
     sharing: Sharing,
 ) -> CalibrationResult:
     """Calibration from these recordings, and which of them the others show not to be nominal."""
-    from flea_diag.core.calibration import envelope_fit, identification, nominal_trace, thresholds
+    from flea_diag.core.calibration import (
+        envelope_fit,
+        identification,
+        nominal_trace,
+        thresholds,
+        travel_fit,
+    )
     from flea_diag.core.scan_counts import ScanCounts
 
     runs = [recording.run for recording in recordings]
@@ -228,17 +234,22 @@ def _learn(
         list(map(nominal_trace.with_innovations, part, innovations.residuals))
         for part in (traces, judged)
     )
+    envelope = envelope_fit.envelope(traces, relations, ScanCounts(period_s))
+    tested, judged = (
+        [travel_fit.widened(trace, envelope.travel if envelope else None) for trace in part]
+        for part in (traces, judged)
+    )
     limits = thresholds.fit_limits(
-        traces, false_alarms_per_hour, period_s, folds, tolerance, innovations.spread, judged
+        tested, false_alarms_per_hour, period_s, folds, tolerance, innovations.spread, judged
     )
     calibration = replace(
         _calibration(name, recordings, found, traces, innovations, limits, tolerance),
-        envelope=envelope_fit.envelope(traces, relations),
+        envelope=envelope,
         units=units if units.count else None,
     )
     spread = innovations.spread
     odd = thresholds.not_nominal(
-        traces, false_alarms_per_hour, period_s, folds, spread, limits, judged, tolerance
+        tested, false_alarms_per_hour, period_s, folds, spread, limits, judged, tolerance
     )
     return CalibrationResult(calibration, tuple(traces), relations, odd, alike)
 

@@ -53,6 +53,7 @@ def _judged(shown: OutOfSample) -> Iterator[str]:
 
 def _envelope(seen: CalibrationEnvelope, points: OperatingPoints) -> Iterator[str]:
     """Where the recordings lie, and what would widen that."""
+    from flea_diag.core.calibration.window_fit import LEAST_IN_REGION
     from flea_diag.core.residuals.leverage import ABSTAIN, PLACE
 
     yield "envelope: signal                 smallest    largest"
@@ -61,6 +62,11 @@ def _envelope(seen: CalibrationEnvelope, points: OperatingPoints) -> Iterator[st
     for row in seen.relations:
         far = "" if row.relation == PLACE else f", no test beyond {ABSTAIN * row.most:.0f}"
         yield f"{row.relation}: leverage up to {row.reach:.1f} (99 % of the scans; mean 1){far}"
+    if seen.travel is not None:
+        low, high = seen.travel.edges
+        yield f"fewer than {LEAST_IN_REGION} recordings came below {low:.4g} or above {high:.4g}:"
+        for name, (below, _, above) in seen.travel.factors.items():
+            yield f"{name}: limits {below:.2g} times as wide below, {above:.2g} above"
     yield "recordings beyond these values widen it, and those that bring them together:"
     yield from points.not_covered()
 

@@ -14,6 +14,7 @@ from flea_diag.core.conditions.envelope_watch import EnvelopeWatch
 from flea_diag.core.residuals.leverage import LeverageBasis
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.residuals.travel import TravelFactors
 from flea_diag.core.scan_counts import FLEA_COUNTS
 from flea_diag.wire.records import OUTSIDE_CALIBRATION, AmbiguityGroup, DataQuality, Outcome
 
@@ -47,7 +48,7 @@ def watched(load_n: float) -> tuple[ResidualRows, list[int], list[tuple[int, ...
         watch.leave_out(one)
         residuals.values[part] = one.values
         outside.append(watch.outside)
-    assert watch.beyond is None or load_n > 60.0
+    assert watch.place.factor() is None or load_n > 60.0
     return residuals, turns, outside
 
 
@@ -77,6 +78,27 @@ def test_blocks_turn_where_single_scans_do() -> None:
     residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
     _, (begins, *_), _ = watched(420.0)
     assert EnvelopeWatch(calibration.envelope, relations, KERNEL).step(rows, residuals) == begins
+
+
+def test_at_an_end_of_the_travel_a_residual_scatters_by_its_own_factor() -> None:
+    calibration, relations = stands.calibration(), stands.relations()
+    rows = ema.rows(columns(60.0), ema.STAND)
+    position = rows[:, relations.residuals.channel("actuator_position")]
+    low = float(np.quantile(position, 0.3))
+    travel = TravelFactors((low, 1.0), {"parity_mechanical": (3.0, 1.0, 2.0)})
+    known = replace(calibration.envelope, travel=travel)
+    watch = EnvelopeWatch(known, relations, KERNEL)
+    residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
+    watch.step(rows, residuals)
+    factor = replace(watch.place, beyond=None).factor()
+    column = relations.residuals.column("parity_mechanical")
+    assert np.array_equal(factor[:, column], np.where(position < low, 3.0, 1.0))
+    assert (np.delete(factor, column, axis=1) == 1.0).all()
+    # Leverage and place are one excess seen twice: the larger counts.
+    both = replace(watch.place, beyond=np.full_like(factor, 3.0)).factor()
+    assert np.array_equal(both[:, column], np.where(position < low, 3.0, 2.0))
+    again = from_mapping(replace(calibration, envelope=known).to_mapping(), "here")
+    assert again.envelope == known
 
 
 def test_the_verdict_names_the_range_and_is_not_observable_meanwhile() -> None:
