@@ -33,7 +33,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class OperatingPlace:
     """Where n scans lie.
 
     ``beyond``: leverage of each residual beyond the reach; ``travel``: its factor at an end of the
@@ -90,7 +90,7 @@ class EnvelopeWatch:
         self.words = ""
         self.turned = False
         """Whether the last scan has changed what abstains."""
-        self.place = Place()
+        self.place = OperatingPlace()
 
     def step(self, rows: Array, residuals: ResidualRows) -> int:
         """Take n scans; the first that changes what abstains, or n. Nothing counts from there."""
@@ -106,7 +106,7 @@ class EnvelopeWatch:
             beyond[:, self._others] = over.max(axis=1)[:, None]
             for k, columns in enumerate(self._columns):
                 beyond[:, columns] = over[:, k, None]
-        self.place = Place(beyond, travel)
+        self.place = OperatingPlace(beyond, travel)
         far = h > self._far
         if not far.any() and not self.outside and not any(self._beyond):
             return count

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.conditions.envelope_watch import EnvelopeWatch, Place
+from flea_diag.core.conditions.envelope_watch import EnvelopeWatch, OperatingPlace
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
@@ -38,7 +38,7 @@ from flea_diag.wire.records import (
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
-ANYWHERE = Place()
+ANYWHERE = OperatingPlace()
 """Without an envelope no limit depends on the place."""
 
 

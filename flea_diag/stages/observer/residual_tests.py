@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.conditions.envelope_watch import Place
+from flea_diag.core.conditions.envelope_watch import OperatingPlace
 from flea_diag.core.detection.detection import Detector, TestResults
 from flea_diag.core.detection.mean_shift_test import MeanShiftTest
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
@@ -42,7 +42,7 @@ class ResidualTests:
         residuals: ResidualRows,
         sensors: tuple[Array, Array],
         alone: Flags,
-        place: Place,
+        place: OperatingPlace,
     ) -> TestResults:
         """Results after each of n scans.
 
