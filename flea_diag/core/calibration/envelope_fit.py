@@ -1,21 +1,24 @@
-"""Envelope of a calibration: leverage of each relation on its nominal recordings."""
+"""Envelope of a calibration: leverage of relations on its nominal recordings, ends of travel."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.nominal_trace import Trace
-from flea_diag.core.calibration.travel_fit import travel_factors
+from flea_diag.core.calibration.window_fit import LEAST_IN_REGION
 from flea_diag.core.residuals.leverage import (
     PLACE,
     CalibrationEnvelope,
     LeverageBasis,
     LeverageFit,
+    TravelFactors,
     leverage_root,
     leverages,
+    stretches,
 )
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.scan_counts import ScanCounts
@@ -70,3 +73,66 @@ def _ranges(
         if len(values):
             found[name] = (float(values.min()), float(values.max()))
     return found
+
+
+def travel_factors(traces: Sequence[Trace], counts: ScanCounts) -> TravelFactors | None:
+    """Factors of the residuals that are tested in motion; None where no end needs any.
+
+    The middle is where at least ``LEAST_IN_REGION`` recordings came. The factor of an end is the
+    largest windowed mean of what a residual is there over the largest in the middle.
+    """
+    edges = _edges(traces)
+    if edges is None:
+        return None
+    places = [stretches(trace.position, edges) for trace in traces]
+    factors = {}
+    for column, row in enumerate(traces[0].rows.rows):
+        if row.gate != "moving":
+            continue
+        found = np.ones(3)
+        for window in map(counts.of, row.windows_s):
+            parts = [
+                _largest(t, column, place, window) for t, place in zip(traces, places, strict=True)
+            ]
+            largest = np.max(parts, axis=0)
+            if largest[1] > 0.0:
+                found = np.maximum(found, largest / largest[1])
+        if (found > 1.0).any():
+            below, middle, above = found.tolist()
+            factors[row.name] = (below, middle, above)
+    return TravelFactors(edges, factors) if factors else None
+
+
+def _edges(traces: Sequence[Trace]) -> tuple[float, float] | None:
+    """Ends of the middle; None where the recordings have none in common."""
+    known = [t.position[np.isfinite(t.position)] for t in traces if t.position_channel]
+    known = [position for position in known if len(position)]
+    if len(known) < LEAST_IN_REGION:
+        return None
+    low = sorted(float(position.min()) for position in known)[LEAST_IN_REGION - 1]
+    high = sorted(float(position.max()) for position in known)[-LEAST_IN_REGION]
+    return (low, high) if low < high else None
+
+
+def _largest(trace: Trace, column: int, place: npt.NDArray[np.int64], window: int) -> Array:
+    """Largest |windowed mean| of what lies in each stretch, shape (3,)."""
+    values = trace.values[:, column]
+    use = trace.moving & np.isfinite(values)
+    if np.count_nonzero(use) < window:
+        return np.zeros(3)
+    parts = np.where(place[use, None] == np.arange(3), values[use, None], 0.0)
+    sums = np.concatenate((np.zeros((1, 3)), np.cumsum(parts, axis=0)))
+    means: Array = np.abs(sums[window:] - sums[:-window]).max(axis=0) / window
+    return means
+
+
+def widened(trace: Trace, travel: TravelFactors | None) -> Trace:
+    """The trace as a diagnosis tests it."""
+    if travel is None:
+        return trace
+    factor = travel.table([row.name for row in trace.rows.rows])
+    factor = factor[stretches(trace.position, travel.edges)]
+    spread = trace.spread
+    if spread is not None:
+        spread = spread / factor[:, trace.rows.spreading, None]
+    return replace(trace, values=trace.values / factor, spread=spread)

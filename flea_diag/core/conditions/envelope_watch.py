@@ -24,10 +24,10 @@ from flea_diag.core.residuals.leverage import (
     CalibrationEnvelope,
     LeverageBasis,
     leverages,
+    stretches,
 )
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
-from flea_diag.core.residuals.travel import stretches
 
 Array = npt.NDArray[np.float64]
 

@@ -9,12 +9,17 @@ whose mean over the recordings is 1. psi is phi for the motor circuit, and (phi,
 balance that holds the friction, x the position: what that one neglects (a screw that is worn here
 and not there) varies along the travel. phi leaves out the response, the signal that a fault of the
 plant moves first: a fault must not look like a place that nobody has seen.
+
+A recording that comes farther than the others shows what is off at its place and nowhere else. So
+the travel has three stretches: the middle, to which several recordings came, and an end on either
+side of it. At an end a residual is divided by a factor of its own before it is tested.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -22,11 +27,10 @@ import numpy.typing as npt
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.measured_graph import channel_of
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.travel import TravelFactors
 from flea_diag.core.symbolic.collect import collect
 from flea_diag.core.symbolic.expression import ONE, Expression, Variable, symbols
 from flea_diag.core.symbolic.generated import compiled, function_source
-from flea_diag.fields.values import Positive
+from flea_diag.fields.values import Positive, within
 
 Array = npt.NDArray[np.float64]
 
@@ -34,6 +38,7 @@ ABSTAIN = 4.0
 """Leverage, in times ``LeverageFit.most``, beyond which the tests of a relation abstain."""
 PLACE = "place"
 """Load and position: what sensors that read one quantity at two places differ by."""
+Factor = Annotated[float, within(1.0, 1e6)]
 LEAST_SINGULAR = 1e-2
 """Of a direction in which the recordings hardly vary, against the largest."""
 
@@ -49,6 +54,18 @@ class LeverageFit(Frozen):
     root: tuple[tuple[float, ...], ...]
     reach: Positive
     most: Positive
+
+
+@dataclass(frozen=True)
+class TravelFactors(Frozen):
+    """Edges of the middle, and the factors of each residual below, in and above it."""
+
+    edges: tuple[float, float]
+    factors: Mapping[str, tuple[Factor, Factor, Factor]]
+
+    def table(self, names: Sequence[str]) -> Array:
+        """Factors of these residuals, shape (3, residuals); 1 where none is known."""
+        return np.array([self.factors.get(name, (1.0, 1.0, 1.0)) for name in names]).T
 
 
 @dataclass(frozen=True)
@@ -126,6 +143,12 @@ class LeverageBasis:
                 if along:
                     psi[:, start + len(row) + k] = position * column
         return psi
+
+
+def stretches(position: Array, edges: tuple[float, float]) -> npt.NDArray[np.int64]:
+    """Stretch of each position: 0, 1, 2; a reading that is missing lies in the middle."""
+    low, high = edges
+    return 1 - (position < low) + (position > high)
 
 
 def leverages(psi: Array, root: Array, starts: Sequence[int]) -> Array:

@@ -204,13 +204,7 @@ def _learn(
     sharing: Sharing,
 ) -> CalibrationResult:
     """Calibration from these recordings, and which of them the others show not to be nominal."""
-    from flea_diag.core.calibration import (
-        envelope_fit,
-        identification,
-        nominal_trace,
-        thresholds,
-        travel_fit,
-    )
+    from flea_diag.core.calibration import envelope_fit, identification, nominal_trace, thresholds
     from flea_diag.core.scan_counts import ScanCounts
 
     runs = [recording.run for recording in recordings]
@@ -236,7 +230,7 @@ def _learn(
     )
     envelope = envelope_fit.envelope(traces, relations, ScanCounts(period_s))
     tested, judged = (
-        [travel_fit.widened(trace, envelope.travel if envelope else None) for trace in part]
+        [envelope_fit.widened(trace, envelope.travel if envelope else None) for trace in part]
         for part in (traces, judged)
     )
     limits = thresholds.fit_limits(

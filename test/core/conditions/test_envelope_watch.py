@@ -11,10 +11,9 @@ from support.models import linear_ema as ema
 
 from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.core.conditions.envelope_watch import EnvelopeWatch
-from flea_diag.core.residuals.leverage import LeverageBasis
+from flea_diag.core.residuals.leverage import LeverageBasis, TravelFactors
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
-from flea_diag.core.residuals.travel import TravelFactors
 from flea_diag.core.scan_counts import FLEA_COUNTS
 from flea_diag.wire.records import OUTSIDE_CALIBRATION, AmbiguityGroup, DataQuality, Outcome
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from flea_diag.configuration.description import compiled_relations
+from flea_diag.core.calibration.envelope_fit import travel_factors, widened
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.calibration.thresholds import fit_limits
-from flea_diag.core.calibration.travel_fit import travel_factors, widened
 from flea_diag.core.calibration.window_fit import LEAST_IN_REGION
 from flea_diag.core.scan_counts import FLEA_COUNTS
 
