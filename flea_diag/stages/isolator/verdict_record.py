@@ -134,7 +134,7 @@ class VerdictRecord:
         unseen = tuple(
             (fault.name, NO_RELATION)
             for fault in self._without_relation
-            if not (heard and fault.vibration)
+            if not (fault.vibration and (heard or fault.approach == "data"))
         )
         if heard:
             return unseen + self._undetectable

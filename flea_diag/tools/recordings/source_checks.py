@@ -15,6 +15,8 @@ from flea_diag.wire.sources.mapping import ChannelMapping, SourceMapping
 
 MOST_OUTSIDE = 0.01
 """Share of the readings of a channel that may lie outside its range: spikes."""
+FOR_A_UNIT = 0.25
+"""Share of the readings outside their range from which on another unit is proposed."""
 MOST_DRIFT = 0.05
 """Deviation of a rate from the declared one."""
 PIECE_S = 5.0
@@ -54,6 +56,9 @@ def check_ranges(where: str, mapping: SourceMapping, scans: Sequence[Scan]) -> N
 
 def _remedy(row: ChannelMapping, read: npt.NDArray[np.float64]) -> str:
     """The unit with which the readings would lie inside, if there is one."""
+    outside = (read < row.minimum) | (read > row.maximum)
+    if float(np.mean(outside)) < FOR_A_UNIT:
+        return "correct the range, sign or scale"
     own = CONVERTED.get(row.written, (row.unit, 1.0, 0.0))
     raw = (read - own[2]) / own[1]
     fits = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
@@ -30,24 +30,12 @@ from flea_diag.core.symbolic.expression import derivative, evaluate
 from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.stages.isolator.quantitative_isolation import own_sigma
 from flea_diag.stages.observer.regressor_table import MOTION_NAMES, RegressorTable
+from flea_diag.tools.stand_check.motion_signals import MotionSignals, balanced, extended
 from flea_diag.tools.stand_check.recorded_motion import RecordedMotion
 
 Array = npt.NDArray[np.float64]
 EPISODE_S = 10.0
 """Time that a fault is followed for; recordings count by their mean over so long."""
-
-
-@dataclass(frozen=True)
-class MotionSignals:
-    """Signals of all recordings: regressors of the fault models, and which residuals there are.
-
-    ``formed``, shape (scans, residuals), order of ``names``.
-    """
-
-    names: tuple[str, ...]
-    signals: Mapping[str, Array]
-    regressors: Array
-    formed: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -98,20 +86,25 @@ class FaultSizes:
         relations = compiled_relations(self.stand.actuator, channels)
         effects = effects_of(self.stand.actuator, self.stand.faults, relations, channels)
         motion = self.motion
-        constant = {
-            name: np.full(len(motion.regressors), x) for name, x in relations.reference.items()
-        }
-        known = completed(relations, {**asdict(self.parameters), **constant, **motion.signals})
+        count = len(motion.regressors)
+        constant = {name: np.full(count, x) for name, x in relations.reference.items()}
+        # Relations of the sensor may read rates of the others that so far none reads.
+        more = {n: x for n, x in self._of_all(effects).signals.items() if np.isfinite(x).any()}
+        signals = {**constant, **more, **motion.signals}
+        known = completed(relations, {**asdict(self.parameters), **signals})
+        known = completed(relations, known | balanced(relations, channel, known, count))
         gained = [name for name in relations.names if name not in self.relations.names]
         if not gained or any(name not in known for name in relations.signals):
             return None
-        extended = _extended(effects, self.parameters, motion, known, gained)
-        return self._bounds(effects, extended, faults)
+        wider = extended(effects, self.parameters, motion, known, gained)
+        return self._bounds(effects, wider, faults)
 
     @cached_property
     def motion(self) -> MotionSignals:
         """Signals of the recordings by the residual bank."""
-        effects = self.effects
+        return self._of_all(self.effects)
+
+    def _of_all(self, effects: EffectSet) -> MotionSignals:
         parts = [self._of_one(motion, effects) for motion in self.motions]
         names = parts[0].signals
         return MotionSignals(
@@ -207,32 +200,9 @@ class FaultSizes:
         limits = {limit.name: limit for limit in self.calibration.limits if limit.name in sigma}
         friction, circuit = relations.residuals.friction, relations.residuals.circuit
         sigma |= {name: limit.sigma[0] for name, limit in limits.items()}
-        sigma |= own_sigma(self.calibration, (circuit, friction))
+        own = own_sigma(self.calibration, (circuit, friction))
+        sigma |= {name: value for name, value in own.items() if name in sigma}
         return sigma, correlation | {n: row.correlation_samples for n, row in limits.items()}
-
-
-def _extended(
-    effects: EffectSet,
-    p: ActuatorParameters,
-    motion: MotionSignals,
-    known: Mapping[str, Array],
-    gained: Sequence[str],
-) -> MotionSignals:
-    """The motion with relations that one more channel closes, wherever their signals are known."""
-    count = len(motion.regressors)
-    inside = {n: evaluate(e, known) for n, e in effects.shapes.items() if n not in known}
-    found = {**known, **inside}
-    x = [np.asarray(found.get(name, np.full(count, np.nan))) for name in effects.signals]
-    regressors = np.empty((count, len(effects.names)))
-    for number, column in enumerate(effects.functions["columns"](p, x)):
-        regressors[:, number] = column
-    elapsed = effects.names.index(str(ELAPSED))
-    regressors[:, elapsed] = motion.regressors[:, elapsed]
-    formed = motion.formed.copy()
-    for name in gained:
-        read = [known[signal] for signal in effects.relations.named[name].signals]
-        formed[:, motion.names.index(name)] = np.isfinite(read).all(axis=0)
-    return MotionSignals(motion.names, known, regressors, formed)
 
 
 def _rms(values: object) -> float:

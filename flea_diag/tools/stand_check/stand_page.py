@@ -116,10 +116,12 @@ def _unseen(
             continue
         if name in moved:
             yield name, f"not in this motion at any size; excitation: {fault.excitation}"
-        elif fault.vibration:
+        elif fault.vibration and not fault.effects:
             yield name, "by accelerometers alone"
         else:
-            yield name, f"in no relation of these channels; excitation: {fault.excitation}"
+            others = ", but by accelerometers" if fault.vibration else ""
+            where = f"in no relation of these channels{others}"
+            yield name, f"{where}; excitation: {fault.excitation}"
 
 
 def _brought(

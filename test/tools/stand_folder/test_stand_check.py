@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,29 @@ def test_without_a_calibration_the_description_says_what_is_seen(
     missing = told["promise"]["missing_hours"]
     assert missing == pytest.approx(-np.log(0.05) / 0.1 - SECONDS / 3600.0, rel=1e-9)
     assert told["promise"]["missing_recordings"] == np.ceil(missing * 3600.0 / SECONDS)
+
+
+COSTS = {
+    "load_force": ("jam", "ball_nut_friction"),
+    "motor_voltage": ("winding_resistance_rise", "supply_sag"),
+}
+"""Friction is in the balance of forces, copper and supply are in that of voltages."""
+
+
+def test_what_missing_sensors_cost_is_said(tmp_path: Path) -> None:
+    """An aileron drive, calibrated with all its sensors, is recorded without two of them."""
+    wing = load_stand("wing")
+    given = ["--machine", "wing", "--unit-seed", "31", "--seed", "20", "-o", str(tmp_path / "bag")]
+    assert main(["simulate", "nominal_loaded", "--duration", str(SECONDS), *given]) == 0
+    (whole,) = recorded_motions(tmp_path / "bag", wing)
+    kept = [k for k, row in enumerate(whole.channels) if row.name not in COSTS]
+    channels = tuple(whole.channels[k] for k in kept)
+    told = stand_page(wing, [replace(whole, channels=channels, values=whole.values[:, kept])])
+    brings = {row.channel: row.brings for row in told.sensors}
+    for lacking, faults in COSTS.items():
+        for fault in faults:
+            assert "in no relation of these channels" in told.unseen[fault]
+            assert any(words.startswith(f"detects {fault} from ") for words in brings[lacking])
 
 
 def test_a_calibration_raises_what_the_noise_alone_would_show(
