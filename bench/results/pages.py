@@ -72,7 +72,7 @@ PAGES = (
         "(`config/machines`) and a description written apart from it (`config/stands`). A run is "
         "right when the fault is detected after its onset with no alarm before it, the truth is in "
         "the final group, and the group holds nothing but what the campaign states beforehand.",
-        ("machine_ema", "machine_wing", "machine_joint"),
+        ("machine_ema", "machine_wing", "machine_joint", "rates", "sensors"),
     ),
     ResultPage(
         "performance",
