@@ -94,8 +94,8 @@ def live(stand: Path, start_ns: int) -> tuple[list[Scan], AmbiguityGroup, list[f
         took = time.monotonic() - begun
         shares = [(cpu_s(pid) - since) / took for pid, since in zip(pids, begin, strict=True)]
         peer.until(lambda: len(scans) >= len(rows) - 4)
-        last_ns = start_ns + PERIOD_NS * (len(rows) - 100)
-        peer.until(lambda: bool(groups) and groups[-1].stamp_ns >= last_ns)
+        # The last one: its source has stopped.
+        peer.until(lambda: bool(groups) and groups[-1].stale)
     return scans, groups[-1], shares
 
 
@@ -145,7 +145,7 @@ def main() -> int:
         Figure("scans equal to those of flea import", same, "scans", len(scans)),
         Figure("verdict equal to that of flea replay", float(alike), "1"),
     ]
-    write_summary("bridge", figures, arguments.json)
+    write_summary("bench/stands/bench_bridge.py", figures, arguments.json)
     return 0 if alike and same == len(scans) else 1
 
 

@@ -6,19 +6,23 @@ The full score, both halves and all conditions, is that of ``config/campaigns/cr
 from __future__ import annotations
 
 import json
+import re
+import shlex
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from support.places import DATA
+from support.places import DATA, ROOT
 
 from flea_diag.tools.main import main
 from flea_diag.wire.bags.bag import read_bag
 from flea_diag.wire.records import Scan
 
 FOLDER = DATA / "cranfield"
+PAGE = ROOT / "config" / "stands" / "cranfield" / "README.md"
+COMMANDS = [shlex.split(line) for line in re.findall(r"^    flea (.+)", PAGE.read_text(), re.M)]
 CONDITIONS = ("normal", "lackLubrication2")
 LOADS = (20, 40, -40)
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no recordings in {FOLDER}")
@@ -65,3 +69,17 @@ def verdict(bag: Path, calibration: str, tmp_path: Path) -> dict[str, Any]:
     assert main(["replay", str(bag), *options]) == 0
     said: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return said
+
+
+def test_the_commands_of_its_page_lead_to_a_verdict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("cranfield").symlink_to(FOLDER)
+    assert len(COMMANDS) <= 4, "and no file is edited"
+    for words in COMMANDS:
+        files = [sorted(map(str, Path().glob(w))) if "*" in w else [w] for w in words]
+        assert main([name for each in files for name in each]) == 0
+    said = json.loads(Path("verdict.json").read_text(encoding="utf-8"))
+    assert set(said["ambiguity_group"]) == {"backlash", "ball_nut_friction"}
+    assert said["outcome"] == "INDISTINGUISHABLE"

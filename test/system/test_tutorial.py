@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import pytest
 import yaml
 from support.live import Peer, Process, node
@@ -22,7 +24,8 @@ from flea_diag.configuration.stand import load_stand
 from flea_diag.stages.digest import decided
 from flea_diag.tools.main import main
 from flea_diag.tools.replay.replay import diagnosis
-from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Detection, Residual, Symbols
+from flea_diag.wire.bags.bag import read_bag
+from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Detection, Residual, Scan, Symbols
 from flea_diag.wire.sources.scan_grid import LEAPS
 
 PAGE = ROOT / "docs" / "tutorial_joint.md"
@@ -122,11 +125,43 @@ def test_the_page_of_the_recordings_is_printed(
     assert "motor_voltage: " in told
 
 
-def test_a_table_leads_to_the_same_verdict(folder: Path) -> None:
+@pytest.fixture(scope="module")
+def tables(folder: Path) -> Path:
+    """The same folder, with the part of the page on tables done."""
     run("csv")
-    told, of_bag = verdict(folder / "table_verdict.json"), verdict(folder / "verdict.json")
+    return folder
+
+
+def test_a_table_leads_to_the_same_verdict(tables: Path) -> None:
+    told, of_bag = verdict(tables / "table_verdict.json"), verdict(tables / "verdict.json")
     assert set(told["ambiguity_group"]) == GROUP
     assert told["detected_at_s"] == pytest.approx(of_bag["detected_at_s"], abs=0.1)
+
+
+def test_degrees_rpm_and_turned_signs_give_the_same_scans(tables: Path) -> None:
+    """Another make: names, units, signs, separator, and a thermometer that is silent for 1.3 s."""
+    time, current, velocity, angle, warm = np.loadtxt(
+        tables / "tables" / "healthy_1.csv", delimiter=",", skiprows=1
+    ).T
+    fahrenheit = 1.8 * warm + 32.0
+    fahrenheit[1200:1330] = np.nan
+    other, head = tables / "other.csv", "t_ms;arm current mA;arm velocity rpm;arm angle deg;arm F"
+    columns = (1e3 * (time - time[0]), -1e3 * current, velocity * 30.0 / np.pi, -np.degrees(angle))
+    table = np.column_stack([*columns, fahrenheit])
+    np.savetxt(other, table, delimiter=";", header=head, comments="", fmt="%.12g")
+    stand, bags = str(tables / "other"), tables / "other_bags"
+    assert main(["stand", "new", stand, "--from", str(other)]) == 0
+    assert main(["import", "--stand", stand, str(other), "-o", str(bags)]) == 0
+    expected, found = values(tables / "table_bags" / "healthy_1"), values(bags / "other")
+    assert np.isnan(found[1200:1329, 3]).all()
+    found[1198:1332, 3] = expected[1198:1332, 3]
+    # The times of both tables are rounded to 0.1 us.
+    np.testing.assert_allclose(found[:2900], expected[:2900], rtol=1e-5, atol=1e-4)
+
+
+def values(bag: Path) -> npt.NDArray[np.float64]:
+    """Readings of all scans, shape (scans, channels)."""
+    return np.array([scan.values for _, scan in read_bag(bag, (Scan,)) if isinstance(scan, Scan)])
 
 
 def test_the_bridge_leads_to_the_decisions_of_the_import(folder: Path, domain: int) -> None:

@@ -66,7 +66,7 @@ class ResidualSpec:
     ``without``. A residual without ``signs`` is in no signature table. A prediction takes the
     stores ``lumped`` for one and the parameters ``neglected`` as 0. A power is summed over the
     bonds of ``junctions`` that lead out of them. A residual that ``settles_s`` is not formed for so
-    long after a stop.
+    long after a start, a stop or a reversal.
     """
 
     name: str

@@ -29,7 +29,7 @@ from flea_diag.core.residuals.channel_units import COMMAND, CURRENT, LOAD, VOLTA
 from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.settling import scans_of, scans_since
+from flea_diag.core.residuals.settling import Ways, scans_of, scans_since_change, ways
 from flea_diag.core.symbolic.expression import evaluate, symbols
 from flea_diag.errors import CalibrationError
 
@@ -104,7 +104,8 @@ def identify(
     relations = relations_of(result.parameters.encoder_m_per_rad != 0.0)
     signals = _signals(data, relations, result.parameters)
     moving_m_s = result.parameters.moving_m_s
-    moving = np.abs(_speed(data, result)) > moving_m_s
+    speed_m_s = _speed(data, result)
+    moving = np.abs(speed_m_s) > moving_m_s
     moved_s = float(moving.sum()) * period_s
     if moved_s < MINIMUM_MOVING_S:
         raise CalibrationError(
@@ -112,7 +113,8 @@ def identify(
             f"{MINIMUM_MOVING_S} s are needed: record the actuator while it moves"
         )
     fit = _Fit(data, relations, signals, result)
-    _friction(fit, moving, _settled(data, moving, period_s, kernel_length))
+    steady = _settled(data, ways(moving, speed_m_s), period_s, kernel_length)
+    _friction(fit, moving, steady)
     _electrical(fit)
     _drive(fit)
     _position(data, relations, result)
@@ -248,14 +250,14 @@ DRIVES = {
 
 
 def _settled(
-    data: Smoothed, moving: npt.NDArray[np.bool_], period_s: float, kernel_length: int
+    data: Smoothed, way: Ways, period_s: float, kernel_length: int
 ) -> npt.NDArray[np.bool_]:
-    """Rows in which the balance with the friction has settled after a stop."""
+    """Rows in which the balance with the friction has settled after a change of the motion."""
     own = [row.settles_s for row in data.rows.parities if row.relation == data.rows.friction]
     scans = scans_of(max(own, default=0.0), period_s, kernel_length)
     starts = np.flatnonzero(np.diff(data.run)) + 1
-    since = np.concatenate([scans_since(part) for part in np.split(moving, starts)])
-    return np.asarray((since == 0) | (since > scans))
+    since = np.concatenate([scans_since_change(part) for part in np.split(way, starts)])
+    return np.asarray(since > scans)
 
 
 def _friction(fit: _Fit, moving: npt.NDArray[np.bool_], settled: npt.NDArray[np.bool_]) -> None:

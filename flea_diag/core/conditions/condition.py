@@ -106,7 +106,7 @@ CONDITIONS: tuple[Condition, ...] = (
     ),
     Condition(
         "settling_drive",
-        "it has just stopped: a drive that nobody reads keeps the current of motion for a while",
+        "motion has just begun, ended or turned: a drive that nobody reads settles for a while",
         "core.residuals.settling",
         _settling,
     ),

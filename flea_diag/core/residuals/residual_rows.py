@@ -52,8 +52,8 @@ class Parity(Frozen):
 
     ``needs`` names the channels without which there is no residual, ``relation`` the relation that
     it is the value of; ``gated`` says whether it needs motion, ``differs`` whether healthy units
-    differ in it, ``isolates`` whether it makes symbols, and ``settles_s`` for how long after a stop
-    it has no value.
+    differ in it, ``isolates`` whether it makes symbols, and ``settles_s`` for how long after a
+    start, a stop or a reversal it has no value.
     """
 
     name: str

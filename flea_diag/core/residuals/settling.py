@@ -1,9 +1,10 @@
-"""Balances that hold only some time after a stop.
+"""Balances that hold only some time after motion has begun, ended or turned.
 
-A drive that nobody reads goes on taking the current of the motion for a while before it lowers that
-of its standstill: a stepper's for about a second. What it takes then is neither its idle current
-nor any power of the motion, so the balance is void until that time has passed and the smoothing
-kernel holds nothing of it.
+A drive that nobody reads keeps the current of the motion for a while before it lowers it to that of
+its standstill: a stepper's for about a second. After a start its control overshoots the speed that
+the balance was stated for. What it takes then is neither its idle current nor the power of a steady
+motion, so the balance is void until that time has passed and the smoothing kernel holds nothing of
+it. What went before a stream is not known: it begins as if motion had just changed.
 """
 
 from __future__ import annotations
@@ -17,20 +18,30 @@ from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
+Ways = npt.NDArray[np.int8]
 
-NEVER = 1 << 40
-"""Scans since a motion before the first one: a stream begins settled."""
+UNKNOWN = 2
+"""Way before the first scan."""
+
+
+def ways(moving: Flags, speed_m_s: npt.NDArray[np.float64]) -> Ways:
+    """Way of each scan, shape (n,): 1 or -1 in motion, 0 at rest."""
+    return np.where(moving, np.sign(np.nan_to_num(speed_m_s)), 0.0).astype(np.int8)
 
 
 def scans_of(settles_s: float, period_s: float, kernel_length: int) -> int:
-    """Smoothed scans after a stop that are void."""
+    """Smoothed scans after a change of the motion that are void."""
     return math.ceil(settles_s / period_s) + kernel_length // 2 if settles_s else 0
 
 
-def scans_since(moving: Flags, before: int = NEVER) -> Counts:
-    """Scans since the last one in motion, shape (n,), 0 in motion; ``before``: at the last scan."""
-    scans = np.arange(len(moving), dtype=np.int64)
-    return scans - np.maximum.accumulate(np.where(moving, scans, -1 - before))
+def scans_since_change(way: Ways, last: int = UNKNOWN, before: int = 0) -> Counts:
+    """Scans of the same way up to each scan, shape (n,), 1 in the first one.
+
+    ``last`` is the way of the scan before, ``before`` its count.
+    """
+    scans = np.arange(1, len(way) + 1, dtype=np.int64)
+    changed = np.diff(way, prepend=np.int8(last)) != 0
+    return scans - np.maximum.accumulate(np.where(changed, scans - 1, -before))
 
 
 class Settling:
@@ -42,13 +53,14 @@ class Settling:
             (known.place[name], scans_of(settles_s, period_s, kernel_length))
             for name, settles_s in waits
         ]
-        self._since = NEVER
+        self._last, self._since = UNKNOWN, 0
 
     def leave_out(self, rows: ResidualRows) -> None:
         """Take n scans, one after the other."""
         if not self._waits:
             return
-        since = scans_since(rows.moving, self._since)
-        self._since = int(since[-1])
+        way = ways(rows.moving, rows.speed_m_s)
+        since = scans_since_change(way, self._last, self._since)
+        self._last, self._since = int(way[-1]), int(since[-1])
         for column, scans in self._waits:
-            rows.leave_out((since > 0) & (since <= scans), [column])
+            rows.leave_out(since <= scans, [column])
