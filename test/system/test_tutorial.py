@@ -23,9 +23,18 @@ from support.places import ROOT
 from flea_diag.configuration.stand import load_stand
 from flea_diag.stages.digest import decided
 from flea_diag.tools.main import main
+from flea_diag.tools.replay.recorded import completed
 from flea_diag.tools.replay.replay import diagnosis
 from flea_diag.wire.bags.bag import read_bag
-from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Detection, Residual, Scan, Symbols
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    ChannelTable,
+    Detection,
+    Hypotheses,
+    Residual,
+    Scan,
+    Symbols,
+)
 from flea_diag.wire.sources.scan_grid import LEAPS
 
 PAGE = ROOT / "docs" / "tutorial_joint.md"
@@ -181,7 +190,7 @@ def test_the_bridge_leads_to_the_decisions_of_the_import(folder: Path, domain: i
         ),
         Peer(domain) as peer,
     ):
-        peer.listen(ChannelTable, Residual, Detection, Symbols, AmbiguityGroup)
+        peer.listen(ChannelTable, Residual, Detection, Symbols, Hypotheses, AmbiguityGroup)
         play(peer, folder / "recordings" / "sticky")
         live = decisions(peer.records)
     expected = decisions(replayed(folder))
@@ -207,7 +216,8 @@ def decisions(records: list[Any]) -> list[str]:
         [r for r in records if isinstance(r, kind) and r.stamp_ns <= begin_ns + COMPARED_NS]
         for kind in kinds
     )
-    return [decided(record) for record in (*detections, *symbols, groups[-1])]
+    hypotheses = [record for record in records if isinstance(record, Hypotheses)]
+    return [decided(each) for each in completed([*detections, *symbols, *hypotheses, groups[-1]])]
 
 
 def play(peer: Peer, bag: Path) -> None:
