@@ -17,14 +17,17 @@ from flea_diag.core.residuals.unit_difference import LEAST
 
 Array = npt.NDArray[np.float64]
 
-# Friction, mass, resistance and back-EMF are nuisance parameters: only offsets are kept.
-_WIDE = {
-    "coulomb_friction_n": 300.0,
-    "viscous_friction_n_s_per_m": 5000.0,
-    "reflected_mass_kg": 100.0,
-    "winding_resistance_ohm": 1.0,
-    "back_emf_v_s_per_m": 30.0,
-}
+NUISANCE = (
+    "coulomb_friction_n",
+    "viscous_friction_n_s_per_m",
+    "reflected_mass_kg",
+    "winding_resistance_ohm",
+    "back_emf_v_s_per_m",
+)
+"""What is estimated beside the offsets and not kept."""
+REACH = 30.0
+"""Their prior, in tolerances of healthy units: a jam or a short that is there from the start lies
+far outside of these, and must not be learned as an offset. An assumption."""
 
 
 class OffsetLearning:
@@ -32,7 +35,10 @@ class OffsetLearning:
 
     def __init__(self, parameter: str, tolerance: UnitTolerance) -> None:
         self._at = UNIT_PARAMETERS.index(parameter)
-        sigma = [_WIDE.get(name, max(getattr(tolerance, name), LEAST)) for name in UNIT_PARAMETERS]
+        wide = dict.fromkeys(NUISANCE, REACH)
+        sigma = [
+            wide.get(name, 1.0) * max(getattr(tolerance, name), LEAST) for name in UNIT_PARAMETERS
+        ]
         self._prior = self._information = np.diag(1.0 / np.square(sigma))
         self._vector = np.zeros(len(UNIT_PARAMETERS))
 
