@@ -5,8 +5,8 @@ from __future__ import annotations
 import atexit
 import gc
 
-OBJECTS = 50_000
-"""Objects made before a search, 700 by default: a start makes some hundred thousand, hardly any
+OBJECTS = 400_000
+"""Objects made before a search, 700 by default: a start makes a quarter of a million, hardly any
 of them garbage, and would be searched again and again, for a quarter of its time."""
 
 

@@ -38,7 +38,7 @@ GENERAL: dict[Row, str] = {
     ("conditions/contact.py", "LONGEST_S", 60.0): "bound of an excuse",
     ("conditions/contact.py", "TAKES_BACK_S", 2.0): "bound of an excuse",
     ("conditions/contact.py", "TRIED_S", 0.5): "bound of an excuse",
-    ("conditions/end_of_travel.py", "MOST_SCANS", 1024): "size of a block",
+    ("conditions/end_of_travel.py", "MOST_SCANS", 2048): "size of a block",
     ("conditions/end_of_travel.py", "STILL_S", 0.1): "longer than a bounce off a stop",
     (
         "core/scan_counts.py",

@@ -19,7 +19,7 @@ from flea_diag.core.scan_counts import ScanCounts
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-MOST_SCANS = 1024
+MOST_SCANS = 2048
 """Most scans of a block."""
 STILL_S = 0.1
 """Time over which a part in contact stands, but for a quarter of the width of its end."""

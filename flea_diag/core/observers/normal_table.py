@@ -107,6 +107,5 @@ class RandomBits:
         steps = chunks * STEPS
         words = self._bits.random_raw(steps * self._words).reshape(steps, self._words)
         self._uniform = np.asarray((words[:, 0] >> np.uint64(11)) * 2.0**-53, dtype=float)
-        self._chosen = words[:, 1:].copy().view(np.uint16)
-        self._chosen >>= UNUSED_BITS
+        self._chosen = np.right_shift(words[:, 1:].view(np.uint16), np.uint16(UNUSED_BITS))
         self._at = 0

@@ -241,7 +241,7 @@ class ParticleFilter:
 
     def watch(self, nis: list[float], measured: list[int]) -> list[bool]:
         """Whether the track is lost, for each scan."""
-        lost = [self._consistency.step(*each) for each in zip(nis, measured, strict=True)]
+        lost = self._consistency.follow(nis, measured)
         self.diverged = lost[-1]
         return lost
 

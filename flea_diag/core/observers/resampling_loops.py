@@ -18,7 +18,7 @@ INVERSE_FACTORIALS = tuple(1.0 / math.factorial(k) for k in range(13))
 
 
 def exp_loops(v: Array, found: Array) -> None:
-    """Exponentials of ``v``, -700 or more and not positive, which is used up.
+    """Exponentials of ``v``, -700 or more and not positive.
 
     exp(v) = 2^k exp(r), |r| <= ln(2)/2, by Taylor's series to the last bit: this vectorises, a
     call of exp() does not.
@@ -27,13 +27,12 @@ def exp_loops(v: Array, found: Array) -> None:
     scale = power.view(np.float64)
     for i in range(len(v)):
         k = math.floor(v[i] * INVERSE_LN2 + 0.5)
-        v[i] -= k * LN2
         power[i] = (np.int64(k) + 1023) << 52
-        found[i] = 1.0 / 6227020800.0
-    for degree in range(13, 0, -1):
-        inverse = INVERSE_FACTORIALS[degree - 1]
-        for i in range(len(v)):
-            found[i] = found[i] * v[i] + inverse
+        r = v[i] - k * LN2
+        series = 1.0 / 6227020800.0
+        for degree in range(13, 0, -1):
+            series = series * r + INVERSE_FACTORIALS[degree - 1]
+        found[i] = series
     for i in range(len(v)):
         found[i] *= scale[i]
 

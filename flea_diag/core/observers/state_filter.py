@@ -7,6 +7,7 @@ lost its track says so (``ConsistencyMonitor``).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -183,10 +184,18 @@ class ConsistencyMonitor:
 
     def step(self, nis: float, measured: int) -> bool:
         """Take one scan; whether the filter has diverged."""
-        if measured:
-            # One outlier, of any size, is not yet a lost track.
-            most = 10.0 * self._lost
-            level = nis / measured
-            bounded = level if level < most else most  # NaN is no less lost
-            self.level += self._share * (bounded - self.level)
-        return self.level > self._lost
+        return self.follow((nis,), (measured,))[0]
+
+    def follow(self, nis: Sequence[float], measured: Sequence[int]) -> list[bool]:
+        """Take scans in order; whether the filter has diverged, after each."""
+        level, share, lost = self.level, self._share, self._lost
+        # One outlier, of any size, is not yet a lost track.
+        most = 10.0 * lost
+        found = []
+        for squared, count in zip(nis, measured, strict=True):
+            if count:
+                each = squared / count
+                level += share * ((each if each < most else most) - level)  # NaN is no less lost
+            found.append(level > lost)
+        self.level = level
+        return found

@@ -78,14 +78,21 @@ def _together(windows: Array) -> Flags:
 
 def _surely(windows: Array) -> Flags:
     before = windows[:, :BEFORE]
-    middle = np.median(before, axis=1)
-    step = np.abs(np.median(windows[:, BEFORE:], axis=1) - middle)
+    middle = _medians(before)
+    step = np.abs(_medians(windows[:, BEFORE:]) - middle)
     seen = _enough(step > LEAST_STEP_K)
     if seen.any():
         apart = np.abs(before[seen] - middle[seen, None])
-        sigma = MAD_SIGMA * np.median(apart, axis=1)
+        sigma = MAD_SIGMA * _medians(apart)
         seen[seen] = _enough(step[seen] > np.maximum(LIMIT * MEDIAN_ERROR * sigma, LEAST_STEP_K))
     return seen
+
+
+def _medians(windows: Array) -> Array:
+    """Medians over an even number of scans: sorting is several times faster than numpy's median."""
+    ordered, half = np.sort(windows, axis=1), windows.shape[1] // 2
+    middle = 0.5 * (ordered[:, half - 1] + ordered[:, half])
+    return np.where(np.isnan(ordered[:, -1]), np.nan, middle)
 
 
 def _enough(stepped: Flags) -> Flags:

@@ -32,7 +32,8 @@ class MotionWindow:
     def extend(self, scans: Iterable[tuple[int, float, float]]) -> None:
         """Add at least one scan: stamp, speed and load of each."""
         self._scans.extend(scans)
-        while self._scans[0][0] <= self._scans[-1][0] - self.history_ns:
+        oldest_ns = self._scans[-1][0] - self.history_ns
+        while self._scans[0][0] <= oldest_ns:
             self._scans.popleft()
 
     @property

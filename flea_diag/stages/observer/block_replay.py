@@ -6,14 +6,14 @@ checkpoint, repeats the quiet scans, and leaves the scan with the event to be ta
 
 from __future__ import annotations
 
-from copy import deepcopy
 from dataclasses import dataclass, field
 
+from flea_diag.core.state_copy import state_copy
 from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.residual_stream import StreamOutput
 from flea_diag.wire.blocks import ScanBlock
 
-LEAST_SCANS, MOST_SCANS = 16, 1024
+LEAST_SCANS, MOST_SCANS = 16, 2048
 """Fewest scans that are worth a block, and most scans of one."""
 
 
@@ -21,8 +21,8 @@ LEAST_SCANS, MOST_SCANS = 16, 1024
 class Checkpoint:
     """State to which the observer can go back, and the quiet blocks since then.
 
-    Copying the state costs as much as two scans, and blocks between vibration are short: a copy
-    is made now and then, and the blocks since then are repeated.
+    Copying the state costs as much as some tens of scans, and blocks between vibration are short:
+    a copy is made now and then, and the blocks since then are repeated.
     """
 
     chain: ObserverChain
@@ -36,7 +36,7 @@ class Checkpoint:
 
     def restored(self) -> ObserverChain:
         """The state after the last quiet block."""
-        chain = deepcopy(self.chain)
+        chain = state_copy(self.chain)
         for block in self.blocks:
             chain.follow(block)
         return chain
@@ -66,7 +66,7 @@ class BlockReplay:
         if count < min(LEAST_SCANS, len(block)):
             return chain, 0, None
         if self._checkpoint is None or self._checkpoint.scans >= MOST_SCANS:
-            self._checkpoint = Checkpoint(deepcopy(chain))
+            self._checkpoint = Checkpoint(state_copy(chain))
         part = block.part(slice(count))
         quiet, output = chain.follow(part)
         if quiet == count:

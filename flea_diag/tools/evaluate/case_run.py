@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 DETAILS = "runs"
 """Folder of the replay summaries, below the evaluation's."""
 
-MOST_SCANS = 1024
+MOST_SCANS = 2048
 """In a block."""
 
 Expect = Mapping[str, tuple[str, ...]]

@@ -25,7 +25,7 @@ from flea_diag.wire.messages.codec import decode
 from flea_diag.wire.records import Record, Scan
 from flea_diag.wire.topics import TOPIC_OF, Topic
 
-BLOCK_SCANS = 1024
+BLOCK_SCANS = 2048
 BLOCK_BYTES = 16 << 20
 
 

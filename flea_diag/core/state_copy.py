@@ -1,0 +1,100 @@
+"""Copies of a stage's state for checkpoints: as ``copy.deepcopy``, several times as fast.
+
+The state of an observer is some hundred small objects of our own, lists and arrays. What they hold
+is mostly numbers, names and frozen values, which copies share.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from copy import deepcopy
+from functools import cache
+from types import FunctionType, NoneType
+from typing import Any, TypeVar
+
+import numpy as np
+
+from flea_diag.core.frozen import Frozen
+
+T = TypeVar("T")
+Memo = dict[int, Any]
+"""Identity of an object -> its copy, as ``deepcopy`` has it."""
+
+SHARED = frozenset({NoneType, bool, int, float, complex, str, bytes, slice, FunctionType})
+"""Types whose values never change."""
+
+
+def state_copy(state: T) -> T:
+    """An independent copy; an object that is held in two places is one object there, too."""
+    copied: T = _copied(state, {})
+    return copied
+
+
+def _copied(value: Any, memo: Memo) -> Any:
+    kind = type(value)
+    if kind in SHARED or issubclass(kind, Frozen):
+        return value
+    if (found := memo.get(id(value))) is not None:
+        return found
+    made = _COPIERS.get(kind, _other)(value, memo)
+    memo[id(value)] = made
+    return made
+
+
+def _parts(values: Any, memo: Memo) -> list[Any]:
+    return [part if type(part) in SHARED else _copied(part, memo) for part in values]
+
+
+def _dict(value: dict[Any, Any], memo: Memo) -> dict[Any, Any]:
+    return dict(zip(_parts(value, memo), _parts(value.values(), memo), strict=True))
+
+
+def _tuple(value: tuple[Any, ...], memo: Memo) -> tuple[Any, ...]:
+    """The tuple itself where nothing in it can change."""
+    parts = _parts(value, memo)
+    same = all(one is other for one, other in zip(parts, value, strict=True))
+    return value if same else tuple(parts)
+
+
+def _set(value: set[Any], memo: Memo) -> set[Any]:
+    return set(_parts(value, memo))
+
+
+def _deque(value: deque[Any], memo: Memo) -> deque[Any]:
+    return deque(_parts(value, memo), value.maxlen)
+
+
+def _array(value: Any, _: Memo) -> Any:
+    return value.copy() if value.dtype != object else deepcopy(value)
+
+
+def _other(value: Any, memo: Memo) -> Any:
+    """An object of ours by its attributes; anything else by ``deepcopy``."""
+    kind: Any = type(value)
+    if not _is_plain(kind):
+        return deepcopy(value, memo)
+    made = memo[id(value)] = kind.__new__(kind)
+    held = value.__dict__
+    made.__dict__.update(zip(held, _parts(held.values(), memo), strict=True))
+    return made
+
+
+@cache
+def _is_plain(kind: type) -> bool:
+    """Whether its objects are nothing but attributes, made and copied in no way of their own."""
+    usual = ("__new__", "__reduce_ex__", "__reduce__", "__getstate__")
+    own = any(getattr(kind, name) is not getattr(object, name) for name in usual)
+    own |= any(hasattr(kind, name) for name in ("__deepcopy__", "__setstate__", "__slots__"))
+    written_in_python = all("__module__" in vars(each) for each in kind.__mro__[:-1])
+    return written_in_python and not own
+
+
+_COPIERS: dict[type, Callable[[Any, Memo], Any]] = {
+    dict: _dict,
+    list: _parts,
+    tuple: _tuple,
+    set: _set,
+    deque: _deque,
+    np.ndarray: _array,
+}
