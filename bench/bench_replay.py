@@ -5,7 +5,11 @@ record by record instead of blocks. Both are measured in turns, in CPU time.
 
 Then the command as typed, with its start: the same bags through one ``flea replay``, with ``-j 2``,
 a single bag, and ``flea --help``; beside them the replay function alone, in this process. Of other
-recordings with ``--bags BAG... --calibration FILE``.
+recordings with ``--bags BAG... --calibration FILE``; ``--copies N`` adds so many copies of them,
+each channel with a gain of its own that nobody has seen before, a part in a million off one.
+
+What is typed does not find the package ``coverage``, which the tests need and an installed package
+does not bring: numba would import it at every start.
 """
 
 from __future__ import annotations
@@ -16,12 +20,15 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from bench_scan import KINDS, pipeline, recording
 from summary import Figure, bench_parser, write_summary
+
+from flea_diag.tools.garbage import search_less
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 SECONDS = 120
@@ -30,8 +37,14 @@ TYPED_BAGS, TYPED_TURNS = 24, 5
 TYPED_SECONDS = 30
 PERIOD_S = 0.01
 FLEA = (sys.executable, "-m", "flea_diag.tools.main")
+GAIN_ERROR = 1e-6
+"""Of the channels of a copy: far below a count of any sensor, so that decisions are alike."""
+WITHOUT_TESTS = Path(__file__).parent / "without_tests"
 INSTALLED = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-"""What is typed runs from bytecode, as an installed package does."""
+INSTALLED["PYTHONPATH"] = os.pathsep.join(
+    filter(None, (str(WITHOUT_TESTS), os.environ.get("PYTHONPATH")))
+)
+"""What is typed runs from bytecode and without packages of the tests, as an installed one does."""
 
 
 def in_blocks(bag: Path, kind: str, backend: str) -> tuple[float, str, int]:
@@ -110,13 +123,33 @@ def simulated(folder: Path) -> list[str]:
     ]
 
 
-def as_typed(bags: Sequence[str], calibration: str) -> list[Figure]:
+def perturbed(bags: Sequence[str], count: int, folder: Path) -> list[str]:
+    """Copies of recordings in turn, with gains drawn anew each time."""
+    from flea_diag.wire.bags.bag import BagReader, BagWriter
+    from flea_diag.wire.records import Scan
+
+    generator, made = np.random.default_rng(), []
+    for number in range(count):
+        source = Path(bags[number % len(bags)])
+        made.append(str(folder / f"copy_{number}_{source.name}"))
+        gains = 0.0
+        with BagWriter(made[-1], whole_every_s=None) as bag:
+            for log_ns, record in BagReader(source).records():
+                if isinstance(record, Scan):
+                    if isinstance(gains, float):
+                        gains = 1.0 + GAIN_ERROR * generator.standard_normal(len(record.values))
+                    record = replace(record, values=tuple((gains * record.values).tolist()))
+                bag.write(record, log_ns)
+    return made
+
+
+def as_typed(bags: Sequence[str], calibration: str, turns: int = TYPED_TURNS) -> list[Figure]:
     """The command against the function inside it, medians of interleaved turns."""
     option = ("--calibration", calibration, "-q")
     inside(bags[:2], calibration)  # what is loaded once is not part of it
     typed("replay", bags[0], *option)
     rows = []
-    for _ in range(TYPED_TURNS):
+    for _ in range(turns):
         own, seconds = inside(bags, calibration)
         one, two = typed("replay", *bags, *option), typed("replay", *bags, *option, "-j", "2")
         single, explained = typed("replay", bags[0], *option), typed("--help")
@@ -139,7 +172,7 @@ def as_typed(bags: Sequence[str], calibration: str) -> list[Figure]:
         low, middle, high = np.min(column), np.median(column), np.max(column)
         print(f"{name:48s}{middle:8.2f} {unit:12s}({low:.2f} to {high:.2f})")
         ends = {"low": float(low), "high": float(high), "against": against}
-        figures.append(Figure(name, float(middle), unit, TYPED_TURNS, **ends))
+        figures.append(Figure(name, float(middle), unit, turns, **ends))
     print(f"load average {os.getloadavg()[0]:.1f}")
     return figures
 
@@ -149,9 +182,14 @@ def main() -> None:
     parser = bench_parser(__doc__)
     parser.add_argument("--bags", nargs="+", metavar="BAG", help="measure as typed on these alone")
     parser.add_argument("--calibration", default="", metavar="FILE", help="for --bags")
+    parser.add_argument("--copies", type=int, default=0, metavar="N", help="of --bags, perturbed")
+    parser.add_argument("--turns", type=int, default=TYPED_TURNS, metavar="N", help="for --bags")
     arguments = parser.parse_args()
+    search_less()  # as the command does
     if arguments.bags:
-        figures = as_typed(arguments.bags, arguments.calibration)
+        with tempfile.TemporaryDirectory() as folder:
+            bags = [*arguments.bags, *perturbed(arguments.bags, arguments.copies, Path(folder))]
+            figures = as_typed(bags, arguments.calibration, arguments.turns)
     else:
         figures = of_simulated_bags()
     write_summary("replay", figures, arguments.json)

@@ -140,8 +140,9 @@ def _observer(stand: Stand, values: Any) -> ObserverStage:
     return ObserverStage(calibration, known, _part(ObserverParameters, values), nominal)
 
 
-def _isolator(stand: Stand, values: Any) -> IsolatorStage:
-    return IsolatorStage(knowledge(stand, learned(stand)), _part(IsolatorParameters, values))
+def _isolator(stand: Stand, values: Any, in_process: bool = False) -> IsolatorStage:
+    parameters = _part(IsolatorParameters, values)
+    return IsolatorStage(knowledge(stand, learned(stand)), parameters, in_process)
 
 
 def _extractor(stand: Stand, values: Any) -> ExtractorStage:
@@ -153,7 +154,8 @@ def _extractor(stand: Stand, values: Any) -> ExtractorStage:
 
 
 def _diagnoser(stand: Stand, values: Any) -> Pipeline:
-    return Pipeline((_observer(stand, values), _isolator(stand, values), _extractor(stand, values)))
+    isolator = _isolator(stand, values, in_process=True)
+    return Pipeline((_observer(stand, values), isolator, _extractor(stand, values)))
 
 
 OBSERVER: Component[Any] = Component(

@@ -3,7 +3,8 @@
 Topics arrive each in its own order, but not in order among each other. Records wait until a
 clock record (the residual of a scan) has passed their stamp by ``watermark_ns``; then they
 leave by (stamp, topic rank, arrival). What comes later than that is late: counted and passed
-over. ``hold`` stops the release at a stamp until an answer that belongs there has come.
+over. ``hold`` stops the release at a stamp until an answer that belongs there has come. Where
+everything of a scan has come before the next one (``in_step``), nothing waits for longer.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ STANDING = (ChannelTable, DataQuality, Detection, Symbols, Remark)
 """Latched records: a node that starts later gets them late, and needs them all the same."""
 RESTART_NS = 1_000_000_000
 """A clock that jumps back by more than this has started a new run."""
+IN_STEP_NS = 1
+"""What is older than the clock is due."""
 
 
 class Merge:
@@ -28,7 +31,7 @@ class Merge:
     def __init__(self, clock: type, watermark_ns: int, hold_limit_ns: int) -> None:
         self._clock = clock
         self._clock_rank = TOPIC_OF[clock].rank
-        self._watermark_ns = watermark_ns
+        self._watermark_ns = self._wait_ns = watermark_ns
         self._hold_limit_ns = hold_limit_ns
         self._waiting: list[tuple[int, int, int, Record | ResidualBlock]] = []
         self._others = 0
@@ -48,6 +51,7 @@ class Merge:
             # What tells how things stand is as old as it likes to be, and never too late.
             if not isinstance(record, STANDING):
                 self.late += 1
+                self.in_step(False)  # they are not
                 return
             stamp = self._released_ns
         self._arrivals += 1
@@ -80,6 +84,10 @@ class Merge:
         self._others = 0
         self.now_ns = self._released_ns = -1
         self._hold_ns = None
+
+    def in_step(self, in_step: bool) -> None:
+        """Whether all records of a scan come before the clock record of the next one."""
+        self._wait_ns = IN_STEP_NS if in_step else self._watermark_ns
 
     def hold(self, stamp_ns: int | None) -> None:
         """Release nothing after ``stamp_ns`` until told otherwise, or the limit has passed."""
@@ -118,7 +126,7 @@ class Merge:
         return max(count, 1)
 
     def _due_ns(self) -> int:
-        due = self.now_ns - self._watermark_ns
+        due = self.now_ns - self._wait_ns
         if self._hold_ns is None or due > self._hold_ns + self._hold_limit_ns:
             return due
         return min(due, self._hold_ns)

@@ -84,6 +84,22 @@ def test_nothing_leaves_before_the_clock_has_passed_by_the_watermark():
     assert drain(buffer) == [detection(100)]
 
 
+def test_in_step_a_record_waits_for_the_next_scan_until_one_is_late():
+    buffer = merge()
+    buffer.in_step(True)
+    for record in (residual(10), Symbols(10 * MS, 1, ()), detection(10)):
+        buffer.push(record)
+        assert drain(buffer) == []
+    buffer.push(residual(20))
+    assert drain(buffer) == [residual(10), detection(10), Symbols(10 * MS, 1, ())]
+    buffer.push(VibrationLevel(5 * MS, (), ()))
+    assert buffer.late == 1
+    buffer.push(residual(30))
+    assert drain(buffer) == []
+    buffer.push(residual(220))
+    assert drain(buffer) == [residual(20)]
+
+
 def test_what_is_not_the_clock_moves_nothing():
     buffer = merge()
     buffer.push(residual(100))

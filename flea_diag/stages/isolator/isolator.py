@@ -42,7 +42,11 @@ __all__ = ["IsolatorParameters", "IsolatorStage", "Knowledge"]
 
 
 class IsolatorStage:
-    """See the module's first lines."""
+    """See the module's first lines.
+
+    ``in_process``: the observer's records come as they were caused, those of a scan before the
+    residual of the next one.
+    """
 
     consumes: tuple[type, ...] = (
         ChannelTable,
@@ -55,7 +59,10 @@ class IsolatorStage:
         Remark,
     )
 
-    def __init__(self, knowledge: Knowledge, parameters: IsolatorParameters) -> None:
+    def __init__(
+        self, knowledge: Knowledge, parameters: IsolatorParameters, in_process: bool = False
+    ) -> None:
+        self._in_process = in_process
         self._calibration, self._residuals = knowledge.calibration, knowledge.effects.residuals
         parameters = parameters.covering(knowledge.calibration.coverage)
         self._gating, self._nominal = parameters.gating, knowledge.features.nominal
@@ -180,4 +187,6 @@ class IsolatorStage:
     def _channel_table(self, record: ChannelTable) -> Records:
         unfit = mismatch(self._calibration, record, self._residuals)
         self._stand.take_table(record, unfit, self._nominal)
+        # Of one process only vibration, which comes by a topic of its own, may be late.
+        self._merge.in_step(self._in_process and not self._stand.axes)
         return ()
