@@ -36,9 +36,10 @@ PAGES = (
         "final group, and the group holds nothing but what the campaign states beforehand. A "
         "nominal run is right when it raises no alarm. The nominal runs are dealt into two "
         "halves; each half calibrates, and the other is scored. These are development figures: "
-        "thresholds and windows were chosen with these recordings in view.",
+        "thresholds and windows were chosen with these recordings in view. The last table is of a "
+        "second stand.",
         ("real", "switch", "injections", "injection_ladders", "injection_recordings",
-         "injection_bound", "bearings"),
+         "injection_bound", "bearings", "cranfield"),
     ),
     ResultPage(
         "table4",
@@ -80,7 +81,8 @@ PAGES = (
         "Ratios within one run travel from machine to machine; absolute times hold for the machine "
         "and its load at the time.",
         ("speed", "replay", "scan", "observer", "features", "feature_families", "feature_costs",
-         "filters", "chain", "processes", "path", "fleet", "fleet_32", "fleet_vibration"),
+         "filters", "chain", "processes", "path", "fleet", "fleet_32", "fleet_vibration",
+         "bridge"),
     ),
     ResultPage(
         "reliability",
