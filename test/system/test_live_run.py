@@ -12,7 +12,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
-from support.live import Process, children, process_of
+from support.live import Peer, Process, children, node, process_of
 
 from flea_diag.errors import ConfigurationError
 from flea_diag.nodes.executables import EXECUTABLES
@@ -20,7 +20,7 @@ from flea_diag.nodes.run.children import Children
 from flea_diag.nodes.run.domain import reserved_domain
 from flea_diag.nodes.run.live_run import machine_of, main, parsed
 from flea_diag.wire.bags.bag import read_bag
-from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan, Truth
+from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Outcome, Scan, Truth
 
 
 def command(bag: Path, *arguments: str) -> list[str]:
@@ -77,6 +77,22 @@ def test_a_diagnoser_that_was_killed_takes_its_verdict_over(domain: int, tmp_pat
         process.wait_for("before observer and isolator restarted", limit_s=180.0)
         assert "NOMINAL" not in process.output
         assert process.signal(signal.SIGINT) == 1, process.output
+
+
+@pytest.mark.parametrize("machine", ["ema", "wing"])
+def test_the_nodes_of_another_stand_diagnose_it(domain: int, machine: str) -> None:
+    """Healthy for two seconds; numpy, for its relations are compiled longer than it runs."""
+    given = (f"stand:={machine}", "observer_backend:=numpy", "memory:=none")
+    run = (f"machine:={machine}", "duration_s:=2.0", "wait_for:=diagnoser")
+    diagnoser, daq = (
+        node(EXECUTABLES[name], *(part for each in values for part in ("-p", each)))
+        for name, values in (("diagnoser", given), ("daq", run))
+    )
+    with Process(diagnoser, domain) as judge, Process(daq, domain) as stand, Peer(domain) as peer:
+        peer.listen(AmbiguityGroup)
+        last = peer.find(lambda group: group.outcome is Outcome.NOMINAL and group.stale)
+        assert (last.members, stand.end()) == ((), 0), stand.output
+        assert judge.child.poll() is None
 
 
 def until_recorded(bag: Path, limit_s: float = 30.0) -> None:
