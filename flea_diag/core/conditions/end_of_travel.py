@@ -50,6 +50,8 @@ class EndOfTravel:
         self._period_s, self._settle_s = period_s, counts.kernel * period_s
         self._looks_back, self._still = counts.of(LOOKS_BACK_S), counts.of(STILL_S)
         self.contact = Contact.FREE
+        self.unseen: Flags | None = None
+        """In which of the last scans no reading shows where the part is, if there are any."""
         self.side = 0
         """End of the contact: -1 lower, 1 upper, 0 none so far."""
         self._elapsed = 0
@@ -80,6 +82,7 @@ class EndOfTravel:
         if not self._watches:
             return count
         readings = rows[:, self._columns]
+        self.unseen = _all_missing(readings)
         start = self._recent.place(count)
         taken = self._recent.store[start : start + count]
         taken[:, :-1] = readings
@@ -177,3 +180,11 @@ class EndOfTravel:
         believed = [column for column in known if column not in self._doubted]
         sides = {ends[column] for column in believed}
         return (sides.pop() if len(sides) == 1 else 0), believed
+
+
+def _all_missing(readings: Array) -> Flags | None:
+    """In which scans every reading is missing; None where there is no such scan."""
+    if len(readings) == 1 and any(x == x for x in readings[0].tolist()):
+        return None
+    missing = np.asarray(np.isnan(readings).all(axis=1))
+    return missing if missing.any() else None

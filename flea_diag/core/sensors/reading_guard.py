@@ -1,8 +1,9 @@
 """Jumps and held readings of one channel; affected readings are withheld.
 
 A reading that jumps by more than the sensor's nominal reach is withheld until it has stayed at
-the new level for ``HOLD_S``. A reading that repeats more often than chance allows is withheld
-while it repeats. A drop-out thus reaches no derivative and no mean.
+the new level for ``HOLD_S``; one that goes on in that direction, as far in each scan, moves. A
+reading that repeats more often than chance allows is withheld while it repeats. A drop-out thus
+reaches no derivative and no mean.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class ReadingGuard:
     def interrupt(self) -> None:
         """Forget the readings, not the drop-outs."""
         self._last = self._level = self._speed = math.nan
-        self._leapt = self._came = 0.0
+        self._leapt = self._came = self._went = 0.0
         self._away = self._calm = self.run = 0
 
     @property
@@ -98,8 +99,11 @@ class ReadingGuard:
     def _leap(self, scan: int, change: float) -> float:
         """Track a reading that jumped; its step once it has stayed at the new level, else 0."""
         leaps, leapt = abs(change) > self._limit.reach, 0.0
+        goes_on, self._went = leaps and change * self._went > 0.0, change if leaps else 0.0
         self._calm = max(self._calm - 1, 0)
-        if leaps and self._away and change * self._leapt < 0.0:
+        if goes_on:
+            self._away, self._speed = 0, change
+        elif leaps and self._away and change * self._leapt < 0.0:
             if LEAST_HELD <= self.run < self._limit.repeats:
                 self.events.append(scan)
             self._away, self._calm = 0, 2 * SPAN

@@ -18,7 +18,7 @@ from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
 from flea_diag.core.sensors.noise_test import NoiseTest
 from flea_diag.core.sensors.position_step import SPAN, position_steps
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
-from flea_diag.core.sensors.sensor_limits import REST_S, SensorLimit, at_rest
+from flea_diag.core.sensors.sensor_limits import NOISE_WINDOWS, REST_S, SensorLimit, at_rest
 from flea_diag.core.sensors.sensor_loops import LOOKS
 from flea_diag.core.sensors.sensor_set import TESTS, SensorSet
 
@@ -28,6 +28,9 @@ Flags = npt.NDArray[np.bool_]
 
 TWICE = 1.5
 """Limit of the number of drop-outs: the second one exceeds it."""
+RUSH = 4
+"""Scans in a row in which all positions go farther than in any healthy scan, one way: the actuator
+has run away. Noise hardly goes one way four times. An assumption."""
 
 
 @dataclass(slots=True)
@@ -89,6 +92,8 @@ class SensorTests:
         self._positions = [self._names.index(name) for name in rests]
         self._rest = np.array(list(rests.values()))
         self._scan = 0
+        self._rushed, self._rushing = -NOISE_WINDOWS[0], False
+        """Last scan in which the actuator ran away, and whether that is still of effect."""
         self.stuck = dict.fromkeys(self._names, 0)
         """Number of readings of each channel held longer than chance allows."""
         self._places = {
@@ -149,6 +154,7 @@ class SensorTests:
         stepping = self._stepping, self._paired
         near = recent[-(count + 2 * SPAN - 1) :]
         anywhere = look(rows, self._columns, bounds, stepping, near, inside, steps, odd)
+        void = self._rushes(near, inside) if anywhere or self._rushing else None
         self._recent = recent[count:]
         usable, z = rows.copy(), np.empty((count, len(self._calm)))
         z[:] = self._calm
@@ -156,8 +162,28 @@ class SensorTests:
         z[:, self._step_places] = steps / self._sizes
         if anywhere or self._watched:
             self._watch(recent, odd, usable, z)
+        if void is not None:
+            z[np.ix_(void, self._step_places)] = 0.0
         self._scan += count
         return SensorTestResults(usable, z, self.k)
+
+    def _rushes(self, recent: Array, inside: Array) -> Flags:
+        """In which scans steps are not judged, shape (n,); their noise is taken out of ``inside``.
+
+        Nominal recordings say nothing of a motion faster than any in them, nor of the impact in
+        which it ends: from its beginning until a noise window after it no sensor is blamed.
+        """
+        count = len(inside) - 3
+        ways = np.diff(recent[-(count + 3 + RUSH) :, self._stepping], axis=0)
+        far = np.where(np.abs(ways) > self._reach[self._stepping], np.sign(ways), 0.0)
+        run = sum(far[k : k + count + 3] for k in range(RUSH))
+        rush = (np.abs(run) == RUSH).all(axis=1) & (len(self._stepping) > 0)
+        at = self._scan - 3 + np.arange(count + 3)
+        last = np.maximum.accumulate(np.where(rush, at, self._rushed))
+        void = at - last < NOISE_WINDOWS[0]
+        inside[void] = np.nan
+        self._rushed, self._rushing = int(last[-1]), bool(void[-1])
+        return np.asarray(void[3:])
 
     def _look(
         self,

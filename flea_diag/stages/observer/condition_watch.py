@@ -139,9 +139,15 @@ class ConditionWatch:
         return self._voids
 
     def leave_out(self, residuals: ResidualRows) -> None:
-        """Drop what is void; a part that its stop holds does not stand against a drag."""
+        """Drop what is void; a part that its stop holds does not stand against a drag.
+
+        Where no reading shows where the part is, its stop may hold it.
+        """
         if self._voids:
             residuals.leave_out(np.ones(len(residuals), dtype=bool), self._columns)
+        unseen = self._travel.unseen
+        if unseen is not None and len(unseen) == len(residuals):
+            residuals.leave_out(unseen, self._columns)
         if self._held:
             residuals.moving[:] = False
         self._clipped.leave_out(residuals)

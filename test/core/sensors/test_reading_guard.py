@@ -33,3 +33,14 @@ def test_a_reading_that_jumps_to_a_value_holds_it_and_jumps_back_has_dropped_out
 
 def test_noise_that_jumps_both_ways_holds_nothing() -> None:
     assert drop_outs([60.0, 60.1, 60.2, 1.0, 2.0, 0.5, 1.5, 60.1, 60.0, 60.3]) == 0
+
+
+def test_a_reading_that_goes_on_leaping_one_way_moves() -> None:
+    guard = ReadingGuard(LIMIT, 0.01)
+    guard.wake(60.0, 60.1)
+    runs_away = [85.0 + 25.0 * k for k in range(20)]
+    taken = [
+        guard.take(k, v, False) for k, v in enumerate(runs_away + [560.0 + k for k in range(20)])
+    ]
+    assert [withheld for withheld, _ in taken] == [True] + [False] * 39
+    assert not any(leapt for _, leapt in taken)

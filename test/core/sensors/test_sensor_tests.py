@@ -396,3 +396,20 @@ def test_other_channels_are_tested_by_their_described_noise_and_a_loop_hides_no_
     assert "surface_angle" not in rows.place
     assert not found.paired
     assert FLEA.paired
+
+
+@pytest.mark.parametrize("block", [1, 7, 500])
+def test_when_the_actuator_runs_away_no_sensor_is_blamed_until_a_window_after_it(limits, block):
+    """Faster than in any recording into its stop, with what the impact shakes."""
+    rows, shaken = healthy(31), 1.0 + 9.0 * (np.abs(np.arange(SCANS) - 1065) <= 50)
+    loud = np.random.default_rng(5).standard_normal(SCANS) * SIGMA[0] * shaken
+    rows[:, 0] += loud
+    away = rows.copy()
+    goes = np.interp(np.arange(SCANS), (1000, 1015), (0.0, 0.12))
+    away[:, 1] += goes - 0.02 * (goes == 0.12)  # it bounces
+    for one, blamed in ((rows, True), (away, False)):
+        _, z, k = run(limits, one, block)
+        with np.errstate(invalid="ignore"):
+            beyond = (np.abs(z) > k).any(axis=0)
+        assert beyond[NAMES.index("motor_current_noise")] == blamed
+        assert not beyond[NAMES.index("actuator_position")]

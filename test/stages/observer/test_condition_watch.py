@@ -165,6 +165,22 @@ def test_a_position_that_dies_at_an_end_is_no_contact(reading_m: float) -> None:
     assert "actuator_position_dead" in stands.members(stands.verdict(said))
 
 
+@pytest.mark.parametrize("lost", [("actuator_position", "load_position"), ("load_position",)])
+def test_where_no_position_is_read_the_stop_may_hold_the_part(lost: tuple[str, ...]) -> None:
+    """Readings are missing from 4 s on; without any, what would hold the reaction is void."""
+    missing = dict.fromkeys(lost, float("nan"))
+    given, begins_ns = [], stands.of(Scan, pressed())[0].stamp_ns + 4 * 10**9
+    for record in pressed():
+        if isinstance(record, ChannelTable):
+            given.append(record)
+        elif record.stamp_ns - begins_ns < 10**9:
+            given.append(after(record, **missing) if record.stamp_ns >= begins_ns else record)
+    last = stands.of(Residual, stands.feed(diagnosed(), given))[-30:]
+    tested = {name for r in last for name, v in zip(r.names, r.values, strict=True) if v == v}
+    assert ("parity_mechanical" in tested) == (len(lost) == 1)
+    assert "parity_electrical" in tested
+
+
 @cache
 def held_back() -> tuple[Record, ...]:
     """For 0.7 s before an arrival at the end the drive needs 500 N more than the balance knows."""
