@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from typing import Annotated
@@ -21,6 +22,7 @@ from flea_diag.wire.sources.mapping import (
     FLEA_TEXT,
     FORMATS,
     RESAMPLINGS,
+    AxisMapping,
     ChannelMapping,
     SourceMapping,
     SourceTerm,
@@ -30,6 +32,7 @@ from flea_diag.wire.sources.mapping import (
 SLOWEST_HZ, FASTEST_HZ = 1.0, 1000.0
 """Rates that scans may have."""
 MOST_TERMS = 200
+_ACCELEROMETER = re.compile(r"accelerometer_[1-9]\d?")
 AGE_READINGS = 3.0
 """Age limit of a reading by default, in times between two readings."""
 
@@ -67,6 +70,18 @@ class _ChannelRow(_PlaceTerm):
     note: str = ""
 
 
+@dataclass(frozen=True, kw_only=True)
+class _AccelerometerRow:
+    """One accelerometer: the column of each axis; limits in m/s^2."""
+
+    axes: Mapping[str, str]
+    unit: str
+    range: tuple[float, float]
+    rate_hz: Annotated[float, within(1.0, 1e6)]
+    serial: str = ""
+    mount: str = ""
+
+
 @dataclass(frozen=True)
 class _TimeColumn:
     column: str
@@ -79,6 +94,7 @@ class _ChannelsFile:
     format: Annotated[str, one_of(*FORMATS)] = FORMATS[0]
     rate_hz: float = math.nan
     channels: Mapping[str, _ChannelRow] = field(default_factory=dict)
+    accelerometers: Mapping[str, _AccelerometerRow] = field(default_factory=dict)
     time: _TimeColumn | None = None
     split_by: tuple[str, ...] = ()
     truth: Mapping[str, str] = field(default_factory=dict)
@@ -104,9 +120,11 @@ def channel_sources(stand: Stand) -> SourceMapping:
     if known.format == FLEA_TEXT:
         return SourceMapping(where, stand.name, FLEA_TEXT, 100.0, ())
     rate_hz = _rate(known.rate_hz, f"{where}: rate_hz")
-    units = _units(stand)
+    units, axes = _units(stand), tuple(_axes(known.accelerometers, where))
+    # The rows of one table are as many for all its columns.
+    row_hz = axes[0].rate_hz if axes else rate_hz
     found = tuple(
-        _channel(name, row, units, rate_hz, f"{where}: channels: {name}")
+        _channel(name, row, units, row_hz, f"{where}: channels: {name}")
         for name, row in known.channels.items()
     )
     made = SourceMapping(
@@ -118,6 +136,7 @@ def channel_sources(stand: Stand) -> SourceMapping:
         _time(known.time, f"{where}: time"),
         known.split_by,
         tuple(known.truth.items()),
+        axes,
     )
     _check(made)
     return made
@@ -167,6 +186,32 @@ def _channel(
         row.sampling,
         row.note,
     )
+
+
+def _axes(rows: Mapping[str, _AccelerometerRow], where: str) -> Iterator[AxisMapping]:
+    """Every axis of the accelerometers, all of one rate."""
+    rates = sorted({row.rate_hz for row in rows.values()})
+    if len(rates) > 1:
+        raise ConfigurationError(
+            f"{where}: accelerometers: rates of {rates[0]:g} and {rates[-1]:g} Hz; they must be "
+            "sampled together, so give one"
+        )
+    for name, row in rows.items():
+        here = f"{where}: accelerometers: {name}"
+        if not _ACCELEROMETER.fullmatch(name):
+            raise ConfigurationError(f"{here} is no name of one; write accelerometer_1")
+        to_si = conversion_to(row.unit, "m/s^2", f"{here}: unit")
+        low, high = row.range
+        if not low < high or not row.axes:
+            raise ConfigurationError(
+                f"{here}: axes = {shown(dict(row.axes))} and range = {shown(row.range)}: give a "
+                "column for each axis, and the lowest reading before the highest"
+            )
+        for axis, column in row.axes.items():
+            channel, factor = f"{name}_{axis}", to_si.factor
+            yield AxisMapping(
+                channel, column, factor, low, high, row.rate_hz, row.serial, row.mount
+            )
 
 
 def _terms(row: _ChannelRow, where: str) -> tuple[SourceTerm, ...]:
@@ -262,6 +307,11 @@ def _check(made: SourceMapping) -> None:
                 f"{made.where}: topic {term.topic} is of type {known} in one place and of "
                 f"{term.message} in another; it has one type"
             )
+    if made.axes and any(term.topic for term in terms):
+        raise ConfigurationError(
+            f"{made.where}: accelerometers name columns and channels name topics; a stand with "
+            "topics sends or records its vibration as sensors/vibration"
+        )
     if len({bool(term.topic) for term in terms}) > 1:
         raise ConfigurationError(
             f"{made.where}: some channels name columns and others topics; a stand has one kind of "

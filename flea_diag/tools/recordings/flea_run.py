@@ -26,7 +26,14 @@ import numpy.typing as npt
 
 from flea_diag.errors import RecordingError
 from flea_diag.tools.recordings.flea_data import FleaData
-from flea_diag.wire.records import NEVER_NS, ChannelInfo, ChannelTable, Scan, Truth
+from flea_diag.wire.records import (
+    NEVER_NS,
+    ChannelInfo,
+    ChannelTable,
+    Scan,
+    Truth,
+    VibrationBlock,
+)
 
 RATE_HZ = 100.0
 NEWTON_PER_POUND_FORCE = 4.4482216152605
@@ -188,6 +195,8 @@ class FleaRun:
     onset: int | None
     onset_from: str
     serial: str = ""
+    vibration: tuple[VibrationBlock, ...] = ()
+    """None: the recordings hold no accelerometers."""
 
     @classmethod
     def of(cls, data: FleaData, serial: str = "") -> FleaRun:

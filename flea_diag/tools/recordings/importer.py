@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import heapq
 import json
 import shutil
 import time
@@ -203,9 +204,10 @@ def _write(recording: FleaRun | MappedRecording, directory: Path, stand: str) ->
         if truth is not None:
             bag.write(truth)
         log_ns = 0
-        for scan in recording.scans():
-            log_ns = max(log_ns, scan.stamp_ns)
-            bag.write(scan, log_ns)
+        streams = recording.scans(), recording.vibration
+        for record in heapq.merge(*streams, key=lambda each: each.stamp_ns):
+            log_ns = max(log_ns, record.stamp_ns)
+            bag.write(record, log_ns)
 
 
 def _mapped(file: Path, recording: MappedRecording, directory: Path) -> Imported:

@@ -19,8 +19,9 @@ from flea_diag.tools.recordings.table import (
     stem_of,
     suffix_of,
 )
+from flea_diag.tools.recordings.vibration_columns import vibration_blocks
 from flea_diag.wire.bags.foreign_bag import ForeignBag
-from flea_diag.wire.records import NEVER_NS, ChannelTable, Scan, Truth
+from flea_diag.wire.records import NEVER_NS, ChannelTable, Scan, Truth, VibrationBlock
 from flea_diag.wire.sources.mapping import SourceMapping
 from flea_diag.wire.sources.message_terms import MessageTerms, stamp_of
 from flea_diag.wire.sources.scan_grid import ScanGrid
@@ -40,6 +41,7 @@ class MappedRecording:
     mapping: SourceMapping
     made: tuple[Scan, ...]
     warnings: tuple[str, ...] = ()
+    vibration: tuple[VibrationBlock, ...] = ()
 
     def channel_table(self) -> ChannelTable:
         """Units, ranges and rates."""
@@ -82,7 +84,8 @@ def _of_table(path: Path, mapping: SourceMapping) -> Iterator[MappedRecording]:
         raise RecordingError(f"{path} is a table, {mapping.where} names topics: name a bag")
     time = [mapping.time.column] if mapping.time.column else []
     try:
-        table = read_table(path, [*time, *columns, *mapping.split_by])
+        axes = [axis.column for axis in mapping.axes]
+        table = read_table(path, [*time, *columns, *axes, *mapping.split_by])
     except NoColumnError as error:
         raise RecordingError(f"{error}; correct {_user_of(error.name, mapping)}") from None
     for name, rows in _parts(path, table, mapping):
@@ -95,6 +98,9 @@ def _user_of(column: str, mapping: SourceMapping) -> str:
     for row in mapping.channels:
         if any(term.column == column for term in row.terms):
             return f"the column of {row.channel} in {mapping.where}"
+    for axis in mapping.axes:
+        if axis.column == column:
+            return f"the column of {axis.channel} in {mapping.where}"
     return f"{'time' if column == mapping.time.column else 'split_by'} in {mapping.where}"
 
 
@@ -133,7 +139,8 @@ def _of_rows(where: str, name: str, part: Columns, mapping: SourceMapping) -> Ma
     for rate_hz in {row.rate_hz for row in mapping.channels}:
         rows = [row for row in mapping.channels if row.rate_hz == rate_hz]
         check_rate(where, mapping, rows, stamps)
-    return _checked(where, name, mapping, scans, grid)
+    made = _checked(where, name, mapping, scans, grid)
+    return replace(made, vibration=vibration_blocks(where, mapping, stamps, part))
 
 
 def _stamps(where: str, part: Columns, mapping: SourceMapping) -> npt.NDArray[np.int64]:
@@ -141,7 +148,7 @@ def _stamps(where: str, part: Columns, mapping: SourceMapping) -> npt.NDArray[np
     time = mapping.time
     if not time.column:
         count = len(next(iter(part.values())))
-        return time.start_ns + np.arange(count, dtype=np.int64) * mapping.period_ns
+        return time.start_ns + np.arange(count, dtype=np.int64) * mapping.row_period_ns
     column = part[time.column]
     if not np.isfinite(column).all():
         row = int(np.flatnonzero(~np.isfinite(column))[0])

@@ -11,7 +11,7 @@ from flea_diag.core.calibration.sign_check import sign_contradiction
 from flea_diag.core.symbolic.converted_unit import CONVERTED
 from flea_diag.errors import RecordingError
 from flea_diag.wire.records import Scan
-from flea_diag.wire.sources.mapping import ChannelMapping, SourceMapping
+from flea_diag.wire.sources.mapping import AxisMapping, ChannelMapping, SourceMapping
 
 MOST_OUTSIDE = 0.01
 """Share of the readings of a channel that may lie outside its range: spikes."""
@@ -80,7 +80,7 @@ def _lies_inside(row: ChannelMapping, values: npt.NDArray[np.float64]) -> bool:
 def check_rate(
     where: str,
     mapping: SourceMapping,
-    rows: Sequence[ChannelMapping],
+    rows: Sequence[ChannelMapping] | Sequence[AxisMapping],
     stamps_ns: npt.NDArray[np.int64],
 ) -> None:
     """Refuse readings that come at another rate than declared, throughout or for a while.
@@ -114,7 +114,7 @@ def check_rate(
             )
 
 
-def _names(rows: Sequence[ChannelMapping]) -> str:
+def _names(rows: Sequence[ChannelMapping] | Sequence[AxisMapping]) -> str:
     names = [row.channel for row in rows[:MOST_NAMED]]
     more = [f"{len(rows) - MOST_NAMED} more"] if len(rows) > MOST_NAMED else []
     return ", ".join([*names, *more])

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Annotated
 
 from flea_diag.configuration.description import described
 from flea_diag.configuration.files import config_folders, load_yaml
 from flea_diag.configuration.stand import load_stand
-from flea_diag.core.calibration.power_balance import CURRENT, POSITION, is_supply_current
-from flea_diag.core.calibration.sign_check import roles_of
+from flea_diag.core.calibration.power_balance import CURRENT, LOAD, POSITION, is_supply_current
+from flea_diag.core.calibration.sign_check import COMMANDED, UNITS, roles_of
 from flea_diag.core.symbolic.expression import evaluate
 from flea_diag.errors import ConfigurationError, RecordingError, shown
 from flea_diag.fields.reader import read_as
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from flea_diag.tools.stand_folder.reading_grid import ReadingGrid
 
 FOLDER = "templates"
+NO_LOAD_CELL = "no load is measured, so the command stands for it"
 MOTOR, SUPPLY = "motor", "supply"
 
 
@@ -124,13 +125,31 @@ def fitting_template(grid: ReadingGrid, wanted: str) -> tuple[Template, tuple[Ch
         (each, found) for each, found in fits if _is_of(each, found, grid.period_s, bool(wanted))
     ]
     if usable:
-        return max(usable, key=lambda row: sum(channel.merit for channel in row[1]))
+        kind, found = max(usable, key=lambda row: sum(channel.merit for channel in row[1]))
+        return kind, with_commanded_load(kind, found)
     best, found = max(fits, key=lambda row: sum(channel.merit for channel in row[1]))
     missing = [name for name in best.needs if name not in {each.channel for each in found}]
     has = ", ".join(each.name for each in grid.sources[:12])
     raise RecordingError(
         f"{grid.recorded.path}: no {' and no '.join(missing)} for {best.name} among {has}; name "
         "the columns or topics after what they hold (current, position, speed, load)"
+    )
+
+
+def with_commanded_load(
+    kind: Template, found: tuple[ChosenChannel, ...]
+) -> tuple[ChosenChannel, ...]:
+    """The command in place of a load that the description measures and the recording lacks."""
+    recorded = {each.channel for each in found}
+    sensors = {name: s.unit for name, s in kind.model.sensors.items() if s.unit in UNITS[LOAD]}
+    if recorded & sensors.keys():
+        return found
+    places = {unit: name for name, unit in sensors.items()}
+    return tuple(
+        replace(each, channel=places[each.si_unit], merit=0.0, because=NO_LOAD_CELL)
+        if each.channel.startswith(COMMANDED) and each.si_unit in places
+        else each
+        for each in found
     )
 
 

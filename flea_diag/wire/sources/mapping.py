@@ -77,10 +77,37 @@ class ChannelMapping:
 
 
 @dataclass(frozen=True, slots=True)
+class AxisMapping:
+    """One axis of an accelerometer, ``channel``: ``factor`` times a column, in m/s^2."""
+
+    channel: str
+    column: str
+    factor: float
+    minimum: float
+    maximum: float
+    rate_hz: float
+    serial: str = ""
+    mount: str = ""
+
+    @property
+    def info(self) -> ChannelInfo:
+        """Row of the channel table."""
+        return ChannelInfo(
+            self.channel,
+            "m/s^2",
+            self.minimum,
+            self.maximum,
+            self.rate_hz,
+            serial=self.serial,
+            mount=self.mount,
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class TableTime:
     """Time of the rows of a table: a column, in seconds times ``factor``, from ``start_ns`` on.
 
-    Without a column the rows are as far apart as scans.
+    Without a column the rows are as far apart as scans, or as readings of accelerometers.
     """
 
     column: str = ""
@@ -92,7 +119,8 @@ class TableTime:
 class SourceMapping:
     """All channels of a stand, the rate of its scans, and how its files are cut and labelled.
 
-    ``truth`` holds patterns of names of recordings, each with the fault that they show.
+    ``axes`` of accelerometers have one rate. ``truth`` holds patterns of names of recordings, each
+    with the fault that they show.
     """
 
     where: str
@@ -103,6 +131,12 @@ class SourceMapping:
     time: TableTime = TableTime()
     split_by: tuple[str, ...] = ()
     truth: tuple[tuple[str, str], ...] = ()
+    axes: tuple[AxisMapping, ...] = ()
+
+    @property
+    def row_period_ns(self) -> int:
+        """Time between two rows of a table that has no times."""
+        return round(1e9 / self.axes[0].rate_hz) if self.axes else self.period_ns
 
     @property
     def period_ns(self) -> int:
@@ -121,8 +155,9 @@ class SourceMapping:
 
     def channel_table(self, stamp_ns: int) -> ChannelTable:
         """Units, ranges and rates as the diagnosis reads them."""
-        rows = tuple(row.info(self.rate_hz) for row in self.channels)
-        return ChannelTable(stamp_ns, self.stand, rows)
+        rows = [row.info(self.rate_hz) for row in self.channels]
+        rows += [axis.info for axis in self.axes]
+        return ChannelTable(stamp_ns, self.stand, tuple(rows))
 
     def fault_of(self, recording: str) -> str | None:
         """Fault that a recording of this name shows, if the mapping says so."""

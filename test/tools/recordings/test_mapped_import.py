@@ -19,7 +19,7 @@ from support.foreign import arm
 
 from flea_diag.tools.main import main
 from flea_diag.wire.bags.bag import read_bag
-from flea_diag.wire.records import ChannelTable, Scan, Truth
+from flea_diag.wire.records import ChannelTable, Scan, Truth, VibrationBlock
 
 BAG = BAGS / "winding_short"
 START_NS = 1_500_000_000 * 10**9
@@ -298,6 +298,85 @@ def test_a_table_is_split_into_its_tests(tmp_path: Path, name: str) -> None:
     assert values[:, 0].tolist() == [row[3] for row in ROWS[100:]]
     assert values[:, 1] == pytest.approx([1e-3 * (9.5 + 0.1 * k) for k in range(100)], rel=1e-12)
     assert set(values[:, 2]) == {40.0 * 9.80665}
+
+
+def vibrating(accelerometers: dict[str, object], rows_hz: float = 1000.0) -> dict[str, object]:
+    """A table sampled as fast as its accelerometers, with scans of 50 Hz."""
+    return {
+        "schema_version": 1,
+        "rate_hz": 50.0,
+        "time": {"column": "t", "unit": "s", "start": "2020-02-02T00:00:00Z"},
+        "channels": {"motor_current": {"column": "i", "unit": "A", "range": [-10.0, 10.0]}},
+        "accelerometers": {
+            "accelerometer_2": {
+                "axes": {"x": "ax", "z": "az"}, "unit": "g", "range": [-50.0, 50.0],
+                "rate_hz": rows_hz, "mount": "nut", "serial": "S9", **accelerometers,
+            }
+        },
+    }  # fmt: skip
+
+
+def shaken(path: Path) -> Path:
+    """2.5 s at 1 kHz: a current that rises, and a vibration in g that is known at each row."""
+    rows = [(1e-3 * k, 1e-3 * k, 0.5 * math.sin(k), -1.0 + 1e-3 * k) for k in range(2500)]
+    lines = ["t,i,ax,az", *(",".join(map(repr, row)) for row in rows)]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def test_accelerometers_of_a_table_become_vibration_with_rate_axes_and_mount(
+    tmp_path: Path,
+) -> None:
+    stand = arm.arm_stand(tmp_path / "fast", vibrating({}))
+    file = shaken(tmp_path / "run.csv")
+    assert main(["import", "--stand", str(stand), str(file), "-o", str(tmp_path / "bags")]) == 0
+    _, stamps, values = scans_of(tmp_path / "bags" / "run")
+    assert np.diff(stamps).tolist() == [20_000_000] * 124
+    assert values[:, 0] == pytest.approx(0.02 * np.arange(125), abs=1e-9)
+    kinds = (ChannelTable, VibrationBlock)
+    records = [record for _, record in read_bag(tmp_path / "bags" / "run", kinds)]
+    (table,) = [record for record in records if isinstance(record, ChannelTable)]
+    row = table.info("accelerometer_2_z")
+    assert row is not None
+    assert (row.unit, row.rate_hz, row.mount, row.serial) == ("m/s^2", 1000.0, "nut", "S9")
+    blocks = [record for record in records if isinstance(record, VibrationBlock)]
+    assert {block.axes for block in blocks} == {("accelerometer_2_x", "accelerometer_2_z")}
+    parts = [block.points() for block in blocks]
+    times = np.concatenate(
+        [b.stamp_ns + p[0].astype(np.int64) for b, p in zip(blocks, parts, strict=True)]
+    )
+    assert np.diff(times).tolist() == [1_000_000] * 2499
+    k = np.arange(2500)
+    expected = 9.80665 * np.column_stack([0.5 * np.sin(k), -1.0 + 1e-3 * k])
+    np.testing.assert_allclose(np.concatenate([p[1] for p in parts]), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("accelerometers", "rows_hz", "words"),
+    [
+        ({"unit": "V"}, 1000.0, "accelerometer_2: unit: unit 'V' cannot be converted to m/s"),
+        ({"range": [-2.0, 2.0]}, 1000.0, "accelerometer_2_x reads .* m/s.2, .* outside its range"),
+        (
+            {"axes": {"x": "a9"}},
+            1000.0,
+            "no column 'a9', .*the column of accelerometer_2_x in",
+        ),
+        ({}, 2000.0, "motor_current: readings come at 1000 Hz from 0 s on, declared are 2000 Hz"),
+    ],
+)
+def test_accelerometers_that_contradict_the_table_are_refused(
+    tmp_path: Path,
+    accelerometers: dict[str, object],
+    rows_hz: float,
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    stand = arm.arm_stand(tmp_path / "fast", vibrating(accelerometers, rows_hz))
+    file = shaken(tmp_path / "run.csv")
+    assert main(["import", "--stand", str(stand), str(file), "-o", str(tmp_path / "bags")]) != 0
+    said = capsys.readouterr().err.splitlines()[0]
+    assert re.search(words, said), said
+    assert not (tmp_path / "bags").exists()
 
 
 def changed(place: int, column: int, value: float) -> list[tuple[float, ...]]:

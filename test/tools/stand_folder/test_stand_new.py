@@ -61,6 +61,17 @@ def test_every_line_that_is_a_guess_says_so(tmp_path: Path) -> None:
         assert line.startswith(headings) or "# guessed, because " in line, line
 
 
+def test_a_commanded_load_stands_for_the_load_that_nothing_measures(tmp_path: Path) -> None:
+    """The description of a screw has its balance at the load cell."""
+    sent = (*SENT[:2], Sent("load_force", "load_command_lbf", "lbf"))
+    recording = csv(tmp_path / "run.csv", sent)
+    assert main(["stand", "new", str(tmp_path / "mine"), "--from", str(recording)]) == 0
+    text = (tmp_path / "mine" / "channels.yaml").read_text(encoding="utf-8")
+    (words,) = re.findall(r"  load_force:\n    column: load_command_lbf  # (.*)", text)
+    assert words == "guessed, because no load is measured, so the command stands for it; check"
+    assert "commanded_load" not in text
+
+
 def test_the_text_format_of_the_flea_is_known(tmp_path: Path) -> None:
     if not FLEA.is_dir():
         pytest.skip(f"no recordings in {FLEA}")

@@ -1,0 +1,53 @@
+"""Columns of accelerometers as blocks of vibration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.errors import RecordingError
+from flea_diag.tools.recordings.source_checks import MOST_OUTSIDE, check_rate
+from flea_diag.wire.records import VibrationBlock
+from flea_diag.wire.sources.mapping import SourceMapping
+
+BLOCK_S = 0.1
+"""Longest block of ``sensors/vibration``."""
+
+
+def vibration_blocks(
+    where: str,
+    mapping: SourceMapping,
+    stamps_ns: npt.NDArray[np.int64],
+    table: Mapping[str, npt.NDArray[np.float64]],
+) -> tuple[VibrationBlock, ...]:
+    """All axes in blocks of a tenth of a second.
+
+    Raises
+    ------
+    RecordingError
+        The rate is not that of the mapping, or readings lie outside their range.
+    """
+    axes = mapping.axes
+    if not axes:
+        return ()
+    check_rate(where, mapping, axes, stamps_ns)
+    samples = np.column_stack([axis.factor * table[axis.column] for axis in axes])
+    for axis, read in zip(axes, samples.T, strict=True):
+        outside = ~((read >= axis.minimum) & (read <= axis.maximum))
+        if outside.mean() > MOST_OUTSIDE:
+            odd = read[outside][0]
+            raise RecordingError(
+                f"{where}: {axis.channel} reads {odd:.6g} m/s^2, {outside.mean():.0%} of its "
+                f"readings are outside its range of {axis.minimum:g} to {axis.maximum:g} m/s^2: "
+                f"correct unit or range in {mapping.where}"
+            )
+    names = tuple(axis.channel for axis in axes)
+    length = max(1, round(BLOCK_S * axes[0].rate_hz))
+    parts = [slice(k, k + length) for k in range(0, len(stamps_ns), length)]
+    starts = [int(stamps_ns[part.start]) for part in parts]
+    return tuple(
+        VibrationBlock.pack(start_ns, names, stamps_ns[part] - start_ns, samples[part])
+        for start_ns, part in zip(starts, parts, strict=True)
+    )
