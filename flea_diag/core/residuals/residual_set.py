@@ -186,7 +186,8 @@ def _sensors(
     specs = actuator.residuals.values()
     looped = {s.channel for s in specs if s.kind == "measurement" and s.model != DRIVEN}
     positions = {n: s.unit for n, s in sensors.items() if s.integrates and n not in looped}
-    return SensorSet.of(noises, positions, encoder, {voltage: command} if voltage else {})
+    held = {voltage: command} if voltage else {}
+    return SensorSet.of(noises, positions, encoder, held, actuator.scan_period_s)
 
 
 def _is_voltage(actuator: Actuator, sensor: Sensor) -> bool:

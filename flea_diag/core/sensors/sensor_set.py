@@ -49,6 +49,8 @@ class SensorSet(Frozen):
     held
         Voltages, tested for readings that are held alone -> the command that they follow; empty:
         none is read.
+    period_s
+        Time between two scans for which the noises are stated; 0: as it is.
     """
 
     resolutions: Mapping[str, float]
@@ -56,6 +58,7 @@ class SensorSet(Frozen):
     speed: str = ""
     paired: bool = False
     held: Mapping[str, str] = field(default_factory=dict)
+    period_s: float = 0.0
 
     @classmethod
     def of(
@@ -64,12 +67,17 @@ class SensorSet(Frozen):
         positions: Mapping[str, str],
         speed: str,
         held: Mapping[str, str] = MappingProxyType({}),
+        period_s: float = 0.0,
     ) -> SensorSet:
         """From the described noise of each channel, and the unit of each position."""
         fine = {n: RESOLUTIONS.get(n, FINEST * noise) for n, noise in noises.items()}
         rest = {name: AT_REST * noises[name] for name in positions}
         paired = len(positions) == 2 and len(set(positions.values())) == 1
-        return cls(fine, rest, speed, paired, held)
+        return cls(fine, rest, speed, paired, held, period_s)
+
+    def speed_of_a_count(self, period_s: float) -> float:
+        """About the speed of one count of the encoder in a scan, the larger the shorter it is."""
+        return self.resolutions.get(self.speed, 0.0) * max(1.0, self.period_s / period_s)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

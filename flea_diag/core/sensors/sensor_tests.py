@@ -76,9 +76,8 @@ class SensorTests:
         self._reach = np.array([limit.reach for limit in self._limits])
         self._low = np.full(len(self._limits), -math.inf)
         self._high = np.full(len(self._limits), math.inf)
-        quanta = [
-            sensors.resolutions[name] if name == sensors.speed else 0.0 for name in self._names
-        ]
+        count = sensors.speed_of_a_count(period_s)
+        quanta = [count if name == sensors.speed else 0.0 for name in self._names]
         self._guards = [
             ReadingGuard(limit, period_s, quantum)
             for limit, quantum in zip(self._limits, quanta, strict=True)

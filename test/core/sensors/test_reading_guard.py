@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from flea_diag.core.sensors.reading_guard import ReadingGuard
 from flea_diag.core.sensors.sensor_limits import SensorLimit
+from flea_diag.core.sensors.sensor_set import SensorSet
 
 COUNT = 0.15
 LIMIT = SensorLimit("motor_speed", 0.0, 0.0, 1.0, repeats=7, reach=20.0, step=0.0, k=5.0)
@@ -23,6 +26,16 @@ def test_an_encoder_that_counts_alike_in_a_steady_motion_has_no_drop_out() -> No
     steady = [100 * COUNT] * 9 + [101 * COUNT] * 9 + [100 * COUNT] * 9 + [99 * COUNT]
     assert drop_outs(steady) == 0
     assert drop_outs(steady, quantum=0.0) == 3  # of a reading that does not count
+
+
+def test_a_count_is_the_more_speed_the_shorter_the_scan_is() -> None:
+    """4096 counts a turn: 0.15 rad/s at 100 Hz and 1.5 rad/s at 1 kHz, where it holds longer."""
+    sensors = SensorSet.of({"motor_speed": 0.5}, {}, "motor_speed", period_s=0.01)
+    fast = 2.0 * math.pi / 4096 / 0.001
+    steady = [52 * fast] * 50 + [53 * fast] * 50 + [52 * fast] * 50 + [51 * fast]
+    assert drop_outs(steady, sensors.speed_of_a_count(0.001)) == 0
+    assert drop_outs(steady, sensors.speed_of_a_count(0.01)) == 3
+    assert [sensors.speed_of_a_count(slow_s) for slow_s in (0.01, 0.04)] == [0.5, 0.5]
 
 
 @pytest.mark.parametrize("held", [3, 5, 8])
