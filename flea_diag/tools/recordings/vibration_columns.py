@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,8 @@ from flea_diag.wire.sources.mapping import SourceMapping
 
 BLOCK_S = 0.1
 """Longest block of ``sensors/vibration``."""
+LONGEST_NS = 100_000_000
+"""A longer break between two rows begins a new block."""
 
 
 def vibration_blocks(
@@ -45,9 +48,11 @@ def vibration_blocks(
             )
     names = tuple(axis.channel for axis in axes)
     length = max(1, round(BLOCK_S * axes[0].rate_hz))
-    parts = [slice(k, k + length) for k in range(0, len(stamps_ns), length)]
-    starts = [int(stamps_ns[part.start]) for part in parts]
+    gaps = 1 + np.flatnonzero(np.diff(stamps_ns) > LONGEST_NS)
+    edges = sorted({*range(0, len(stamps_ns), length), *gaps.tolist()})
     return tuple(
-        VibrationBlock.pack(start_ns, names, stamps_ns[part] - start_ns, samples[part])
-        for start_ns, part in zip(starts, parts, strict=True)
+        VibrationBlock.pack(
+            int(stamps_ns[k]), names, stamps_ns[k:end] - stamps_ns[k], samples[k:end]
+        )
+        for k, end in pairwise([*edges, len(stamps_ns)])
     )
