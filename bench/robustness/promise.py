@@ -36,20 +36,21 @@ SIZES = (3, 6, 12, 24)
 STATED_PER_HOUR = 0.1
 
 
-def imported(folder: Path) -> list[Path]:
-    """Bags of the nominal recordings of the FLEA."""
-    files = Path(os.environ.get("FLEA_DATA_DIR", "../shared/data")).glob("flea/*_Nominal_*.data")
+def imported(folder: Path, kind: str = "Nominal") -> list[Path]:
+    """Bags of the recordings of the FLEA of this kind."""
+    files = Path(os.environ.get("FLEA_DATA_DIR", "../shared/data")).glob(f"flea/*_{kind}_*.data")
     if main_of(["import", *sorted(map(str, files)), "-o", str(folder)]):
         raise SystemExit("no recordings: name bags, or the folder of recordings by FLEA_DATA_DIR")
     return sorted(folder.iterdir())
 
 
-def alarms(bag: Path, calibration: Path) -> int:
-    """Episodes in a recording."""
+def diagnosed(bag: Path, calibration: Path) -> list[AmbiguityGroup]:
+    """The last group of each episode in a recording."""
     stand = load_stand(calibration=str(calibration))
     records = (record for _, record in BagReader(bag).records((ChannelTable, Scan)))
     kept = diagnose(records, make_pipeline(stand)).kept
-    return len({r.episode for r in kept if isinstance(r, AmbiguityGroup) and r.episode})
+    groups = (record for record in kept if isinstance(record, AmbiguityGroup))
+    return list({group.episode: group for group in groups if group.episode}.values())
 
 
 def of_size(
@@ -62,7 +63,7 @@ def of_size(
     made = calibrate(given, load_stand().actuator, STATED_PER_HOUR)
     target = folder / f"calibration_{size}.yaml"
     write_calibration(target, made)
-    found = sum(alarms(bags[row.run.name], target) for row in rest)
+    found = sum(len(diagnosed(bags[row.run.name], target)) for row in rest)
     hours = sum(len(row.run.rows) * row.period_s for row in rest) / 3600.0
     supported = made.promise.supported_per_hour
     print(
@@ -71,8 +72,10 @@ def of_size(
         flush=True,
     )
     return [
-        Figure(f"{size} recordings: supported, at most", supported, "per hour", str(size)),
-        Figure(f"{size} recordings: observed", found / hours, "per hour", f"{hours:.3f} h"),
+        Figure(f"{size} recordings: supported, at most", supported, "per hour", size),
+        Figure(
+            f"{size} recordings: observed", found / hours, f"per hour, {hours:.3f} h", len(rest)
+        ),
     ]
 
 

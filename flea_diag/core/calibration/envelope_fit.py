@@ -25,6 +25,8 @@ from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
 
+REST_S = "rest_s"
+"""Name of the time at rest among the ranges."""
 REACH = 0.99
 """Share of the nominal scans within the reach of a calibration."""
 MOST = 0.999
@@ -55,7 +57,7 @@ def envelope(
         fits.append(LeverageFit(name, table, reach, most))
     if not any(fit.relation != PLACE for fit in fits):
         return None
-    ranges = _ranges(traces, relations, position)
+    ranges = _ranges(traces, relations, position) | _conditions(traces, counts)
     return CalibrationEnvelope(position, tuple(fits), ranges, travel_factors(traces, counts))
 
 
@@ -73,6 +75,24 @@ def _ranges(
         if len(values):
             found[name] = (float(values.min()), float(values.max()))
     return found
+
+
+def _conditions(traces: Sequence[Trace], counts: ScanCounts) -> dict[str, tuple[float, float]]:
+    """Range of each channel of a temperature, and of the time at rest; no test depends on them."""
+    longest = max(_longest(~trace.moving) for trace in traces) * counts.period_s
+    found = {REST_S: (0.0, float(longest))}
+    for name in traces[0].temperatures:
+        ends = np.array([trace.temperatures[name] for trace in traces])
+        ends = ends[np.isfinite(ends).all(axis=1)]
+        if len(ends):
+            found[name] = (float(ends[:, 0].min()), float(ends[:, 1].max()))
+    return found
+
+
+def _longest(flags: npt.NDArray[np.bool_]) -> int:
+    """Length of the longest run of scans with the flag."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
+    return int(np.diff(edges)[::2].max(initial=0))
 
 
 def travel_factors(traces: Sequence[Trace], counts: ScanCounts) -> TravelFactors | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -39,6 +40,8 @@ class Trace:
     """Signals of the relations, smoothed, shape (scans, signals)."""
     position: Array = field(default_factory=lambda: np.empty(0))
     position_channel: str = ""
+    temperatures: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Smallest and largest reading of each channel of a temperature."""
 
 
 def trace(
@@ -71,7 +74,14 @@ def trace(
         residuals.signals,
         position,
         channel,
+        {name: _range(run.rows[:, rows.index[name]]) for name in rows.predicted},
     )
+
+
+def _range(readings: Array) -> tuple[float, float]:
+    """Smallest and largest; NaN where none is there."""
+    known = readings[np.isfinite(readings)]
+    return (float(known.min()), float(known.max())) if len(known) else (np.nan, np.nan)
 
 
 def displacement(rows: ResidualSet, readings: Array) -> tuple[str, Array]:

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support import stands
+from support.models import linear_ema as ema
 
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.calibration.envelope_fit import travel_factors, widened
+from flea_diag.core.calibration.envelope_fit import _conditions, travel_factors, widened
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.calibration.thresholds import fit_limits
 from flea_diag.core.calibration.window_fit import LEAST_IN_REGION
@@ -75,3 +77,18 @@ def test_no_end_has_a_factor_where_all_came_or_too_few_are_known():
     assert travel_factors(traces(LEAST_IN_REGION - 1), FLEA_COUNTS) is None
     nowhere = [replace(trace, position_channel="") for trace in traces()]
     assert travel_factors(nowhere, FLEA_COUNTS) is None
+
+
+def test_the_envelope_knows_temperatures_and_the_longest_rest():
+    """Every recording begins at rest and is in motion from then on, but for reversals."""
+    ranges = stands.calibration().envelope.ranges
+    runs = ema.nominal_runs()
+    for name in ("motor_temperature", "nut_temperature"):
+        ends = [(columns[name].min(), columns[name].max()) for columns in runs]
+        lows, highs = zip(*ends, strict=True)
+        assert ranges[name] == pytest.approx((min(lows), max(highs)))
+    rest = np.zeros(700, dtype=bool)
+    rest[20:50] = rest[100:350] = True
+    still = [replace(trace, moving=~rest) for trace in traces()]
+    assert _conditions(still, FLEA_COUNTS)["rest_s"] == (0.0, 2.5)
+    assert 0.0 < ranges["rest_s"][1] < 2.0

@@ -1,0 +1,108 @@
+"""Nominal recordings judged by calibrations made without them: alarms, and faults still found.
+
+python bench/robustness/left_out.py       the FLEA's recordings below FLEA_DATA_DIR
+python bench/robustness/left_out.py bags/* --part families
+
+Each recording is left out by itself, then each family of one motion (sine1, trap3) together. What
+is left out is diagnosed by a calibration from all others; an alarm is any episode. A calibration
+without a family also diagnoses every jam and every spall with ``--faults``: a jam is found where
+``jam`` is in the last group, a spall is right where no alarm is raised, for it does not show in
+slow channels.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from robustness.promise import STATED_PER_HOUR, diagnosed, imported
+from summary import Figure, bench_parser, share, write_summary
+
+from flea_diag.configuration.description import compiled_relations
+from flea_diag.configuration.stand import load_stand
+from flea_diag.tools.calibrate.calibrate import calibrate, write_calibration
+from flea_diag.tools.calibrate.nominal_recording import NominalRecording, read_nominal
+
+PARTS = ("recordings", "families")
+
+
+def family(name: str) -> str:
+    """Motion that a recording is of: sine1 of BatchProfile_sine12_2010_..."""
+    found = re.search(r"_([a-z]+\d)\d_", name)
+    return found.group(1) if found else name
+
+
+def folds(recordings: list[NominalRecording], part: str) -> dict[str, list[NominalRecording]]:
+    """What is left out together."""
+    made: dict[str, list[NominalRecording]] = {}
+    for row in recordings:
+        name = row.run.name
+        made.setdefault(name if part == "recordings" else family(name), []).append(row)
+    return made
+
+
+def scored(
+    recordings: list[NominalRecording], part: str, bags: dict[str, Path], faulty: list[Path]
+) -> Iterator[Figure]:
+    """Figures of one part."""
+    quiet, hours, jams, spalls = [0, 0], 0.0, [0, 0], [0, 0]
+    with TemporaryDirectory() as folder:
+        for name, left in folds(recordings, part).items():
+            rest = [row for row in recordings if row not in left]
+            target = Path(folder, f"{name}.yaml")
+            write_calibration(target, calibrate(rest, load_stand().actuator, STATED_PER_HOUR))
+            for row in left:
+                groups = diagnosed(bags[row.run.name], target)
+                quiet = [quiet[0] + (not groups), quiet[1] + 1]
+                hours += len(row.run.rows) * row.period_s / 3600.0
+                for group in groups:
+                    print(f"{row.run.name}: {group.opened_by}", flush=True)
+            for bag in faulty if part == "families" else ():
+                groups = diagnosed(bag, target)
+                if "_Jam_" in bag.name:
+                    found = bool(groups) and "jam" in {m.fault for m in groups[-1].members}
+                    jams = [jams[0] + found, jams[1] + 1]
+                else:
+                    spalls = [spalls[0] + (not groups), spalls[1] + 1]
+            print(f"without {name}: {quiet[0]} of {quiet[1]} quiet so far, jams {jams}", flush=True)
+    yield share(f"left-out {part}: no alarm", *quiet)
+    yield Figure(
+        f"left-out {part}: false alarms", quiet[1] - quiet[0], f"in {hours:.3f} h", quiet[1]
+    )
+    if jams[1]:
+        yield share("calibrated without a family: jam found", *jams)
+        yield share("calibrated without a family: spall without an alarm", *spalls)
+
+
+def main() -> int:
+    """Run and print."""
+    parser = bench_parser(__doc__)
+    parser.add_argument("bags", nargs="*", type=Path, help="bags")
+    parser.add_argument("--part", choices=PARTS, action="append")
+    parser.add_argument("--faults", action="store_true", help="diagnose jams and spalls, too")
+    arguments = parser.parse_args()
+    with TemporaryDirectory() as folder:
+        given = arguments.bags or imported(Path(folder), "*")
+        bags = {bag.name: bag for bag in given if "_Nominal_" in bag.name}
+        faulty = [bag for bag in given if "_Jam_" in bag.name or "_Spall_" in bag.name]
+        known = compiled_relations(load_stand().actuator).residuals
+        recordings, _ = read_nominal(list(bags.values()), known)
+        faulty = faulty if arguments.faults else []
+        figures = [
+            figure
+            for part in arguments.part or PARTS
+            for figure in scored(recordings, part, bags, faulty)
+        ]
+    for figure in figures:
+        print(f"{figure.name}: {figure.value:g} {figure.unit} of {figure.n}")
+    write_summary("left_out", figures, arguments.json)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
