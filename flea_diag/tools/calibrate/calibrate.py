@@ -15,6 +15,7 @@ from flea_diag.errors import CalibrationError, ConfigurationError, shown
 from flea_diag.tools.argument import add_cluster, add_jobs
 from flea_diag.tools.bag_url import bag_place
 from flea_diag.tools.calibrate import report as calibration_report
+from flea_diag.tools.calibrate.dead_sensors import dead_sensors, readings
 from flea_diag.tools.calibrate.nominal_recording import (
     NominalRecording,
     check_alike,
@@ -245,6 +246,7 @@ def _learn(
     odd = thresholds.not_nominal(
         tested, false_alarms_per_hour, period_s, folds, spread, limits, judged, tolerance
     )
+    odd |= dead_sensors(runs, calibration, relations)
     return CalibrationResult(calibration, tuple(traces), relations, odd, alike)
 
 
@@ -365,7 +367,6 @@ def _calibration(
     from flea_diag.core.sensors.sensor_limits import sensor_limits
 
     first, runs = recordings[0], [recording.run for recording in recordings]
-    index = traces[0].rows.index
     period_s = first.period_s
     return Calibration(
         actuator=name,
@@ -386,7 +387,7 @@ def _calibration(
         ),
         observer_noise=innovations.noise,
         sensors=sensor_limits(
-            [{name: run.rows[:, k] for name, k in index.items()} for run in runs],
+            readings(runs, traces[0].rows),
             traces[0].rows.sensors,
             limits.rate_per_hour,
             period_s,

@@ -1,0 +1,35 @@
+"""Nominal recordings in which a sensor died, known by what all others show of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flea_diag.core.calibration.calibration import Calibration, NominalRun
+    from flea_diag.core.calibration.innovation_learning import Array
+    from flea_diag.core.residuals.relation_set import RelationSet
+    from flea_diag.core.residuals.residual_rows import ResidualSet
+
+
+def dead_sensors(
+    runs: Sequence[NominalRun], calibration: Calibration, relations: RelationSet
+) -> dict[str, str]:
+    """Recordings in which a sensor stands still as in none of the others, and why they are odd."""
+    from flea_diag.core.calibration.promise import LEAST_RECORDINGS
+    from flea_diag.core.sensors.held_alone import held_alone
+
+    if len(runs) <= LEAST_RECORDINGS:
+        return {}
+    sensors, rate = relations.residuals.sensors, calibration.false_alarms_per_hour
+    given = readings(runs, relations.residuals)
+    found = held_alone(given, calibration.sensors, sensors, rate, calibration.period_s)
+    return {
+        runs[number].name: f"{channel} repeats one reading for longer than in any other recording"
+        for number, channel in found
+    }
+
+
+def readings(runs: Sequence[NominalRun], known: ResidualSet) -> list[dict[str, Array]]:
+    """Readings of each channel, recording by recording."""
+    return [{name: run.rows[:, k] for name, k in known.index.items()} for run in runs]
