@@ -25,7 +25,7 @@ from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
 
-REST_S = "rest_s"
+REST = "rest_s"
 """Name of the time at rest among the ranges."""
 REACH = 0.99
 """Share of the nominal scans within the reach of a calibration."""
@@ -80,7 +80,7 @@ def _ranges(
 def _conditions(traces: Sequence[Trace], counts: ScanCounts) -> dict[str, tuple[float, float]]:
     """Range of each channel of a temperature, and of the time at rest; no test depends on them."""
     longest = max(_longest(~trace.moving) for trace in traces) * counts.period_s
-    found = {REST_S: (0.0, float(longest))}
+    found = {REST: (0.0, float(longest))}
     for name in traces[0].temperatures:
         ends = np.array([trace.temperatures[name] for trace in traces])
         ends = ends[np.isfinite(ends).all(axis=1)]
