@@ -13,15 +13,18 @@ from flea_diag.core.frozen import Frozen
 
 PERIOD_S = 0.01
 """Period of the FLEA's scans, by which older calibrations count at any rate."""
-HALF_KERNEL_S = 0.15
-"""Half the length of the smoothing kernel, and its delay."""
+SMOOTHING_S = 0.3
+"""Length of the smoothing kernel where a description states none; half of it is its delay."""
+SMOOTHINGS_S = (0.01, 10.0)
+"""Shortest and longest that can be stated."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScanCounts(Frozen):
-    """Counts of scans that follow each other by ``period_s``."""
+    """Counts of scans that follow each other by ``period_s``, smoothed over ``smoothing_s``."""
 
     period_s: float = PERIOD_S
+    smoothing_s: float = SMOOTHING_S
 
     def of(self, time_s: float) -> int:
         """Scans in a time, at least one."""
@@ -30,7 +33,7 @@ class ScanCounts(Frozen):
     @property
     def kernel(self) -> int:
         """Length of the smoothing kernel: odd, and at least the five that a curvature takes."""
-        return 1 + 2 * max(2, round(HALF_KERNEL_S / self.period_s))
+        return 1 + 2 * max(2, round(0.5 * self.smoothing_s / self.period_s))
 
 
 FLEA_COUNTS = ScanCounts()

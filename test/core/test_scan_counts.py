@@ -19,5 +19,9 @@ def test_a_second_and_the_kernel_are_as_long_at_every_rate(
     assert kernel * period_s == pytest.approx(0.31, abs=0.05)
 
 
+def test_a_description_may_state_another_smoothing() -> None:
+    assert (ScanCounts(0.04, 1.2).kernel, ScanCounts(0.04, 1.2).of(1.0)) == (31, 25)
+
+
 def test_a_time_shorter_than_a_scan_is_one_scan_and_the_shortest_kernel_has_a_curvature() -> None:
     assert (ScanCounts(0.5).of(0.1), ScanCounts(0.5).kernel) == (1, 5)

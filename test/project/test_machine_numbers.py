@@ -42,7 +42,7 @@ GENERAL: dict[Row, str] = {
     ("conditions/end_of_travel.py", "STILL_S", 0.1): "longer than a bounce off a stop",
     (
         "core/scan_counts.py",
-        "HALF_KERNEL_S",
+        "SMOOTHING_S",
         0.15,
     ): "longer than the PWM of a drive, shorter than a symbol",
     ("core/scan_counts.py", "PERIOD_S", 0.01): "what older files count by",

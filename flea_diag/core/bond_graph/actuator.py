@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from flea_diag.core.bond_graph.actuator_model import (
     Actuator,
@@ -23,10 +23,11 @@ from flea_diag.core.bond_graph.causality import require_sound
 from flea_diag.core.bond_graph.described_residuals import check_residual, described_residuals
 from flea_diag.core.bond_graph.tolerance import tolerances
 from flea_diag.core.bond_graph.travel import travel
+from flea_diag.core.scan_counts import SMOOTHING_S, SMOOTHINGS_S
 from flea_diag.core.symbolic.unit import SECOND, dimension, spelled, times
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.fields.reader import read_as
-from flea_diag.fields.values import AboveZero
+from flea_diag.fields.values import AboveZero, within
 from flea_diag.formats import migrated
 
 __all__ = ["Actuator", "ModelView", "OperatingPoint", "ResidualSpec", "Sensor", "actuator"]
@@ -71,6 +72,7 @@ def actuator(content: Any, where: str = "actuator.yaml", *, sound: bool = True) 
         top.predicted,
         travel(top.travel, graph, {s.at for s in sensors.values() if s.integrates}, where),
         tolerances(top.tolerances, (*top.base_parameters, HEATING), f"{where}: tolerances"),
+        top.smoothing_s,
     )
     if sound:
         _check(result, where)
@@ -97,6 +99,7 @@ class _Description:
     predicted: Mapping[str, str] = field(default_factory=dict)
     tolerances: Mapping[str, Any] = field(default_factory=dict)
     travel: Mapping[str, Any] = field(default_factory=dict)
+    smoothing_s: Annotated[float, within(*SMOOTHINGS_S)] = SMOOTHING_S
 
 
 @dataclass(frozen=True)

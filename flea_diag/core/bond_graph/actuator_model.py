@@ -20,6 +20,7 @@ from flea_diag.core.bond_graph.causality import Causality, require_sound
 from flea_diag.core.bond_graph.state_space import StateSpace, state_space
 from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.bond_graph.travel import Travel
+from flea_diag.core.scan_counts import SMOOTHING_S
 from flea_diag.core.symbolic.expression import Expression, Variable
 from flea_diag.errors import ConfigurationError, shown
 from flea_diag.fields.values import AboveZero, NotNegative, one_of
@@ -128,6 +129,8 @@ class Actuator:
     travel: Travel | None = None
     tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
     """Base parameter -> by how much healthy units differ in it."""
+    smoothing_s: float = SMOOTHING_S
+    """Time over which readings are smoothed."""
 
     @cached_property
     def causality(self) -> Causality:

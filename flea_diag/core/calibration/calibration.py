@@ -29,7 +29,7 @@ from flea_diag.core.residuals.parameters import (
     UnitTolerance,
 )
 from flea_diag.core.residuals.unit_difference import difference_sigmas
-from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.scan_counts import FLEA_COUNTS, SMOOTHING_S, SMOOTHINGS_S, ScanCounts
 from flea_diag.core.sensors.sensor_limits import SensorLimit
 from flea_diag.fields.values import NotNegative, Positive, within
 from flea_diag.formats import stamped
@@ -112,6 +112,8 @@ class Calibration(Frozen):
     """What the units of the calibration differ by; None where fewer than three are known."""
     counted_period_s: Annotated[float, within(*PERIOD_S)] = FLEA_COUNTS.period_s
     """Period by which times were made counts of scans; an older file has the FLEA's at any rate."""
+    smoothing_s: Annotated[float, within(*SMOOTHINGS_S)] = SMOOTHING_S
+    """Time over which readings were smoothed, by the description."""
 
     def tolerances(self) -> tuple[float, ...]:
         """Spread of healthy units in the order of ``UNIT_PARAMETERS``."""
@@ -124,7 +126,7 @@ class Calibration(Frozen):
     @property
     def counts(self) -> ScanCounts:
         """Counts of scans that its limits hold for."""
-        return ScanCounts(self.counted_period_s)
+        return ScanCounts(self.counted_period_s, self.smoothing_s)
 
     @property
     def promise(self) -> FalseAlarmPromise:
@@ -153,6 +155,8 @@ class Calibration(Frozen):
             plain["envelope"].pop("travel")
         if self.counted_period_s == FLEA_COUNTS.period_s:
             plain.pop("counted_period_s")
+        if self.smoothing_s == SMOOTHING_S:
+            plain.pop("smoothing_s")
         return stamped("calibration", {**plain, "speed_regions_m_s": list(SPEED_REGIONS_M_S)})
 
 

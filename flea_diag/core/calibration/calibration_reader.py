@@ -32,6 +32,7 @@ from flea_diag.formats import migrated
 REGIONS = "speed_regions_m_s"
 LATER = (
     "observer_noise", "sensors", "covariance", "shifts", "actuator_sha256", "counted_period_s",
+    "smoothing_s",
     *SINCE_OUT_OF_SAMPLE,
 )  # fmt: skip
 """Optional entries of this schema."""

@@ -51,7 +51,7 @@ def trace(
     period_s: float,
 ) -> Trace:
     """Run one recording through the residual bank, without intervals of bad voltage."""
-    counts = ScanCounts(period_s)
+    counts = ScanCounts(period_s, relations.residuals.smoothing_s)
     bank = ResidualBank(identified.parameters, relations, period_s=period_s, counts=counts)
     residuals = bank.step(run.rows, frozen=False)
     values = residuals.values

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.channel_units import CURRENT, ENCODER, LOAD, POSITION
+from flea_diag.core.scan_counts import SMOOTHING_S
 from flea_diag.core.sensors.sensor_set import SensorSet
 
 Array = npt.NDArray[np.float64]
@@ -122,6 +123,8 @@ class ResidualSet(Frozen):
         Those of them between two speeds: sensors agree better than any interpolation of lost scans.
     own
         Residual that is in no signature table -> sensors whose faults alone move it.
+    smoothing_s
+        Time over which readings are smoothed.
     """
 
     units: Mapping[str, str]
@@ -146,6 +149,7 @@ class ResidualSet(Frozen):
     twins: tuple[str, ...] = ()
     of_one_speed: tuple[str, ...] = ()
     own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    smoothing_s: float = SMOOTHING_S
 
     @cached_property
     def channels(self) -> tuple[str, ...]:

@@ -62,6 +62,7 @@ def residual_set(actuator: Actuator, known: RelationSet) -> ResidualSet:
         twins=twins,
         of_one_speed=tuple(n for n in twins if actuator.residuals[n].channel == encoder),
         own=dict(_own(actuator, [*(row.name for row in parities), *predictions])),
+        smoothing_s=actuator.smoothing_s,
     )
     return _observed(actuator, known, made)
 

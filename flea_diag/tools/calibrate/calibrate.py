@@ -210,9 +210,8 @@ def _learn(
 
     runs = [recording.run for recording in recordings]
     period_s, folds = recordings[0].period_s, folds_of(recordings)
-    found = identification.identify(
-        runs, relations_of, ScanCounts(period_s).kernel, period_s, folds
-    )
+    counts = ScanCounts(period_s, relations_of(True).residuals.smoothing_s)
+    found = identification.identify(runs, relations_of, counts.kernel, period_s, folds)
     has_encoder = found.parameters.encoder_m_per_rad != 0.0
     relations = relations_of(has_encoder)
     work = RecordingWork(relations_of, has_encoder, period_s, recordings[0].sampling or "mean")
@@ -229,7 +228,7 @@ def _learn(
         list(map(nominal_trace.with_innovations, part, innovations.residuals))
         for part in (traces, judged)
     )
-    envelope = envelope_fit.envelope(traces, relations, ScanCounts(period_s))
+    envelope = envelope_fit.envelope(traces, relations, counts)
     tested, judged = (
         [envelope_fit.widened(trace, envelope.travel if envelope else None) for trace in part]
         for part in (traces, judged)
@@ -396,6 +395,7 @@ def _calibration(
         shifts=limits.shift_limits(),
         out_of_sample=limits.out_of_sample(),
         counted_period_s=period_s,
+        smoothing_s=traces[0].rows.smoothing_s,
     )
 
 

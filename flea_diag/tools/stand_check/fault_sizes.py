@@ -121,7 +121,7 @@ class FaultSizes:
             self.parameters,
             effects.relations,
             period_s=motion.period_s,
-            counts=ScanCounts(motion.period_s),
+            counts=ScanCounts(motion.period_s, known.smoothing_s),
             backend="numpy",
         )
         residuals = bank.step(rows, frozen=False)
@@ -179,7 +179,8 @@ class FaultSizes:
         self, relations: RelationSet, motion: MotionSignals
     ) -> tuple[dict[str, float], dict[str, float]]:
         """Scatter of each residual, and the samples to one independent sample."""
-        kernels = hann_kernels(ScanCounts(self.period_s).kernel, self.period_s)
+        counts = ScanCounts(self.period_s, relations.residuals.smoothing_s)
+        kernels = hann_kernels(counts.kernel, self.period_s)
         gains = np.sqrt(np.square(kernels).sum(axis=1))
         sensors = described(self.stand.actuator).sensors
         known = {**asdict(self.parameters), **motion.signals}
