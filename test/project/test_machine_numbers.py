@@ -43,8 +43,9 @@ GENERAL: dict[Row, str] = {
     (
         "core/scan_counts.py",
         "SMOOTHING_S",
-        0.15,
+        0.3,
     ): "longer than the PWM of a drive, shorter than a symbol",
+    ("core/scan_counts.py", "SMOOTHINGS_S", (0.01, 10.0)): "bounds of a file",
     ("core/scan_counts.py", "PERIOD_S", 0.01): "what older files count by",
     ("detection/mean_shift.py", "LEAST_ALWAYS_S", 6.0): "size of a sample",
     ("detection/mean_shift.py", "SHIFT_WINDOWS_S", (2.0, 4.0)): "time to a detection",
