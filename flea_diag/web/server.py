@@ -13,6 +13,7 @@ from nicegui import ui
 from flea_diag.errors import ConfigurationError
 from flea_diag.web.connection import MOST_CONNECTIONS, PatientProtocol
 from flea_diag.web.guard import Guard, is_loopback
+from flea_diag.web.library_log import show_in_one_line
 from flea_diag.web.socket_gate import LONGEST_MESSAGE
 
 END_S = 3.0
@@ -30,6 +31,7 @@ class Server:
     """
 
     def __init__(self, title: str, address: str, port: int, token: str) -> None:
+        show_in_one_line()
         inner = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
         ui.run_with(
             inner,
@@ -46,6 +48,7 @@ class Server:
         self._server = uvicorn.Server(
             uvicorn.Config(
                 guarded,
+                log_config=None,
                 log_level="error",
                 access_log=False,
                 lifespan="on",
