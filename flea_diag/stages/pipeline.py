@@ -68,13 +68,25 @@ class Pipeline:
             caused.append(current)
             if not isinstance(current, Block):
                 caused.extend(self._run(deque([current])))
-            elif all(_takes_blocks(stage) for stage in self._of_block[type(current)]):
-                for stage in self._of_block[type(current)]:
-                    waiting.extend(stage.handle_block(current)[1])
-            else:
-                for record in current.records():
-                    caused.extend(self._run(deque([record])))
+                continue
+            takers = self._of_block[type(current)]
+            if not all(map(_takes_blocks, takers)):
+                alone, current = self._one_by_one(current)
+                caused.extend(alone)
+            for stage in takers if len(current) else ():
+                waiting.extend(stage.handle_block(current)[1])
         return taken, tuple(caused)
+
+    def _one_by_one(self, block: Block) -> tuple[list[Record], Block]:
+        """What the leading records cause, until all stages take the rest, which may be empty."""
+        caused: list[Record] = []
+        takers, taken = self._of_block[type(block)], 0
+        for record in block.records():
+            taken += 1
+            caused.extend(self._run(deque([record])))
+            if all(map(_takes_blocks, takers)):
+                break
+        return caused, block.part(slice(taken, None))
 
     def finish(self) -> tuple[Record, ...]:
         """The input has ended: stages that still hold records back let them go."""
