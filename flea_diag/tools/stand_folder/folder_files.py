@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flea_diag.configuration.files import text_of
+from flea_diag.core.scan_counts import SMOOTHING_S
 from flea_diag.tools.stand_folder.channel_file import yaml_text
 from flea_diag.tools.stand_folder.seen_values import seen_values
 
@@ -86,7 +87,8 @@ def _split(text: str, key: str) -> tuple[str, str, str]:
 
 def _description(kind: Template, text: str, name: str, found: StandProposal | None) -> str:
     """The description of the template with what the recording says."""
-    lines: dict[str, str] = {"name": yaml_text(name)}
+    usual = f"{SMOOTHING_S}  # the usual time; check: longer where the slope of a position is noisy"
+    lines: dict[str, str] = {"name": yaml_text(name), "smoothing_s": usual}
     if found is not None:
         lines["scan_period_s"] = f"{found.grid.period_s:.6g}  # guessed, because scans come so"
     if found is not None and found.travel is not None and kind.model.travel is not None:

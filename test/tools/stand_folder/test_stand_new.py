@@ -16,6 +16,7 @@ from flea_diag.configuration.description import described, faults_of
 from flea_diag.configuration.knowledge import load_features
 from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.main import main
+from flea_diag.tools.stand_folder.folder_files import template_texts
 from flea_diag.tools.stand_folder.template import template, template_files
 
 SENT = (
@@ -26,9 +27,14 @@ SENT = (
 
 
 @pytest.mark.parametrize("name", template_files())
-def test_a_template_is_a_shipped_stand_and_needs_channels_of_it(name: str) -> None:
+def test_a_template_is_a_shipped_stand_and_needs_channels_of_it(name: str, tmp_path: Path) -> None:
     found = template(name)
     assert set(found.needs) <= set(found.units)
+    # How noisy the slope of its position is belongs to a stand, not to its kind.
+    description = tmp_path / "actuator.yaml"
+    texts = template_texts(found, tmp_path, "run.csv", None)
+    description.write_text(texts["actuator.yaml"], encoding="utf-8")
+    assert described(description).smoothing_s == 0.3
 
 
 def test_a_bag_of_ours_becomes_a_stand_of_its_own_name(
