@@ -39,7 +39,7 @@ PAGES = (
         "thresholds and windows were chosen with these recordings in view. The last table is of a "
         "second stand.",
         ("real", "switch", "injections", "injection_ladders", "injection_recordings",
-         "current_faults", "injection_bound", "promise", "bearings", "cranfield"),
+         "current_faults", "injection_bound", "left_out", "promise", "bearings", "cranfield"),
     ),
     ResultPage(
         "table4",
