@@ -216,7 +216,7 @@ class AlarmJournal:
     def _comments(self, key: Key) -> tuple[Comment, ...]:
         rows = self._rows(
             "SELECT stamp_ns, author, substr(text, 1, ?) FROM comment WHERE stand = ? "
-            "AND source = ? AND detected_ns = ? ORDER BY stamp_ns DESC LIMIT ?",
+            "AND source = ? AND detected_ns = ? ORDER BY stamp_ns DESC, rowid DESC LIMIT ?",
             (LONGEST_TEXT, self._stand, *key, MOST_COMMENTS),
         )
         return tuple(
