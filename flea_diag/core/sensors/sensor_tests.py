@@ -153,7 +153,8 @@ class SensorTests:
         stepping = self._stepping, self._paired
         near = recent[-(count + 2 * SPAN - 1) :]
         anywhere = look(rows, self._columns, bounds, stepping, near, inside, steps, odd)
-        void = self._rushes(near, inside) if anywhere or self._rushing else None
+        leaps = self._rushing or (anywhere and odd[:, self._stepping].any())
+        void = self._rushes(near, inside) if leaps else None
         self._recent = recent[count:]
         usable, z = rows.copy(), np.empty((count, len(self._calm)))
         z[:] = self._calm
