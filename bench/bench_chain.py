@@ -1,7 +1,8 @@
 """Latency and CPU of the one-process diagnoser compared with an empty rclpy node.
 
-The empty node is a plain rclpy program: default executor, message classes, and one JointState of
-the size of a residual per scan. Both receive the same scans at the same time, 100 per second, in
+The empty node is a plain rclpy program: default executor, message classes, and one JointState per
+scan with the names of the diagnoser's own residual. What the diagnoser sends besides, once a second
+or on change, it does not send. Both receive the same scans at the same time, 100 per second, in
 alternating order, so that other load on the machine affects both equally. Latency is from the
 publication of a scan to the arrival of the resulting record in this process.
 
@@ -21,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "test")]
 
 import numpy as np
-from bench_scan import recording
+from bench_scan import pipeline, recording
 from bench_stand import cpu_s
 from summary import Figure, bench_parser, write_summary
 from support.live import Peer, Process, node
@@ -29,7 +30,7 @@ from support.live import Peer, Process, node
 from flea_diag.nodes.run.domain import reserved_domain
 from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.messages import codec
-from flea_diag.wire.records import ChannelTable, Scan
+from flea_diag.wire.records import ChannelTable, Residual, Scan
 
 PERIOD_S = 0.01
 SECONDS = 40
@@ -46,7 +47,7 @@ def empty() -> None:
     rclpy.init()
     me = rclpy.create_node("empty", namespace=NAMES[0])
     out = me.create_publisher(JointState, "residual", 100)
-    names = [f"residual_{k}" for k in range(150)]
+    names = sys.argv[2].split(",")
     numbers = [0.0] * len(names)
 
     def answer(scan: JointState) -> None:
@@ -56,10 +57,22 @@ def empty() -> None:
     rclpy.spin(me)
 
 
+def residual_names(table: ChannelTable, scans: list[Scan]) -> str:
+    """Names in the message of a residual, separated by commas."""
+    from rclpy.serialization import deserialize_message
+    from sensor_msgs.msg import JointState
+
+    stage = pipeline("particle", "auto")
+    stage.handle(table)
+    said = [record for scan in scans[:SETTLE] for record in stage.handle(scan)]
+    last = next(record for record in reversed(said) if isinstance(record, Residual))
+    return ",".join(deserialize_message(codec.encode(last), JointState).name)
+
+
 def measured(table: ChannelTable, scans: list[Scan]) -> dict[str, tuple[float, float]]:
     """Median latency, s, and CPU per scan, s, of both nodes."""
     commands = (
-        [sys.executable, __file__, "--empty"],
+        [sys.executable, __file__, "--empty", residual_names(table, scans)],
         node("flea_diag.nodes.diagnoser", "-r", f"__ns:=/{NAMES[1]}"),
     )
     sent, heard = ({name: np.full(len(scans), np.nan) for name in NAMES} for _ in range(2))

@@ -207,7 +207,12 @@ def observer_steps() -> dict[str, float]:
     found, relations = {}, compiled_relations("actuator.yaml", None, False)
     for backend in BACKENDS:
         observer = StateObserver(
-            ActuatorParameters(), relations, PERIOD_S, np.random.default_rng(0), 200, backend
+            ActuatorParameters(**relations.described),
+            relations,
+            PERIOD_S,
+            np.random.default_rng(0),
+            200,
+            backend,
         )
         times = []
         for row in rows:

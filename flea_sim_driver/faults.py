@@ -129,6 +129,21 @@ def _weak_drive(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
     return c._replace(duty=c.duty * (1.0 - size))
 
 
+def _controller_gain(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
+    """The position controller answers to ``size`` times the error."""
+    return c._replace(position_gain=c.position_gain * size, position_reset=c.position_reset * size)
+
+
+def _slipping_gear(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
+    """The motor turns a share ``size`` farther than the nut goes, and its gear takes the power."""
+    return c._replace(slip=size)
+
+
+def _second_load(c: Coefficients, size: float, _own: Numbers) -> Coefficients:
+    """A constant force on the nut that the load cell does not feel."""
+    return c._replace(unseen_load=size)
+
+
 def _none(c: Coefficients, _size: float, _own: Numbers) -> Coefficients:
     return c
 
@@ -177,6 +192,11 @@ PLANT_FAULTS: Mapping[str, PlantFault] = {
     "supply_sag": PlantFault("sagging supply", "share of supply lost", "physics", _supply_sag),
     "weak_drive": PlantFault("weak drive", "share of the output voltage lost", "physics",
                              _weak_drive),
+    "controller_gain": PlantFault("gain of the position controller", "times its gain", "physics",
+                                  _controller_gain),
+    "slipping_gear": PlantFault("slipping gear", "share of the motor's way", "physics",
+                                _slipping_gear),
+    "second_load": PlantFault("second load, not on the load cell", "N", "physics", _second_load),
     "accelerometer_1_fault": PlantFault(
         "accelerometer 1 (motor housing): noise, or dead at size 0", "m/s^2 of noise, 0: dead",
         "data", _none, places=("daq",)),

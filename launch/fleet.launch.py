@@ -59,15 +59,32 @@ def _of_host(given):
     path, host = given["hosts"], given["host"] or socket.gethostname()
     try:
         with open(path, encoding="utf-8") as file:
-            lines = [line.partition("#")[0] for line in file]
+            rows = _rows([line.partition("#")[0].strip() for line in file], path)
     except (OSError, UnicodeDecodeError) as error:
         raise RuntimeError(f"hosts:={path} cannot be read: {error}") from None
-    rows = {name.strip(): stands for name, _, stands in (line.partition(":") for line in lines)}
-    rows.pop("", None)
     if host not in rows:
         known = ", ".join(rows) or "none"
         raise RuntimeError(f"hosts:={path} has no line for host {host}, but for {known}")
     return rows[host]
+
+
+def _rows(lines, path):
+    """Stands by host; a host has one line, and a stand one host."""
+    rows, host_of = {}, {}
+    for number, line in enumerate(lines, 1):
+        name, colon, stands = line.partition(":")
+        name, where = name.strip(), f"hosts:={path}, line {number}"
+        if not line:
+            continue
+        if not colon or not name:
+            raise RuntimeError(f"{where}: {line!r} is not HOST: STANDS")
+        if name in rows:
+            raise RuntimeError(f"{where}: host {name} has a line already, which takes all stands")
+        rows[name] = stands
+        for stand in (entry.partition("=")[0].strip("/") for entry in stands.split()):
+            if host_of.setdefault(stand, name) != name:
+                raise RuntimeError(f"{where}: {host_of[stand]} has the stand {stand} already")
+    return rows
 
 
 def generate_launch_description():

@@ -10,7 +10,7 @@ from typing import Any
 
 from flea_diag.wire.bags.bag import BagReader
 from flea_diag.wire.messages import codec
-from flea_diag.wire.records import Scan, VibrationBlock
+from flea_diag.wire.records import ChannelTable, Scan, VibrationBlock
 from flea_diag.wire.topics import TOPIC_OF
 
 PERIOD_S = 0.01
@@ -52,19 +52,32 @@ def generate(count: int, folder: Path, seconds: float, vibration: bool) -> None:
     )
     rclpy.init()
     me = rclpy.create_node("generator")
+    table = next(row for _, row in BagReader(folder / "sound").records((ChannelTable,)))
     out = [
-        (me.create_publisher(codec.message_class(each.record_type),
-            f"/{name}/{TOPIC_OF[each.record_type].name}", 100), each)
+        (publisher_of(me, name, each.record_type), each)
         for number, name in enumerate(names(count))
         for each in (jammed if number % JAMMED == 0 else sound)
-    ]  # fmt: skip
-    while not all(publisher.get_subscription_count() for publisher, _ in out):
+    ]
+    tables = [(publisher_of(me, name, ChannelTable), codec.encode(table)) for name in names(count)]
+    for publisher, data in tables:  # latched, as a stand says once what its channels are
+        publisher.publish(data)
+    while not all(publisher.get_subscription_count() for publisher, _ in (*out, *tables)):
         time.sleep(0.05)
     time.sleep(1.0)  # a writer knows its reader before the reader knows the writer
     print(READY, flush=True)
     publish(out, seconds)
     print("all published", flush=True)
     rclpy.spin(me)  # what is not acknowledged yet is sent again, until this process is ended
+
+
+def publisher_of(node: Any, name: str, record_type: type) -> Any:
+    """Publisher of one topic of a stand."""
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    topic = TOPIC_OF[record_type]
+    kept = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
+    quality = QoSProfile(depth=topic.depth if topic.latched else 100, durability=kept)
+    return node.create_publisher(codec.message_class(record_type), f"/{name}/{topic.name}", quality)
 
 
 def publish(out: list[tuple[Any, Prepared]], seconds: float) -> None:

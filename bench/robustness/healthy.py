@@ -150,8 +150,13 @@ class Judged:
     last: str
 
 
-def scenario(draw: Draw, kind: str, machine: Machine, file: str) -> Any:
-    """A healthy run of this kind; draws that the machine cannot run are drawn anew."""
+def scenario(
+    draw: Draw, kind: str, machine: Machine, file: str, given: Values | None = None
+) -> Any:
+    """A healthy run of this kind, but for what is ``given``.
+
+    Draws that the machine cannot run are drawn anew.
+    """
     for _ in range(50):
         values: Values = {
             "machine": file,
@@ -161,6 +166,7 @@ def scenario(draw: Draw, kind: str, machine: Machine, file: str) -> Any:
         values |= {"sensors": {"vibration": False}} | _inside(draw, machine)
         for beyond in KINDS[kind]:
             values |= beyond(draw, machine)
+        values |= given or {}
         try:
             return scenario_from_mapping(values, kind)
         except ConfigurationError:

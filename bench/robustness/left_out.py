@@ -4,7 +4,8 @@ python bench/robustness/left_out.py       the FLEA's recordings below FLEA_DATA_
 python bench/robustness/left_out.py bags/* --part families
 
 Each recording is left out by itself, then each family of one motion (sine1, trap3) together. What
-is left out is diagnosed by a calibration from all others; an alarm is any episode. A calibration
+is left out is diagnosed by a calibration from all others; an alarm is any episode. Its scans lie
+within the envelope where no limit grows. A calibration
 without a family also diagnoses every jam and every spall with ``--faults``: a jam is found where
 ``jam`` is in the last group, a spall is right where no alarm is raised, for it does not show in
 slow channels.
@@ -25,6 +26,9 @@ from summary import Figure, bench_parser, share, write_summary
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.stand import load_stand
+from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.conditions.envelope_watch import EnvelopeWatch
+from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.tools.calibrate.calibrate import calibrate, write_calibration
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording, read_nominal
 
@@ -46,19 +50,34 @@ def folds(recordings: list[NominalRecording], part: str) -> dict[str, list[Nomin
     return made
 
 
+def covered(row: NominalRecording, calibration: Calibration) -> int:
+    """Scans of a recording that lie within the envelope of a calibration."""
+    c, known = calibration, calibration.envelope
+    assert known is not None
+    encoder = c.parameters.encoder_m_per_rad != 0.0
+    relations = compiled_relations(load_stand().actuator, row.channels, encoder)
+    bank = ResidualBank(c.parameters, relations, period_s=row.period_s, counts=c.counts)
+    watch = EnvelopeWatch(known, relations, c.parameters, c.counts.kernel, row.period_s)
+    watch.step(row.run.rows, bank.step(row.run.rows, frozen=False))
+    beyond = watch.place.beyond
+    return len(row.run.rows) - (0 if beyond is None else int((beyond > 0.0).any(axis=1).sum()))
+
+
 def scored(
     recordings: list[NominalRecording], part: str, bags: dict[str, Path], faulty: list[Path]
 ) -> Iterator[Figure]:
     """Figures of one part."""
-    quiet, hours, jams, spalls = [0, 0], 0.0, [0, 0], [0, 0]
+    quiet, hours, jams, spalls, inside = [0, 0], 0.0, [0, 0], [0, 0], [0, 0]
     with TemporaryDirectory() as folder:
         for name, left in folds(recordings, part).items():
             rest = [row for row in recordings if row not in left]
             target = Path(folder, f"{name}.yaml")
-            write_calibration(target, calibrate(rest, load_stand().actuator, STATED_PER_HOUR))
+            made = calibrate(rest, load_stand().actuator, STATED_PER_HOUR)
+            write_calibration(target, made)
             for row in left:
                 groups = diagnosed(bags[row.run.name], target)
                 quiet = [quiet[0] + (not groups), quiet[1] + 1]
+                inside = [inside[0] + covered(row, made), inside[1] + len(row.run.rows)]
                 hours += len(row.run.rows) * row.period_s / 3600.0
                 for group in groups:
                     print(f"{row.run.name}: {group.opened_by}", flush=True)
@@ -73,6 +92,9 @@ def scored(
     yield share(f"left-out {part}: no alarm", *quiet)
     yield Figure(
         f"left-out {part}: false alarms", quiet[1] - quiet[0], f"in {hours:.3f} h", quiet[1]
+    )
+    yield Figure(
+        f"left-out {part}: scans within the envelope", 100.0 * inside[0] / inside[1], "%", inside[1]
     )
     if jams[1]:
         yield share("calibrated without a family: jam found", *jams)

@@ -11,6 +11,7 @@ from flea_diag.configuration.knowledge import effects, knowledge, load_features
 from flea_diag.configuration.stand import Stand
 from flea_diag.configuration.stand_parameters import StandParameters, stand_of
 from flea_diag.core.backend import compiling
+from flea_diag.core.vibration.block_moments import try_out_moments
 from flea_diag.core.vibration.features import try_out
 from flea_diag.stages import Stage
 from flea_diag.stages.extractor.extractor import ExtractorParameters, ExtractorStage
@@ -126,6 +127,7 @@ class Component(Generic[P]):
         if VibrationBlock in stage.consumes:
             table = load_features(stand.features)
             try_out(table.features, table.nominal.rate_hz)
+            try_out_moments()
         calibration = learned(stand)
         channels, period_ns = calibration.channels, round(calibration.period_s * 1e9)
         for number in range(WARM_UP_SCANS):

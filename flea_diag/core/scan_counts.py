@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from flea_diag.core.frozen import Frozen
 
-PERIOD_S = 0.01
-"""Period of the FLEA's scans, by which older calibrations count at any rate."""
+COUNTED_PERIOD_S = 0.01
+"""Period by which calibrations that state none count at any rate: of the first stand."""
 SMOOTHING_S = 0.3
 """Length of the smoothing kernel where a description states none; half of it is its delay."""
 SMOOTHINGS_S = (0.01, 10.0)
@@ -23,7 +23,7 @@ SMOOTHINGS_S = (0.01, 10.0)
 class ScanCounts(Frozen):
     """Counts of scans that follow each other by ``period_s``, smoothed over ``smoothing_s``."""
 
-    period_s: float = PERIOD_S
+    period_s: float
     smoothing_s: float = SMOOTHING_S
 
     def of(self, time_s: float) -> int:
@@ -34,7 +34,3 @@ class ScanCounts(Frozen):
     def kernel(self) -> int:
         """Length of the smoothing kernel: odd, and at least the five that a curvature takes."""
         return 1 + 2 * max(2, round(0.5 * self.smoothing_s / self.period_s))
-
-
-FLEA_COUNTS = ScanCounts()
-"""Those of the FLEA."""

@@ -1,4 +1,6 @@
-"""Copies of a stage's state for checkpoints: as ``copy.deepcopy``, several times as fast.
+"""Copies of a stage's state for checkpoints: as ``copy.deepcopy``, in 0.6 of its time.
+
+Replays of recordings with episodes take a tenth longer with ``deepcopy``.
 
 The state of an observer is some hundred small objects of our own, lists and arrays. What they hold
 is mostly numbers, names and frozen values, which copies share.

@@ -61,6 +61,9 @@ SOURCES: tuple[type, ...] = (ChannelTable, VibrationBlock, Scan, Remark)
 STREAMS: tuple[type, ...] = (VibrationBlock, Scan, Residual, VibrationLevel)
 """Records with increasing stamps. Latched records are excluded: they may be of any age."""
 
+NUMBERS: tuple[type, ...] = (Residual, VibrationLevel)
+"""Records of each scan or block: published, and neither logged nor repeated."""
+
 SAID_ONCE: tuple[type, ...] = (ChannelTable, DataQuality, AmbiguityGroup)
 """State records, given to a fresh stage again."""
 
@@ -241,6 +244,9 @@ class Adapter:
 
     def _publish(self, records: tuple[Record, ...]) -> None:
         for record in records:
+            if isinstance(record, NUMBERS):
+                self._bus.publish(record)
+                continue
             if isinstance(record, AmbiguityGroup):
                 record = self._verdict.changed(record, self._health.silent)
                 self._memory.keep(record)
@@ -281,21 +287,23 @@ class Adapter:
 
         A waiting record does not refresh the verdict of the previous run: it remains stale.
         """
-        kind = type(record)
+        kind, stamp_ns = type(record), record.stamp_ns
         if kind not in STREAMS:
             return (record,)
-        latest_ns = self._latest_ns.get(kind, record.stamp_ns)
-        self._health.arrived(kind, record.stamp_ns, late=record.stamp_ns < latest_ns)
-        if record.stamp_ns >= latest_ns - JUMP_NS:
-            self._latest_ns[kind] = max(record.stamp_ns, latest_ns)
+        latest_ns = self._latest_ns.get(kind, stamp_ns)
+        self._health.arrived(kind, stamp_ns, stamp_ns < latest_ns)
+        if stamp_ns >= latest_ns - JUMP_NS:
+            self._latest_ns[kind] = stamp_ns if stamp_ns > latest_ns else latest_ns
             self._health.taken()
+            if not self._held:
+                return (record,)
             refuted = [held for held in self._held if type(held) is kind]
             self._held = [held for held in self._held if type(held) is not kind]
             return (*refuted, record)
         self._held.append(record)
         if sum(type(held) is kind for held in self._held) < FOLLOWERS:
             return ()
-        back_s = (latest_ns - record.stamp_ns) / 1e9
+        back_s = (latest_ns - stamp_ns) / 1e9
         self._bus.info(
             f"{kind.__name__} stamps stepped back by {back_s:.1f} s: diagnosis restarted"
         )

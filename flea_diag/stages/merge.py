@@ -10,6 +10,7 @@ everything of a scan has come before the next one (``in_step``), nothing waits f
 from __future__ import annotations
 
 import heapq
+from collections.abc import Callable
 
 import numpy as np
 
@@ -93,10 +94,12 @@ class Merge:
         """Release nothing after ``stamp_ns`` until told otherwise, or the limit has passed."""
         self._hold_ns = stamp_ns
 
-    def pop(self, everything: bool = False, single: bool = True) -> Record | ResidualBlock | None:
+    def pop(
+        self, everything: bool = False, in_blocks: Callable[[], bool] = bool
+    ) -> Record | ResidualBlock | None:
         """The next record in order, or None when none is due; ``everything`` ends the stream.
 
-        Unless it is to be ``single``, of a block all that is due before anything else.
+        Where they may leave ``in_blocks``, of a block all that is due before anything else.
         """
         if not self._waiting:
             return None
@@ -108,6 +111,7 @@ class Merge:
         if not isinstance(record, ResidualBlock):
             self._others -= rank != self._clock_rank
             return record
+        single = not in_blocks()
         count = 1 if single else self._leading(record, everything)
         if count < len(record):
             self._wait_again(record.part(slice(count, None)))

@@ -26,6 +26,10 @@ class Pipeline:
             dict.fromkeys(kind for stage in self._stages for kind in stage.consumes)
         )
         # Whether a stage takes blocks at all is asked first, each time: see ``_takes_blocks``.
+        self._of_record = {
+            kind: [stage.handle for stage in self._stages if kind in stage.consumes]
+            for kind in self.consumes
+        }
         self._of_block: dict[type, list[BlockStage]] = {
             block: [cast(BlockStage, stage) for stage in self._stages if kind in stage.consumes]
             for block, kind in IN_BLOCKS.items()
@@ -110,11 +114,10 @@ class Pipeline:
         caused: list[Record] = []
         while waiting:
             current = waiting.popleft()
-            for stage in self._stages:
-                if type(current) in stage.consumes:
-                    produced = stage.handle(current)
-                    caused.extend(produced)
-                    waiting.extend(produced)
+            for handle in self._of_record.get(type(current), ()):
+                produced = handle(current)
+                caused.extend(produced)
+                waiting.extend(produced)
         return tuple(caused)
 
 

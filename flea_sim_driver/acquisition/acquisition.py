@@ -128,14 +128,22 @@ class Acquisition:
     def _mechanical(self, block: Block) -> dict[str, Array]:
         return {
             "motor_speed": self._encoder_speed(block),
-            "actuator_position": block.mean("position") + self._panel.homing_error_m,
+            "actuator_position": self._actuator_position(block) + self._panel.homing_error_m,
             **self._load_side(block),
             "load_force": block.mean("force"),
         }
 
+    def _actuator_position(self, block: Block) -> Array:
+        """Position of the nut; of the motor where that is what its sensor is mounted on."""
+        rows = {row.channel: row for row in self._machine.instruments}
+        nut = block.mean("position")
+        on_motor = rows["actuator_position"].mount == "motor shaft"
+        return nut + block.mean("slipped") if on_motor else nut
+
     def _encoder_speed(self, block: Block) -> Array:
         """Counts of the motor's encoder over each scan, as a speed in rad/s."""
-        position, counts = block.column("position"), self._sampling.encoder_counts
+        position = block.column("position") + block.column("slipped")
+        counts = self._sampling.encoder_counts
         steps = len(position) // len(block.sizes)
         turn_m = block.unit.lead_m * block.unit.gear_ratio
         read = np.floor(position[steps - 1 :: steps] / turn_m * counts)

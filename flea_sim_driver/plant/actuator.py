@@ -20,6 +20,8 @@ Sizes = tuple[float | None, ...]
 HEALTHY: dict[str, float] = {
     "eccentric": 0.0,
     "spall": 0.0,
+    "slip": 0.0,
+    "unseen_load": 0.0,
     "bridge": 1.0,
     "feedback_scale": 1.0,
     "feedback_offset": 0.0,

@@ -19,11 +19,11 @@ import numpy.typing as npt
 STEP_S = 0.5e-3
 STATES = (
     "current", "speed", "position", "load_speed", "load_position", "load_current", "trim", "felt",
-    "wound", "slack", "wish",
+    "wound", "slack", "wish", "slipped",
 )  # fmt: skip
 SIGNALS = (
     "current", "voltage", "command", "speed", "position", "load_position", "force",
-    "load_current", "friction_power",
+    "load_current", "friction_power", "slipped",
 )  # fmt: skip
 Array = npt.NDArray[np.float64]
 
@@ -47,6 +47,8 @@ class Coefficients(NamedTuple):
     eccentric: float
     spall: float
     spall_order: float
+    slip: float
+    unseen_load: float
     screw_ratio: float
     motor_ratio: float
     cogging: float
@@ -243,10 +245,14 @@ def _integrate(
     state: Array, reference: Array, load: Array, noise: Array, c: Any, dt: float, out: Array
 ) -> None:
     """Advance ``state`` in place over ``len(reference)`` steps and fill ``out`` (n, signals)."""
-    i, v, x, vl, xl, iz, trim, felt, wound, slack, wish = state
+    i, v, x, vl, xl, iz, trim, felt, wound, slack, wish, slipped = state
     for k in range(reference.shape[0]):
-        command, felt, wish = _position_loop(c, dt, reference[k], noise[k, 0], i, x, felt, wish)
-        command, voltage, i = _drive(c, command, c.force_constant * v, i)
+        # What a motor whose gear slips turns beyond the nut: its own sensor reads both.
+        turned = x + slipped
+        command, felt, wish = _position_loop(
+            c, dt, reference[k], noise[k, 0], i, turned, felt, wish
+        )
+        command, voltage, i = _drive(c, command, c.force_constant * v * (1.0 + c.slip), i)
         # Motor and screw, against the coupling.
         angle = x / c.screw_ratio
         force = _coupling_force(c, x + c.lead_error * math.sin(angle) - xl, v - vl)
@@ -255,11 +261,12 @@ def _integrate(
         if c.friction_wave != 0.0:
             dry *= 1.0 + c.friction_wave * math.sin(c.wave_number * x)
         drag = dry + c.stribeck / (1.0 + slip * slip) + c.load_friction * abs(force)
-        push = c.force_constant * i - c.viscous * v - force
+        push = c.force_constant * i - c.viscous * v - force - c.unseen_load
         push -= _ripple_force(c, angle, x / c.motor_ratio)
         push -= _stop_force(c, x, v, c.nut_low, c.nut_high)
         v = _stopped(v + dt * push / c.mass, dt * drag / c.mass)
         x += dt * v
+        slipped += dt * c.slip * v
         # Load actuator.
         measured = c.force_feedback_scale * force + c.force_feedback_offset
         measured += c.force_feedback_noise * noise[k, 0]
@@ -274,7 +281,8 @@ def _integrate(
         row[3], row[4], row[5] = v, x, xl
         row[6], row[7] = force, iz
         row[8] = (drag + c.viscous * abs(v)) * abs(v)
-    state[:] = (i, v, x, vl, xl, iz, trim, felt, wound, slack, wish)
+        row[9] = slipped
+    state[:] = (i, v, x, vl, xl, iz, trim, felt, wound, slack, wish, slipped)
 
 
 PARTS = (

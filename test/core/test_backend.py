@@ -25,7 +25,7 @@ rows = np.zeros((100, len(FLEA.channels)))
 rows[:, FLEA.index["motor_current"]] = draw.normal(0.0, 0.5, 100)
 rows[:, FLEA.index["motor_voltage"]] = draw.normal(0.0, 3.0, 100)
 rows[:, FLEA.index["actuator_position"]] = draw.normal(0.05, 6e-5, 100)
-p, generator = ActuatorParameters(), np.random.default_rng(0)
+p, generator = ActuatorParameters(**RELATIONS.described), np.random.default_rng(0)
 observer = StateObserver(p, RELATIONS, 0.01, generator, 200, "numba")
 print(observer.follow(rows).table.tobytes().hex())
 """

@@ -205,3 +205,27 @@ def test_accelerometer_faults_persist_at_standstill() -> None:
         dead = vibration(records(**still, **fault(f"accelerometer_{number}_fault", 0.0, size=0.0)))
         assert np.all(dead[:, axes] == 0.0)
         assert np.all(np.std(np.delete(dead, np.arange(6)[axes], axis=1), axis=0) > 0.1)
+
+
+def test_faults_outside_the_catalogue_move_what_they_act_on() -> None:
+    """On the 8 kN actuator, in the last second of eight: without, and with each of them."""
+    sine = {"kind": "sine", "amplitude_m": 0.02, "frequency_hz": 0.25, "centre_m": 0.07}
+    whole: dict[str, Any] = {"machine": "ema", "duration_s": DURATION_S, "motion": sine}
+
+    def last(**options: Any) -> dict[str, Array]:
+        return {name: row[-200:] for name, row in scans(records(**whole, **options)).items()}
+
+    free = last()
+    loaded = last(**fault("second_load", 4.0, size=800.0))
+    drawn = loaded["motor_current"] - free["motor_current"]
+    assert np.mean(drawn) == pytest.approx(800.0 / 414.0, rel=0.05)  # N over N/A
+    assert abs(np.mean(loaded["load_force"] - free["load_force"])) < 40.0
+    slips = last(**fault("slipping_gear", 4.0, size=0.1))
+    went = {n: np.ptp(slips[n]) / np.ptp(free[n]) for n in ("actuator_position", "load_position")}
+    assert went["actuator_position"] / went["load_position"] == pytest.approx(1.1, rel=0.01)
+    behind = {
+        size: np.abs(run["commanded_position"] - run["actuator_position"]).mean()
+        for size in (1.0, 0.3)
+        for run in [last(**fault("controller_gain", 4.0, size=size))]
+    }
+    assert behind[0.3] > 1.5 * behind[1.0]

@@ -173,6 +173,7 @@ ARROWS = {
             "symbolic",
         ),
         "likelihood": ("residuals", "symbolic", "faults"),
+        "likelihood_ratio": ("likelihood", "calibration", "residuals", "symbolic"),
         "isolation": ("likelihood", "calibration", "signatures", "causal_graph", "faults"),
         "vibration": (),
         "choice": ("vibration", "likelihood", "residuals", "symbolic"),

@@ -179,3 +179,46 @@ def test_a_bench_writes_its_figures_and_they_are_kept(tmp_path: Path) -> None:
     kept = json.loads((tmp_path / "kept" / "a.json").read_text(encoding="utf-8"))
     assert kept["origin"]["commit"] == content["commit"]
     assert kept["rows"][1]["against"] == "d"
+
+
+def test_pairs_count_who_is_right_alone(tmp_path: Path) -> None:
+    right = {"truth": "jam", "onset_s": 9.0, "expected": ["jam"], "group": ["jam"],
+             "detection_time_s": 1.0, "duration_s": 20.0, "nominal_s": 9.0, "cpu_s": 0.02,
+             "alarms_s": [10.0]}  # fmt: skip
+    wrong = {**right, "group": ["spall"], "outcome": "ISOLATED", "detection_time_s": 3.0}
+    told = {
+        "a/1": (right, wrong),
+        "a/2": (right, right),
+        "a/3": (wrong, right),
+        "a/4": (right, wrong),
+    }
+    lines = [
+        {
+            "schema_version": 1,
+            "id": name,
+            "kind": "simulated",
+            "row": "Jam",
+            "configuration": who,
+            **of,
+        }
+        for name, both in told.items()
+        for who, of in zip(("ratio", "hybrid"), both, strict=True)
+    ]
+    folder = tmp_path / "score"
+    folder.mkdir()
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+    (folder / "results.jsonl").write_text(text, encoding="utf-8")
+    options = ("--of", "ratio", "--as", "two", "--title", "t", "--scored-on", "s")
+    done = command("pairs", folder, *options, "--folder", tmp_path)
+    assert done.returncode == 0, done.stderr
+    every, alarms, cost, jam = json.loads((tmp_path / "two.json").read_text(encoding="utf-8"))[
+        "rows"
+    ]
+    assert (every["name"], every["right"], every["count"]) == ("score, a: all", 3, 4)
+    assert every["cells"]["the other"] == "2"
+    assert every["cells"]["a wrong fault isolated"] == "1, 2"
+    assert every["cells"]["right alone, other alone"] == "2, 1"
+    assert every["cells"]["detected after"] == "1.00, 2.00 s"
+    assert (alarms["events"], alarms["hours"]) == (0, 0.01)
+    assert (cost["value"], cost["unit"], cost["cells"]["the other"]) == (1.0, "ms", "1.0")
+    assert jam["name"] == "score, a: Jam"

@@ -252,7 +252,7 @@ def pit_of_another_unit(
 
 
 UNIT_FIRST = pit_of_another_unit(
-    642367727, 27.0, (23.8, 6.8), 292.4, 13.9, 1.759,
+    90219630, 27.0, (23.8, 0.1), 177.0, 13.9, 1.759,
     kind="trapezoid", amplitude_m=0.0205, frequency_hz=0.089, centre_m=0.0505, rise_s=1.2,
 )  # fmt: skip
 PIT_FIRST = pit_of_another_unit(

@@ -10,11 +10,34 @@ import numpy as np
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.observers.observer_noise import ObserverNoise
-from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
+from flea_diag.core.scan_counts import ScanCounts
 
 FLEA = compiled_relations("actuator.yaml").residuals
+FLEA_TOLERANCE = UnitTolerance(10.0, 125.0, 15.0, 0.3, 4.0, 0.5, 0.15, 0.03)
+FLEA_COUNTS = ScanCounts(0.01, FLEA.smoothing_s)
 
-P = ActuatorParameters(
+
+def flea_parameters(**known: float) -> ActuatorParameters:
+    """An actuator about like the FLEA, but for what is given."""
+    near = {
+        "force_constant_n_per_a": 177.0,
+        "back_emf_v_s_per_m": 177.0,
+        "winding_resistance_ohm": 2.95,
+        "winding_inductance_h": 0.002,
+        "coulomb_friction_n": 50.0,
+        "viscous_friction_n_s_per_m": 400.0,
+        "stribeck_speed_m_s": 0.004,
+        "reflected_mass_kg": 130.0,
+        "motor_heating_k_per_a2s": 0.010,
+        "motor_cooling_s": 775.0,
+        "nut_cooling_s": 775.0,
+        "reference_temperature_degc": 25.0,
+    }
+    return ActuatorParameters(**near | known)
+
+
+P = flea_parameters(
     voltage_offset_v=1.5,
     current_offset_a=-0.3,
     encoder_m_per_rad=5e-4,

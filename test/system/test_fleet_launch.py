@@ -66,3 +66,23 @@ def test_what_cannot_be_started_is_one_line(
         assert process.end() == 1
     (line,) = process.output.splitlines()
     assert words in line
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("pc_1: bay_1\npc_1: bay_2\n", "line 2: host pc_1 has a line already"),
+        ("pc_1: bay_1\n\npc_2: bay_2 /bay_1=./mine\n", "line 3: pc_1 has the stand bay_1 already"),
+        ("pc_1: bay_1\nbay_2 # host forgotten\n", "line 2: 'bay_2' is not HOST: STANDS"),
+    ],
+)
+def test_a_hosts_file_that_would_lose_or_double_a_stand_is_refused(
+    domain: int, prefix: str, tmp_path: Path, text: str, words: str
+) -> None:
+    hosts = tmp_path / "fleet.txt"
+    hosts.write_text(text, encoding="utf-8")
+    command = launched(FILE, f"hosts:={hosts}", "host:=pc_1")
+    with Process(command, domain, AMENT_PREFIX_PATH=prefix) as process:
+        assert process.end() == 1
+    (line,) = process.output.splitlines()
+    assert words in line

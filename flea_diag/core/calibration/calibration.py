@@ -29,7 +29,7 @@ from flea_diag.core.residuals.parameters import (
     UnitTolerance,
 )
 from flea_diag.core.residuals.unit_difference import difference_sigmas
-from flea_diag.core.scan_counts import FLEA_COUNTS, SMOOTHING_S, SMOOTHINGS_S, ScanCounts
+from flea_diag.core.scan_counts import COUNTED_PERIOD_S, SMOOTHING_S, SMOOTHINGS_S, ScanCounts
 from flea_diag.core.sensors.sensor_limits import SensorLimit
 from flea_diag.fields.values import NotNegative, Positive, within
 from flea_diag.formats import stamped
@@ -110,7 +110,7 @@ class Calibration(Frozen):
     """Scores of faulty runs, by which a group holds the fault as often as stated."""
     units: UnitSpread | None = None
     """What the units of the calibration differ by; None where fewer than three are known."""
-    counted_period_s: Annotated[float, within(*PERIOD_S)] = FLEA_COUNTS.period_s
+    counted_period_s: Annotated[float, within(*PERIOD_S)] = COUNTED_PERIOD_S
     """Period by which times were made counts of scans; an older file has the FLEA's at any rate."""
     smoothing_s: Annotated[float, within(*SMOOTHINGS_S)] = SMOOTHING_S
     """Time over which readings were smoothed, by the description."""
@@ -153,7 +153,7 @@ class Calibration(Frozen):
         plain = {k: v for k, v in plain.items() if v or k not in SINCE_OUT_OF_SAMPLE}
         if plain.get("envelope") and not plain["envelope"]["travel"]:
             plain["envelope"].pop("travel")
-        if self.counted_period_s == FLEA_COUNTS.period_s:
+        if self.counted_period_s == COUNTED_PERIOD_S:
             plain.pop("counted_period_s")
         if self.smoothing_s == SMOOTHING_S:
             plain.pop("smoothing_s")

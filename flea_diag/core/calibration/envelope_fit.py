@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.calibration.window_fit import LEAST_IN_REGION
+from flea_diag.core.flag_runs import longest_run
 from flea_diag.core.residuals.leverage import (
     PLACE,
     CalibrationEnvelope,
@@ -20,7 +21,9 @@ from flea_diag.core.residuals.leverage import (
     leverages,
     stretches,
 )
+from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.core.residuals.thermal import SupplyMean
 from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
@@ -34,7 +37,10 @@ MOST = 0.999
 
 
 def envelope(
-    traces: Sequence[Trace], relations: RelationSet, counts: ScanCounts
+    traces: Sequence[Trace],
+    relations: RelationSet,
+    counts: ScanCounts,
+    parameters: ActuatorParameters,
 ) -> CalibrationEnvelope | None:
     """Envelope of the recordings; None where they show none."""
     basis = LeverageBasis(relations)
@@ -58,7 +64,22 @@ def envelope(
     if not any(fit.relation != PLACE for fit in fits):
         return None
     ranges = _ranges(traces, relations, position) | _conditions(traces, counts)
-    return CalibrationEnvelope(position, tuple(fits), ranges, travel_factors(traces, counts))
+    supplies = _supplies(traces, relations, parameters, counts.period_s)
+    ends = travel_factors(traces, counts)
+    return CalibrationEnvelope(position, tuple(fits), ranges, ends, supplies)
+
+
+def _supplies(
+    traces: Sequence[Trace],
+    relations: RelationSet,
+    parameters: ActuatorParameters,
+    period_s: float,
+) -> dict[str, float]:
+    """Largest mean of what supplies each predicted store, where anything does."""
+    means = (SupplyMean(relations, parameters, period_s).step(trace.signals) for trace in traces)
+    largest = np.max([mean.max(axis=0) for mean in means], axis=0)
+    names = (row.name for row in relations.predictions)
+    return {name: most for name, most in zip(names, largest.tolist(), strict=True) if most > 0.0}
 
 
 def _ranges(
@@ -79,7 +100,7 @@ def _ranges(
 
 def _conditions(traces: Sequence[Trace], counts: ScanCounts) -> dict[str, tuple[float, float]]:
     """Range of each channel of a temperature, and of the time at rest; no test depends on them."""
-    longest = max(_longest(~trace.moving) for trace in traces) * counts.period_s
+    longest = max(longest_run(~trace.moving) for trace in traces) * counts.period_s
     found = {REST: (0.0, float(longest))}
     for name in traces[0].temperatures:
         ends = np.array([trace.temperatures[name] for trace in traces])
@@ -87,12 +108,6 @@ def _conditions(traces: Sequence[Trace], counts: ScanCounts) -> dict[str, tuple[
         if len(ends):
             found[name] = (float(ends[:, 0].min()), float(ends[:, 1].max()))
     return found
-
-
-def _longest(flags: npt.NDArray[np.bool_]) -> int:
-    """Length of the longest run of scans with the flag."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
-    return int(np.diff(edges)[::2].max(initial=0))
 
 
 def travel_factors(traces: Sequence[Trace], counts: ScanCounts) -> TravelFactors | None:

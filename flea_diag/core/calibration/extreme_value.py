@@ -51,8 +51,11 @@ def extreme_value(maxima: Array) -> tuple[float, float, float]:
 
 def return_level(maxima: Array, share: float) -> float:
     """Level that the given share of further maxima exceeds; NaN for too few maxima."""
-    if len(maxima) < LEAST_MAXIMA:
-        return math.nan
+    return tail_level(maxima, share) if len(maxima) >= LEAST_MAXIMA else math.nan
+
+
+def tail_level(maxima: Array, share: float) -> float:
+    """The same of however few, three at least: a guess, which a single large one may double."""
     location, scale, k = extreme_value(maxima)
     reduced = -math.log(-math.log1p(-min(share, 0.5)))
     return location + scale * (reduced if k == 0.0 else -math.expm1(-k * reduced) / k)

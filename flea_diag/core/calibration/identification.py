@@ -96,7 +96,12 @@ def identify(
     fold = _numbered(folds or tuple(map(str, range(len(runs)))))
     data = replace(smooth(runs, drawn.residuals, kernel_length, period_s), fold=fold)
     start = {n: v for n, v in drawn.described.items() if n != "encoder_m_per_rad"}
-    result = Identified(replace(ActuatorParameters(), **start), without=[{} for _ in runs])
+    if "stribeck_speed_m_s" not in start:
+        raise CalibrationError(
+            "the description has no base parameter stribeck_speed_m_s, the width of the smooth "
+            "sign of friction, which says what is motion: add it to base_parameters"
+        )
+    result = Identified(ActuatorParameters(**start), without=[{} for _ in runs])
     result.missing(["winding_inductance_h"], "L/R is far below the scan period; an assumption")
     result.missing(["stribeck_speed_m_s"], "width of the smooth sign of friction; an assumption")
     result.missing(["reference_temperature_degc"], "where the resistance holds; a convention")

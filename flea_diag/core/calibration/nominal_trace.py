@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import BadStretch, NominalRun
 from flea_diag.core.calibration.identification import Identified
+from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
@@ -109,9 +110,8 @@ def with_innovations(traced: Trace, innovations: Array) -> Trace:
 
 def stretches(traced: Trace, period_s: float) -> list[BadStretch]:
     """Intervals of bad voltage of one recording, in seconds from its start."""
-    bad = np.flatnonzero(np.diff(np.concatenate(([False], ~traced.voltage_usable, [False]))))
     return [
         BadStretch(traced.name, VOLTAGE, float(a * period_s), float(b * period_s))
-        for a, b in bad.reshape(-1, 2)
+        for a, b in flag_runs(~traced.voltage_usable)
         if b - a >= ScanCounts(period_s).of(ENTER_S)
     ]

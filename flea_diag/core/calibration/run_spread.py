@@ -26,6 +26,7 @@ from flea_diag.core.residuals.parameters import (
 )
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.symbolic.expression import Variable
+from flea_diag.errors import CalibrationError
 
 HEATING = "thermal_rate_k_per_s"
 SHARE, NOISES = 0.1, 3.0
@@ -43,18 +44,28 @@ OwnFit = Mapping[str, tuple[float, float]]
 
 
 def tolerance_of(parameters: ActuatorParameters, relations: RelationSet) -> UnitTolerance:
-    """Differences between healthy units (one sigma), which recordings of one unit do not show."""
+    """Differences between healthy units (one sigma), which recordings of one unit do not show.
+
+    Raises
+    ------
+    CalibrationError
+        The description predicts a temperature, and does not say how far its rate may be off.
+    """
     rows, stated = relations.residuals, relations.tolerances
     noises = {offset: rows.noise[channel] for channel, offset in relations.offsets.items()}
-    spread = {}
+    if relations.predictions and HEATING not in stated:
+        names = ", ".join(row.name for row in relations.predictions)
+        raise CalibrationError(
+            f"the description predicts {names} and states no tolerance {HEATING}, by which the "
+            "heating of a healthy unit departs from that: add it under tolerances"
+        )
+    spread = {HEATING: stated.get(HEATING, Tolerance()).of(0.0)}
     for name in relations.units:
         if name in LATER_TOLERANCES and name not in stated:
             continue
         noise = noises.get(Variable(name), 0.0)
         tolerance = stated.get(name) or Tolerance(SHARE, NOISES * noise)
         spread[name] = tolerance.of(getattr(parameters, name))
-    if HEATING in stated:
-        spread[HEATING] = stated[HEATING].of(0.0)
     return UnitTolerance(**spread)
 
 

@@ -144,8 +144,8 @@ def fit_limits(
     traces: Sequence[Trace],
     false_alarms_per_hour: float,
     period_s: float,
+    tolerance: UnitTolerance,
     folds: Sequence[str] = (),
-    tolerance: UnitTolerance | None = None,
     spread: Mapping[str, tuple[float, ...]] = MappingProxyType({}),
     judged: Sequence[Trace] = (),
 ) -> LimitFit:
@@ -153,10 +153,10 @@ def fit_limits(
 
     Parameters
     ----------
-    folds
-        Of each recording what is left out together with it: its name, or its unit.
     tolerance
         What healthy units differ by.
+    folds
+        Of each recording what is left out together with it: its name, or its unit.
     spread
         d r / d theta of healthy units for residuals without an analytical one.
     judged
@@ -166,7 +166,6 @@ def fit_limits(
     if not traces:
         return LimitFit((), (), {}, {}, np.empty(0), (), false_alarms_per_hour)
     others = others_of(folds or tuple(map(str, range(len(traces)))))
-    tolerance = tolerance or UnitTolerance()
     given = _Tests(
         traces, judged or traces, others, tolerance, false_alarms_per_hour, period_s, spread
     )
@@ -193,11 +192,11 @@ def not_nominal(
     traces: Sequence[Trace],
     false_alarms_per_hour: float,
     period_s: float,
+    tolerance: UnitTolerance,
     folds: Sequence[str],
     spread: Mapping[str, tuple[float, ...]],
     fitted: LimitFit,
     judged: Sequence[Trace] = (),
-    tolerance: UnitTolerance | None = None,
 ) -> dict[str, str]:
     """Recordings that limits learned from the others show not to be nominal, with the reason.
 
@@ -214,8 +213,8 @@ def not_nominal(
             [traces[k] for k in left],
             false_alarms_per_hour,
             period_s,
-            [folds[k] for k in left],
             tolerance,
+            [folds[k] for k in left],
             spread=spread,
             judged=[judged[k] for k in left] if judged else (),
         )
@@ -293,7 +292,7 @@ def _shifts(row: ResidualRow, column: int, entry: Trace, given: _Tests) -> Array
     use = entry.moving[:, None] | (not gated)
     spread = _spread_of(entry, column) * given.differing
     values = np.concatenate((entry.values[:, [column]], spread), axis=1)
-    level = MeanShift([gated], values.shape[1], given.counts)
+    level = MeanShift([gated], values.shape[1], counts=given.counts)
     return level.step(values[:, None], use)[:, 0]
 
 

@@ -39,7 +39,7 @@ QUADRANTS = (Quadrant(1, 1), Quadrant(-1, 1), Quadrant(-1, -1), Quadrant(1, -1))
 
 
 def operating_values(
-    actuator: Actuator, quadrant: Quadrant, scale: float = 1.0
+    actuator: Actuator, quadrant: Quadrant, scale: float = 1.0, speed: float = 1.0
 ) -> dict[str, float]:
     """Values of all variables, inputs and parameters in a quadrant, SI units.
 
@@ -47,6 +47,8 @@ def operating_values(
     ----------
     scale
         Factor on the magnitudes given in the description.
+    speed
+        Further factor on the speed alone.
 
     Raises
     ------
@@ -56,10 +58,8 @@ def operating_values(
     channels = [element.signal for element in actuator.graph.of_kind("De", "Df")]
     model = actuator.state_space("stand", channels)
     point = actuator.operating
-    targets = [
-        scale * value * (quadrant.current if _is_electrical(actuator, name) else quadrant.speed)
-        for name, value in point.hold.items()
-    ]
+    signs = {True: quadrant.current * scale, False: quadrant.speed * scale * speed}
+    targets = [value * signs[_is_electrical(actuator, name)] for name, value in point.hold.items()]
     x = np.array([point.fixed.get(name, 0.0) for name in model.states])
     u = np.array([point.fixed.get(name, 0.0) for name in model.inputs])
     free_x = [k for k, name in enumerate(model.states) if name not in point.fixed]

@@ -20,7 +20,7 @@ from flea_diag.core.residuals.measured_graph import rate_symbol, time_derivative
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import CompiledRelation, RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
-from flea_diag.core.scan_counts import PERIOD_S
+from flea_diag.core.scan_counts import COUNTED_PERIOD_S
 from flea_diag.core.symbolic.collect import solved_for
 from flea_diag.core.symbolic.expression import Function, evaluate, symbols
 
@@ -39,7 +39,7 @@ class PlannedMotion:
     load_n: float
     seconds: float
     middle_m: float = 0.05
-    scan_s: float = PERIOD_S
+    scan_s: float = COUNTED_PERIOD_S
 
 
 MOTIONS = (
@@ -57,8 +57,9 @@ LOAD_SHARE, STROKE_SHARE = 0.6, 0.4
 """Of the largest load either way, and most of the calibrated stroke either way."""
 
 
-def motions_within(known: ResidualSet, envelope: CalibrationEnvelope | None,
-                   scan_s: float = PERIOD_S) -> tuple[PlannedMotion, ...]:  # fmt: skip
+def motions_within(
+    known: ResidualSet, envelope: CalibrationEnvelope | None, scan_s: float
+) -> tuple[PlannedMotion, ...]:
     """Motions within what a calibration has seen; those of the FLEA where it does not say.
 
     ``scan_s`` is the period of the scans.

@@ -48,6 +48,11 @@ def _reading(*channels: str) -> Callable[[RelationSet], Columns]:
     return lambda known: known.residuals.needing(*channels)
 
 
+def _of_one_speed(known: RelationSet) -> Columns:
+    """Differences between two readings of a speed."""
+    return known.residuals.of_relations(known.residuals.of_one_speed)
+
+
 def _settling(known: RelationSet) -> Columns:
     """Residuals that the description gives time to settle."""
     rows = known.residuals
@@ -103,6 +108,12 @@ CONDITIONS: tuple[Condition, ...] = (
         "a position step reads as a speed, and no encoder measures it",
         "stages.observer.speed_trust",
         _reading(SPEED),
+    ),
+    Condition(
+        "faster_than_recorded",
+        "both readings of a speed are out of the range of the recordings: no sensor is at fault",
+        "core.conditions.envelope_watch",
+        _of_one_speed,
     ),
     Condition(
         "settling_drive",

@@ -56,6 +56,7 @@ class EndOfTravel:
         """End of the contact: -1 lower, 1 upper, 0 none so far."""
         self._elapsed = 0
         self._doubted: set[int] = set()
+        self._slowest, self._fastest = -math.inf, math.inf
         self.use(known.stop)
 
     def use(self, stop: Stop) -> None:
@@ -70,6 +71,10 @@ class EndOfTravel:
         self._recent = RowRing(len(self._columns) + 1, (MOST_SCANS + self._looks_back,))
         self.interrupt()
 
+    def bound(self, low: float, high: float) -> None:
+        """Set the range of the encoder: a speed at its limit says that it is at least as fast."""
+        self._slowest, self._fastest = low, high
+
     def interrupt(self) -> None:
         """A gap in the stream: what was read before it says nothing of how it got here."""
         self._recent.store[:] = np.nan
@@ -81,14 +86,10 @@ class EndOfTravel:
         count = len(rows)
         if not self._watches:
             return count
-        readings = rows[:, self._columns]
-        self.unseen = _all_missing(readings)
         start = self._recent.place(count)
         taken = self._recent.store[start : start + count]
-        taken[:, :-1] = readings
-        lead = p.encoder_m_per_rad or math.nan
-        taken[:, -1] = rows[:, self._encoder] * lead if self._encoder >= 0 else math.nan
-        if self.contact is Contact.FREE and not self._doubted and not self._any_near(readings):
+        near = self._take(rows, p.encoder_m_per_rad or math.nan, taken)
+        if self.contact is Contact.FREE and not self._doubted and not near:
             self._elapsed += count
             return count
         recent = self._recent.store[start - self._looks_back : start + count]
@@ -104,12 +105,27 @@ class EndOfTravel:
                 return k
         return count
 
-    def _any_near(self, readings: Array) -> bool:
-        """Whether any reading is within an end; one scan is quicker without arrays."""
-        if len(readings) > 1:
+    def _take(self, rows: Array, lead: float, taken: Array) -> bool:
+        """Fill in readings and speed of the motor; whether any reading is within an end."""
+        if len(rows) > 1:
+            readings = rows[:, self._columns]
+            missing = np.asarray(np.isnan(readings).all(axis=1))
+            self.unseen = missing if missing.any() else None
+            taken[:, :-1] = readings
+            speeds = rows[:, self._encoder] if self._encoder >= 0 else math.nan
+            known = (speeds > self._slowest) & (speeds < self._fastest)
+            taken[:, -1] = np.where(known, speeds * lead, math.nan)
             return bool(self._ends(readings).any())
-        low, high, within = self._bounds
-        return any(abs(x - low) <= within or abs(x - high) <= within for x in readings[0].tolist())
+        # One scan is quicker without arrays.
+        near, unseen, (low, high, within) = False, True, self._bounds
+        for place, column in enumerate(self._columns):
+            taken[0, place] = x = rows.item(0, column)
+            near |= abs(x - low) <= within or abs(x - high) <= within
+            unseen &= x != x
+        speed = rows.item(0, self._encoder) if self._encoder >= 0 else math.nan
+        taken[0, -1] = speed * lead if self._slowest < speed < self._fastest else math.nan
+        self.unseen = np.array([True]) if unseen else None
+        return near
 
     def _ends(self, readings: Array) -> npt.NDArray[np.int64]:
         """-1, 0 or 1 of each reading: which end it is within."""
@@ -180,11 +196,3 @@ class EndOfTravel:
         believed = [column for column in known if column not in self._doubted]
         sides = {ends[column] for column in believed}
         return (sides.pop() if len(sides) == 1 else 0), believed
-
-
-def _all_missing(readings: Array) -> Flags | None:
-    """In which scans every reading is missing; None where there is no such scan."""
-    if len(readings) == 1 and any(x == x for x in readings[0].tolist()):
-        return None
-    missing = np.asarray(np.isnan(readings).all(axis=1))
-    return missing if missing.any() else None

@@ -3,10 +3,13 @@
 Beyond the reach of the calibration the variance of a relation's tests grows with the leverage, and
 that of all other tests but those of single sensors by the same factor: what two sensors differ by,
 and what a prediction neglects, depends on load and place as well. At an end of the travel that few
-recordings came to, a residual scatters by its own factor, if that is more.
+recordings came to, a residual scatters by its own factor, if that is more. A prediction, and what
+takes a temperature from it, scatters in proportion to what supplies its store, beyond the most that
+was calibrated: the heat of a load counts for as long as it lasts.
 Where the leverage stays beyond ``ABSTAIN`` times the largest that nominal recordings had (twice
-their distance), the tests that rest on the relation say nothing, until the motion has been back
-within for ``BACK`` scans.
+their distance), or the supply beyond twice the most, the tests that rest on it say nothing, until
+it has been back within for ``BACK`` scans. Two readings of a speed that are both out of their range
+are not held against each other: a fault of one sensor leaves the other within.
 """
 
 from __future__ import annotations
@@ -14,10 +17,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import chain
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.conditions.condition import NAMED
+from flea_diag.core.conditions.lingering import Lingering
 from flea_diag.core.residuals.leverage import (
     ABSTAIN,
     PLACE,
@@ -28,8 +34,10 @@ from flea_diag.core.residuals.leverage import (
 )
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.residuals.thermal import SupplyMean
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,25 +62,52 @@ class OperatingPlace:
         return factor if self.travel is None else np.maximum(factor, self.travel)
 
 
+ANYWHERE = OperatingPlace()
+"""Where no limit depends on the place."""
+
+
+def _warmed_by(store: str, relations: RelationSet) -> list[int]:
+    """Columns of a prediction, and of the relations that take a signal from it."""
+    taken = {signal for signal, name in relations.predicted.items() if name == store}
+    names = [row.name for row in relations.relations if taken & set(row.signals)]
+    table = relations.residuals
+    return [table.column(store), *table.of_relations(names)]
+
+
 class EnvelopeWatch:
     """State of one stream."""
 
-    def __init__(self, known: CalibrationEnvelope, relations: RelationSet, kernel: int) -> None:
+    def __init__(
+        self,
+        known: CalibrationEnvelope,
+        relations: RelationSet,
+        parameters: Any,
+        kernel: int,
+        period_s: float,
+    ) -> None:
         # Before the tests abstain: smoothing makes so many scans of one jerk.
         self._enough, self._back = kernel // 3, 3 * kernel
         self._basis = LeverageBasis(relations)
         rows = {row.relation: row for row in known.relations}
         fitted = [rows.get(name) for name in self._basis.names]
+        self._stores = [(row.name, row.unit) for row in relations.predictions]
+        stores = [name for name, _ in self._stores]
         # A relation without a fit has no leverage, and is never far.
         self._root = np.zeros((self._basis.width, self._basis.width))
         for start, row in zip(self._basis.starts, fitted, strict=True):
             if row is not None:
                 block = slice(start, start + len(row.root))
                 self._root[block, block] = row.root
-        self._reach = np.array([row.reach if row else np.inf for row in fitted])
-        self._far = np.array([ABSTAIN * row.most if row else np.inf for row in fitted])
+        reach = [row.reach if row else np.inf for row in fitted]
         # Nothing rests on the place alone.
-        self._far[[name == PLACE for name in self._basis.names]] = np.inf
+        far = [ABSTAIN * row.most if row and row.relation != PLACE else np.inf for row in fitted]
+        # In proportion to the supply, a leverage of 1 where it is the most that was seen.
+        self._reach = np.array([*reach, *(1.0 for _ in stores)])
+        self._far = np.array([*far, *(ABSTAIN for _ in stores)])
+        self._least = np.minimum(self._reach, self._far)
+        self._starts = np.array(self._basis.starts)
+        self._supply = SupplyMean(relations, parameters, period_s)
+        self._most = np.array([known.supplies.get(name, np.inf) for name in stores])
         self._known = table = relations.residuals
         self._channel, self._position = known.position, table.channel(known.position)
         self._ranges, self._signals = known.ranges, relations.signals
@@ -80,17 +115,25 @@ class EnvelopeWatch:
         self._columns = [table.of_relation(name) for name in self._basis.names]
         alone = {*chain(range(len(table.rows))[table.sensor_columns], *self._columns)}
         self._others = [j for j in range(len(table.rows)) if j not in alone]
+        self._columns += [[table.column(store)] for store in stores]
+        self._warmed = [_warmed_by(store, relations) for store in stores]
         self._travel = known.travel
         if self._travel is not None:
             self._factors = self._travel.table([row.name for row in table.rows])
-        self._beyond = [0] * len(fitted)
-        self._within = [self._back] * len(fitted)
+        self._speeds = NAMED["faster_than_recorded"].columns(relations)
+        compared = [row for row in relations.relations if row.name in table.of_one_speed]
+        read = [s for row in compared for s in row.signals if s in known.ranges]
+        self._read = [relations.signals.index(name) for name in read]
+        self._low, self._high = np.array([known.ranges[s] for s in read]).reshape(-1, 2).T
+        self._faster = Lingering(kernel)
+        self._beyond = [0] * len(self._columns)
+        self._within = [self._back] * len(self._columns)
         self.outside: tuple[int, ...] = ()
-        """Relations whose tests abstain, by their place."""
+        """Relations whose tests abstain, then stores, by their place."""
         self.words = ""
         self.turned = False
         """Whether the last scan has changed what abstains."""
-        self.place = OperatingPlace()
+        self.place = ANYWHERE
 
     def step(self, rows: Array, residuals: ResidualRows) -> int:
         """Take n scans; the first that changes what abstains, or n. Nothing counts from there."""
@@ -98,19 +141,28 @@ class EnvelopeWatch:
         position = rows[:, self._position] if self._position >= 0 else np.zeros(count)
         beyond, travel = None, self._at(position)
         psi = self._basis.rows(residuals.signals, position)
-        h = leverages(psi, self._root, self._basis.starts)
+        supplied = self._supply.step(residuals.signals)
+        h = leverages(psi, self._root, self._starts)
+        h = np.concatenate((h, np.square(supplied / self._most)), axis=1)
         # A reading that is missing says nothing of where it is: NaN is beyond nothing.
-        if (h > self._reach).any():
+        within = not np.count_nonzero(h > self._least)
+        self.place = ANYWHERE
+        if within and travel is None and not (self.outside or any(self._beyond)):
+            return count
+        if not within:
             over = np.where(h > self._reach, h - self._reach, 0.0)
             beyond = np.zeros((count, len(self._known.rows)))
-            beyond[:, self._others] = over.max(axis=1)[:, None]
-            for k, columns in enumerate(self._columns):
+            relations = len(self._basis.names)
+            beyond[:, self._others] = over[:, :relations].max(axis=1)[:, None]
+            for k, columns in enumerate(self._columns[:relations]):
                 beyond[:, columns] = over[:, k, None]
+            for k, columns in enumerate(self._warmed, start=relations):
+                beyond[:, columns] = np.maximum(beyond[:, columns], over[:, k, None])
         self.place = OperatingPlace(beyond, travel)
         far = h > self._far
-        if not far.any() and not self.outside and not any(self._beyond):
+        if not (np.count_nonzero(far) or self.outside or any(self._beyond)):
             return count
-        return self._turn(far, rows, residuals)
+        return self._turn(far, rows, residuals.signals, supplied)
 
     def _at(self, position: Array) -> Array | None:
         """Factor of each residual at the ends of the travel; None where no scan is at one."""
@@ -119,7 +171,7 @@ class EnvelopeWatch:
         places = stretches(position, self._travel.edges)
         return self._factors[places] if (places != 1).any() else None
 
-    def _turn(self, far: npt.NDArray[np.bool_], rows: Array, residuals: ResidualRows) -> int:
+    def _turn(self, far: Flags, rows: Array, signals: Array, supplied: Array) -> int:
         """Follow the scans up to the first that changes the state."""
         for scan, flags in enumerate(far.tolist()):
             for k, beyond in enumerate(flags):
@@ -133,13 +185,29 @@ class EnvelopeWatch:
             )
             if outside != self.outside:
                 self.outside = outside
-                self.words = self._said(rows[scan], residuals.signals[scan]) if outside else ""
+                where = rows[scan], signals[scan], supplied[scan]
+                self.words = self._said(*where) if outside else ""
                 self.turned = True
                 return scan
         return len(far)
 
-    def _said(self, row: Array, signals: Array) -> str:
+    def _said(self, row: Array, signals: Array, supplied: Array) -> str:
         """Which variable is out of its range, and what is not tested."""
+        first = self.outside[0]
+        hot = first - len(self._basis.names)
+        place = self._place(row, signals) if hot < 0 else self._heat(hot, supplied[hot])
+        columns = chain.from_iterable(self._columns[k] for k in self.outside)
+        names = [*dict.fromkeys(self._known.rows[j].name for j in columns)]
+        names[-1:] = [names[-1]] if hot >= 0 else [f"{names[-1]} and the state observer"]
+        return f"{place} calibrated: {', '.join(names)} not tested"
+
+    def _heat(self, store: int, supplied: float) -> str:
+        name, unit = self._stores[store]
+        most = self._most[store]
+        return f"{name} is supplied with {supplied:.3g} {unit}/s, up to {most:.3g} {unit}/s was"
+
+    def _place(self, row: Array, signals: Array) -> str:
+        """The signal that is farthest out of its range, if any is."""
         values = dict(zip(self._signals, signals.tolist(), strict=True))
         if self._position >= 0:
             values[self._channel] = row[self._position]
@@ -151,12 +219,17 @@ class EnvelopeWatch:
             if math.isfinite(beyond) and beyond > worst:
                 worst, unit = beyond, self._units.get(name, "")
                 place = f"{name} is {values[name]:.3g} {unit}, {low:.3g} to {high:.3g} {unit} was"
-        names = ", ".join(self._known.rows[j].name for k in self.outside for j in self._columns[k])
-        return f"{place} calibrated: {names} and the state observer not tested"
+        return place
 
     def leave_out(self, residuals: ResidualRows) -> None:
         """Drop what rests on a relation that is outside, and nothing else."""
         for k in self.outside:
             residuals.values[:, self._columns[k]] = np.nan
-        if self.outside:
+        if self._read:
+            speeds = residuals.signals.take(self._read, axis=1)
+            beyond = (speeds < self._low) | (speeds > self._high)
+            void = self._faster.step(list(map(all, beyond.tolist())))
+            if void is not None:
+                residuals.leave_out(void, self._speeds)
+        if self.outside and self.outside[0] < len(self._basis.names):
             residuals.values[:, self._known.innovation_columns] = np.nan

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -15,11 +17,11 @@ class Lingering:
         self._scans = scans
         self._wait = 0
 
-    def step(self, evidence: Flags) -> Flags | None:
+    def step(self, evidence: Sequence[bool]) -> Flags | None:
         """Where it counts in n scans, shape (n,); None where in none."""
-        if not self._wait and not evidence.any():
+        if not self._wait and True not in evidence:
             return None
-        return np.array([self._counts(seen) for seen in evidence.tolist()])
+        return np.array([self._counts(seen) for seen in evidence])
 
     def _counts(self, seen: bool) -> bool:
         if seen:

@@ -23,7 +23,7 @@ from flea_diag.core.detection.window_limit import ResidualLimit
 from flea_diag.core.detection.z_test import ZTests
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
-from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
 
@@ -40,18 +40,12 @@ class TestResults:
 
     __slots__ = ("k", "shift", "table", "void", "window", "z")
 
-    def __init__(self, table: Array) -> None:
-        self.table = table
-        self.z, self.k, self.window = table
-        self.shift = np.full(self.z.shape, np.nan)
-        self.void = False
-
-    @classmethod
-    def untested(cls, residuals: int, scans: int = 1) -> TestResults:
-        """Results of so many residuals before any test."""
-        table = np.full((3, scans, residuals), np.nan)
-        table[2] = 0.0
-        return cls(table)
+    def __init__(self, residuals: int, scans: int = 1) -> None:
+        table = np.empty((4, scans, residuals))
+        table.fill(np.nan)
+        self.table, self.void = table[:3], False
+        self.z, self.k, self.window, self.shift = table
+        self.window.fill(0.0)
 
     def deviating(self) -> npt.NDArray[np.bool_]:
         """Which residuals exceed their limits; an untested one does not."""
@@ -82,7 +76,8 @@ class Detector:
         tolerance: Sequence[float],
         thermal_rate_k_per_s: float,
         backend: str = "auto",
-        counts: ScanCounts = FLEA_COUNTS,
+        *,
+        counts: ScanCounts,
     ) -> None:
         extra = (thermal_rate_k_per_s * CORRECTION_S) ** 2
         named = {limit.name: limit for limit in limits}
@@ -95,10 +90,9 @@ class Detector:
 
     def step(self, rows: ResidualRows) -> TestResults:
         """Results after each of these rows."""
-        results = TestResults.untested(self._count, len(rows))
-        speeds = np.ascontiguousarray(rows.speed_m_s)
+        results = TestResults(self._count, len(rows))
         for group in self._groups:
-            group.step(rows, speeds, results.table)
+            group.step(rows, results.table)
         return results
 
     def adopt(self, change: Sequence[float], tolerance: Sequence[float]) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.fields.values import Positive, within
 
 Array = npt.NDArray[np.float64]
@@ -63,7 +63,8 @@ class MeanShift:
         self,
         gated: Sequence[bool] = (True,),
         columns: int = 1,
-        counts: ScanCounts = FLEA_COUNTS,
+        *,
+        counts: ScanCounts,
     ) -> None:
         self.windows = np.array([counts.of(time_s) for time_s in SHIFT_WINDOWS_S])
         self._reference = counts.of(REFERENCE_S)

@@ -20,7 +20,7 @@ from flea_diag.core.detection.mean_shift import MeanShift, MeanShiftLimit
 from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.running_mean import summed_in_order
-from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -42,7 +42,8 @@ class MeanShiftTest:
         limits: Sequence[MeanShiftLimit],
         tolerance: Sequence[float],
         backend: str = "auto",
-        counts: ScanCounts = FLEA_COUNTS,
+        *,
+        counts: ScanCounts,
     ) -> None:
         self._electrical, self._mechanical = map(known.column, (known.circuit, known.friction))
         # Not used for a drag that may come with a change of unit.
@@ -59,7 +60,7 @@ class MeanShiftTest:
         self._columns = np.array(known.columns(names), dtype=int)
         self._places = np.array([known.spreading.index(j) for j in self._columns], dtype=int)
         self._gated = np.array([known.named[n].gate == "moving" for n in names], dtype=bool)
-        self._level = MeanShift(self._gated.tolist(), 1 + len(tolerance), counts)
+        self._level = MeanShift(self._gated.tolist(), 1 + len(tolerance), counts=counts)
         windows = self._windows = tuple(self._level.windows.tolist())
         # A NaN limit is never exceeded.
         self._variance, self._k = np.full((2, len(names), len(windows)), np.nan)
@@ -76,32 +77,32 @@ class MeanShiftTest:
         self._open, self._openers = opened, self._fired if opened else []
         self._level.freeze() if opened else self._level.clear()
 
-    def step(self, rows: ResidualRows, results: TestResults, alone: Flags) -> None:
+    def step(self, rows: ResidualRows, results: TestResults, alone: Flags | None) -> None:
         """Where a shift is beyond its limit and no other test of its residual is, it counts.
 
         In an episode that no shift has opened it says nothing: the fault may have come with
         another unit, whose level is another. Nor does the circuit's where a shift of the forces
         alone opened it: that drag, too, may be another unit's, with its winding. A voltage that
-        stands ``alone``, shape (n,), needs a witness to open one, and says nothing in one that
-        anything else has opened.
+        stands ``alone``, shape (n,), None: nowhere, needs a witness to open one, and says nothing
+        in one that anything else has opened.
         """
         self._fired = []
         if self._open and not self._openers:
             return
         circuit = self._circuit
         z, shifts, beyond = (self._follow if self._compiled else self._z)(rows)
-        if not beyond and not alone.any():
+        if not beyond and alone is None:
             return
         for test, column in enumerate(self._columns.tolist()):
             if self._open and column in circuit and circuit.isdisjoint(self._openers):
                 continue
             here = z[:, test]
-            if column in self._need_voltage and alone.any():
+            if alone is not None and column in self._need_voltage:
                 here = np.where(alone[:, None], self._witnessed(here, column, results), here)
             counts = self._judge(here, column, self._k[test], results, shifts[:, test])
             if counts[-1]:
                 self._fired.append(column)
-            if column == self._electrical:
+            if alone is not None and column == self._electrical:
                 self._call_witness(counts & alone, results)
 
     def _follow(self, rows: ResidualRows) -> tuple[Array, Array, bool]:

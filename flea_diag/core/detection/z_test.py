@@ -81,24 +81,24 @@ class ZTests:
         unit = np.square(self._fixed * self._tolerance).sum(axis=1)
         self._bounds[1] = self._own + (self._extra + unit)
 
-    def step(self, rows: ResidualRows, speeds: Array, results: Array) -> None:
+    def step(self, rows: ResidualRows, results: Array) -> None:
         """Take rows; the test of each residual nearest to its limit goes into ``results``.
 
-        ``speeds`` has shape (n,), ``results`` (3, n, residuals).
+        ``results`` has shape (3, n, residuals).
         """
         if not len(self._columns):
             return
         if self._compiled:
-            self._follow(rows, speeds, results)
+            self._follow(rows, results)
             return
         taken = rows.moving if self._gated else np.ones(len(rows), dtype=bool)
         found = self._held[:, None]
         if taken.any():
-            found = np.concatenate((found, self._judge(self._table(rows, speeds)[taken])), axis=1)
+            found = np.concatenate((found, self._judge(self._table(rows)[taken])), axis=1)
         self._held = found[:, -1].copy()
         results[:, :, self._columns] = found.take(np.cumsum(taken), axis=1)
 
-    def _follow(self, rows: ResidualRows, speeds: Array, results: Array) -> None:
+    def _follow(self, rows: ResidualRows, results: Array) -> None:
         """The same as compiled loops, in pieces that fit the memory."""
         loops = backends.exact(*Z_TEST_LOOPS)
         spread = self._spreading.start, len(self._spread), self._tolerance
@@ -108,7 +108,7 @@ class ZTests:
             count = int(np.count_nonzero(moving)) if self._gated else len(moving)
             memory, at, lap, run = self._means.room(count)
             loops(
-                (rows.values[piece], speeds[piece], rows.spread[piece]),
+                (rows.values[piece], rows.motion[piece], rows.spread[piece]),
                 moving,
                 self._gated,
                 self._columns,
@@ -123,12 +123,12 @@ class ZTests:
                 results[:, piece],
             )
 
-    def _table(self, rows: ResidualRows, speeds: Array) -> Array:
+    def _table(self, rows: ResidualRows) -> Array:
         """Rows of the ring: values, |speed|, spreads; shape (n, width)."""
         count = len(self._columns)
         table = np.empty((len(rows), count + 1 + len(self._spread) * len(self._tolerance)))
         table[:, :count] = rows.values.take(self._columns, axis=1)
-        table[:, count] = np.abs(speeds)
+        table[:, count] = np.abs(rows.speed_m_s)
         table[:, count + 1 :] = rows.spread.take(self._places, axis=1).reshape(len(rows), -1)
         # A missing speed matters only to residuals that need it; the region defaults to slow.
         loose = table[:, count:]

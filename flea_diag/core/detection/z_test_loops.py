@@ -105,12 +105,12 @@ def z_test_loops(
     bounds: Array, spread: tuple[int, int, Array], held: Array, results: Array,
 ) -> None:  # fmt: skip
     """Scan after scan; where ``gated`` one at rest leaves the results as they were."""
-    values, speeds, spreads = rows
+    values, motion, spreads = rows
     store, valid, sums = memory
     row, size = np.empty(store.shape[1]), counts[0][-1]
     for i in range(len(values)):
         if moving[i] or not gated:
-            row_loops(values[i], speeds[i], spreads[i], columns, places, row)
+            row_loops(values[i], motion[i, 0], spreads[i], columns, places, row)
             push_loops(row, store, valid, start, counts, sums)
             lap += 1
             if lap == size:

@@ -49,10 +49,12 @@ class BoundedSystems:
         b = self.b / scale
         free = np.array([_least(A[k], b[k]) for k in range(len(A))]) / scale
         x: Array = free[self.places]
-        for k, (model, own) in enumerate(zip(self.models, self.places, strict=True)):
-            outside = _outside(_sizes(model), x[k], np.ones(x.shape[1], dtype=bool))
+        found = x[:, : self.count].tolist() if self.count else []
+        for k, values in enumerate(found):
+            sizes, own = _sizes(self.models[k]), self.places[k]
+            outside = _outside(sizes, values)
             if outside is not None:
-                x[k] = _held(_sizes(model), self.A[own], self.b[own], x[k], outside)
+                x[k] = _held(sizes, self.A[own], self.b[own], x[k], outside)
         return x
 
     def errors(self, which: Sequence[int]) -> Array:
@@ -81,7 +83,7 @@ def scaled(A: Array) -> tuple[Array, Array]:
 
     In SI units a viscous drag would fall below the rank tolerance beside the rate of a temperature.
     """
-    scale = np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
+    scale = np.sqrt(A.diagonal(0, -2, -1))
     scale[scale == 0.0] = 1.0
     return A / scale[..., None, :] / scale[..., :, None], scale
 
@@ -106,16 +108,17 @@ def _held(
         free[index], x[index] = False, bound
         rows = free.nonzero()[0]
         part, scale = scaled(A[rows[:, None], rows])
-        x[free] = _least(part, (b - A @ np.where(free, 0.0, x))[free] / scale) / scale
-        outside = _outside(sizes, x, free)
+        x[rows] = _least(part, (b - A @ np.where(free, 0.0, x))[rows] / scale) / scale
+        outside = _outside(sizes, x.tolist(), free)
     return x
 
 
 def _outside(
-    sizes: Sequence[Size], x: Array, free: npt.NDArray[np.bool_]
+    sizes: Sequence[Size], x: Sequence[float], free: npt.NDArray[np.bool_] | None = None
 ) -> tuple[int, float] | None:
     """The first free size outside its bounds, and the bound at which to hold it."""
     for index, size in enumerate(sizes):
-        if free[index] and not size.low <= x[index] <= size.high:
-            return index, float(np.clip(x[index], size.low, size.high))
+        value = x[index]
+        if not size.low <= value <= size.high and (free is None or free[index]):
+            return index, size.low if value < size.low else min(value, size.high)
     return None

@@ -272,9 +272,12 @@ class NormalEquations:
         Gaussian's normalisation then costs ln(growth) / 2 for each independent sample.
         """
         rough, loss = weight.copy(), 0.0
+        moved = {term.residual for term in model.terms}
         for index, name in enumerate(self.residuals):
+            if name not in moved or not self.samples[index]:
+                continue
             effect = _effect(model, name, sizes, self.basis)
-            if self.samples[index] and effect.any():
+            if effect.any():
                 square = float(effect @ self._gram[index] @ effect) / self.samples[index]
                 # weight = 1 / (c sigma^2): growth is 1 + roughness^2 square / sigma^2.
                 growth = 1.0 + model.roughness**2 * square * weight[index] * self._spacing[index]

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from flea_diag.core.likelihood.basis import Basis
 from flea_diag.core.likelihood.likelihood import NormalEquations
-from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
 
@@ -34,9 +34,7 @@ MEMORY = 60.0
 class UnitBaseline:
     """Running evidence of the residuals ``residuals``, constant memory."""
 
-    def __init__(
-        self, residuals: Sequence[str], basis: Basis, counts: ScanCounts = FLEA_COUNTS
-    ) -> None:
+    def __init__(self, residuals: Sequence[str], basis: Basis, counts: ScanCounts) -> None:
         self._piece, self._every = counts.of(PIECE_S), counts.of(EVERY_S)
         self._residuals, self._basis = tuple(residuals), basis
         self._recent: deque[NormalEquations] = deque()

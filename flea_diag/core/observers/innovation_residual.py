@@ -47,15 +47,17 @@ def normalised(told: Innovations, tested: tuple[int, ...]) -> Array:
 
 
 def output_loops(
-    innovations: tuple[int, Array, Counts, Flags], testable: Flags, frozen: bool, channels: Counts,
-    told: tuple[Array, Array, Array], values: Array,
+    innovations: tuple[int, Array, Counts, Flags], rows: Array, voltage: tuple[bool, int],
+    frozen: bool, channels: Counts, told: tuple[Array, Array, Array], values: Array,
 ) -> None:  # fmt: skip
     """Scan after scan into ``told``, estimates, sigmas and health, and into the residuals.
 
-    ``channels`` are those reported, ``testable`` whether innovations may be tested.
+    ``channels`` are those reported; ``voltage`` whether it is raw PWM, and the column of ``rows``
+    whose command corroborates it (-1: none): else no innovation is tested.
     """
     every, table, measured, lost = innovations
     estimates, sigmas, health = told
+    pwm, command = voltage
     for i in range(len(table)):
         row = table[i]
         for k in range(len(channels)):
@@ -65,9 +67,10 @@ def output_loops(
         health[i, 0], health[i, 1] = row[-1], row[-2] / max(measured[i], 1)
         health[i, 2] = lost[i] and not frozen
         sign = math.copysign(1.0, row[3 * every + SPEED])
+        testable = pwm or (command >= 0 and not math.isnan(rows[i, command]))
         for k in range(len(TESTED)):
             sigma, found = row[2 * every + TESTED[k]], math.nan
-            if testable[i] and not frozen and sigma > 0.0:
+            if testable and not frozen and sigma > 0.0:
                 found = row[every + TESTED[k]] / sigma
             values[i, FIRST + 2 * k] = found
             values[i, FIRST + 2 * k + 1] = found * sign

@@ -104,9 +104,9 @@ class Scans(NamedTuple):
     @classmethod
     def empty(cls, count: int, columns: ReadingColumns) -> Scans:
         """Uninitialised arrays for ``count`` scans."""
-        y, held = np.empty((2, count, len(columns.motion)))
-        u, degc = (np.empty((count, len(part))) for part in (columns.inputs, columns.degc))
-        return cls(u, y, held, degc)
+        motion = count, len(columns.motion)
+        inputs, degc = np.empty((count, len(columns.inputs))), np.empty((count, len(columns.degc)))
+        return cls(inputs, np.empty(motion), np.empty(motion), degc)
 
     @classmethod
     def read(

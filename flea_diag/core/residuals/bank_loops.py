@@ -18,7 +18,7 @@ from flea_diag.core.residuals.measured_graph import channel_of
 from flea_diag.core.residuals.relation_set import DIRECTION, RelationSet
 from flea_diag.core.residuals.residual import STALL
 from flea_diag.core.residuals.residual_rows import Parity
-from flea_diag.core.residuals.thermal import ESTIMATE, RESIDUAL, PredictedStores, advance
+from flea_diag.core.residuals.thermal import ESTIMATE, RESIDUAL, Places, advance
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -120,24 +120,23 @@ def parity_loops(p: Any, x: Array, direction: float, values: Array, spread: Arra
 
 
 def predict_loops(
-    stores: PredictedStores, winding: tuple[int, float], row: Array, flows: Any, dt_s: float,
-    frozen: bool, values: Array,
+    stores: tuple[Array, Places, Array], winding: tuple[int, float], row: Array, flows: Any,
+    dt_s: float, frozen: bool, values: Array,
 ) -> float:  # fmt: skip
     """``PredictedStores.follow`` of one scan; the winding's temperature before it."""
-    store, warm = winding
-    if store >= 0 and not math.isnan(stores.states[store, ESTIMATE]):
-        warm = stores.states[store, ESTIMATE]
-    for k in range(len(stores.states)):
-        places = stores.places[k]
-        values[places[RESIDUAL]] = advance(
-            stores.states[k], row, flows[k], places, stores.rates[k], dt_s, frozen
-        )
+    (states, places, rates), (store, warm) = stores, winding
+    if store >= 0 and not math.isnan(states[store, ESTIMATE]):
+        warm = states[store, ESTIMATE]
+    for k in range(len(states)):
+        at = places[k]
+        values[at[RESIDUAL]] = advance(states[k], row, flows[k], at, rates[k], dt_s, frozen)
     return warm
 
 
 def bank_loops(
     rows: Array, smooth: Array, ways: Array, shapes: Array, parameters: npt.NDArray[np.void],
-    stores: PredictedStores, winding: tuple[int, float], limits: tuple[float, int, float],
+    stores: tuple[Array, Places, Array], winding: tuple[int, float],
+    limits: tuple[float, int, float],
     still: int, frozen: bool, told: tuple[Array, Array, Array, Array, Flags],
 ) -> int:  # fmt: skip
     """Scan after scan; returns for how many scans it has stood still.

@@ -78,6 +78,8 @@ class CalibrationEnvelope(Frozen):
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     travel: TravelFactors | None = None
     """What residuals are at the ends of the travel; None in an older file, or where no more."""
+    supplies: Mapping[str, Positive] = field(default_factory=dict)
+    """Largest ``SupplyMean`` of each predicted store, unit per second; empty in an older file."""
 
 
 class LeverageBasis:
@@ -151,7 +153,7 @@ def stretches(position: Array, edges: tuple[float, float]) -> npt.NDArray[np.int
     return 1 - (position < low) + (position > high)
 
 
-def leverages(psi: Array, root: Array, starts: Sequence[int]) -> Array:
+def leverages(psi: Array, root: Array, starts: Sequence[int] | npt.NDArray[np.int64]) -> Array:
     """H of each relation, shape (n, relations): the same bits, however many rows come at once.
 
     ``root`` has the root of each relation as a block on its diagonal.

@@ -21,27 +21,28 @@ of its full size, and its direction is known."""
 class ActuatorParameters(Frozen):
     """Parameters of one actuator design in linear coordinates (at the nut).
 
-    Defaults are starting points for a calibration, not a calibration. What has a range is positive
-    on every actuator, and the diagnosis divides by most of it. The ranges are wide: a value outside
-    is a typing error and would break the arithmetic.
+    Defaults are neutral: they stand for what a description has no parameter for, so that no
+    relation holds it. What has a range is positive on every actuator, and the diagnosis divides by
+    most of it. The ranges are wide: a value outside is a typing error and would break the
+    arithmetic.
     """
 
-    force_constant_n_per_a: Annotated[float, within(1e-3, 1e6, above=0.0)] = 177.0
-    back_emf_v_s_per_m: Annotated[float, within(1e-3, 1e6, above=0.0)] = 177.0
-    winding_resistance_ohm: Annotated[float, within(1e-6, 1e6, above=0.0)] = 2.95
-    winding_inductance_h: float = 0.002
+    force_constant_n_per_a: Annotated[float, within(1e-3, 1e6, above=0.0)] = 1.0
+    back_emf_v_s_per_m: Annotated[float, within(1e-3, 1e6, above=0.0)] = 1.0
+    winding_resistance_ohm: Annotated[float, within(1e-6, 1e6, above=0.0)] = 1.0
+    winding_inductance_h: float = 0.0
     current_offset_a: float = 0.0
     voltage_offset_v: float = 0.0
-    coulomb_friction_n: float = 50.0
-    viscous_friction_n_s_per_m: float = 400.0
+    coulomb_friction_n: float = 0.0
+    viscous_friction_n_s_per_m: float = 0.0
     load_friction_ratio: float = 0.0
-    stribeck_speed_m_s: Annotated[float, within(1e-6, 1e3, above=0.0)] = 0.004
-    reflected_mass_kg: Annotated[float, within(1e-3, 1e9, above=0.0)] = 130.0
-    motor_heating_k_per_a2s: float = 0.010
-    motor_cooling_s: Annotated[float, within(1.0, 1e9, above=0.0)] = 775.0
+    stribeck_speed_m_s: Annotated[float, within(1e-6, 1e3, above=0.0)] = 1.0
+    reflected_mass_kg: Annotated[float, within(1e-3, 1e9, above=0.0)] = 1.0
+    motor_heating_k_per_a2s: float = 0.0
+    motor_cooling_s: Annotated[float, within(1.0, 1e9, above=0.0)] = 1.0
     nut_heating_k_per_j: float = 0.0
-    nut_cooling_s: Annotated[float, within(1.0, 1e9, above=0.0)] = 775.0
-    reference_temperature_degc: float = 25.0
+    nut_cooling_s: Annotated[float, within(1.0, 1e9, above=0.0)] = 1.0
+    reference_temperature_degc: float = 0.0
     drive_gain: float = 1.0
     drive_offset_v: float = 0.0
     position_offset_m: float = 0.0
@@ -65,21 +66,18 @@ def as_record(parameters: ActuatorParameters) -> npt.NDArray[np.void]:
 class UnitTolerance(Frozen):
     """By how much healthy units of one design differ (one sigma), order of UNIT_PARAMETERS.
 
-    A difference inside it is another unit, not a fault. The FLEA's test actuators differ by
-    20 % in resistance and 60 % in viscous friction, offsets of the voltage channel by 0.7 V:
-    each taken as two sigma. Heating of a motor
-    that has been hot for hours departs from a one-node model by up to 0.06 K/s. What only some
-    descriptions and recordings say is 0 elsewhere: then healthy units are taken as alike in it.
+    A difference inside it is another unit, not a fault. What only some descriptions and recordings
+    say is 0 elsewhere: then healthy units are taken as alike in it.
     """
 
-    coulomb_friction_n: Positive = 10.0
-    viscous_friction_n_s_per_m: Positive = 125.0
-    reflected_mass_kg: Positive = 15.0
-    winding_resistance_ohm: Positive = 0.3
-    back_emf_v_s_per_m: Positive = 4.0
-    voltage_offset_v: Positive = 0.5
-    current_offset_a: Positive = 0.15
-    thermal_rate_k_per_s: Positive = 0.03
+    coulomb_friction_n: Positive
+    viscous_friction_n_s_per_m: Positive
+    reflected_mass_kg: Positive
+    winding_resistance_ohm: Positive
+    back_emf_v_s_per_m: Positive
+    voltage_offset_v: Positive
+    current_offset_a: Positive
+    thermal_rate_k_per_s: Positive
     force_constant_n_per_a: NotNegative = 0.0
     drive_gain: NotNegative = 0.0
     drive_offset_v: NotNegative = 0.0

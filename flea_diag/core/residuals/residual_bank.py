@@ -26,7 +26,7 @@ from flea_diag.core.residuals.residual import STALL, Value, direction
 from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.residuals.settling import Settling
 from flea_diag.core.residuals.thermal import PredictedStores
-from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.smoothing import Smoother
 from flea_diag.core.symbolic.expression import FUNCTIONS, symbols
 
@@ -48,8 +48,8 @@ class ResidualBank:
         parameters: ActuatorParameters,
         relations: RelationSet,
         *,
-        period_s: float = 0.01,
-        counts: ScanCounts = FLEA_COUNTS,
+        period_s: float,
+        counts: ScanCounts,
         backend: str = "auto",
     ) -> None:
         self._relations, self._layout = relations, layout(relations)
@@ -81,7 +81,8 @@ class ResidualBank:
         ``frozen`` stops every correction.
         """
         _, smooth = self._smoother.push(rows)
-        values = np.full((len(rows), self._width), np.nan)
+        values = np.empty((len(rows), self._width))
+        values.fill(math.nan)
         spread = np.zeros((len(rows), self._spreading, len(UNIT_PARAMETERS)))
         if self._compiled:
             formed = self._follow(rows, smooth, frozen, values, spread)
@@ -107,7 +108,7 @@ class ResidualBank:
             self._directions(smooth, shapes),
             shapes,
             self._record,
-            self._stores,
+            tuple(self._stores),  # numba takes a plain one in a third of the time
             self._winding,
             (self._moving_m_s, self._kernel_length, self._period_s),
             self._still,

@@ -24,6 +24,8 @@ Array = npt.NDArray[np.float64]
 class HeldReadings:
     """Changes of its command since each channel of ``SensorSet.held`` that has a limit changed.
 
+    Where there is no command, readings that are held are withheld.
+
     Parameters
     ----------
     limits, channels, sensors, period_s : as of ``SensorTests``
@@ -36,15 +38,18 @@ class HeldReadings:
         sensors: SensorSet,
         period_s: float,
     ) -> None:
-        tested = [
-            limit
-            for limit in limits
-            if limit.repeats and {limit.channel, sensors.held.get(limit.channel)} <= set(channels)
-        ]
+        held = set(sensors.held) & set(channels)
+        known = [limit for limit in limits if limit.repeats and limit.channel in held]
+        commands = [sensors.held[limit.channel] for limit in known]
         self._columns = [
-            (channels.index(limit.channel), channels.index(sensors.held[limit.channel]))
-            for limit in tested
+            (
+                channels.index(limit.channel),
+                channels.index(command) if command in channels else None,
+            )
+            for limit, command in zip(known, commands, strict=True)
         ]
+        self._least = [limit.repeats for limit in known]
+        tested = [limit for limit, c in zip(known, commands, strict=True) if c in channels]
         self.places = [sensors.names.index(f"{limit.channel}_stuck") for limit in tested]
         """Columns of the tests."""
         self.k = np.array([float(stuck_scans(limit, period_s)) for limit in tested])
@@ -53,18 +58,30 @@ class HeldReadings:
 
     def interrupt(self) -> None:
         """A gap in the stream: no run of equal readings spans it."""
-        self._last = [(math.nan, math.nan, 0)] * len(self._columns)
+        self._last = [(math.nan, math.nan, 0, 0)] * len(self._columns)
 
-    def step(self, rows: Array) -> Array:
-        """The number at each of n rows, shape (n, tests); rows of shape (n, channels)."""
-        runs = np.empty((len(rows), len(self._columns)))
-        for test, (column, command) in enumerate(self._columns):
-            held, before, run = self._last[test]
-            told = []
+    def step(self, rows: Array, usable: Array) -> Array:
+        """The number at each of n rows, shape (n, tests); rows of shape (n, channels).
+
+        What is held without a command becomes NaN in ``usable``, shape (n, channels).
+        """
+        runs = []
+        for channel, (column, command) in enumerate(self._columns):
+            held, before, run, alone = self._last[channel]
+            told, withheld = [], []
+            values = rows[:, column].tolist()
+            asks = [math.nan] * len(rows) if command is None else rows[:, command].tolist()
             # Plain numbers: one scan costs less than one call of numpy.
-            for value, asked in zip(*rows[:, (column, command)].T.tolist(), strict=True):
-                run = run + (abs(asked - before) > 0.0) if value == held else 0
+            for value, asked in zip(values, asks, strict=True):
+                same = value == held
+                run = run + (abs(asked - before) > 0.0) if same else 0
+                alone = alone + (asked != asked) if same else 0
                 held, before = value, asked
                 told.append(run)
-            runs[:, test], self._last[test] = told, (held, before, run)
-        return runs
+                withheld.append(alone >= self._least[channel])
+            self._last[channel] = held, before, run, alone
+            if any(withheld):
+                usable[withheld, column] = math.nan
+            if command is not None:
+                runs.append(told)
+        return np.array(runs, dtype=float).reshape(len(runs), len(rows)).T

@@ -13,7 +13,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.scan_counts import ScanCounts
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -24,7 +24,7 @@ ENTER_S, CLEAN_S = 0.2, 10.0
 class VoltagePlausibility:
     """Tests the electrical residual (V) of one stream."""
 
-    def __init__(self, limit_v: float, counts: ScanCounts = FLEA_COUNTS) -> None:
+    def __init__(self, limit_v: float, counts: ScanCounts) -> None:
         self._limit_v = limit_v
         self._enter, self._again = counts.of(ENTER_S), counts.of(CLEAN_S)
         self._implausible = 0
@@ -63,6 +63,6 @@ class VoltagePlausibility:
         return np.array(usable), np.array(bad)
 
 
-def usable(residual_v: Array, limit_v: float, counts: ScanCounts = FLEA_COUNTS) -> Flags:
+def usable(residual_v: Array, limit_v: float, counts: ScanCounts) -> Flags:
     """Which samples of a whole recording are usable, shape as given."""
     return VoltagePlausibility(limit_v, counts).follow(residual_v)[0]

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from flea_diag.core.frozen import Frozen
-from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.scan_counts import ScanCounts
 
 ABSENT_S = 0.5
 """Unusable for so long a channel is bad (absent if it never had a usable value)."""
@@ -32,7 +32,7 @@ class ChannelMonitor:
     channel: str
     minimum: float = -math.inf
     maximum: float = math.inf
-    counts: ScanCounts = FLEA_COUNTS
+    counts: ScanCounts = field(kw_only=True)
     state: ChannelState = ChannelState("absent", 0, "no value yet")
     counters: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTERS, 0))
     _unusable: int = 0

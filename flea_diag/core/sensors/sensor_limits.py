@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.flag_runs import flag_runs
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.position_step import position_steps
@@ -250,8 +251,7 @@ def _share(same: npt.NDArray[np.bool_]) -> float:
 
 def _longest(same: npt.NDArray[np.bool_], but: int) -> int:
     """Length of the longest run, ``but`` so many."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False]))))
-    return int(np.sort(np.append(edges[1::2] - edges[::2], (0, 0)))[-1 - but])
+    return int(np.sort(np.append(np.diff(flag_runs(same)), (0, 0)))[-1 - but])
 
 
 def _quantile(alpha: float) -> float:

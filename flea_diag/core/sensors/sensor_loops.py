@@ -26,16 +26,18 @@ def own_loops(recent: Array, at: int, positions: Counts, paired: bool, steps: Ar
 
 def look_loops(
     rows: Array, columns: Counts, bounds: tuple[Array, Array, Array],
-    stepping: tuple[Counts, bool],
-    recent: Array, inside: Array, steps: Array, odd: Flags,
+    stepping: tuple[Counts, bool, Counts, Array],
+    recent: Array, inside: Array, z: Array, odd: Flags,
 ) -> bool:  # fmt: skip
     """Scan after scan; returns whether any reading leaps or stands still.
 
-    ``bounds`` are the ends of each range, and how far a reading goes in a scan. ``recent`` begins
-    with the scans before, and ``inside`` three scans before the first.
+    ``bounds`` are the ends of each range, and how far a reading goes in a scan, ``stepping`` the
+    positions, whether they are paired, and columns and units of their steps in ``z``. ``recent``
+    begins with the scans before, and ``inside`` three scans before the first.
     """
     low, high, reach = bounds
-    positions, paired = stepping
+    positions, paired, places, sizes = stepping
+    steps = np.empty(len(positions))
     before = len(recent) - len(rows)
     anywhere = False
     for i in range(len(rows)):
@@ -44,7 +46,9 @@ def look_loops(
             recent[before + i, c] = value
             odd[i, c] = abs(value - last) > reach[c] or value == last
             anywhere |= odd[i, c]
-        own_loops(recent, i, positions, paired, steps[i])
+        own_loops(recent, i, positions, paired, steps)
+        for s in range(len(steps)):
+            z[i, places[s]] = steps[s] / sizes[s]
     for i in range(len(inside)):
         for c in range(len(columns)):
             value = recent[len(recent) - len(inside) + i, c]

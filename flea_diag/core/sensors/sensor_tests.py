@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.noise_test import NoiseTest
 from flea_diag.core.sensors.position_step import SPAN, position_steps
 from flea_diag.core.sensors.reading_guard import ReadingGuard, stuck_scans
@@ -64,8 +64,9 @@ class SensorTests:
         channels: Sequence[str],
         sensors: SensorSet,
         backend: str = "auto",
-        period_s: float = 0.01,
-        counts: ScanCounts = FLEA_COUNTS,
+        *,
+        period_s: float,
+        counts: ScanCounts,
     ) -> None:
         names, self._sensors = sensors.names, sensors
         self._compiled = backends.chosen(backend) == "numba"
@@ -147,19 +148,17 @@ class SensorTests:
         recent = np.empty((len(self._recent) + count, columns))
         recent[:-count] = self._recent
         inside, odd = np.empty((count + 3, columns)), np.empty((count, columns), dtype=bool)
-        steps = np.empty((count, len(self._steps)))
+        usable, z = rows.copy(), np.empty((count, len(self._calm)))
+        z[:] = self._calm
         look = backends.exact(*LOOKS) if self._compiled else self._look
         bounds = self._low, self._high, self._reach
-        stepping = self._stepping, self._paired
+        stepping = self._stepping, self._paired, self._step_places, self._sizes
         near = recent[-(count + 2 * SPAN - 1) :]
-        anywhere = look(rows, self._columns, bounds, stepping, near, inside, steps, odd)
+        anywhere = look(rows, self._columns, bounds, stepping, near, inside, z, odd)
         leaps = self._rushing or (anywhere and odd[:, self._stepping].any())
         void = self._rushes(near, inside) if leaps else None
         self._recent = recent[count:]
-        usable, z = rows.copy(), np.empty((count, len(self._calm)))
-        z[:] = self._calm
         z[:, self._places["noise"]] = self._noise.step(inside)
-        z[:, self._step_places] = steps / self._sizes
         if anywhere or self._watched:
             self._watch(recent, odd, usable, z)
         if void is not None:
@@ -190,10 +189,10 @@ class SensorTests:
         rows: Array,
         columns: Counts,
         bounds: tuple[Array, Array, Array],
-        _: tuple[Counts, bool],
+        stepping: tuple[Counts, bool, Counts, Array],
         recent: Array,
         inside: Array,
-        steps: Array,
+        z: Array,
         odd: Flags,
     ) -> bool:
         """``sensor_loops.look_loops`` in numpy."""
@@ -201,8 +200,8 @@ class SensorTests:
         recent[-count:] = rows[:, columns]
         last = recent[-count - 3 :]
         inside[:] = np.where((last > low) & (last < high), last, np.nan)
-        for number, step in enumerate(self._own_steps(recent)):
-            steps[:, number] = step
+        for place, size, step in zip(*stepping[2:], self._own_steps(recent), strict=True):
+            z[:, place] = step / size
         before, now = recent[-count - 1 : -1], recent[-count:]
         odd[:] = (np.abs(now - before) > reach) | (now == before)
         return bool(odd.any())

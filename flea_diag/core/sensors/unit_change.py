@@ -62,7 +62,7 @@ class UnitChange:
         if begins < 0:
             begins %= PERIOD
         seen = _together(sliding(rows, LENGTH)[begins::PERIOD])
-        if not seen.any():
+        if not np.count_nonzero(seen):
             return n
         return begins + LENGTH - 1 - (len(rows) - n) + PERIOD * int(seen.argmax())
 
@@ -71,7 +71,7 @@ def _together(windows: Array) -> Flags:
     """Whether enough channels step at the end of each of m windows, (m, scans, channels)."""
     seen = _enough(np.abs(MEANS_APART @ windows) > 0.5 * LEAST_STEP_K)
     # Means are cheap but sensitive to spikes: the medians of these few windows decide.
-    if seen.any():
+    if np.count_nonzero(seen):
         seen[seen] = _surely(windows[seen])
     return seen
 

@@ -7,10 +7,10 @@ sampled one from the discretised model; it is what a diagnoser at the scan rate 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from flea_diag.core.bond_graph.actuator_model import Actuator
+from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
 from flea_diag.core.causal_graph.operating_point import Quadrant, operating_values
 from flea_diag.core.faults.fault import Alternative, Fault
 from flea_diag.core.faults.fault_signature import (
@@ -32,6 +32,11 @@ __all__ = [
     "table_of",
     "ways",
 ]
+
+
+SPEEDS = (0.1, 1.0, 10.0)
+"""Shares of the held speed at which a relation must deviate the same way: of a motor that brakes no
+quadrant says whether resistance or back-EMF takes more of the voltage."""
 
 
 @dataclass(frozen=True)
@@ -125,9 +130,20 @@ def signature_table(
         if period_s is None
         else SampledColumns(model, values, period_s)
     )
+    anywhere = [
+        TextbookColumns(model, operating_values(model, quadrant, speed=share)) for share in SPEEDS
+    ]
+
+    def cell(spec: ResidualSpec, fault: Fault, group: Alternative) -> FaultSignature:
+        found = columns.cell(spec, fault, group)
+        if spec.predicts or not found.affected:
+            return found
+        ways = {each.cell(spec, fault, group).direction for each in anywhere}
+        return found if len(ways) == 1 else replace(found, magnitude="*", slope="*")
+
     variants = {
         name: tuple(
-            Variant(group, {s.name: columns.cell(s, each, group) for s in specs}, each.onset)
+            Variant(group, {s.name: cell(s, each, group) for s in specs}, each.onset)
             for group, each in ways(fault)
         )
         for name, fault in faults.items()

@@ -112,6 +112,7 @@ class ExtractorStage:
         self.table = table
         self.parameters = p = parameters or ExtractorParameters()
         self.windows = Windows(p.history_s, p.gap_limit_s, p.scan_gap_limit_s, table.nominal.orders)
+        self._keep_scan = self.windows.scans.add
         self.duplicates = 0
         self._cut = _Cut(0, 0, VibrationOperatingPoint())
         self._stopwatch = stopwatch
@@ -124,8 +125,10 @@ class ExtractorStage:
         """Answers and levels that a record causes."""
         levels: tuple[Record, ...] = ()
         if isinstance(record, Scan):
-            self.windows.scans.add(record)
+            self._keep_scan(record)
             self._now_ns = record.stamp_ns
+            if not self._pending:
+                return ()
         elif isinstance(record, VibrationBlock):
             levels = self._level(record)
         elif isinstance(record, FeatureRequest):
@@ -153,12 +156,13 @@ class ExtractorStage:
 
     def _level(self, block: VibrationBlock) -> tuple[Record, ...]:
         """Store a block; its levels are stamped with the end of the block."""
-        if not self.windows.vibration.add(block) or not self.parameters.sentinel:
+        kept = self.windows.vibration.add(block)
+        if kept is None or not self.parameters.sentinel:
             return ()
-        if not self._is_rate_known(self.windows.vibration.rate_hz):
+        if not self._is_rate_known(kept.rate_hz):
             return ()  # the ranges were learned at another sampling rate
         std, kurtosis = condition_indicators(block)
-        return (VibrationLevel(self.windows.vibration.end_ns, block.axes, std, kurtosis),)
+        return (VibrationLevel(kept.end_ns, block.axes, std, kurtosis),)
 
     def _accept(self, request: FeatureRequest) -> None:
         key = (request.stamp_ns, request.episode, request.step)

@@ -30,7 +30,7 @@ class Stretch:
     samples: npt.NDArray[np.float32]
 
 
-class _Kept(NamedTuple):
+class KeptBlock(NamedTuple):
     """A block with its rate and end, which are read without decoding it."""
 
     block: VibrationBlock
@@ -52,7 +52,7 @@ class VibrationRing:
         self.invalid = 0
         self.stale = 0
         self.restarts = 0
-        self._kept: deque[_Kept] = deque()
+        self._kept: deque[KeptBlock] = deque()
 
     @property
     def end_ns(self) -> int:
@@ -75,22 +75,24 @@ class VibrationRing:
             if kept.block.stamp_ns >= start_ns and kept.end_ns <= end_ns:
                 yield kept.block, kept.end_ns
 
-    def add(self, block: VibrationBlock) -> bool:
-        """Keep a block and drop old ones; False if it cannot be used."""
+    def add(self, block: VibrationBlock) -> KeptBlock | None:
+        """Keep a block and drop old ones; None if it cannot be used."""
         kept = _measured(block)
         if kept is None:
             self.invalid += 1
-            return False
-        if self._kept and self._is_restart(block):
-            self.restarts += 1
-            self._kept.clear()
-        if self._kept and block.stamp_ns <= self._kept[-1].block.stamp_ns:
-            self.stale += 1
-            return False
+            return None
+        if self._kept:
+            last = self._kept[-1].block
+            if block.axes != last.axes or last.stamp_ns - block.stamp_ns > self.history_ns:
+                self.restarts += 1
+                self._kept.clear()
+            elif block.stamp_ns <= last.stamp_ns:
+                self.stale += 1
+                return None
         self._kept.append(kept)
         while self._kept[0].end_ns < kept.end_ns - self.history_ns:
             self._kept.popleft()
-        return True
+        return kept
 
     def cut(self, start_ns: int, end_ns: int, columns: tuple[int, ...]) -> Stretch:
         """Decode the samples from ``start_ns`` up to ``end_ns`` of some axes.
@@ -118,7 +120,7 @@ class VibrationRing:
             rows.T,
         )
 
-    def _check(self, kept: list[_Kept], start_ns: int, end_ns: int) -> None:
+    def _check(self, kept: list[KeptBlock], start_ns: int, end_ns: int) -> None:
         """Refuse a window that the blocks do not cover without a gap."""
         if not kept:
             raise NotComputableError("no vibration was received in the window")
@@ -141,25 +143,21 @@ class VibrationRing:
                 f"vibration ends {(end_ns - kept[-1].end_ns) / 1e9:.3f} s before the window does"
             )
 
-    def _is_restart(self, block: VibrationBlock) -> bool:
-        back_ns = self._kept[-1].block.stamp_ns - block.stamp_ns
-        return back_ns > self.history_ns or block.axes != self.axes
 
-
-def _measured(block: VibrationBlock) -> _Kept | None:
+def _measured(block: VibrationBlock) -> KeptBlock | None:
     """Rate and end of a block from its first and last offset; None where it is malformed."""
-    size = OFFSET.size * (1 + len(block.axes))
-    if block.count < 2 or not block.axes or len(block.data) != block.count * size:
+    data, count, size = block.data, block.count, OFFSET.size * (1 + len(block.axes))
+    if count < 2 or size == OFFSET.size or len(data) != count * size:
         return None
-    (first,) = OFFSET.unpack_from(block.data)
-    (last,) = OFFSET.unpack_from(block.data, (block.count - 1) * size)
+    (first,) = OFFSET.unpack_from(data)
+    (last,) = OFFSET.unpack_from(data, (count - 1) * size)
     if last <= first:
         return None
-    step_ns = (last - first) / (block.count - 1)
-    return _Kept(block, SECOND_NS / step_ns, block.stamp_ns + last + round(step_ns))
+    step_ns = (last - first) / (count - 1)
+    return KeptBlock(block, SECOND_NS / step_ns, block.stamp_ns + last + round(step_ns))
 
 
-def _part(kept: _Kept, start_ns: int, end_ns: int) -> tuple[int, npt.NDArray[np.float32]]:
+def _part(kept: KeptBlock, start_ns: int, end_ns: int) -> tuple[int, npt.NDArray[np.float32]]:
     """Time of the first sample and the samples (n, all axes) of a block inside a window.
 
     A view into the block's bytes: nothing is copied before the columns are chosen.

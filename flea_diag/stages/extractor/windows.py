@@ -38,7 +38,7 @@ class Windows:
         """Store one record; False if it cannot be used."""
         if isinstance(record, Scan):
             return self.scans.add(record)
-        return self.vibration.add(record)
+        return self.vibration.add(record) is not None
 
     def covers(self, end_ns: int) -> bool:
         """Whether both streams have reached ``end_ns``.

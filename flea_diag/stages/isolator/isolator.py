@@ -117,6 +117,9 @@ class IsolatorStage:
     @property
     def takes_blocks(self) -> bool:
         """Whether nothing waits that might change an episode, and no feature can be asked for."""
+        return self._takes_blocks()
+
+    def _takes_blocks(self) -> bool:
         alone = not self._vibration.waits and self._merge.clock_alone
         return alone and (self._episodes.current is None or not self._stand.axes)
 
@@ -135,7 +138,7 @@ class IsolatorStage:
 
     def _drain(self, everything: bool) -> Records:
         out: list[Record] = []
-        while (record := self._merge.pop(everything, not self.takes_blocks)) is not None:
+        while (record := self._merge.pop(everything, self._takes_blocks)) is not None:
             out.extend(self._take[type(record)](record))
         return tuple(out)
 

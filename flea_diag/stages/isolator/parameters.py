@@ -21,8 +21,8 @@ class IsolatorParameters:
 
     watermark_s: float = parameter(
         0.2,
-        "time that records wait for those of other topics; without accelerometers the node "
-        "diagnoser waits for the next scan only",
+        "time that records wait for those of other topics; the node diagnoser waits for the next "
+        "scan only once sensors/channels says that there is no accelerometer",
         unit="s",
         minimum=0.0,
         maximum=5.0,

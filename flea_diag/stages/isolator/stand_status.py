@@ -12,7 +12,7 @@ import numpy.typing as npt
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.residuals.channel_units import unit_refusal
 from flea_diag.core.residuals.residual_rows import ResidualSet
-from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.vibration.nominal_range import NominalRanges
 from flea_diag.core.vibration.unjudged import said, unjudged
 from flea_diag.errors import shown
@@ -48,7 +48,7 @@ SEEN_MOVING_S = 0.5
 class StandStatus:
     """State of the stand, kept from scan to scan."""
 
-    counts: ScanCounts = FLEA_COUNTS
+    counts: ScanCounts
     axes: tuple[str, ...] = ()
     deaf: str = ""
     """Why no accelerometer is judged; empty: one is, or there is none."""

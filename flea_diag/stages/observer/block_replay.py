@@ -15,6 +15,8 @@ from flea_diag.wire.blocks import ScanBlock
 
 LEAST_SCANS, MOST_SCANS = 16, 2048
 """Fewest scans that are worth a block, and most scans of one."""
+MOST_BLOCKS = 64
+"""Most blocks to repeat after an event: live, where a block has a few scans, some 15 ms."""
 
 
 @dataclass
@@ -33,6 +35,11 @@ class Checkpoint:
         """Add a quiet block."""
         self.blocks.append(block)
         self.scans += len(block)
+
+    @property
+    def is_old(self) -> bool:
+        """Whether a new copy costs less than repeating what has come since this one."""
+        return self.scans >= MOST_SCANS or len(self.blocks) >= MOST_BLOCKS
 
     def restored(self) -> ObserverChain:
         """The state after the last quiet block."""
@@ -65,7 +72,7 @@ class BlockReplay:
         count = chain.leading(block.part(slice(self._most)))
         if count < min(LEAST_SCANS, len(block)):
             return chain, 0, None
-        if self._checkpoint is None or self._checkpoint.scans >= MOST_SCANS:
+        if self._checkpoint is None or self._checkpoint.is_old:
             self._checkpoint = Checkpoint(state_copy(chain))
         part = block.part(slice(count))
         quiet, output = chain.follow(part)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from flea_diag.core import backend as backends
 from flea_diag.core.residuals.residual_rows import ResidualSet
-from flea_diag.core.scan_counts import FLEA_COUNTS, ScanCounts
+from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.channel_loops import glance_loops
 from flea_diag.core.sensors.quality import BEYOND_BOUNDS, ChannelMonitor
 from flea_diag.core.sensors.stale_rows import LEAST_CHANNELS, StaleRows
@@ -51,7 +51,8 @@ class Channels:
         known: Collection[str],
         distrust: str,
         backend: str = "auto",
-        counts: ScanCounts = FLEA_COUNTS,
+        *,
+        counts: ScanCounts,
     ) -> None:
         self._index, self._width = rows.index, len(rows.channels)
         self._voltage = rows.channel(rows.voltage)
@@ -123,7 +124,7 @@ class Channels:
         ``trusted``, shape (n,), is the result of the cross-check of the voltage.
         """
         rows, steady = reading.raw, reading.steady
-        believed = bool(trusted.all())
+        believed = np.count_nonzero(trusted) == len(trusted)
         if believed and self._said and steady is None:
             self._steady_scans += len(rows)
             return len(rows)

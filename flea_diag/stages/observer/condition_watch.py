@@ -48,12 +48,13 @@ UNSEEN = (
 )
 
 
-def at_limit(values: Array, low: float, high: float) -> Flags:
+def at_limit(values: Array, low: float, high: float) -> list[bool]:
     """Which values are at a limit of their range; not those that are missing."""
     if len(values) == 1:
-        value = float(values[0])
-        return np.array([value <= low or value >= high])
-    return np.asarray((values <= low) | (values >= high))
+        value = values.item(0)
+        return [value <= low or value >= high]
+    limited: list[bool] = ((values <= low) | (values >= high)).tolist()
+    return limited
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +101,7 @@ class ConditionWatch:
         stop = self._stop.within(ranges)
         if stop != self._travel.stop:
             self._travel.use(stop)
+        self._travel.bound(*ranges.get(self._rows.encoder, (-math.inf, math.inf)))
         self._range = ranges.get(self._rows.command, self._range)
         self._clipped.use(ranges)
 

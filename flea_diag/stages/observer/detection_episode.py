@@ -94,7 +94,7 @@ class DetectionEpisode:
         """Records of one scan."""
         deviating = results.deviating()[0]
         if self.episode is None:
-            return self._open(stamp_ns, results, deviating) if deviating.any() else ()
+            return self._open(stamp_ns, results, deviating) if np.count_nonzero(deviating) else ()
         before = dict(self._symbols)
         for j in np.flatnonzero(deviating & self._isolating).tolist():
             self._symbols.setdefault(j, symbols.crossed(*results.test(j), stamp_ns))

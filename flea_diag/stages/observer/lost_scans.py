@@ -33,22 +33,23 @@ class LostScans:
 
     def interrupt(self) -> None:
         """There is a gap before the next scan."""
-        self._rows: list[Array] = []
+        self._rows: tuple[Array, ...] = ()
+        """The last rows, of one scan or two each."""
 
     def remember(self, rows: Array) -> None:
         """Keep the last two received scans."""
-        self._rows = [*self._rows, *rows[-2:]][-2:]
+        self._rows = (*self._rows[-1:], rows[-2:])
 
     def filled(self, count: int, row: Array) -> Array | None:
         """``count`` rows before this one, on the parabola through their neighbours.
 
         None with fewer than two scans before it: no parabola is defined.
         """
-        if len(self._rows) < 2:
+        if sum(map(len, self._rows)) < 2:
             return None
         self._wait = self._kernel + count
         steps = np.arange(1.0, count + 1.0)
-        return parabola(steps[:, None], count + 1, (*self._rows, row))
+        return parabola(steps[:, None], count + 1, (*np.concatenate(self._rows)[-2:], row))
 
     def leave_out(self, residuals: ResidualRows, read: bool) -> bool:
         """Drop residuals that interpolated rows would falsify; whether filters must restart.

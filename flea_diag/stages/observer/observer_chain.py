@@ -43,7 +43,7 @@ class ObserverChain:
         c, p = self._calibration, self._parameters
         distrust = f"disagrees with current and motion by more than {c.voltage_limit_v:.1f} V"
         self.channels = Channels(
-            self._effects.residuals, c.channels, distrust, p.observer_backend, c.counts
+            self._effects.residuals, c.channels, distrust, p.observer_backend, counts=c.counts
         )
         estimate = StateEstimate(
             c, self._effects.relations, p.state_observer, p.observer_seed, p.observer_backend

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
-from flea_diag.core.conditions.envelope_watch import EnvelopeWatch, OperatingPlace
+from flea_diag.core.conditions.envelope_watch import ANYWHERE, EnvelopeWatch
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
@@ -37,9 +37,8 @@ from flea_diag.wire.records import (
 )
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 Stamps = npt.NDArray[np.int64]
-ANYWHERE = OperatingPlace()
-"""Without an envelope no limit depends on the place."""
 
 
 @dataclass(slots=True)
@@ -91,7 +90,9 @@ class ResidualStream:
         self.conditions = ConditionWatch(c, relations)
         self._outside_ns = NEVER_NS
         self.envelope = (
-            EnvelopeWatch(c.envelope, relations, c.counts.kernel) if c.envelope else None
+            EnvelopeWatch(c.envelope, relations, c.parameters, c.counts.kernel, c.period_s)
+            if c.envelope
+            else None
         )
         self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s, start_ns)
         self._regressors = RegressorTable(effects, c.parameters)
@@ -155,11 +156,12 @@ class ResidualStream:
     def step(self, stamps_ns: Stamps, rows: Array, frozen: bool) -> StreamOutput:
         """Take n scans, rows of usable values, SI; ``frozen`` stops corrections of estimates."""
         before_ns, self._last_ns = self._last_ns, int(stamps_ns[-1])
-        rows, sensors = self._sensors.step(before_ns, stamps_ns, rows)
+        given, (rows, sensors) = rows, self._sensors.step(before_ns, stamps_ns, rows)
         lost = round((int(stamps_ns[0]) - before_ns) / self._period_ns) - 1
         if lost > 0:
             self._fill(before_ns, lost, rows[0], frozen)
         self._lost.remember(rows)
+        self._voltage.withhold(given, rows)
         return self._follow(stamps_ns, rows, sensors, frozen)
 
     def _fill(self, before_ns: int, count: int, row: Array, frozen: bool) -> None:
@@ -177,9 +179,7 @@ class ResidualStream:
     ) -> StreamOutput:
         residuals = self._bank.step(rows, frozen)
         residuals.values[:, self._sensor_columns] = sensors
-        alone = np.ones(len(rows), dtype=bool)
-        if self._command is not None:
-            alone = np.isnan(residuals.signals[:, self._command])
+        alone = self._alone(residuals)
         voltage = self._voltage.judge(residuals, alone)
         if voltage.lost_at == 0:
             self._tests.forget(self._voltage.columns)
@@ -207,6 +207,13 @@ class ResidualStream:
         results = self._tests.step(residuals, (sensors, self._sensors.k), alone, place)
         results.void = void
         return StreamOutput(residuals, results, regressors, voltage, estimate, turn)
+
+    def _alone(self, residuals: ResidualRows) -> Flags | None:
+        """Scans whose voltage no command corroborates, shape (n,); None where there is none."""
+        if self._command is None:
+            return np.ones(len(residuals), dtype=bool)
+        alone = np.isnan(residuals.signals[:, self._command])
+        return alone if np.count_nonzero(alone) else None
 
     def _place(
         self, envelope: EnvelopeWatch, stamps_ns: Stamps, rows: Array, residuals: ResidualRows

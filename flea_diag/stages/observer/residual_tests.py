@@ -32,8 +32,9 @@ class ResidualTests:
         limits = [limit for limit in c.limits if estimates or limit.name not in known.innovations]
         thermal = c.tolerance.thermal_rate_k_per_s
         self._tolerance = c.tolerance
-        self._z_tests = Detector(known, limits, c.tolerances(), thermal, backend, c.counts)
-        self._mean_shift = MeanShiftTest(known, c.shifts, c.tolerances(), backend, c.counts)
+        apart, counts = c.tolerances(), c.counts
+        self._z_tests = Detector(known, limits, apart, thermal, backend, counts=counts)
+        self._mean_shift = MeanShiftTest(known, c.shifts, apart, backend, counts=counts)
         self._discrepancy = _discrepancies(known, c)
         self._disabled: list[int] = []
 
@@ -41,21 +42,22 @@ class ResidualTests:
         self,
         residuals: ResidualRows,
         sensors: tuple[Array, Array],
-        alone: Flags,
+        alone: Flags | None,
         place: OperatingPlace,
     ) -> TestResults:
         """Results after each of n scans.
 
         ``sensors``: statistics, shape (n, sensor tests), and limits of the tests of single
-        sensors. ``alone``, shape (n,): where nothing corroborates the voltage. ``place``: where
-        the scans lie in what was calibrated.
+        sensors. ``alone``, shape (n,): where nothing corroborates the voltage, None: nowhere.
+        ``place``: where the scans lie in what was calibrated.
         """
-        residuals.values[:, self._disabled] = np.nan
+        if self._disabled:
+            residuals.values[:, self._disabled] = np.nan
         results = self._z_tests.step(self._scaled(residuals, place.factor()))
         results.z[:, self._sensors], results.k[:, self._sensors] = sensors
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;
         # what alternates with the motion (direction-normalised) still is one.
-        if self._circuit >= 0:
+        if alone is not None and self._circuit >= 0:
             results.z[alone, self._circuit] = np.nan
         near = self._scaled(residuals, place.factor(self._discrepancy))
         self._mean_shift.step(near, results, alone)

@@ -24,7 +24,12 @@ class SensorValidation:
     def __init__(self, known: ResidualSet, calibration: Calibration, backend: str) -> None:
         c = calibration
         self._tests = SensorTests(
-            c.sensors, known.channels, known.sensors, backend, c.period_s, c.counts
+            c.sensors,
+            known.channels,
+            known.sensors,
+            backend,
+            period_s=c.period_s,
+            counts=c.counts,
         )
         self._held = HeldReadings(c.sensors, known.channels, known.sensors, c.period_s)
         self._period_ns = round(calibration.period_s * 1e9)
@@ -65,6 +70,5 @@ class SensorValidation:
 
     def _tested(self, rows: Array) -> tuple[Array, Array]:
         results = self._tests.step(rows)
-        if self._held.places:
-            results.z[:, self._held.places] = self._held.step(rows)
+        results.z[:, self._held.places] = self._held.step(rows, results.usable)
         return results.usable, results.z

@@ -21,7 +21,8 @@ class SpeedTrust:
         """Drop them in these scans; an encoder measures the speed itself and is left alone."""
         if self._has_encoder or self._position < 0:
             return
-        wrong = self._stepped.step(np.abs(residuals.values[:, self._position]) > 1.0)
+        stepped = np.abs(residuals.values[:, self._position]) > 1.0
+        wrong = self._stepped.step(stepped.tolist())
         if wrong is not None:
             residuals.leave_out(wrong, self.columns)
             residuals.moving[wrong] = False

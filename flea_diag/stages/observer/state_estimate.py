@@ -105,20 +105,19 @@ class StateEstimate:
         if self._frozen and not frozen:
             observer.interrupt()
         self._frozen = frozen
-        if not voltage_usable.all():
+        if np.count_nonzero(voltage_usable) < count:
             rows = rows.copy()
             rows[~voltage_usable, self._voltage] = math.nan
         found = observer.follow(rows, frozen)
-        # A mean voltage that no command corroborates is an input: its own error would appear as
-        # an innovation. Raw PWM is a measurement.
-        testable = np.full(count, self._pwm)
-        if self._command >= 0:
-            testable |= ~np.isnan(rows[:, self._command])
         if self._compiled:
-            return self._follow(found, testable, frozen, values)
+            return self._follow(found, rows, frozen, values)
         values[:, self._columns] = math.nan
         if not frozen:
             tested = normalised(found, self._innovated)
+            # A mean voltage that no command corroborates is an input: its own error would appear
+            # as an innovation. Raw PWM is a measurement.
+            alone = np.isnan(rows[:, self._command]) if self._command >= 0 else True
+            testable = np.full(count, self._pwm) | ~np.broadcast_to(alone, count)
             values[testable, self._columns] = tested[testable]
         sigmas = found.sigmas.take(self._at, axis=1)
         sigmas[sigmas == 0.0] = math.nan
@@ -140,14 +139,13 @@ class StateEstimate:
         return ObserverOutput(self._channels, *columns)
 
     def _follow(
-        self, found: Innovations, testable: npt.NDArray[np.bool_], frozen: bool, values: Array
+        self, found: Innovations, rows: Array, frozen: bool, values: Array
     ) -> ObserverOutput:
         """The same as one compiled loop."""
-        count = len(testable)
-        estimates, sigmas = np.empty((2, count, len(self._at)))
-        told = estimates, sigmas, np.empty((count, 3))
+        estimates, sigmas = np.empty((2, len(rows), len(self._at)))
+        told = estimates, sigmas, np.empty((len(rows), 3))
         loop = output_of(self._innovated, self._columns.start)
-        loop(tuple(found), testable, frozen, self._at, told, values)
+        loop(tuple(found), rows, (self._pwm, self._command), frozen, self._at, told, values)
         return ObserverOutput(self._channels, *told)
 
     def adopt(self, parameters: ActuatorParameters) -> None:

@@ -62,7 +62,8 @@ class StreamOrder:
         self._elsewhere_ns = 0
         self._followers = 0
         self._said_ns = 0
-        self._said: tuple[int, ...] = self._faults()
+        self._changed = self._said_starved = False
+        """Whether a fault counter has changed since the last report; what that said."""
         self.first_ns: int | None = None
         self.last_ns: int | None = None
 
@@ -78,7 +79,9 @@ class StreamOrder:
         if 2 * ahead_ns < self._period_ns:
             return self._pass_over(stamp_ns)
         missing = round(ahead_ns / self._period_ns) - 1
-        self._counters["lost"] += max(missing, 0)
+        if missing > 0:
+            self._counters["lost"] += missing
+            self._changed = True
         self._places.append(self._places[-1] + (missing + 1 if missing < ACCOUNTED else 1))
         self.last_ns = stamp_ns
         self._seen.append(stamp_ns)
@@ -92,6 +95,7 @@ class StreamOrder:
 
     def _pass_over(self, stamp_ns: int) -> Place:
         """Count a scan out of turn: duplicate, crowded, or late (until now counted as lost)."""
+        self._changed = True
         apart_ns = min((abs(stamp_ns - seen_ns) for seen_ns in self._seen), default=0)
         if apart_ns == 0:
             self._counters["duplicate"] += 1
@@ -106,6 +110,7 @@ class StreamOrder:
 
     def _leapt(self, stamp_ns: int) -> Place:
         """A stamp on another time base; followed after ``FOLLOWERS`` of them in a row."""
+        self._changed = True
         follows = 0 < stamp_ns - self._elsewhere_ns <= BACK_NS
         self._followers = self._followers + 1 if self._followers and follows else 1
         self._elsewhere_ns = stamp_ns
@@ -131,7 +136,8 @@ class StreamOrder:
         ahead_ns, missing = self._ahead(stamps_ns)
         wrong = (2 * ahead_ns < self._period_ns) | (missing >= 1)
         if self.unsaid:
-            wrong |= self._is_long_said(stamps_ns)
+            since_ns = stamps_ns - self._said_ns
+            wrong |= (since_ns < 0) | (since_ns >= SAY_NS)
         return int(wrong.argmax()) if wrong.any() else len(stamps_ns)
 
     def follow(self, stamps_ns: Stamps) -> None:
@@ -148,9 +154,6 @@ class StreamOrder:
         ahead_ns = stamps_ns - np.append(self.last_ns or 0, stamps_ns[:-1])
         return ahead_ns, np.rint(ahead_ns / self._period_ns) - 1.0
 
-    def _faults(self) -> tuple[int, ...]:
-        return (*(self._counters[name] for name in WORDS), int(self.starved))
-
     @property
     def starved(self) -> bool:
         """Whether more than half of the recent scans are lost or unusable."""
@@ -159,19 +162,15 @@ class StreamOrder:
     @property
     def unsaid(self) -> bool:
         """Whether a fault counter has changed since the last report."""
-        return self._faults() != self._said
+        return self._changed or self.starved != self._said_starved
 
     def is_due(self, stamp_ns: int) -> bool:
         """Whether changed counters are to be reported with this scan."""
-        return self.unsaid and bool(self._is_long_said(np.array([stamp_ns]))[0])
-
-    def _is_long_said(self, stamps_ns: Stamps) -> npt.NDArray[np.bool_]:
-        since_ns = stamps_ns - self._said_ns
-        return (since_ns < 0) | (since_ns >= SAY_NS)
+        return self.unsaid and not 0 <= stamp_ns - self._said_ns < SAY_NS
 
     def say(self, stamp_ns: int) -> ChannelQuality:
         """Report the stream: its row of DataQuality; counters are then up to date."""
-        self._said, self._said_ns = self._faults(), stamp_ns
+        self._changed, self._said_starved, self._said_ns = False, self.starved, stamp_ns
         return self.state()
 
     def state(self) -> ChannelQuality:

@@ -11,6 +11,7 @@ from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.plausibility import VoltagePlausibility
 
+Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 
@@ -30,7 +31,7 @@ class VoltageVerdict(NamedTuple):
 
     def leave_out(self, residuals: ResidualRows) -> None:
         """Drop the residuals that need the voltage where it must not be used."""
-        if not self.usable.all():
+        if np.count_nonzero(self.usable) < len(self.usable):
             residuals.leave_out(~self.usable, self.columns)
 
 
@@ -38,23 +39,38 @@ class VoltageTrust:
     """Cross-check of the voltage against current and motion."""
 
     def __init__(self, known: ResidualSet, limit_v: float, counts: ScanCounts) -> None:
-        self._circuit = known.column(known.circuit)
+        self._circuit, self._channel = known.column(known.circuit), known.channel(known.voltage)
         self.columns = known.needing(known.voltage)
         self._plausible = VoltagePlausibility(limit_v, counts)
+        self._held: Flags | None = None
 
     @property
     def lost(self) -> bool:
         """Whether the channel is not trusted now."""
         return self._plausible.bad
 
-    def judge(self, residuals: ResidualRows, alone: Flags) -> VoltageVerdict:
+    def withhold(self, given: Array, usable: Array) -> None:
+        """Which of the next scans had their voltage withheld, both of shape (n, channels).
+
+        A voltage that stands still where nothing corroborates it is as bad as one that contradicts.
+        """
+        if self._circuit >= 0 and self._channel >= 0:
+            gone = np.isnan(usable[:, self._channel])
+            if np.count_nonzero(gone):
+                self._held = gone & ~np.isnan(given[:, self._channel])
+
+    def judge(self, residuals: ResidualRows, alone: Flags | None) -> VoltageVerdict:
         """Judge n scans; ``alone``, shape (n,), is where no command corroborates the voltage."""
-        if self._circuit < 0:
-            sure = np.ones(len(alone), dtype=bool)
-            return VoltageVerdict(sure, sure, len(alone), self.columns)
+        lost_at = len(residuals)
+        held, self._held = self._held, None
+        if self._circuit < 0 or (alone is None and not self.lost):
+            sure = ~np.zeros(lost_at, dtype=bool)
+            return VoltageVerdict(sure, sure, lost_at, self.columns)
+        alone = np.zeros(lost_at, dtype=bool) if alone is None else alone
         electrical = np.where(alone, residuals.values[:, self._circuit], np.nan)
+        if held is not None:
+            electrical[held & alone] = np.inf
         usable, was_bad = self._plausible.follow(electrical)
-        lost_at = len(alone)
         if not usable.all():
             usable |= ~alone
             lost = np.append(was_bad[1:], self._plausible.bad) & ~was_bad

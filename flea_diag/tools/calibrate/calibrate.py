@@ -228,13 +228,13 @@ def _learn(
         list(map(nominal_trace.with_innovations, part, innovations.residuals))
         for part in (traces, judged)
     )
-    envelope = envelope_fit.envelope(traces, relations, counts)
+    envelope = envelope_fit.envelope(traces, relations, counts, found.parameters)
     tested, judged = (
         [envelope_fit.widened(trace, envelope.travel if envelope else None) for trace in part]
         for part in (traces, judged)
     )
     limits = thresholds.fit_limits(
-        tested, false_alarms_per_hour, period_s, folds, tolerance, innovations.spread, judged
+        tested, false_alarms_per_hour, period_s, tolerance, folds, innovations.spread, judged
     )
     calibration = replace(
         _calibration(name, recordings, found, traces, innovations, limits, tolerance),
@@ -243,7 +243,7 @@ def _learn(
     )
     spread = innovations.spread
     odd = thresholds.not_nominal(
-        tested, false_alarms_per_hour, period_s, folds, spread, limits, judged, tolerance
+        tested, false_alarms_per_hour, period_s, tolerance, folds, spread, limits, judged
     )
     odd |= dead_sensors(runs, calibration, relations)
     return CalibrationResult(calibration, tuple(traces), relations, odd, alike)

@@ -15,19 +15,27 @@ if TYPE_CHECKING:
 def dead_sensors(
     runs: Sequence[NominalRun], calibration: Calibration, relations: RelationSet
 ) -> dict[str, str]:
-    """Recordings in which a sensor stands still as in none of the others, and why they are odd."""
+    """Recordings in which a sensor stands still, or is not read, as in none of the others: why."""
     from flea_diag.core.calibration.promise import LEAST_RECORDINGS
     from flea_diag.core.sensors.held_alone import held_alone
+    from flea_diag.core.sensors.missing_alone import missing_alone
 
     if len(runs) <= LEAST_RECORDINGS:
         return {}
     sensors, rate = relations.residuals.sensors, calibration.false_alarms_per_hour
     given = readings(runs, relations.residuals)
     found = held_alone(given, calibration.sensors, sensors, rate, calibration.period_s)
-    return {
-        runs[number].name: f"{channel} repeats one reading for longer than in any other recording"
+    missing = missing_alone(given, calibration.period_s)
+    odd = {
+        number: f"{channel} repeats one reading for longer than in any other recording"
         for number, channel in found
     }
+    for number, channel, gap_s, others_s in missing:
+        odd[number] = (
+            f"{channel} has no reading for {gap_s:.1f} s, for at most {others_s:.1f} s "
+            "in any other recording"
+        )
+    return {runs[number].name: why for number, why in odd.items()}
 
 
 def readings(runs: Sequence[NominalRun], known: ResidualSet) -> list[dict[str, Array]]:

@@ -121,6 +121,17 @@ def _limits(setting: Setting) -> Stage:
     return LimitCheckStage(_channel_limits(setting.nominal), known.faults)
 
 
+def _likelihood_ratio(setting: Setting) -> Stage:
+    from flea_diag.tools.evaluate.ratio_learning import ratio_baseline
+
+    if len(setting.nominal) < 2:
+        raise ConfigurationError(
+            "likelihood ratios need two nominal bags or more to learn noise and limits from: name "
+            "some under `learn_from` in the campaign"
+        )
+    return WithoutVibration(ratio_baseline(setting.stand, setting.nominal).stage())
+
+
 def _classifier(setting: Setting) -> Stage:
     from flea_diag.stages.baselines.feature_classifier import FeatureClassifierStage
     from flea_diag.tools.features.classifier import read_classifier
@@ -166,6 +177,11 @@ BASELINES: dict[str, Baseline] = {
         ),
         Baseline("structural", "residuals that react, without signs or features", _structural),
         Baseline("limit_checks", "each channel against its nominal extremes", _limits),
+        Baseline(
+            "likelihood_ratio",
+            "the largest marginal likelihood ratio over faults and onsets, and tests of sensors",
+            _likelihood_ratio,
+        ),
         Baseline(CLASSIFIER, "all vibration features into a network, no model", _classifier),
     )
 }

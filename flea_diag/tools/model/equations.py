@@ -92,13 +92,13 @@ def _compiled(
 ) -> RelationSet:
     from flea_diag.configuration.knowledge import relations
     from flea_diag.core.residuals.relation_compiler import relation_set
+    from flea_diag.core.residuals.residual_set import relation_names
 
     if calibration is not None:
         return relations(_stand(arguments), calibration)
-    names = [name for name, spec in model.residuals.items() if not spec.predicts]
     # Without a calibration nothing is a number yet: every parameter keeps its name.
     held = {*model.base_parameters, *model.graph.parameters} - set(model.predicted)
-    return relation_set(model, names, held, ())
+    return relation_set(model, relation_names(model), held, ())
 
 
 def _numbers(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.flag_runs import longest_run
 from flea_diag.core.residuals.channel_units import unit_refusal
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.tools.recordings.source_checks import MOST_OUTSIDE
@@ -64,7 +65,7 @@ def _check(
     read = everything[np.isfinite(everything)]
     missing = 1.0 - len(read) / len(everything)
     gap_s = max(
-        _longest(np.isnan(column)) * motion.period_s
+        longest_run(np.isnan(column)) * motion.period_s
         for column, motion in zip(columns, motions, strict=True)
     )
     return ChannelCheck(
@@ -124,8 +125,3 @@ def _noise(columns: Sequence[Array]) -> float:
     if not len(third):
         return math.nan
     return float(np.median(np.abs(third))) / NORMAL_MEDIAN / THIRD_DIFFERENCE
-
-
-def _longest(absent: npt.NDArray[np.bool_]) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], absent, [False]))))
-    return int(max(edges[1::2] - edges[::2], default=0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 
 import numpy as np
@@ -61,7 +61,7 @@ class FaultSizes:
         """As calibrated, or as described."""
         if self.calibration is not None:
             return self.calibration.parameters
-        return replace(ActuatorParameters(), **self.relations.described)
+        return ActuatorParameters(**self.relations.described)
 
     @cached_property
     def relations(self) -> RelationSet:

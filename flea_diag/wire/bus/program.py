@@ -6,6 +6,7 @@ for invalid input.
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import threading
@@ -16,6 +17,7 @@ from typing import Any
 from flea_diag.errors import ConfigurationError, FleaError, line_of, visible
 from flea_diag.wire.bus.declared import Common, Declared
 from flea_diag.wire.bus.endpoint import Bus
+from flea_diag.wire.bus.life_cycle import ACTIVATE
 from flea_diag.wire.bus.managed import Managed
 from flea_diag.wire.bus.screen import Foreground
 from flea_diag.wire.ending import Ending, end_at_once, leave
@@ -176,6 +178,7 @@ def _run(program: Program, arguments: list[str]) -> int:
         ending.on_signal = bus.end
         managed = Managed(program, bus, node, lambda: declared.value)
         managed.on_open = lambda: setattr(ending, "patience_s", CLOSE_PATIENCE_S)
+        bus.on(ACTIVATE, _spare_what_stays)
         if declared.common.autostart:
             managed.autostart()
         if managed.screen is not None:
@@ -195,6 +198,15 @@ def _run(program: Program, arguments: list[str]) -> int:
         rclpy.try_shutdown()
         ending.met()
     return 0
+
+
+def _spare_what_stays() -> None:
+    """Take what the start has made out of every later search for garbage: it stays to the end.
+
+    A search through all of it takes 0.1 s with sixteen stands, and no message is taken meanwhile.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 def _rclpy() -> Any:

@@ -19,8 +19,8 @@ ENCAPSULATION = b"\x00\x01\x00\x00"
 """CDR, little endian, no options."""
 
 _U32 = struct.Struct("<I")
-_STAMP = struct.Struct("<iI")
-_NS = 1_000_000_000
+STAMP = struct.Struct("<iI")
+SECOND_NS = 1_000_000_000
 _SECONDS = range(-(2**31), 2**31)
 TRAILING = 16
 """Largest number of bytes after a message: rclpy 7.1 appends 8 unset bytes to a JointState, since
@@ -34,13 +34,13 @@ _KEPT: deque[tuple[bytes, tuple[str, ...]]] = deque(maxlen=8)
 
 def stamp_bytes(stamp_ns: int) -> bytes:
     """``builtin_interfaces/Time`` of a stamp in ns; WireError beyond its 32 bits of seconds."""
-    seconds, nanoseconds = divmod(int(stamp_ns), _NS)
+    seconds, nanoseconds = divmod(int(stamp_ns), SECOND_NS)
     if seconds not in _SECONDS:
         raise WireError(
             f"stamp {stamp_ns} ns does not fit a message: its seconds must lie in "
             f"{_SECONDS.start} to {_SECONDS.stop - 1}"
         )
-    return _STAMP.pack(seconds, nanoseconds)
+    return STAMP.pack(seconds, nanoseconds)
 
 
 def text_bytes(value: str) -> bytes:
@@ -119,6 +119,15 @@ class CdrReader:
         """Current position in the message."""
         return self._position + len(ENCAPSULATION)
 
+    @property
+    def size(self) -> int:
+        """Bytes of the message."""
+        return len(self._body) + len(ENCAPSULATION)
+
+    def part(self, start: int, end: int) -> bytes:
+        """Bytes between two places of the message."""
+        return bytes(self._body[start - len(ENCAPSULATION) : end - len(ENCAPSULATION)])
+
     def take(self, count: int) -> memoryview:
         """Take the next ``count`` bytes, without a copy."""
         start, end = self._position, self._position + count
@@ -146,11 +155,11 @@ class CdrReader:
 
     def stamp_ns(self) -> int:
         """Stamp of a ``std_msgs/Header`` in ns; the frame is skipped."""
-        seconds, nanoseconds = _STAMP.unpack(self.take(8))
-        if nanoseconds >= _NS:
+        seconds, nanoseconds = STAMP.unpack(self.take(8))
+        if nanoseconds >= SECOND_NS:
             self.refuse(f"nanoseconds of the stamp = {nanoseconds}, the limit is 999999999")
         self.text()
-        return int(seconds) * _NS + int(nanoseconds)
+        return int(seconds) * SECOND_NS + int(nanoseconds)
 
     def text(self) -> str:
         """One string."""

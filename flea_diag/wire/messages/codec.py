@@ -62,7 +62,11 @@ def decode(record_type: type[R], data: bytes | memoryview) -> R:
     view = memoryview(data).cast("B")
     _check_size(record_type, message, len(view))
     try:
-        record = CARRIERS[message].decode(record_type, CdrReader(view))
+        record = None
+        if message == JOINT_STATE and isinstance(data, bytes):
+            record = joint_state.repeated(record_type, data)
+        if record is None:
+            record = CARRIERS[message].decode(record_type, CdrReader(view))
         gate.check(record)
     except WireError as error:
         raise WireError(f"{record_type.__name__}: {error}", error.kind) from None

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from itertools import chain
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 from flea_diag.errors import WireError, shown
 from flea_diag.wire import records as r
-from flea_diag.wire.messages.cdr import ENCAPSULATION, CdrReader, CdrWriter, stamp_bytes
+from flea_diag.wire.messages.cdr import (
+    ENCAPSULATION,
+    KEPT_BYTES,
+    SECOND_NS,
+    STAMP,
+    CdrReader,
+    CdrWriter,
+    stamp_bytes,
+)
 
 Z, THRESHOLD, REGRESSOR = "/z", "/threshold", "regressor/"
 ESTIMATE, ESTIMATE_SIGMA = "/estimate", "/estimate_sigma"
@@ -21,34 +28,40 @@ HEALTH = ("observer/ess", "observer/nis", "observer/diverged")
 KURTOSIS = "/kurtosis"
 """The same for ``vibration_level``; a standard deviation has the plain name of the axis."""
 
-_STAMP_BYTES = 8
+_AFTER_STAMP = len(ENCAPSULATION) + STAMP.size
+_NO_VELOCITY_NOR_EFFORT = bytes(8)
 Names = tuple[str, ...]
+
+
+class _Form(NamedTuple):
+    """What a stream repeats in every message: all but the stamp and the numbers."""
+
+    names: Names
+    between: bytes
+    """From the frame to the first number."""
+    numbers: struct.Struct
+    end: int = 0
+    """Of the numbers, in a message that was read."""
+
+
+_READ: dict[int, _Form] = {}
+"""Size of a message -> form of the latest of this size."""
+_MOST_READ = 64
 
 
 def encode(record: Any, _: str) -> bytes:
     """CDR bytes of a Scan, Residual or VibrationLevel."""
-    if isinstance(record, r.Residual):
-        _check_residual(record)
-    names, values = _COLUMNS[type(record)]
-    return _joint_state(record.stamp_ns, names(record), values(record), type(record).__name__)
-
-
-def _joint_state(
-    stamp_ns: int, names: tuple[str, ...], values: tuple[float, ...], kind: str
-) -> bytes:
-    if len(names) != len(values):
-        raise WireError(f"{kind}: {len(names)} names but {len(values)} values")
-    positions = struct.pack(f"<{len(values)}d", *values)
-    no_velocity_nor_effort = bytes(8)
-    section = _names_section(tuple(names))
-    return b"".join(
-        (ENCAPSULATION, stamp_bytes(stamp_ns), section, positions, no_velocity_nor_effort)
-    )
+    form_of, values_of = _COLUMNS[type(record)]
+    form, values = form_of(record), values_of(record)
+    if len(form.names) != len(values):
+        kind = type(record).__name__
+        raise WireError(f"{kind}: {len(form.names)} names but {len(values)} values")
+    numbers, stamp = form.numbers.pack(*values), stamp_bytes(record.stamp_ns)
+    return b"".join((ENCAPSULATION, stamp, form.between, numbers, _NO_VELOCITY_NOR_EFFORT))
 
 
 @lru_cache(maxsize=64)
-def _names_section(names: tuple[str, ...]) -> bytes:
-    """Bytes from the frame to the first position: the same in every message of a stream."""
+def _form(names: Names) -> _Form:
     writer = CdrWriter(0)
     writer.u32(len(names))
     for name in names:
@@ -56,18 +69,47 @@ def _names_section(names: tuple[str, ...]) -> bytes:
     writer.u32(len(names))
     if names:
         writer.align(8)
-    return bytes(writer)[len(ENCAPSULATION) + _STAMP_BYTES :]
+    return _Form(names, bytes(writer)[_AFTER_STAMP:], struct.Struct(f"<{len(names)}d"))
 
 
 def decode(record_type: type, reader: CdrReader) -> Any:
     """Read a Scan, Residual or VibrationLevel; velocity and effort are skipped."""
     stamp_ns = reader.stamp_ns()
     names = reader.texts()
-    values, _, _ = _floats(reader), _floats(reader), _floats(reader)
+    values, end = _floats(reader), reader.place
+    skipped = _floats(reader), _floats(reader)
     reader.end()
     if len(names) != len(values):
         raise WireError(f"{len(names)} names but {len(values)} positions")
+    if not any(skipped):
+        _remember(reader, names, end)
     return _RECORD[record_type](stamp_ns, names, values)
+
+
+def _remember(reader: CdrReader, names: Names, end: int) -> None:
+    numbers = struct.Struct(f"<{len(names)}d")
+    between = reader.part(_AFTER_STAMP, end - numbers.size)
+    if len(between) > KEPT_BYTES:
+        return
+    if len(_READ) >= _MOST_READ:
+        _READ.clear()
+    _READ[reader.size] = _Form(names, between, numbers, end)
+
+
+def repeated(record_type: type, data: bytes) -> Any:
+    """Record of a message that differs in stamp and numbers alone from one read before, or None.
+
+    Nothing else of it needs to be read again, and the names are the very same object.
+    """
+    form = _READ.get(len(data))
+    if form is None or not data.startswith(form.between, _AFTER_STAMP):
+        return None
+    seconds, nanoseconds = STAMP.unpack_from(data, len(ENCAPSULATION))
+    sound = data.startswith(ENCAPSULATION[:2]) and nanoseconds < SECOND_NS
+    if not sound or not data.startswith(_NO_VELOCITY_NOR_EFFORT, form.end):
+        return None
+    values = form.numbers.unpack_from(data, form.end - form.numbers.size)
+    return _RECORD[record_type](seconds * SECOND_NS + nanoseconds, form.names, values)
 
 
 def _floats(reader: CdrReader) -> tuple[float, ...]:
@@ -78,56 +120,57 @@ def _floats(reader: CdrReader) -> tuple[float, ...]:
 
 
 def _check_residual(record: r.Residual) -> None:
-    wrong = next(
-        (n for n in (*record.names, *record.regressor_names, *record.estimated) if "/" in n), None
-    )
-    if wrong is not None:
-        raise WireError(f"Residual: name {shown(wrong)} contains a '/', which is reserved")
-    lengths = {len(column) for column in (record.names, record.values, record.z, record.thresholds)}
-    if len(lengths) > 1:
+    names = len(record.names)
+    if not names == len(record.values) == len(record.z) == len(record.thresholds):
         raise WireError(
-            f"Residual: {len(record.names)} names but {len(record.values)} values, "
+            f"Residual: {names} names but {len(record.values)} values, "
             f"{len(record.z)} z and {len(record.thresholds)} thresholds"
         )
     if len(record.health) not in (0, len(HEALTH)):
         raise WireError(f"Residual: health has {len(record.health)} numbers, must be {len(HEALTH)}")
-    lengths = {
-        len(column) for column in (record.estimated, record.estimates, record.estimate_sigmas)
-    }
-    if len(lengths) > 1:
+    estimated = len(record.estimated)
+    if not estimated == len(record.estimates) == len(record.estimate_sigmas):
         raise WireError(
-            f"Residual: {len(record.estimated)} estimated channels but {len(record.estimates)} "
+            f"Residual: {estimated} estimated channels but {len(record.estimates)} "
             f"estimates and {len(record.estimate_sigmas)} sigmas"
         )
 
 
-def _residual_names(record: r.Residual) -> tuple[str, ...]:
+def _residual_form(record: r.Residual) -> _Form:
+    _check_residual(record)
     health = HEALTH if record.health else ()
-    return _layout(record.names, record.regressor_names, record.estimated, health)
+    return _form_of(record.names, record.regressor_names, record.estimated, health)
 
 
 @lru_cache(maxsize=64)
+def _form_of(*names: Names) -> _Form:
+    return _form(_layout(*names))
+
+
 def _layout(
     names: tuple[str, ...],
     regressor_names: tuple[str, ...],
     estimated: tuple[str, ...],
     health: tuple[str, ...],
 ) -> tuple[str, ...]:
+    wrong = next((n for n in (*names, *regressor_names, *estimated) if "/" in n), None)
+    if wrong is not None:
+        raise WireError(f"Residual: name {shown(wrong)} contains a '/', which is reserved")
     residuals = (name + part for name in names for part in ("", Z, THRESHOLD))
     regressors = (REGRESSOR + name for name in regressor_names)
     estimates = (name + part for name in estimated for part in (ESTIMATE, ESTIMATE_SIGMA))
     return (*residuals, *regressors, *estimates, *health)
 
 
-def _residual_values(record: r.Residual) -> tuple[float, ...]:
-    columns = zip(record.values, record.z, record.thresholds, strict=True)
-    estimates = zip(record.estimates, record.estimate_sigmas, strict=True)
-    return (
-        *chain.from_iterable(columns),
-        *record.regressors,
-        *chain.from_iterable(estimates),
-        *record.health,
-    )
+def _residual_values(record: r.Residual) -> list[float]:
+    last = 3 * len(record.values)
+    values = [0.0] * last
+    values[0::3], values[1::3], values[2::3] = record.values, record.z, record.thresholds
+    values += record.regressors
+    for pair in zip(record.estimates, record.estimate_sigmas, strict=True):
+        values += pair
+    values += record.health
+    return values
 
 
 @lru_cache(maxsize=64)
@@ -173,12 +216,12 @@ def _residual(stamp_ns: int, names: tuple[str, ...], values: tuple[float, ...]) 
     return record
 
 
-def _level_names(record: r.VibrationLevel) -> tuple[str, ...]:
+def _level_form(record: r.VibrationLevel) -> _Form:
     if len(record.kurtosis) not in (0, len(record.axes)):
         raise WireError(
             f"VibrationLevel: {len(record.axes)} axes but a kurtosis of {len(record.kurtosis)}"
         )
-    return _axes(record.axes, bool(record.kurtosis))
+    return _form(_axes(record.axes, bool(record.kurtosis)))
 
 
 @lru_cache(maxsize=64)
@@ -200,13 +243,12 @@ def _level(stamp_ns: int, names: tuple[str, ...], values: tuple[float, ...]) -> 
     return r.VibrationLevel(stamp_ns, axes, values[: len(axes)], values[len(axes) :])
 
 
-_COLUMNS: dict[type, tuple[Callable[[Any], tuple[str, ...]], Callable[[Any], tuple[float, ...]]]]
-_COLUMNS = {
-    r.Scan: (attrgetter("channels"), attrgetter("values")),
-    r.Residual: (_residual_names, _residual_values),
-    r.VibrationLevel: (_level_names, _level_values),
+_COLUMNS: dict[type, tuple[Callable[[Any], _Form], Callable[[Any], Sequence[float]]]] = {
+    r.Scan: (lambda scan: _form(tuple(scan.channels)), attrgetter("values")),
+    r.Residual: (_residual_form, _residual_values),
+    r.VibrationLevel: (_level_form, _level_values),
 }
-"""Record type -> functions that give ``name`` and ``position``."""
+"""Record type -> functions that give the form, with ``name``, and ``position``."""
 
 _RECORD: dict[type, Callable[[int, tuple[str, ...], tuple[float, ...]], Any]] = {
     r.Scan: r.Scan,

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from support import stands
 from support.models import linear_ema as ema
+from support.observed import FLEA_COUNTS, FLEA_TOLERANCE
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.envelope_fit import _conditions, travel_factors, widened
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.calibration.thresholds import fit_limits
 from flea_diag.core.calibration.window_fit import LEAST_IN_REGION
-from flea_diag.core.scan_counts import FLEA_COUNTS
 
 FLEA = compiled_relations("actuator.yaml").residuals
 NAME = "parity_mechanical"
@@ -61,7 +61,7 @@ def test_one_recording_at_an_end_raises_no_limit_elsewhere():
     found, alike = traces(), traces(off_n=0.0)
     travel = travel_factors(found, FLEA_COUNTS)
     (bare,), (told,), (never,) = (
-        fit_limits(part, 0.1, 0.01).limits()
+        fit_limits(part, 0.1, 0.01, FLEA_TOLERANCE).limits()
         for part in (found, [widened(trace, travel) for trace in found], alike)
     )
     raw, with_ends, without = (

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from support.observed import flea_parameters
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.calibration import NominalRun
 from flea_diag.core.calibration.heat_identification import NominalSignals, identify
 from flea_diag.core.calibration.identification import Identified
-from flea_diag.core.residuals.parameters import ActuatorParameters
 
 FLEA = compiled_relations("actuator.yaml").residuals
 
@@ -41,7 +41,7 @@ def fitted(seed: int, count: int = 12, scans: int = 2000) -> Identified:
 
 def identified(runs: list[NominalRun]) -> Identified:
     """Heating and cooling from runs under a constant current, which needs no smoothing."""
-    result = Identified(ActuatorParameters())
+    result = Identified(flea_parameters())
     rows = np.concatenate([made.rows for made in runs])
     columns = {
         name: rows[:, FLEA.index[name]] if name in FLEA.index else np.zeros(len(rows))

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -122,6 +123,13 @@ def test_runs_without_motion_are_refused():
     still = ema.run(reference=lambda t: 0.0)
     with pytest.raises(CalibrationError, match=r"s of motion above.*record the actuator while"):
         found([ema.noisy(still, n) for n in range(3)])
+
+
+def test_without_a_width_of_friction_nothing_says_what_is_motion():
+    known = compiled_relations("actuator.yaml", ema.CHANNELS)
+    described = {n: v for n, v in known.described.items() if n != "stribeck_speed_m_s"}
+    with pytest.raises(CalibrationError, match=r"stribeck_speed_m_s.*add it to base_parameters"):
+        identify(runs(), lambda _: replace(known, described=described), 31, 0.01)
 
 
 def test_a_load_of_the_wrong_sign_is_refused():

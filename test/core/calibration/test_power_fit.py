@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import yaml
 from support.models import stepper
+from support.observed import FLEA_TOLERANCE, flea_parameters
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.calibration import Calibration, NominalRun
-from flea_diag.core.calibration.run_spread import tolerance_of
-from flea_diag.core.residuals.parameters import ActuatorParameters, UnitTolerance
+from flea_diag.core.calibration.run_spread import HEATING, tolerance_of
+from flea_diag.errors import CalibrationError
 from flea_diag.tools.calibrate.calibrate import calibrate
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
 
@@ -56,7 +57,7 @@ def test_a_friction_below_0_counts_as_0_and_the_others_are_fitted_without_it(
 
 def test_units_differ_by_what_their_description_says(learned: Calibration, described: Path) -> None:
     relations = compiled_relations(described, stepper.CHANNELS, has_encoder=False)
-    parameters = replace(ActuatorParameters(), coulomb_friction_n=500.0, current_offset_a=0.4)
+    parameters = replace(flea_parameters(), coulomb_friction_n=500.0, current_offset_a=0.4)
     found = tolerance_of(parameters, relations)
     assert (found.coulomb_friction_n, found.current_offset_a) == (5.0, 0.004)
     assert learned.tolerance.coulomb_friction_n == 0.01 * learned.parameters.coulomb_friction_n
@@ -64,11 +65,14 @@ def test_units_differ_by_what_their_description_says(learned: Calibration, descr
 
 def test_a_tolerance_in_numbers_is_that_of_any_value() -> None:
     relations = compiled_relations("actuator.yaml")
-    assert tolerance_of(ActuatorParameters(), relations) == UnitTolerance()
+    assert tolerance_of(flea_parameters(), relations) == FLEA_TOLERANCE
 
 
 def test_without_a_statement_it_is_a_tenth_of_the_value_or_three_noises_of_the_sensor() -> None:
-    relations = replace(compiled_relations("actuator.yaml"), tolerances={})
-    found = tolerance_of(ActuatorParameters(winding_resistance_ohm=0.5), relations)
+    drawn = compiled_relations("actuator.yaml")
+    with pytest.raises(CalibrationError, match=r"predicts motor_.* no tolerance thermal_rate"):
+        tolerance_of(flea_parameters(), replace(drawn, tolerances={}))
+    relations = replace(drawn, tolerances={HEATING: drawn.tolerances[HEATING]})
+    found = tolerance_of(flea_parameters(winding_resistance_ohm=0.5), relations)
     assert found.winding_resistance_ohm == pytest.approx(0.05)
     assert found.current_offset_a == pytest.approx(3.0 * 0.053)

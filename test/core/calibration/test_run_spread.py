@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.observed import FLEA_TOLERANCE, flea_parameters
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.run_spread import are_one, joined, measured_spread, tolerance_of
-from flea_diag.core.residuals.parameters import ActuatorParameters, UnitSpread, UnitTolerance
+from flea_diag.core.residuals.parameters import UnitSpread
 
 RESISTANCE = "winding_resistance_ohm"
-STATED = replace(UnitTolerance(), winding_resistance_ohm=0.3)
+STATED = replace(FLEA_TOLERANCE, winding_resistance_ohm=0.3)
 
 
 def test_the_spread_of_units_is_found_beside_the_errors_of_their_values() -> None:
@@ -51,7 +52,7 @@ def test_three_units_count_as_much_as_the_statement_and_more_units_more() -> Non
 
 
 def test_units_are_alike_in_the_force_constant_unless_the_description_says_more() -> None:
-    parameters = ActuatorParameters(force_constant_n_per_a=400.0)
+    parameters = flea_parameters(force_constant_n_per_a=400.0)
     flea, ema = (compiled_relations(name) for name in ("actuator.yaml", EMA))
     assert tolerance_of(parameters, flea).force_constant_n_per_a == 0.0
     assert tolerance_of(parameters, ema).force_constant_n_per_a == 10.0  # 2.5 %

@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 from support import stands
 from support.models import linear_ema as ema
+from support.observed import FLEA_TOLERANCE
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.extreme_value import return_level
@@ -36,7 +37,7 @@ def white(count: int, length: int, seed: int = 0) -> list[np.ndarray]:
 
 
 def limits(found: list[Trace], rate_per_hour: float, period_s: float):
-    return fit_limits(found, rate_per_hour, period_s).limits()
+    return fit_limits(found, rate_per_hour, period_s, FLEA_TOLERANCE).limits()
 
 
 def test_scatter_of_means_of_white_noise_falls_with_the_root_of_the_window():
@@ -95,10 +96,10 @@ def test_false_alarms_on_fresh_noise_stay_below_the_stated_rate():
 
 def test_the_tail_of_the_scores_of_a_residual_widens_its_limits():
     columns = white(24, 6000)
-    even = fit_limits(traces(columns, ALIKE), 0.1, 0.01)
+    even = fit_limits(traces(columns, ALIKE), 0.1, 0.01, FLEA_TOLERANCE)
     assert [fit.widening for fit in even.tests] == [1.0] * len(even.tests)
     uneven = [(1.0 + 0.12 * n) * column for n, column in enumerate(columns)]
-    wide = fit_limits(traces(uneven, ALIKE), 0.1, 0.01)
+    wide = fit_limits(traces(uneven, ALIKE), 0.1, 0.01, FLEA_TOLERANCE)
     (widening,) = {fit.widening for fit in wide.tests}
     level = return_level(wide.scores, 0.9 * 0.1 / 60.0)  # a minute each, a tenth for sensors
     assert widening == pytest.approx(level)
@@ -112,12 +113,13 @@ def test_a_recording_that_the_others_contradict_is_found_and_named():
     columns = white(12, 6000)
     columns[3] = columns[3] + 0.8  # a shift of eight sigmas of the mean of 100
     given, folds = traces(columns, ALIKE), [f"t{n}" for n in range(12)]
-    fitted = fit_limits(given, 0.1, 0.01, folds)
-    ((name, reason),) = not_nominal(given, 0.1, 0.01, folds, {}, fitted).items()
+    fitted = fit_limits(given, 0.1, 0.01, FLEA_TOLERANCE, folds)
+    ((name, reason),) = not_nominal(given, 0.1, 0.01, FLEA_TOLERANCE, folds, {}, fitted).items()
     assert name == "t3"
     assert "times the limit that the other recordings give" in reason
     healthy = traces(white(12, 6000), ALIKE)
-    assert not_nominal(healthy, 0.1, 0.01, folds, {}, fit_limits(healthy, 0.1, 0.01)) == {}
+    fitted = fit_limits(healthy, 0.1, 0.01, FLEA_TOLERANCE)
+    assert not_nominal(healthy, 0.1, 0.01, FLEA_TOLERANCE, folds, {}, fitted) == {}
 
 
 def test_regions_with_few_recordings_borrow_from_all():

@@ -5,10 +5,10 @@ from __future__ import annotations
 import importlib
 
 import pytest
+from support.observed import FLEA_COUNTS
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.conditions.condition import CONDITIONS, NAMED
-from flea_diag.core.scan_counts import FLEA_COUNTS
 from flea_diag.stages.observer.speed_trust import SpeedTrust
 from flea_diag.stages.observer.voltage_trust import VoltageTrust
 from flea_diag.wire.records import END_OF_TRAVEL

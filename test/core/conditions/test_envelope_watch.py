@@ -6,15 +6,26 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
+from scipy.signal import lfilter
 from support import stands
 from support.models import linear_ema as ema
+from support.observed import FLEA_COUNTS
+from support.places import SHIPPED_STANDS
 
+from flea_diag.configuration.calibrations import learned
+from flea_diag.configuration.description import compiled_relations
+from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.core.conditions.envelope_watch import EnvelopeWatch
-from flea_diag.core.residuals.leverage import LeverageBasis, TravelFactors
+from flea_diag.core.residuals.leverage import (
+    CalibrationEnvelope,
+    LeverageBasis,
+    TravelFactors,
+)
 from flea_diag.core.residuals.residual_bank import ResidualBank
 from flea_diag.core.residuals.residual_rows import ResidualRows
-from flea_diag.core.scan_counts import FLEA_COUNTS
+from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.wire.records import OUTSIDE_CALIBRATION, AmbiguityGroup, DataQuality, Outcome
 
 KERNEL = FLEA_COUNTS.kernel
@@ -26,6 +37,19 @@ def of(residuals: ResidualRows, scans: slice, *names: str) -> np.ndarray:
     return residuals.values[scans][:, stands.relations().residuals.columns(names)]
 
 
+def watch_of(envelope: CalibrationEnvelope) -> EnvelopeWatch:
+    """A watch with the parameters of the nominal recordings."""
+    parameters = stands.calibration().parameters
+    return EnvelopeWatch(envelope, stands.relations(), parameters, KERNEL, FLEA_COUNTS.period_s)
+
+
+def residuals_of(rows: np.ndarray) -> ResidualRows:
+    """Residuals of scans by the parameters of the nominal recordings."""
+    parameters, relations = stands.calibration().parameters, stands.relations()
+    bank = ResidualBank(parameters, relations, period_s=0.01, counts=FLEA_COUNTS)
+    return bank.step(rows, frozen=False)
+
+
 @cache
 def columns(load_n: float) -> ema.Columns:
     """Twelve seconds, with this load from 4 to 8 s and 60 N else."""
@@ -34,10 +58,10 @@ def columns(load_n: float) -> ema.Columns:
 
 def watched(load_n: float) -> tuple[ResidualRows, list[int], list[tuple[int, ...]]]:
     """Residuals that a watch left, the scans at which it turned, what was outside in each."""
-    calibration, relations = stands.calibration(), stands.relations()
-    watch = EnvelopeWatch(calibration.envelope, relations, KERNEL)
+    calibration = stands.calibration()
+    watch = watch_of(calibration.envelope)
     rows = ema.rows(columns(load_n), ema.STAND)
-    residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
+    residuals = residuals_of(rows)
     turns, outside = [], []
     for k in range(len(rows)):
         part = slice(k, k + 1)
@@ -59,24 +83,82 @@ def test_within_what_was_seen_nothing_is_added_and_nothing_abstains() -> None:
 
 def test_a_load_far_beyond_silences_what_rests_on_it_and_nothing_else() -> None:
     """The relation of the winding at first, whose current is three times as large."""
-    residuals, (begins, *_, ends), outside = watched(420.0)
+    residuals, (begins, *_), outside = watched(420.0)
     assert begins >= 400 + KERNEL // 3
-    assert 800 + 3 * KERNEL - 31 <= ends <= 800 + 3 * KERNEL + 31
     names = list(LeverageBasis(stands.relations()).names)
+    ends = max(k for k, place in enumerate(outside) if any(n < len(names) for n in place))
+    assert 800 + 3 * KERNEL - 31 <= ends <= 800 + 3 * KERNEL + 31
     for name in ("parity_mechanical", "parity_electrical"):
         silent = np.array([names.index(name) in place for place in outside[100:]])
         gone = np.isnan(of(residuals, slice(100, None), name, f"{name}_dn"))
         assert (gone == silent[:, None]).all()
         assert silent.any()
-    assert outside[-1] == ()
+    # The heat lasts longer than the load.
+    hot = len(names) + [row.name for row in stands.relations().predictions].index(
+        "motor_temperature"
+    )
+    assert outside[-1] == (hot,)
+    assert np.isnan(of(residuals, slice(1100, None), "motor_temperature")).all()
+
+
+def test_limits_of_what_rests_on_heat_grow_in_proportion_to_it() -> None:
+    """Up to half of the largest mean, then by as many times as it is more."""
+    calibration, relations = stands.calibration(), stands.relations()
+    rows = ema.rows(columns(60.0), ema.STAND)
+    residuals = residuals_of(rows)
+    p, current = (
+        calibration.parameters,
+        residuals.signals[:, relations.signals.index("motor_current")],
+    )
+    heat = np.nan_to_num(p.motor_heating_k_per_a2s * np.square(current - p.current_offset_a))
+    share = FLEA_COUNTS.period_s / CORRECTION_S
+    mean = lfilter([share], [1.0, share - 1.0], heat)
+    most = 0.6 * float(mean.max())
+    supplies = {"motor_temperature": most}
+    seen = replace(calibration.envelope, relations=(), travel=None, supplies=supplies)
+    watch = watch_of(seen)
+    parts = np.array_split(np.arange(len(rows)), [500])
+    found = []
+    for part in parts:
+        some = ResidualRows(*(getattr(residuals, n)[part] for n in ResidualRows.__slots__))
+        assert watch.step(rows[part], some) == len(part)
+        found.append(watch.place.factor())
+    expected = np.maximum(mean / most, 1.0)
+    table = relations.residuals
+    factor = np.concatenate([np.ones((500, len(table.rows))) if f is None else f for f in found])
+    for name in ("motor_temperature", "parity_electrical", "parity_electrical_dn"):
+        assert factor[:, table.column(name)] == pytest.approx(expected, rel=1e-9)
+    assert (factor[:, table.columns([*MECHANICAL, "nut_temperature"])] == 1.0).all()
+    assert expected.max() > 1.5
+
+
+def test_two_speeds_are_compared_unless_both_are_out_of_their_range() -> None:
+    """A sensor at fault leaves the other within; a runaway takes both along."""
+    calibration = learned(load_stand("wing"))
+    relations = compiled_relations(SHIPPED_STANDS["wing"] / "actuator.yaml")
+    known, read = relations.residuals, ("motor_speed", "d_actuator_position")
+    places = [relations.signals.index(name) for name in read]
+    (compared,) = known.of_relation("parity_speed")
+    for faster, void in (((2.0, 0.0), False), ((0.0, 2.0), False), ((2.0, 2.0), True)):
+        signals = np.zeros((100, len(relations.signals)))
+        for place, times, name in zip(places, faster, read, strict=True):
+            signals[50:, place] = times * calibration.envelope.ranges[name][1]
+        motion, moving = np.zeros((100, 2)), np.ones(100, dtype=bool)
+        values = np.zeros((100, len(known.rows)))
+        residuals = ResidualRows(values, np.empty((100, 0, 0)), signals, motion, moving)
+        known_here = calibration.envelope, relations, calibration.parameters
+        EnvelopeWatch(*known_here, KERNEL, FLEA_COUNTS.period_s).leave_out(residuals)
+        gone = np.isnan(residuals.values[:, compared])
+        assert gone.tolist() == [False] * 50 + [void] * 50, faster
+        assert not np.delete(np.isnan(residuals.values), compared, axis=1).any()
 
 
 def test_blocks_turn_where_single_scans_do() -> None:
-    calibration, relations = stands.calibration(), stands.relations()
+    calibration = stands.calibration()
     rows = ema.rows(columns(420.0), ema.STAND)
-    residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
+    residuals = residuals_of(rows)
     _, (begins, *_), _ = watched(420.0)
-    assert EnvelopeWatch(calibration.envelope, relations, KERNEL).step(rows, residuals) == begins
+    assert watch_of(calibration.envelope).step(rows, residuals) == begins
 
 
 def test_at_an_end_of_the_travel_a_residual_scatters_by_its_own_factor() -> None:
@@ -86,8 +168,8 @@ def test_at_an_end_of_the_travel_a_residual_scatters_by_its_own_factor() -> None
     low = float(np.quantile(position, 0.3))
     travel = TravelFactors((low, 1.0), {"parity_mechanical": (3.0, 1.0, 2.0)})
     known = replace(calibration.envelope, travel=travel)
-    watch = EnvelopeWatch(known, relations, KERNEL)
-    residuals = ResidualBank(calibration.parameters, relations).step(rows, frozen=False)
+    watch = watch_of(known)
+    residuals = residuals_of(rows)
     watch.step(rows, residuals)
     factor = replace(watch.place, beyond=None).factor()
     column = relations.residuals.column("parity_mechanical")
@@ -111,7 +193,11 @@ def test_the_verdict_names_the_range_and_is_not_observable_meanwhile() -> None:
     groups = stands.of(AmbiguityGroup, said)
     assert Outcome.NOT_OBSERVABLE in [g.outcome for g in groups if "load_force is 4" in g.words]
     assert [g.episode for g in groups] == [0] * len(groups)
-    assert groups[-1].outcome is Outcome.NOMINAL
+    # The heat of the load lasts longer than the load.
+    last = [r.reason for r in stands.of(DataQuality, said)[-1].channels]
+    assert last[-1].startswith("motor_temperature is supplied with 0.0")
+    assert last[-1].endswith(" was calibrated: motor_temperature not tested")
+    assert groups[-1].outcome is Outcome.NOT_OBSERVABLE
 
 
 def test_an_older_calibration_has_no_envelope() -> None:

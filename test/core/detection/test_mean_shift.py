@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.observed import FLEA_COUNTS
 
 from flea_diag.core.detection.mean_shift import (
     LEAST_ALWAYS_S,
@@ -13,7 +14,6 @@ from flea_diag.core.detection.mean_shift import (
     MeanShift,
     MeanShiftLimit,
 )
-from flea_diag.core.scan_counts import FLEA_COUNTS
 from flea_diag.errors import ConfigurationError
 from flea_diag.fields.reader import read_as
 
@@ -22,7 +22,7 @@ REFERENCE, LEAST, LEAST_ALWAYS = map(FLEA_COUNTS.of, (REFERENCE_S, LEAST_S, LEAS
 
 
 def shifts(values: np.ndarray, use: np.ndarray | None = None, block: int = 100_000) -> np.ndarray:
-    level = MeanShift()
+    level = MeanShift(counts=FLEA_COUNTS)
     use = np.ones(len(values), dtype=bool) if use is None else use
     values, use = values[:, None, None], use[:, None]
     parts = range(0, len(values), block)
@@ -42,7 +42,7 @@ def test_a_shift_is_the_mean_of_the_window_less_that_of_what_came_before():
 
 @pytest.mark.parametrize(("gated", "least"), [(True, LEAST), (False, LEAST_ALWAYS)])
 def test_a_level_that_counts_at_rest_needs_more_samples(gated, least):
-    level = MeanShift([gated])
+    level = MeanShift([gated], counts=FLEA_COUNTS)
     found = level.step(np.zeros((1000, 1, 1)), np.ones((1000, 1), dtype=bool))[:, 0, 0, 0]
     assert np.flatnonzero(np.isfinite(found))[0] == least + WINDOW - 1
 
@@ -78,7 +78,7 @@ def test_after_a_missing_value_a_new_level_begins():
 
 
 def test_a_frozen_level_does_not_follow_the_fault():
-    level, use = MeanShift(), np.ones((1000, 1), dtype=bool)
+    level, use = MeanShift(counts=FLEA_COUNTS), np.ones((1000, 1), dtype=bool)
     level.step(np.zeros((1000, 1, 1)), use)
     level.freeze()
     for _ in range(5):

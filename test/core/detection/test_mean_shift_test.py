@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from support.observed import FLEA_COUNTS
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.detection import detection
@@ -38,7 +39,7 @@ def step(
     test: MeanShiftTest, made: ResidualRows, alone: bool = False, force: float = math.nan
 ) -> detection.TestResults:
     """``force``: what the mechanical relation's own test says, in sigmas; its limit is 6."""
-    results = detection.TestResults.untested(len(FLEA.rows), len(made))
+    results = detection.TestResults(len(FLEA.rows), len(made))
     results.z[:, MECHANICAL], results.k[:, MECHANICAL] = force, 6.0
     test.step(made, results, np.full(len(made), alone))
     return results
@@ -46,7 +47,8 @@ def step(
 
 def test_a_step_at_rest_deviates_with_the_shift_as_its_statistic():
     results = step(
-        MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS), rows(np.repeat([3.0, 4.5], [800, 300]))
+        MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS, counts=FLEA_COUNTS),
+        rows(np.repeat([3.0, 4.5], [800, 300])),
     )
     deviating = results.deviating()
     assert not deviating[:800].any()
@@ -60,7 +62,10 @@ def test_what_a_healthy_unit_may_differ_by_widens_the_limit():
     moved = np.zeros((1100, UNITS))
     moved[800:, 0] = 1.0
     volts = np.repeat([3.0, 4.5], [800, 300])
-    results = step(MeanShiftTest(FLEA, [LIMIT], [1.0] + [0.0] * (UNITS - 1)), rows(volts, moved))
+    results = step(
+        MeanShiftTest(FLEA, [LIMIT], [1.0] + [0.0] * (UNITS - 1), counts=FLEA_COUNTS),
+        rows(volts, moved),
+    )
     assert not results.deviating().any()
 
 
@@ -69,7 +74,7 @@ def test_an_offset_that_is_learned_is_no_shift():
     spread[:, VOLTAGE] = -1.0
     change = [0.0] * UNITS
     change[VOLTAGE] = 2.0
-    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS)
+    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS, counts=FLEA_COUNTS)
     step(test, rows(np.full(600, 3.0), spread))
     test.adopt(change)
     assert not step(test, rows(np.full(600, 1.0), spread)).deviating().any()
@@ -77,14 +82,14 @@ def test_an_offset_that_is_learned_is_no_shift():
 
 @pytest.mark.parametrize("alone", [True, False])
 def test_the_zero_of_a_voltage_alone_says_nothing(alone):
-    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS)
+    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS, counts=FLEA_COUNTS)
     step(test, rows(np.zeros(800)), alone)
     found = step(test, rows(np.full(300, 2.0)), alone).deviating()
     assert bool(found.any()) is not alone
 
 
 def test_in_an_open_episode_the_level_before_it_counts_and_not_what_follows():
-    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS)
+    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS, counts=FLEA_COUNTS)
     step(test, rows(np.repeat([0.0, 2.0], [800, 200])))
     test.turn(opened=True)
     later = step(test, rows(np.full(3000, 2.0)))
@@ -107,7 +112,7 @@ def test_in_an_open_episode_the_level_before_it_counts_and_not_what_follows():
 def test_a_voltage_alone_is_heard_where_the_force_says_the_same_of_the_current(
     volts, force, called
 ):
-    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS)
+    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS, counts=FLEA_COUNTS)
     step(test, rows(np.zeros(800)), alone=True, force=force)
     found = step(test, rows(np.full(200, volts)), alone=True, force=force)
     expected = {ELECTRICAL, MECHANICAL} if called else set()
@@ -125,7 +130,7 @@ def test_a_voltage_alone_is_heard_where_the_force_says_the_same_of_the_current(
 @pytest.mark.parametrize("alone", [True, False])
 def test_in_an_episode_that_something_else_opened_a_shift_says_nothing(alone):
     """A jam may come with another unit, whose winding has another resistance."""
-    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS)
+    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS, counts=FLEA_COUNTS)
     step(test, rows(np.zeros(800)), alone)
     test.turn(opened=True)
     found = step(test, rows(np.full(300, 2.0)), alone, force=-9.0)
@@ -149,14 +154,15 @@ def test_compiled_gives_the_bits_of_numpy(block):
         MeanShiftLimit(FLEA.rows[j].name, w, 0.2, 0.5) for j in FLEA.spreading for w in (200, 400)
     ]
     tests = [
-        MeanShiftTest(FLEA, limits[1:], [0.1] * UNITS, backend) for backend in ("numpy", "numba")
+        MeanShiftTest(FLEA, limits[1:], [0.1] * UNITS, backend, counts=FLEA_COUNTS)
+        for backend in ("numpy", "numba")
     ]
     counted = False
     for start in range(0, 6000, block):
         part = slice(start, start + block)
         parts = (made.values, made.spread, made.signals, made.motion, made.moving)
         piece = ResidualRows(*(column[part] for column in parts))
-        results = [detection.TestResults.untested(len(FLEA.rows), len(piece)) for _ in tests]
+        results = [detection.TestResults(len(FLEA.rows), len(piece)) for _ in tests]
         for test, result in zip(tests, results, strict=True):
             if start >= 4000 > start - block:
                 test.adopt([0.3] * UNITS)
@@ -175,7 +181,10 @@ def test_compiled_gives_the_bits_of_numpy(block):
 def test_where_forces_alone_opened_an_episode_the_circuit_of_another_unit_says_nothing(opener):
     """The drag may be that of a unit just switched in, whose winding is another, too."""
     test = MeanShiftTest(
-        FLEA, [LIMIT, MeanShiftLimit("parity_mechanical", 200, 2.0, 5.0)], [0.0] * UNITS
+        FLEA,
+        [LIMIT, MeanShiftLimit("parity_mechanical", 200, 2.0, 5.0)],
+        [0.0] * UNITS,
+        counts=FLEA_COUNTS,
     )
     made = rows(np.zeros(1000))
     made.moving[:] = True

@@ -8,15 +8,17 @@ from dataclasses import asdict
 import pytest
 from support.models.fault_terms import DRIVE, EFFECTS, ELECTRICAL, MECHANICAL, RATE
 from support.models.hand_relations import catalogue_effects, slope_relations
+from support.observed import flea_parameters
+from support.places import SHIPPED_STANDS
 
 from flea_diag.configuration import description
 from flea_diag.core.likelihood.effects import EffectRules, FaultEffect, Gains
-from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.likelihood.plant_models import plant_models
 from flea_diag.core.symbolic.expression import evaluate
 
 KINEMATIC, SPEED = "parity_kinematic", "parity_speed"
 K, R, KE, B, FC, LEAD = 170.0, 3.0, 165.0, 400.0, 45.0, 5e-4
-P = ActuatorParameters(
+P = flea_parameters(
     force_constant_n_per_a=K,
     winding_resistance_ohm=R,
     back_emf_v_s_per_m=KE,
@@ -195,3 +197,16 @@ def test_a_fault_that_shows_in_vibration_alone_adds_its_least_drag():
     assert lows[("ball_nut_friction", "viscous drag")] == pytest.approx(0.3 * B)
     assert [m.sizes[0].high for m in made if m.fault == "spall"] == [20.0, 0.0]
     assert [m.sizes[0].high for m in EFFECTS.bound(P) if m.fault == "spall"] == [20.0]
+
+
+@pytest.mark.parametrize("name", ["ema", "wing"])
+def test_without_its_supply_a_turning_motor_reads_its_back_emf(name: str) -> None:
+    stand = SHIPPED_STANDS[name]
+    rules = EffectRules(description.compiled_relations(stand / "actuator.yaml"))
+    fault = description.faults_of(stand / "actuator.yaml", stand / "faults.yaml")["supply_open"]
+    _, coasting = plant_models(fault, rules)
+    readings = {"commanded_voltage": 20.0, "motor_speed": -300.0}
+    added = sum(evaluate(e.gain * e.basis, asdict(P) | readings) for e in coasting.effects)
+    assert {e.residual for e in coasting.effects} == {DRIVE}
+    # The terminals read KE w; the relation expects 0.9 of the command.
+    assert added == pytest.approx(KE * LEAD * -300.0 - 0.9 * 20.0)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 from support.models.fault_terms import DRIVE, EFFECTS, ELECTRICAL, MECHANICAL
+from support.observed import flea_parameters
 
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.likelihood.isolability import computable, isolable
-from flea_diag.core.residuals.parameters import ActuatorParameters
 
-MODELS, RESIDUALS = EFFECTS.bound(ActuatorParameters()), EFFECTS.residuals
+MODELS, RESIDUALS = EFFECTS.bound(flea_parameters()), EFFECTS.residuals
 FORCES = (MECHANICAL, "motor_temperature", "nut_temperature", "ambient_temperature")
 ALL = (*FORCES, ELECTRICAL)
 

@@ -20,10 +20,10 @@ from support.models.fault_terms import (
     SPACING,
     TOLERANCE,
 )
+from support.observed import flea_parameters
 
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
 from flea_diag.core.likelihood.likelihood import NormalEquations
-from flea_diag.core.residuals.parameters import ActuatorParameters
 
 UNITS = len(TOLERANCE)
 MODELS = (DRAG, BIAS, LOAD)
@@ -207,7 +207,7 @@ def test_lost_lubrication_neither_holds_the_shaft_nor_rubs_as_a_jam_does(
     columns[RATE] = columns[RATE] * turning
     y = np.stack((dry_n * columns["direction"] + viscous * columns[RATE], np.zeros(600)))
     y[0] += 12.0 * np.random.default_rng(5).standard_normal(600)
-    own = ActuatorParameters(coulomb_friction_n=45.0, load_friction_ratio=0.05)
+    own = flea_parameters(coulomb_friction_n=45.0, load_friction_ratio=0.05)
     models = [m for m in EFFECTS.bound(own) if m.fault in ("jam", "ball_nut_friction")]
     best: dict[str, float] = {}
     for fit in fits(evidence(y, columns), models):
@@ -218,7 +218,7 @@ def test_lost_lubrication_neither_holds_the_shaft_nor_rubs_as_a_jam_does(
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_sizes_of_a_jam_are_held_to_their_bounds_at_the_optimum(seed):
-    models = (m for m in EFFECTS.bound(ActuatorParameters()) if m.fault == "jam")
+    models = (m for m in EFFECTS.bound(flea_parameters()) if m.fault == "jam")
     jam = max((m for m in models if not m.roughness), key=lambda m: len(m.sizes))
     random, columns = np.random.default_rng(seed), window(seed)
     force = columns["load_force"] + 60.0 * columns["direction"] + 500.0 * columns[RATE]
@@ -254,7 +254,7 @@ def test_an_open_winding_pays_for_a_drive_nearer_to_its_command_only_where_there
     found.add(y.T, np.stack([columns[name] for name in BASIS.names], axis=1))
     lost = Size("share lost", "1", 0.7, 1.1)
     plain = FaultModel("plain", (lost,), (Term(ELECTRICAL, "motor_voltage", 1.0),))
-    models = (*EFFECTS.bound(ActuatorParameters()), plain)
+    models = (*EFFECTS.bound(flea_parameters()), plain)
     made = found.fit(models, dict.fromkeys(residuals, 0.3) | {DRIVE: 0.1},
                      dict.fromkeys(residuals, 4.0), TOLERANCE)  # fmt: skip
     best = {name: max(f.log_likelihood for f in made if f.fault == name)

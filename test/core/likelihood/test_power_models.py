@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from support.observed import flea_parameters
 from support.places import SHIPPED_STANDS
 
 from flea_diag.configuration.description import compiled_relations, faults_of
 from flea_diag.core.likelihood.effect_set import effect_set
-from flea_diag.core.residuals.parameters import ActuatorParameters
 
 Array = npt.NDArray[np.float64]
 STAND = SHIPPED_STANDS["cranfield"]
 RELATIONS = compiled_relations(STAND / "actuator.yaml")
 EFFECTS = effect_set(RELATIONS, faults_of(STAND / "actuator.yaml", STAND / "faults.yaml").values())
-P = ActuatorParameters(
+P = flea_parameters(
     supply_voltage_v=44.0,
     current_offset_a=0.36,
     coulomb_friction_n=800.0,

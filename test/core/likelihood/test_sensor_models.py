@@ -14,6 +14,7 @@ from support.models.hand_relations import (
     direction,
     slope_relations,
 )
+from support.observed import flea_parameters
 
 from flea_diag.configuration.description import compiled_relations, described
 from flea_diag.configuration.files import load_yaml
@@ -26,7 +27,7 @@ from flea_diag.core.symbolic.expression import FUNCTIONS
 FLEA = compiled_relations("actuator.yaml").residuals
 
 # Offsets that are far from zero: a scale factor acts on the reading, not on what exceeds its zero.
-P = ActuatorParameters(current_offset_a=-0.26, voltage_offset_v=1.8, load_friction_ratio=0.0)
+P = flea_parameters(current_offset_a=-0.26, voltage_offset_v=1.8, load_friction_ratio=0.0)
 WITH_ENCODER = replace(P, encoder_m_per_rad=5e-4)
 N = 200
 SLOPE = catalogue_effects(slope_relations())

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.models.fault_terms import BASIS, EFFECTS, RATE
+from support.observed import FLEA_COUNTS, FLEA_TOLERANCE, flea_parameters
 
 from flea_diag.core.likelihood.likelihood import NormalEquations
 from flea_diag.core.likelihood.unit_baseline import (
@@ -15,16 +16,15 @@ from flea_diag.core.likelihood.unit_baseline import (
     PIECE_S,
     UnitBaseline,
 )
-from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters, UnitTolerance
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.unit_difference import difference_sigmas
-from flea_diag.core.scan_counts import FLEA_COUNTS
 
 PIECE_SCANS = FLEA_COUNTS.of(PIECE_S)
 RESIDUALS = ("parity_mechanical", "parity_electrical")
 SIGMA = dict(zip(RESIDUALS, (20.0, 0.9), strict=True))
 SPACING = dict.fromkeys(RESIDUALS, 40.0)
-TOLERANCE = difference_sigmas(UnitTolerance(), (*UNIT_PARAMETERS, "one", "two", "three"))
-P = ActuatorParameters()
+TOLERANCE = difference_sigmas(FLEA_TOLERANCE, (*UNIT_PARAMETERS, "one", "two", "three"))
+P = flea_parameters()
 
 
 def scans(seed: int, count: int, current_bias_a: float = 0.0, zero_v: float = 0.0):
@@ -40,7 +40,7 @@ def scans(seed: int, count: int, current_bias_a: float = 0.0, zero_v: float = 0.
 
 
 def stretch(seen) -> UnitBaseline:
-    found = UnitBaseline(RESIDUALS, BASIS)
+    found = UnitBaseline(RESIDUALS, BASIS, counts=FLEA_COUNTS)
     for values, regressors in seen:
         found.add(values[None], regressors[None])
     return found
@@ -114,7 +114,7 @@ def test_only_relations_that_are_named_show_the_units_own():
 def test_blocks_show_the_same_as_single_scans(block):
     seen = list(scans(7, PIECE_SCANS * 13))
     values, regressors = (np.array(column) for column in zip(*seen, strict=True))
-    found = UnitBaseline(RESIDUALS, BASIS)
+    found = UnitBaseline(RESIDUALS, BASIS, counts=FLEA_COUNTS)
     for start in range(0, len(values), block):
         part = slice(start, start + block)
         found.add(values[part], regressors[part])

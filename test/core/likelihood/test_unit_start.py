@@ -6,18 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.observed import FLEA_TOLERANCE, flea_parameters
 
 from flea_diag.core.likelihood.unit_start import UnitStart, unit_start
 from flea_diag.core.residuals.parameters import (
     UNIT_PARAMETERS,
-    ActuatorParameters,
     UnitSpread,
-    UnitTolerance,
 )
 from flea_diag.core.residuals.unit_offsets import OffsetLearning
 
-PARAMETERS = ActuatorParameters(winding_resistance_ohm=3.0)
-TOLERANCE = replace(UnitTolerance(), force_constant_n_per_a=4.0)
+PARAMETERS = flea_parameters(winding_resistance_ohm=3.0)
+TOLERANCE = replace(FLEA_TOLERANCE, force_constant_n_per_a=4.0)
 CALIBRATED = UnitSpread(1, {"winding_resistance_ohm": 0.02, "force_constant_n_per_a": 0.5})
 RESISTANCE = UNIT_PARAMETERS.index("winding_resistance_ohm")
 FORCE = UNIT_PARAMETERS.index("force_constant_n_per_a")

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from support.models import hand_driven_model as hand
 from support.models.linear_actuator import PERIOD
+from support.observed import flea_parameters
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core import backend as backends
 from flea_diag.core.observers.driven_model import DrivenModel, step_parts
 from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.residuals.driven_equations import driven_equations
-from flea_diag.core.residuals.parameters import ActuatorParameters
 
-P = ActuatorParameters(
+P = flea_parameters(
     voltage_offset_v=1.5, current_offset_a=-0.3, load_friction_ratio=0.05, encoder_m_per_rad=5e-4
 )
 HAVE_NUMBA = importlib.util.find_spec("numba") is not None

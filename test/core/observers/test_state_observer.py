@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.observed import BACKENDS, HAVE_NUMBA, NOISE, P, recording
+from support.observed import BACKENDS, FLEA_COUNTS, HAVE_NUMBA, NOISE, P, recording
 from support.places import FLEA
 
 from flea_diag.configuration.description import compiled_relations
@@ -21,7 +21,6 @@ from flea_diag.core.observers.observer_noise import ObserverNoise
 from flea_diag.core.observers.state_observer import StateObserver
 from flea_diag.core.observers.thermal_filter import ESTIMATE, heat_loops, thermal_filter
 from flea_diag.core.residuals.parameters import ActuatorParameters
-from flea_diag.core.scan_counts import FLEA_COUNTS
 from flea_diag.errors import CalibrationError, ConfigurationError
 from flea_diag.tools.recordings.flea_data import read_flea_data
 from flea_diag.tools.recordings.flea_run import FleaRun

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support import stands
 from support.models import linear_ema as ema
+from support.observed import FLEA_COUNTS
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.residuals.leverage import LeverageBasis, leverage_root, leverages
@@ -56,7 +57,9 @@ def test_more_load_than_seen_has_more_leverage_and_a_drag_has_none() -> None:
 
     def psi(actuator: ema.Actuator, load: float) -> np.ndarray:
         rows = ema.rows(ema.run(actuator, 8.0, load=lambda _: load), ema.STAND)
-        bank = ResidualBank(stands.calibration().parameters, relations)
+        bank = ResidualBank(
+            stands.calibration().parameters, relations, period_s=0.01, counts=FLEA_COUNTS
+        )
         signals = bank.step(rows, frozen=False).signals
         return basis.rows(signals, np.full(len(rows), 0.03))[100:, columns]
 

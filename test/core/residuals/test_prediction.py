@@ -7,13 +7,13 @@ from dataclasses import asdict, replace
 
 import pytest
 from support.models.hand_relations import HEATED_BY_HAND, Signals, channels_of, direction
+from support.observed import flea_parameters
 from support.places import SHIPPED_STANDS
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import actuator
 from flea_diag.core.calibration.run_spread import tolerance_of
-from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.prediction import lumped, prediction
 from flea_diag.core.residuals.relation_compiler import relation_set
 from flea_diag.core.residuals.relation_set import RelationSet
@@ -23,7 +23,7 @@ from flea_diag.errors import ConfigurationError, ModelError
 
 DESCRIBED = load_yaml("actuator.yaml")
 FLEA = actuator(DESCRIBED)
-P = ActuatorParameters(
+P = flea_parameters(
     current_offset_a=0.5,
     coulomb_friction_n=50.0,
     viscous_friction_n_s_per_m=900.0,
@@ -178,7 +178,7 @@ def test_the_error_of_a_predicted_winding_is_small_beside_what_units_differ_by(s
     """Its variance needs no place in the weights: 0.2 % of that of the resistance at most."""
     known = compiled_relations(SHIPPED_STANDS[stand] / "actuator.yaml")
     circuit = known.named[known.residuals.circuit].expression
-    p = replace(ActuatorParameters(), **known.described)
+    p = replace(flea_parameters(), **known.described)
     point = {**asdict(p), **known.reference, "motor_current": 3.0, "motor_voltage": 5.0}
     spread = tolerance_of(p, known)
     error_k = spread.thermal_rate_k_per_s * CORRECTION_S

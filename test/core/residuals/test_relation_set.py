@@ -11,6 +11,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from support.models.hand_relations import BY_HAND, Signals, channels_of, direction
+from support.observed import flea_parameters
 from support.places import WING
 
 from flea_diag.configuration import description, files
@@ -44,7 +45,7 @@ CHANNELS = (
     "load_force",
     "motor_temperature",
 )
-P = ActuatorParameters(
+P = flea_parameters(
     force_constant_n_per_a=100.0,
     back_emf_v_s_per_m=200.0,
     winding_resistance_ohm=2.0,

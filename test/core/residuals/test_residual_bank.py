@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.models import linear_ema as ema
+from support.observed import FLEA_COUNTS, flea_parameters
 
 from flea_diag.configuration import description
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, ActuatorParameters
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_bank import ResidualBank
 
 FLEA = compiled_relations("actuator.yaml").residuals
 
-TRUE = ActuatorParameters(
+TRUE = flea_parameters(
     force_constant_n_per_a=170.0,
     back_emf_v_s_per_m=170.0,
     winding_resistance_ohm=3.1,
@@ -35,7 +36,7 @@ WHOLE = ema.run()
 
 
 def residuals(columns: ema.Columns, channels: tuple[str, ...] = FLEA.channels) -> np.ndarray:
-    bank = ResidualBank(TRUE, KNOWN)
+    bank = ResidualBank(TRUE, KNOWN, period_s=0.01, counts=FLEA_COUNTS)
     return bank.step(ema.rows(columns, channels), False).values
 
 
@@ -158,7 +159,9 @@ def test_normalised_by_direction_a_drag_keeps_its_sign_and_a_bias_alternates():
 
 def test_without_an_encoder_the_slope_of_the_position_is_the_speed():
     channels = tuple(c for c in FLEA.channels if c != "motor_speed")
-    bank = ResidualBank(ActuatorParameters(coulomb_friction_n=60.0), ALONE)
+    bank = ResidualBank(
+        flea_parameters(coulomb_friction_n=60.0), ALONE, period_s=0.01, counts=FLEA_COUNTS
+    )
     assert not bank.has_encoder
     speeds = bank.step(ema.rows(WHOLE, channels), False).speed_m_s
     use = cruising(WHOLE)
@@ -167,7 +170,7 @@ def test_without_an_encoder_the_slope_of_the_position_is_the_speed():
 
 
 def test_a_gap_empties_the_windows_and_keeps_the_temperatures():
-    bank = ResidualBank(TRUE, KNOWN)
+    bank = ResidualBank(TRUE, KNOWN, period_s=0.01, counts=FLEA_COUNTS)
     table = ema.rows(WHOLE)
     before = bank.step(table[:500], False)
     bank.interrupt()
@@ -187,7 +190,10 @@ def test_what_is_missing_takes_only_its_own_residuals():
 
 
 def test_adopted_parameters_count_from_then_on():
-    bank, other = ResidualBank(TRUE, KNOWN), ResidualBank(TRUE, KNOWN)
+    bank, other = (
+        ResidualBank(TRUE, KNOWN, period_s=0.01, counts=FLEA_COUNTS),
+        ResidualBank(TRUE, KNOWN, period_s=0.01, counts=FLEA_COUNTS),
+    )
     other.adopt(replace(TRUE, current_offset_a=0.35))
     rows = ema.rows(WHOLE)[:200]
     plain, moved = bank.step(rows, False), other.step(rows, False)
@@ -213,7 +219,7 @@ def standing(current_a: float, load_n: float, scans: int = 100) -> ema.Columns:
 )
 def test_what_withstands_too_great_a_push_is_stalled(current_a, load_n, way):
     # Dry friction is 60 N: pushes of 300 N either way, 300 N of load alone, and 130 N.
-    found = ResidualBank(TRUE, KNOWN).step(
+    found = ResidualBank(TRUE, KNOWN, period_s=0.01, counts=FLEA_COUNTS).step(
         ema.rows(standing(current_a, load_n), FLEA.channels), False
     )
     stalled = np.arange(100) >= 61  # one kernel to see anything, and another of standing
@@ -227,7 +233,9 @@ def test_what_withstands_too_great_a_push_is_stalled(current_a, load_n, way):
 def test_a_reversal_is_no_standstill():
     columns = standing(2.0, 40.0)
     columns["motor_speed"][::45] = 4000.0  # a kernel of 31 scans around each sees it move
-    found = ResidualBank(TRUE, KNOWN).step(ema.rows(columns, FLEA.channels), False)
+    found = ResidualBank(TRUE, KNOWN, period_s=0.01, counts=FLEA_COUNTS).step(
+        ema.rows(columns, FLEA.channels), False
+    )
     speed = found.speed_m_s
     still = np.abs(speed[31:]) <= 0.01
     assert still.any()
@@ -245,7 +253,10 @@ def test_compiled_gives_the_bits_of_python(block, encoder):
     rows[draw.random(rows.shape) < 0.002] = np.nan
     parameters = replace(TRUE, encoder_m_per_rad=encoder, nut_heating_k_per_j=1e-4)
     known = KNOWN if encoder else ALONE
-    banks = [ResidualBank(parameters, known, backend=backend) for backend in ("numpy", "numba")]
+    banks = [
+        ResidualBank(parameters, known, backend=backend, period_s=0.01, counts=FLEA_COUNTS)
+        for backend in ("numpy", "numba")
+    ]
     moved = 0
     for start in range(0, len(rows), block):
         if start >= 700 > start - block:

@@ -2,13 +2,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.observed import FLEA_TOLERANCE
 
-from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitTolerance
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.unit_difference import LEAST
 from flea_diag.core.residuals.unit_offsets import OffsetLearning
 
 K, R = 170.0, 3.1
-TOLERANCE = UnitTolerance()
+TOLERANCE = FLEA_TOLERANCE
 
 
 def learn(drag: float, seconds: float = 6.0, offset: float = 0.2, both_ways: bool = True):

@@ -23,7 +23,8 @@ def runs(cuts: list[int]) -> list[float]:
     # 0.5 s of 0.01 s.
     assert tested.k.tolist() == [50.0]
     rows = np.stack((np.zeros(len(VOLTS)), VOLTS, COMMANDS), axis=1)
-    return [x for part in np.split(rows, cuts) for x in tested.step(part)[:, 0].tolist()]
+    parts = np.split(rows, cuts)
+    return [x for part in parts for x in tested.step(part, part.copy())[:, 0].tolist()]
 
 
 @pytest.mark.parametrize("cuts", [[], [2, 3], list(range(1, 10))])
@@ -31,16 +32,28 @@ def test_changes_of_the_command_are_counted_whatever_the_blocks(cuts: list[int])
     assert runs(cuts) == [0, 0, 1, 1, 2, 0, 0, 0, 0, 1]
 
 
-def test_a_voltage_without_a_command_is_not_tested() -> None:
-    assert HeldReadings([LIMIT], CHANNELS[:2], FLEA, 0.01).places == []
+@pytest.mark.parametrize("cuts", [[], [2, 3], list(range(1, 10))])
+@pytest.mark.parametrize("channels", [CHANNELS, CHANNELS[:2]], ids=["missing", "no channel"])
+def test_without_a_command_a_held_voltage_blames_nobody_and_is_withheld(
+    cuts: list[int], channels: tuple[str, ...]
+) -> None:
+    """From the fourth repeat on, until it changes."""
+    volts = [1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 3.0, 3.0, np.nan]
+    rows = np.stack((np.zeros(len(volts)), volts, np.full(len(volts), np.nan)), axis=1)
+    tested, usable = HeldReadings([LIMIT], channels, FLEA, 0.01), rows.copy()
+    bounds = zip([0, *cuts], [*cuts, len(rows)], strict=True)
+    runs = [tested.step(rows[a:b], usable[a:b]) for a, b in bounds]
+    assert not np.concatenate(runs).any()
+    assert np.flatnonzero(np.isnan(usable[:, 1])).tolist() == [5, 6, 9]
+    assert np.array_equal(usable[:, 0], rows[:, 0])
 
 
 def test_a_gap_ends_a_run() -> None:
     tested = HeldReadings([LIMIT], CHANNELS, FLEA, 0.01)
     rows = np.array([[0.0, 2.0, 1.0], [0.0, 2.0, 2.0], [0.0, 2.0, 3.0]])
-    assert tested.step(rows)[:, 0].tolist() == [0, 1, 2]
+    assert tested.step(rows, rows.copy())[:, 0].tolist() == [0, 1, 2]
     tested.interrupt()
-    assert tested.step(rows)[:, 0].tolist() == [0, 1, 2]
+    assert tested.step(rows, rows.copy())[:, 0].tolist() == [0, 1, 2]
 
 
 def test_a_voltage_that_healthy_recordings_hold_for_seconds_is_not_tested() -> None:

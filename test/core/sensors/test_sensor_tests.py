@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from support.observed import FLEA_COUNTS
 from support.places import WING
 
 from flea_diag.configuration.description import compiled_relations
@@ -41,7 +42,7 @@ def limits() -> tuple[SensorLimit, ...]:
 
 
 def run(limits, rows: np.ndarray, block: int = 1):
-    tests = SensorTests(limits, CHANNELS, FLEA)
+    tests = SensorTests(limits, CHANNELS, FLEA, period_s=0.01, counts=FLEA_COUNTS)
     done = [tests.step(rows[k : k + block]) for k in range(0, len(rows), block)]
     z = np.concatenate([part.z for part in done])
     return np.concatenate([part.usable for part in done]), z, done[0].k
@@ -67,7 +68,7 @@ def test_log_noise_of_white_noise_is_that_of_a_normal_variable():
 def test_a_reading_at_the_end_of_its_range_is_not_quiet_either(limits):
     rows = healthy(12)
     rows[1000:2200, 1] = 0.1
-    tests = SensorTests(limits, CHANNELS, FLEA)
+    tests = SensorTests(limits, CHANNELS, FLEA, period_s=0.01, counts=FLEA_COUNTS)
     tests.bound("actuator_position", 0.0, 0.1)
     z = np.concatenate([tests.step(rows[k : k + 50]).z for k in range(0, SCANS, 50)])
     quiet = NAMES.index("actuator_position_noise")
@@ -94,7 +95,7 @@ def test_an_encoder_that_holds_zero_at_rest_is_not_stuck_and_in_motion_it_is(blo
         rows[1000:1600, 0] = 0.0
         if rests:
             rows[1000:1600, 1] = 0.05 + 6e-5 * np.random.default_rng(3).standard_normal(600)
-        tests = SensorTests(learned, names, FLEA)
+        tests = SensorTests(learned, names, FLEA, period_s=0.01, counts=FLEA_COUNTS)
         z = np.concatenate([tests.step(rows[k : k + block]).z for k in range(0, SCANS, block)])
         assert (z[:, stuck] > tests.k[stuck]).any() == (not rests)
 
@@ -128,7 +129,7 @@ def test_an_encoder_that_rests_half_of_the_time_is_tested_while_it_turns(kind, s
         rows = encoded(30)
         if wrong:
             rows[1500:, 0] = [spoil(v, k) for k, v in enumerate(rows[1500:, 0])]
-        tests = SensorTests(learned, names, FLEA)
+        tests = SensorTests(learned, names, FLEA, period_s=0.01, counts=FLEA_COUNTS)
         z = np.concatenate([tests.step(rows[k : k + 50]).z for k in range(0, SCANS, 50)])
         first = int(np.argmax(z[:, at] > tests.k[at]))
         assert (1500 < first < 1900) if wrong else first == 0
@@ -147,7 +148,7 @@ def test_a_step_of_both_positions_is_motion_and_one_of_either_is_the_sensors(blo
     for stepped in ((0, 1), (0,), (1,)):
         rows = readings(20)
         rows[1500:, stepped] += 0.0012
-        tests = SensorTests(learned, names, FLEA)
+        tests = SensorTests(learned, names, FLEA, period_s=0.01, counts=FLEA_COUNTS)
         z = np.concatenate([tests.step(rows[k : k + block]).z for k in range(0, SCANS, block)])
         seen = {
             column for column in (0, 1) if np.nanmax(np.abs(z[:, NAMES.index(names[column])])) > 1.0
@@ -252,7 +253,7 @@ def test_a_reading_at_the_end_of_its_range_is_clipped_not_held(limits):
     rows[1500:, 1] = np.minimum(rows[1500:, 1], 0.1)
     rows[2000:, 1] = 0.1
     assert "actuator_position_stuck" in called(limits, rows)
-    tests = SensorTests(limits, CHANNELS, FLEA)
+    tests = SensorTests(limits, CHANNELS, FLEA, period_s=0.01, counts=FLEA_COUNTS)
     tests.bound("actuator_position", 0.0, 0.1)
     z = tests.step(rows).z
     assert z[:, NAMES.index("actuator_position_stuck")].max() < 10
@@ -294,7 +295,7 @@ def test_compiled_loops_give_the_bits_of_numpy(limits):
     noise = [NAMES.index(f"{channel}_noise") for channel in CHANNELS]
     results = []
     for backend, block in (("numpy", 700), ("numba", 700), ("numba", 1)):
-        tests = SensorTests(limits, CHANNELS, FLEA, backend)
+        tests = SensorTests(limits, CHANNELS, FLEA, backend, period_s=0.01, counts=FLEA_COUNTS)
         parts = [tests.step(rows[k : k + block]).z[:, noise] for k in range(0, SCANS, block)]
         results.append(np.concatenate(parts))
     assert (np.abs(results[0]) > 1.0).any(axis=0)[[0, 2]].all()
@@ -361,7 +362,10 @@ def test_compiled_gives_the_bits_of_numpy(block):
     rows[1200:, 1:] += 0.004
     rows[1500:1560, 2] = rows[1500, 2]
     rows[2000:2010, 1] = math.nan
-    tests = [SensorTests(learned, names, FLEA, backend) for backend in ("numpy", "numba")]
+    tests = [
+        SensorTests(learned, names, FLEA, backend, period_s=0.01, counts=FLEA_COUNTS)
+        for backend in ("numpy", "numba")
+    ]
     stepped = 0
     for test in tests:
         test.bound("load_position", 0.0, 0.07)

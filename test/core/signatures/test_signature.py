@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import pytest
 from support.models import ema_oracle as oracle
+from support.places import SHIPPED_STANDS
 
 from flea_diag.configuration.files import load_yaml
 from flea_diag.core.bond_graph.actuator import Actuator, actuator
@@ -246,3 +247,15 @@ def test_merged_row_keeps_a_direction_that_all_alternatives_share(
     assert rows["spall"]["parity_mechanical"].symbols == "+*"
     assert rows["motor_current_bias"]["motor_current"].magnitude == "*"
     assert not rows["rotor_eccentricity"]["motor_current"].affected
+
+
+def test_a_braking_motor_says_nothing_of_the_sign_of_its_voltage() -> None:
+    """Slow, the resistance takes more of it than the back-EMF gives; fast, it is the other way."""
+    stand = SHIPPED_STANDS["ema"]
+    model, found = actuator(load_yaml(stand / "actuator.yaml")), {}
+    faults = catalogue(load_yaml(stand / "faults.yaml"), model)
+    sag = {"supply_sag": faults["supply_sag"]}
+    for quadrant in QUADRANTS:
+        table = signature_table(model, sag, ["parity_drive"], quadrant, model.scan_period_s)
+        found[quadrant.current, quadrant.speed] = table["supply_sag"]["parity_drive"].direction
+    assert found == {(1, 1): "-", (-1, -1): "+", (-1, 1): "*", (1, -1): "*"}

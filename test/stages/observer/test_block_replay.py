@@ -5,12 +5,13 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from support import stands
 from support.observer_scans import jammed
 
 from flea_diag.configuration.knowledge import effects
 from flea_diag.configuration.stand import load_stand
-from flea_diag.stages.observer.block_replay import LEAST_SCANS, BlockReplay
+from flea_diag.stages.observer.block_replay import LEAST_SCANS, MOST_BLOCKS, BlockReplay
 from flea_diag.stages.observer.observer_chain import ObserverChain
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.wire.blocks import ScanBlock
@@ -18,12 +19,16 @@ from flea_diag.wire.records import Detection
 
 START = 700
 """The warm-up is over."""
+LOAD_N = 1000.0
+"""Far outside the calibration."""
+NEVER = 10**6
 
 
-def block(start: int, stop: int) -> ScanBlock:
-    """Scans of the run."""
+def block(start: int, stop: int, loaded: int = NEVER) -> ScanBlock:
+    """Scans of the run, with so much more load from the scan ``loaded`` on."""
     scans = jammed()[start:stop]
     rows = np.array([scan.values for scan in scans])
+    rows[max(loaded - start, 0) :, scans[0].channels.index("load_force")] += LOAD_N
     return ScanBlock(np.array([scan.stamp_ns for scan in scans]), scans[0].channels, rows)
 
 
@@ -51,11 +56,13 @@ def warm() -> ObserverChain:
     return chain
 
 
-def test_blocks_grow_while_quiet_and_stop_before_the_scan_of_the_detection():
+@pytest.mark.parametrize("after", [NEVER, 5], ids=["nothing follows", "an abstention follows"])
+def test_blocks_grow_while_quiet_and_stop_before_the_scan_of_the_detection(after: int):
+    """Even where the relation that shows it is void at the end of the same block."""
     event, chain, replay = detected_at(), warm(), BlockReplay()
     at, taken = START, []
     while at < event:
-        chain, quiet, output = replay.take(chain, block(at, len(jammed())))
+        chain, quiet, output = replay.take(chain, block(at, len(jammed()), event + after))
         if output is None:
             break
         assert len(output.residuals) == quiet
@@ -67,4 +74,18 @@ def test_blocks_grow_while_quiet_and_stop_before_the_scan_of_the_detection():
     # Left as if nothing had been tried: the next scan is the event, and no block takes it.
     assert chain.order.last_ns == jammed()[event - 1].stamp_ns
     assert not chain.episode.is_open
-    assert replay.take(chain, block(event, len(jammed())))[1] == 0
+    assert replay.take(chain, block(event, len(jammed()), event + after))[1] == 0
+
+
+def test_live_blocks_of_a_few_scans_leave_little_to_repeat_after_an_event():
+    event, chain, replay, few = detected_at(), warm(), BlockReplay(), 3
+    at, kept = START, []
+    while True:
+        chain, quiet, _ = replay.take(chain, block(at, at + few))
+        at += quiet
+        if quiet < few:
+            break
+        kept.append(len(replay._checkpoint.blocks))
+    assert at == event
+    assert len(kept) > MOST_BLOCKS == max(kept)
+    assert chain.order.last_ns == jammed()[event - 1].stamp_ns

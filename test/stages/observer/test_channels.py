@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from support import stands
+from support.observed import FLEA_COUNTS
 from support.observer_scans import after, counters, decisions, healthy, quality
 
 from flea_diag.configuration.description import compiled_relations
@@ -30,7 +31,7 @@ def values() -> np.ndarray:
 
 
 def judged(backend: str, block: int) -> tuple[bytes, list[int], list[object]]:
-    channels = Channels(FLEA, FLEA.channels[:-3], "distrusted", backend)
+    channels = Channels(FLEA, FLEA.channels[:-3], "distrusted", backend, counts=FLEA_COUNTS)
     rows = tuple(ChannelInfo(name, "", -9.0, 9.0, 100.0) for name in NAMES)
     channels.take_ranges(ChannelTable(0, "stand", rows))
     stamps_ns, table = np.arange(SCANS) * 10_000_000, values()

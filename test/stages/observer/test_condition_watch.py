@@ -228,7 +228,7 @@ def test_only_a_young_alarm_all_of_whose_residuals_are_void_is_taken_back(
 ) -> None:
     rows = stands.relations().residuals
     columns = rows.columns(("parity_mechanical", "innovation_motor_speed"))
-    results = Results.untested(len(rows.rows))
+    results = Results(len(rows.rows))
     for name in beyond:
         results.z[0, rows.place[name]], results.k[0, rows.place[name]] = 9.0, 5.0
     episode = DetectionEpisode(rows, 30.0)

@@ -16,7 +16,7 @@ MECHANICAL = FLEA.place["parity_mechanical"]
 
 
 def results(z: float, void: bool = False) -> detection.TestResults:
-    found = detection.TestResults.untested(len(FLEA.rows))
+    found = detection.TestResults(len(FLEA.rows))
     found.z[0, MECHANICAL], found.k[0, MECHANICAL], found.window[0, MECHANICAL] = z, 5.0, 50
     found.void = void
     return found
@@ -35,7 +35,7 @@ def test_blocks_count_as_single_scans_do() -> None:
     episode = DetectionEpisode(FLEA, rearm_after_s=2.0)
     episode.step(0, results(9.0))
     stamps_ns = np.arange(1, 6) * SECOND_NS
-    many = detection.TestResults.untested(len(FLEA.rows), 5)
+    many = detection.TestResults(len(FLEA.rows), 5)
     many.void = True
     assert episode.follow(stamps_ns, many) == 5
     many.void = False

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support import stands
+from support.observed import FLEA_COUNTS
 from support.observer_scans import after, decisions, healthy, quality
 
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.residual_rows import ResidualRows
-from flea_diag.core.scan_counts import FLEA_COUNTS
 from flea_diag.stages.observer.voltage_trust import VoltageTrust
 from flea_diag.wire.records import DataQuality, Quality, Residual
 
@@ -19,13 +19,18 @@ FLEA = compiled_relations("actuator.yaml").residuals
 LIMIT_V = 5.0
 
 
-def test_a_bad_voltage_is_no_fault_and_is_named():
+@pytest.mark.parametrize(
+    ("volts", "until"),
+    [(-24.0, 1000), (11.0, 900)],
+    ids=["beyond what a fault explains", "held 3 V from the truth"],
+)
+def test_a_bad_voltage_is_no_fault_and_is_named(volts, until):
     spoilt = [
-        after(s, motor_voltage=-24.0) if 800 <= k < 1000 else s for k, s in enumerate(healthy())
+        after(s, motor_voltage=volts) if 800 <= k < until else s for k, s in enumerate(healthy())
     ]
     out = stands.feed(stands.observer(), spoilt)
     assert decisions(out) == []
-    found = [quality(r, "motor_voltage") for r in stands.of(DataQuality, out)]
+    found = [quality(r, "motor_voltage") for r in stands.of(DataQuality, out)][:3]
     assert [row.quality for row in found] == [Quality.GOOD, Quality.GOOD, Quality.BAD]
     assert "disagrees with current and motion" in found[-1].reason
     start_s = (found[-1].since_ns - spoilt[0].stamp_ns) / 1e9

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from flea_diag.core.likelihood.fault_models import FaultModel, Size, Term
-from flea_diag.core.residuals.parameters import ActuatorParameters
 from support.models.hand_relations import catalogue_effects, slope_relations
+from support.observed import flea_parameters
 
 MECHANICAL, ELECTRICAL, DRIVE = "parity_mechanical", "parity_electrical", "parity_drive"
 EFFECTS = catalogue_effects(slope_relations())
 """Of the shipped catalogue on a FLEA without an encoder; its speed is this signal."""
 RATE = "d_actuator_position"
-BASIS = EFFECTS.basis_of(ActuatorParameters())
+BASIS = EFFECTS.basis_of(flea_parameters())
 RESIDUALS = (MECHANICAL, ELECTRICAL)
 SIGMA = {MECHANICAL: 12.0, ELECTRICAL: 0.6}
 SPACING = {MECHANICAL: 4.0, ELECTRICAL: 2.0}

@@ -15,7 +15,7 @@ from flea_diag.tools.campaign.campaign import CLASSIFIER
 from flea_diag.tools.evaluate.baselines import BASELINES, Setting, baseline
 from flea_diag.tools.replay.replay import replay
 
-SETTING = Setting(load_stand(), (BAGS / "nominal",))
+SETTING = Setting(load_stand(), (BAGS / "nominal",) * 2)
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +68,10 @@ def test_a_table_without_signs_keeps_what_is_connected(cell: FaultSignature, sym
     assert (_any_sign(cell).order, _any_sign(cell).path) == (cell.order, cell.path)
 
 
-def test_limit_checks_without_nominal_bags_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match="need nominal bags to learn from"):
-        baseline("limit_checks").make(Setting(load_stand()))
+@pytest.mark.parametrize("name", ["limit_checks", "likelihood_ratio"])
+def test_what_learns_from_nominal_bags_is_refused_without(name: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"need .*nominal bags.* to learn"):
+        baseline(name).make(Setting(load_stand()))
 
 
 def test_a_name_that_is_not_in_the_table_is_refused_with_those_that_are() -> None:

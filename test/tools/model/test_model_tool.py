@@ -15,6 +15,7 @@ import yaml
 from support.places import WING
 
 from flea_diag.configuration.calibrations import learned, load_calibration
+from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.files import load_yaml
 from flea_diag.configuration.knowledge import relations
 from flea_diag.configuration.stand import load_stand
@@ -113,6 +114,8 @@ def test_what_is_printed_is_what_runs(capsys: pytest.CaptureFixture[str], stand:
 def test_relations_without_a_calibration_have_the_description_s_numbers(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    content = json.loads(shown(capsys, "equations", "--json"))
+    assert list(content["relations"]) == list(compiled_relations("actuator.yaml").names)
     text = shown(capsys, "equations", "--sensors", "motor_current,actuator_position,load_force")
     assert "  reflected_mass_kg = 130.02 kg  rotor_inertia/screw_ratio**2\n" in text
     assert "parity_electrical = not closed: " in text

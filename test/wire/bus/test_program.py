@@ -46,6 +46,24 @@ def test_a_node_that_was_stopped_goes_on(domain: int) -> None:
         assert process.signal(INT) == 0
 
 
+def test_what_a_start_has_made_is_not_searched_for_garbage_again(domain: int) -> None:
+    code = """
+import gc, sys
+from dataclasses import dataclass
+from flea_diag.wire.bus import Program, run
+@dataclass(frozen=True)
+class Nothing: pass
+kept = []
+def start(bus, parameters):
+    kept.extend([k] for k in range(100_000))
+    bus.every(0.01, lambda: bus.info(f"spared: {gc.get_freeze_count() > len(kept)}"))
+sys.exit(run(lambda: Program("spared", "", Nothing, start)))
+"""
+    with Process([sys.executable, "-c", code], domain) as process:
+        assert "spared: True" in process.wait_for("spared: ")
+        assert process.signal(INT) == 0
+
+
 @pytest.mark.parametrize("number", [INT, TERM])
 def test_a_signal_that_reaches_a_thread_of_a_library_ends_the_node_in_order(
     domain: int, number: signal.Signals, tmp_path: Path

@@ -1,0 +1,1 @@
+"""Generalized likelihood ratios over faults and onsets, beside a unit and a drifting level."""

@@ -1,0 +1,136 @@
+"""Signatures of all fault models in the windows of a stand, and the prior of their sizes.
+
+A size is uniform a priori between its bounds, taken as a normal distribution of the same mean and
+variance that is cut there. A size without an upper bound reaches to where one window shows it by
+``WIDE`` standard deviations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.likelihood.basis import Basis
+from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.sensor_models import ELAPSED
+from flea_diag.core.likelihood_ratio.residual_window import WINDOW_S
+
+Array = npt.NDArray[np.float64]
+
+WIDE = 100.0  # assumption
+ONE = "one"
+
+
+@dataclass(frozen=True, eq=False)
+class SizePrior:
+    """Mean, standard deviation and bounds of every size, shape (models, sizes)."""
+
+    mean: Array
+    sigma: Array
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FaultSignatures:
+    """Models of equal numbers of sizes: what a model lacks has no effect.
+
+    ``design``, shape (residuals, signals, models * sizes), is what one unit of each size adds to
+    each residual, as factors of the basis signals, and ``units``, shape (residuals, signals,
+    differences), what healthy units differ by; ``reach`` is that of sizes without a bound.
+    """
+
+    models: tuple[FaultModel, ...]
+    design: Array
+    units: Array
+    elapsed: int
+    reach: Array
+
+    @classmethod
+    def of(
+        cls, models: Sequence[FaultModel], residuals: Sequence[str], basis: Basis, units: Array
+    ) -> FaultSignatures:
+        """Signatures in these residuals; ages of a drift and rough variants are left out.
+
+        The bank of onsets has ages of its own, and coloured noise is in the noise.
+        """
+        seen: dict[object, FaultModel] = {}
+        for model in models:
+            terms = tuple(term for term in model.terms if term.residual in residuals)
+            if terms and not model.roughness:
+                grown = tuple(term for term in terms if term.regressor != ONE)
+                seen.setdefault((model.fault, grown or terms), replace(model, terms=terms))
+        kept = tuple(seen.values())
+        sizes = max(len(model.sizes) for model in kept)
+        design = np.zeros((len(residuals), len(basis.names), len(kept), sizes))
+        rows = {name: row for row, name in enumerate(residuals)}
+        for column, model in enumerate(kept):
+            for term in model.terms:
+                place = rows[term.residual], basis.column[term.regressor], column, term.index
+                design[place] += term.gain
+        elapsed = basis.column[str(ELAPSED)]
+        flat = design.reshape(*design.shape[:2], -1)
+        return cls(kept, flat, units, elapsed, np.full((len(kept), sizes), np.inf))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Models and sizes."""
+        return self.reach.shape[0], self.reach.shape[1]
+
+    def signals(self, regressors: Array) -> tuple[Array, Array]:
+        """What one unit of each size adds to each residual, shape (residuals, models * sizes).
+
+        The second is what it adds for each second since the onset. ``regressors`` has shape
+        (residuals, signals).
+        """
+        added = np.matmul(regressors[:, None, :], self.design)[:, 0]
+        return added, self.design[:, self.elapsed]
+
+    def differences(self, regressors: Array, windows: int) -> Array:
+        """What a unit adds to each residual, shape (residuals, differences).
+
+        ``windows`` after the start of the stream: since then its parts heat up in their own way.
+        """
+        since_s = (windows + 0.5) * WINDOW_S
+        added = np.matmul(regressors[:, None, :], self.units)[:, 0]
+        return np.asarray(added + since_s * self.units[:, self.elapsed])
+
+    @property
+    def least_walk(self) -> Array:
+        """Variance of the walk of each residual in one window, shape (residuals,).
+
+        How a part heats up wanders by the tolerance of it: a few recordings of one day show less.
+        """
+        return np.asarray(np.square(WINDOW_S * self.units[:, self.elapsed]).sum(axis=-1))
+
+    def reaching(self, squares: Array) -> FaultSignatures:
+        """The same; ``squares``, shape (models * sizes,): mean square of one unit of each size.
+
+        In variances of the noise of one window.
+        """
+        reach = WIDE / np.sqrt(np.maximum(squares, 1e-300))
+        return replace(self, reach=reach.reshape(self.shape))
+
+    @cached_property
+    def prior(self) -> SizePrior:
+        """Of each size; one that a model lacks has no bounds."""
+        rows = np.zeros((4, *self.shape))
+        rows[1], rows[2], rows[3] = 1.0, -np.inf, np.inf
+        for k, model in enumerate(self.models):
+            for i, size in enumerate(model.sizes):
+                rows[:, k, i] = _prior(size.low, size.high, float(self.reach[k, i]))
+        return SizePrior(*rows)
+
+
+def _prior(low: float, high: float, reach: float) -> tuple[float, float, float, float]:
+    """Mean, standard deviation and bounds of one size."""
+    if math.isinf(low) or math.isinf(high):
+        return 0.0, reach, low, high
+    if high <= low:
+        return low, 0.0, -math.inf, math.inf
+    return 0.5 * (low + high), (high - low) / math.sqrt(12.0), low, high

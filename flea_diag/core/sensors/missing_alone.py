@@ -1,0 +1,35 @@
+"""Nominal recordings in which a channel has no reading for far longer than in any other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.flag_runs import longest_run
+
+Array = npt.NDArray[np.float64]
+
+LONG_S = 1.0
+"""A shorter gap is a loss of messages: an assumption."""
+TIMES = 3.0
+"""Longest gap of a recording over the longest of all others that makes it odd: an assumption."""
+
+
+def missing_alone(
+    runs: Sequence[Mapping[str, Array]], period_s: float
+) -> tuple[tuple[int, str, float, float], ...]:
+    """Numbers of such recordings: each with the channel, its gap, s, and the longest of the others.
+
+    ``runs`` are the readings of each channel, recording by recording. A channel without any reading
+    is not recorded at all.
+    """
+    found = []
+    for channel in runs[0] if runs else ():
+        gaps = np.array([longest_run(np.isnan(run[channel])) for run in runs]) * period_s
+        worst = int(gaps.argmax())
+        others = float(np.delete(gaps, worst).max(initial=0.0))
+        if gaps[worst] > max(LONG_S, TIMES * others) and not np.isnan(runs[worst][channel]).all():
+            found.append((worst, channel, float(gaps[worst]), others))
+    return tuple(found)
