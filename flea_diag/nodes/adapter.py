@@ -354,6 +354,7 @@ class Adapter:
             self._mirror(changed)
 
     def _watch(self) -> None:
+        self._health.check()
         if self._health.silent:
             # Without new records the watermark never passes those still waiting: release them.
             self._publish(getattr(self._stage, "finish", tuple)())

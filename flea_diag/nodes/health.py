@@ -13,6 +13,10 @@ from flea_diag.wire.topics import TOPIC_OF
 SILENT_AFTER_S = 0.6
 """Silence after which the source is stale. With a check every 0.1 s it is reported within 1 s."""
 
+LONGEST_TURN_S = 0.2
+"""Most that one check counts as silence: in a longer time this node itself was held up, and what
+the source said meanwhile waits to be read."""
+
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
@@ -23,6 +27,7 @@ class HealthReport:
         self._bus = bus
         self._late: dict[type, int] = {}
         self._last_taken_s: float | None = None
+        self._silent_s, self._checked_s = 0.0, time.monotonic()
         self._worst_lag_ns = 0
         self._reported_passed_over = 0
         self._cpu_s, self._wall_s = time.process_time(), time.monotonic()
@@ -30,8 +35,13 @@ class HealthReport:
     @property
     def silent(self) -> bool:
         """Whether a stream that was running has stopped."""
-        last = self._last_taken_s
-        return last is not None and time.monotonic() - last > SILENT_AFTER_S
+        return self._last_taken_s is not None and self._silent_s > SILENT_AFTER_S
+
+    def check(self) -> None:
+        """Count the time since the last check as silence, unless a record is taken after it."""
+        now_s = time.monotonic()
+        self._silent_s += min(now_s - self._checked_s, LONGEST_TURN_S)
+        self._checked_s = now_s
 
     def arrived(self, record_type: type, stamp_ns: int, late: bool) -> None:
         """Count a record of a stream; ``late`` when a newer one arrived before it.
@@ -45,7 +55,8 @@ class HealthReport:
 
     def taken(self) -> None:
         """Note that a record of the stream was accepted: its source is running."""
-        self._last_taken_s = time.monotonic()
+        self._last_taken_s = self._checked_s = time.monotonic()
+        self._silent_s = 0.0
 
     def record(self, extra: tuple[tuple[str, str], ...] = ()) -> Health:
         """Report for the time since the previous report, followed by the key/values ``extra``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeGuard
 
 import pytest
 from support.live import Peer, Process, toy
@@ -16,6 +17,7 @@ from flea_diag.wire.records import (
     Level,
     Outcome,
     Quality,
+    Record,
     Residual,
     Scan,
 )
@@ -152,11 +154,17 @@ def test_a_verdict_stays_stale_until_the_new_run_has_one_of_its_own(stand: Stand
     assert not new.stale
 
 
+def is_counted(record: Record) -> TypeGuard[Health]:
+    """Whether the node says in it what it was sent; its reports of a transition do not."""
+    if not isinstance(record, Health) or record.node != "toy":
+        return False
+    return "sensors/slow/received" in dict(record.values)
+
+
 def received(peer: Peer) -> int:
-    """Scans that the node says it was sent; its reports of a transition do not count them."""
-    told = [dict(r.values) for r in peer.records if isinstance(r, Health) and r.node == "toy"]
-    counted = [int(v["sensors/slow/received"]) for v in told if "sensors/slow/received" in v]
-    return counted[-1] if counted else 0
+    """Scans that the node says it was sent."""
+    counted = [dict(r.values)["sensors/slow/received"] for r in peer.records if is_counted(r)]
+    return int(counted[-1]) if counted else 0
 
 
 def test_a_wrong_stamp_starts_nothing_afresh(stand: Stand) -> None:
@@ -172,10 +180,8 @@ def test_what_cannot_be_used_is_counted_and_passed_over(stand: Stand) -> None:
     stand.scan(1.0)
     seen = stand.peer.find(lambda r: isinstance(r, Residual))
     assert seen.values == (2.0,)
-    stand.peer.records.clear()
-    health = stand.peer.find(lambda r: isinstance(r, Health) and r.node == "toy")
-    values = dict(health.values)
-    assert values["sensors/slow/received"] == "3"
+    stand.peer.until(lambda: received(stand.peer) == 3)
+    values = dict(next(r for r in reversed(stand.peer.records) if is_counted(r)).values)
     assert values["sensors/slow/malformed"] == "1"
     assert values["sensors/slow/refused"] == "1"
     assert float(values["memory_mb"]) > 5

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from flea_diag.stages.isolator.fault_episode import CONCLUSIVE_S, FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
+from flea_diag.stages.isolator.stand_status import StandStatus
 
 Stamps = npt.NDArray[np.int64]
 
@@ -20,9 +21,15 @@ EVALUATE_EVERY_NS = 500_000_000  # assumption
 class EpisodeEvaluation:
     """Compares the evidence of an episode with its hypotheses, at fixed times since detection."""
 
-    def __init__(self, quantitative: QuantitativeIsolation, parameters: IsolatorParameters) -> None:
+    def __init__(
+        self,
+        quantitative: QuantitativeIsolation,
+        parameters: IsolatorParameters,
+        stand: StandStatus,
+    ) -> None:
         self._quantitative = quantitative
         self._p = parameters
+        self._stand = stand
 
     def is_due(self, stamp_ns: int, episode: FaultEpisode) -> bool:
         """Whether another half second has passed; records that it has."""
@@ -34,8 +41,9 @@ class EpisodeEvaluation:
         """Drop contradicted hypotheses; settle after enough scans in motion, or enough time."""
         if self._p.likelihood:
             self._apply_likelihoods(stamp_ns, episode)
-        waited = (stamp_ns - episode.shared.detected_ns) / 1e9 >= self._p.settle_s
-        if waited or episode.evidence.moves(self._p.settle_motion_s):
+        # An isolator that was started later has no evidence from before its first scan.
+        followed_ns = stamp_ns - max(episode.shared.detected_ns, self._stand.first_ns)
+        if followed_ns / 1e9 >= self._p.settle_s or episode.evidence.moves(self._p.settle_motion_s):
             episode.settled = True
         if episode.symbols and (episode.settled or episode.evidence.lasts(CONCLUSIVE_S)):
             episode.isolation.require(

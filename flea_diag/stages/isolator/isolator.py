@@ -10,10 +10,10 @@ This stage puts its inputs into that order and hands each to those who take it: 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from flea_diag.core.causal_graph.operating_point import QUADRANTS
+from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
 from flea_diag.stages.isolator.episode_lifecycle import Change, EpisodeLifecycle
 from flea_diag.stages.isolator.feature_requests import FeatureRequests
 from flea_diag.stages.isolator.motion_history import MotionHistory
@@ -170,9 +170,15 @@ class IsolatorStage:
         episode = self._episodes.of(record)
         if episode is None:
             return ()
-        visited = self._motion.quadrants() if self._gating else QUADRANTS
-        episode.observe(record, [q for q in QUADRANTS if q in visited] or QUADRANTS)
+        episode.observe(record, self._visited())
         return self._output.say(record.stamp_ns)
+
+    def _visited(self) -> Sequence[Quadrant]:
+        """Quadrants in which symbols may have arisen: any, in a motion that was not watched."""
+        if not self._gating or (self._stand.came_late and not self._motion.is_whole):
+            return QUADRANTS
+        visited = self._motion.quadrants()
+        return [q for q in QUADRANTS if q in visited] or QUADRANTS
 
     def _data_quality(self, record: DataQuality) -> Records:
         if self._stand.take(record):

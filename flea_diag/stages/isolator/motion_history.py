@@ -78,6 +78,11 @@ class MotionHistory:
     def _screw_rad_s(self, speed_m_s: float) -> float:
         return speed_m_s / self._lead if self._lead else math.nan
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether scans in motion are known for as far back as they count."""
+        return len(self._visited) == self._most_visited
+
     def quadrants(self) -> set[Quadrant]:
         """Quadrants visited by the last scans in motion."""
         return {quadrant for scan in self._visited for quadrant in _quadrants(*scan)}

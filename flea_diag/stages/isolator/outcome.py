@@ -65,7 +65,7 @@ class OutcomeRules:
                 return Outcome.MODEL_MISMATCH, f"{stand.beyond}: {REMEDY}"
             return self._quiet(stamp_ns, stand)
         outcome, words = self._of_episode(stamp_ns, stand, episode)
-        early = episode.shared.detected_ns - max(stand.first_ns, stand.unit_ns) <= EARLY_NS
+        early = episode.shared.detected_ns - max(stand.start_ns, stand.unit_ns) <= EARLY_NS
         if outcome is Outcome.UNEXPLAINED and early:
             return (
                 Outcome.MODEL_MISMATCH,

@@ -32,7 +32,7 @@ class ScanIsolation:
     ) -> None:
         self._rest_ns = parameters.rest_s * 1e9
         self._quantitative = quantitative
-        self._evaluation = EpisodeEvaluation(quantitative, parameters)
+        self._evaluation = EpisodeEvaluation(quantitative, parameters, stand)
         self._stand = stand
         self._motion = motion
         self._vibration = vibration

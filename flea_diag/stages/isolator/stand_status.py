@@ -85,6 +85,16 @@ class StandStatus:
     """Stamp of the newest scan."""
 
     @property
+    def start_ns(self) -> int:
+        """First scan of the run: the observer's, where this isolator has come later."""
+        return self.began_ns if self.came_late else self.first_ns
+
+    @property
+    def came_late(self) -> bool:
+        """Whether the observer had taken scans before the first one known here."""
+        return NEVER_NS < self.began_ns < self.first_ns
+
+    @property
     def accepted(self) -> Remark | None:
         """By which an operator has accepted this unit as healthy."""
         row, decision = self.other_unit, self.decision

@@ -159,7 +159,7 @@ def _at_its_end(stand: StandStatus) -> str:
     """Remark that a stop holds the actuator, and what is not tested meanwhile."""
     if stand.contact is None:
         return ""
-    since_s = (stand.contact.since_ns - stand.first_ns) / 1e9
+    since_s = (stand.contact.since_ns - stand.start_ns) / 1e9
     place, _, follows = stand.contact.reason.partition(": ")
     return f"; {place} since {since_s:.2f} s after the start, {follows}"
 
@@ -168,7 +168,7 @@ def _outside(stand: StandStatus) -> str:
     """Remark that the motion is outside what the calibration has seen."""
     if stand.outside is None:
         return ""
-    since_s = (stand.outside.since_ns - stand.first_ns) / 1e9
+    since_s = (stand.outside.since_ns - stand.start_ns) / 1e9
     return (
         f"; outside the calibration since {since_s:.2f} s after the start: {stand.outside.reason}"
     )
@@ -179,7 +179,7 @@ def _taken_back(stand: StandStatus) -> str:
     cleared = stand.taken_back
     if cleared is None:
         return ""
-    since_s = (cleared.stamp_ns - stand.first_ns) / 1e9
+    since_s = (cleared.stamp_ns - stand.start_ns) / 1e9
     return f"; alarm {cleared.episode} {cleared.test}, since {since_s:.2f} s after the start"
 
 
@@ -187,7 +187,7 @@ def _another_unit(stand: StandStatus) -> str:
     """Remark that the unit was exchanged during the run."""
     if stand.unit_ns == NEVER_NS:
         return ""
-    since_s = (stand.unit_ns - stand.first_ns) / 1e9
+    since_s = (stand.unit_ns - stand.start_ns) / 1e9
     return f"; unit exchanged {since_s:.2f} s after the start, sensor offsets relearned"
 
 
@@ -195,7 +195,7 @@ def _accepted(stand: StandStatus) -> str:
     """Remark that a unit beyond what healthy units differ by counts as healthy, and who said so."""
     if stand.accepted is None:
         return ""
-    since_s = (stand.accepted.stamp_ns - stand.first_ns) / 1e9
+    since_s = (stand.accepted.stamp_ns - stand.start_ns) / 1e9
     why = f": {shown(stand.accepted.text)}" if stand.accepted.text else ""
     by = shown(stand.accepted.author)
     return f"; unit accepted as healthy by {by} {since_s:.2f} s after the start{why}"
@@ -218,7 +218,7 @@ def _returned(stand: StandStatus, episode: FaultEpisode | None) -> str:
     """Remark that the observer was restarted during the run."""
     if stand.returned_ns == NEVER_NS:
         return ""
-    at_s = (stand.returned_ns - stand.first_ns) / 1e9
+    at_s = (stand.returned_ns - stand.start_ns) / 1e9
     words = f"; observer restarted {at_s:.2f} s after the start"
     if episode is not None and episode.shared.taken_over:
         words += ", thermal residuals disabled until reset; only ~/reset ends this episode"

@@ -1,0 +1,69 @@
+"""When a node counts its source as silent."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from flea_diag.nodes import health
+from flea_diag.nodes.adapter import WATCH_S
+from flea_diag.nodes.health import SILENT_AFTER_S, HealthReport
+
+
+class Clock:
+    """In place of the module ``time``."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def process_time(self) -> float:
+        return 0.0
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(health, "time", clock)
+    return clock
+
+
+def checked(report: HealthReport, clock: Clock, *turns_s: float) -> list[bool]:
+    """Whether the source is silent after each of these times between checks."""
+    said = []
+    for turn_s in turns_s:
+        clock.now_s += turn_s
+        report.check()
+        said.append(report.silent)
+    return said
+
+
+def report_of(clock: Clock) -> HealthReport:
+    report = HealthReport(SimpleNamespace())
+    report.taken()
+    return report
+
+
+def test_a_source_that_stops_is_silent_once_the_time_has_passed(clock: Clock) -> None:
+    said = checked(report_of(clock), clock, *[WATCH_S] * 10)
+    assert said.index(True) == round(SILENT_AFTER_S / WATCH_S)
+
+
+def test_a_node_that_was_held_up_does_not_blame_its_source(clock: Clock) -> None:
+    """What was sent meanwhile waits to be read when the check runs first."""
+    report = report_of(clock)
+    assert checked(report, clock, WATCH_S, 3.0) == [False, False]
+    report.taken()
+    assert not any(checked(report, clock, 3.0, WATCH_S, WATCH_S))
+
+
+def test_a_source_that_stopped_during_a_pause_is_silent_soon_after_it(clock: Clock) -> None:
+    said = checked(report_of(clock), clock, 3.0, *[WATCH_S] * 10)
+    assert said.index(True) <= round(SILENT_AFTER_S / WATCH_S)
+
+
+def test_nothing_is_silent_before_it_was_heard(clock: Clock) -> None:
+    assert not any(checked(HealthReport(SimpleNamespace()), clock, *[WATCH_S] * 10))
