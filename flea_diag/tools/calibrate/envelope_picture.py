@@ -37,26 +37,38 @@ def draw_envelope(
     folder: Path,
     kind: str,
 ) -> Path:
-    """Draw ``envelope.<kind>`` in the folder: of each relation every pair of its signals."""
+    """Draw ``envelope.<kind>`` in the folder: of each relation every pair of its signals.
+
+    Below them stands what supplied each predicted temperature, over time.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     points = OperatingPoints(calibration, relations)
     names = [row.relation for row in points.envelope.relations]
     pairs = {name: _pairs(points.axes(name)) for name in names}
-    width = max(map(len, pairs.values()))
-    size = PANEL_IN[0] * width, PANEL_IN[1] * len(names)
+    stores = [row.name for row in relations.predictions]
+    heated = [name for name in stores if name in points.envelope.supplies]
+    width = max(len(heated), *map(len, pairs.values()))
+    rows = len(names) + bool(heated)
+    size = PANEL_IN[0] * width, PANEL_IN[1] * rows
     figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(
         "Scans of the recordings; limits grow outside orange, no test outside vermilion"
     )
-    panels = figure.subplots(len(names), width, squeeze=False)
-    for row, name in zip(panels, names, strict=True):
-        for panel in row[len(pairs[name]) :]:
-            panel.set_visible(False)
+    panels = figure.subplots(rows, width, squeeze=False)
+    for panel in panels.flat:
+        panel.set_visible(False)
+    for row, name in zip(panels, names, strict=False):
         for panel, pair in zip(row, pairs[name], strict=False):
             _panel(panel, points, name, pair, [_columns(t, relations, pair) for t in traces])
+    if heated:
+        supplied = [_supplied(trace, relations, calibration) for trace in traces]
+        for panel, name in zip(panels[-1], heated, strict=False):
+            of_store = [each[:, stores.index(name)] for each in supplied]
+            unit = relations.predictions[stores.index(name)].unit
+            _heat(panel, name, unit, points.envelope.supplies[name], of_store, calibration)
     target = folder / f"envelope.{kind}"
     with writing(target):
         figure.savefig(target, dpi=80)
@@ -83,6 +95,7 @@ def _panel(
     """Scans, and where the leverage reaches its two bounds with all other signals as usual."""
     from flea_diag.core.residuals.leverage import ABSTAIN, PLACE
 
+    panel.set_visible(True)
     for part in parts:
         panel.plot(*part.T, ".", color=SCANS, markersize=1.2, alpha=0.4)
     seen = np.concatenate(parts)
@@ -99,6 +112,32 @@ def _panel(
     panel.set_title(name, fontsize=8, loc="left")
     panel.set_xlabel(pair[0], fontsize=8)
     panel.set_ylabel(pair[1], fontsize=8)
+    panel.tick_params(labelsize=7)
+
+
+def _supplied(trace: Trace, relations: RelationSet, calibration: Calibration) -> Array:
+    """Mean supply of each predicted temperature in a recording, shape (scans, stores)."""
+    from flea_diag.core.residuals.thermal import SupplyMean
+
+    mean = SupplyMean(relations, calibration.parameters, calibration.counts.period_s)
+    return mean.step(trace.signals)
+
+
+def _heat(
+    panel: Any, name: str, unit: str, most: float, supplied: list[Array], calibration: Calibration
+) -> None:
+    """Mean supply of a predicted temperature in every recording, and the bounds of its tests."""
+    from flea_diag.core.residuals.leverage import ABSTAIN
+
+    panel.set_visible(True)
+    for each in supplied:
+        time_s = np.arange(len(each)) * calibration.counts.period_s
+        panel.plot(time_s, each, color=SCANS, linewidth=0.8, alpha=0.5)
+    panel.axhline(most, color=GROWS)
+    panel.axhline(ABSTAIN**0.5 * most, color=ABSTAINS)
+    panel.set_title(name, fontsize=8, loc="left")
+    panel.set_xlabel("time (s)", fontsize=8)
+    panel.set_ylabel(f"mean supply ({unit}/s)", fontsize=8)
     panel.tick_params(labelsize=7)
 
 

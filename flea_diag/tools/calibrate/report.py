@@ -34,6 +34,7 @@ def words(calibration: Calibration, relations: RelationSet) -> str:
         from flea_diag.tools.calibrate.operating_points import OperatingPoints
 
         lines += ["", *_envelope(c.envelope, OperatingPoints(c, relations))]
+        lines += _heat(c.envelope, relations)
     if c.bad_stretches:
         lines += ["", "stretches excluded as implausible"]
     for bad in c.bad_stretches:
@@ -69,6 +70,20 @@ def _envelope(seen: CalibrationEnvelope, points: OperatingPoints) -> Iterator[st
             yield f"{name}: limits {below:.2g} times as wide below, {above:.2g} above"
     yield "recordings beyond these values widen it, and those that bring them together:"
     yield from points.not_covered()
+
+
+def _heat(seen: CalibrationEnvelope, relations: RelationSet) -> Iterator[str]:
+    """What has supplied each predicted temperature, and from where on that is too much."""
+    from flea_diag.core.residuals.leverage import ABSTAIN
+    from flea_diag.core.residuals.thermal import CORRECTION_S
+
+    for store in relations.predictions:
+        most = seen.supplies.get(store.name)
+        if most is not None:
+            yield (
+                f"{store.name}: supplied with up to {most:.3g} {store.unit}/s, mean of "
+                f"{CORRECTION_S:.0f} s; no test beyond {ABSTAIN**0.5 * most:.3g} {store.unit}/s"
+            )
 
 
 def _promise(c: Calibration) -> Iterator[str]:

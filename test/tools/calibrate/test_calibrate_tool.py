@@ -17,12 +17,14 @@ from support import stands
 from support.models import linear_ema as ema
 from support.places import FLEA_STAND, WING
 
+from flea_diag.configuration import knowledge as of_stand
 from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.residuals.channel_units import UNITS
 from flea_diag.tools import extra
 from flea_diag.tools.calibrate import plots as calibration_plots
+from flea_diag.tools.calibrate import report
 from flea_diag.tools.calibrate.nominal_recording import read_nominal
 from flea_diag.tools.calibrate.shared_work import Sharing
 from flea_diag.tools.main import main
@@ -130,6 +132,18 @@ def test_a_picture_of_each_recording_shows_each_residual_within_its_limits(made,
     assert text.count('id="axes_') >= len(
         [limit for limit in load_calibration(made).limits if limit.windows[0].window > 1]
     )
+
+
+def test_heat_is_said_and_drawn_beside_the_rest_of_the_envelope(made):
+    found = load_calibration(made)
+    relations = of_stand.relations(stands.STAND, found)
+    stores = found.envelope.supplies  # the ambient air has no supply
+    assert set(stores) == {"motor_temperature", "nut_temperature"}
+    said = report.words(found, relations)
+    for name in stores:
+        assert f"{name}: supplied with up to {stores[name]:.3g}" in said
+    picture = (made.parent / "pictures" / "envelope.svg").read_text(encoding="utf-8")
+    assert picture.count("mean supply") == len(stores)
 
 
 def test_what_is_drawn_is_the_mean_that_is_tested(made):
