@@ -17,23 +17,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from flea_diag.core.calibration import heat_identification
 from flea_diag.core.calibration.calibration import CovarianceBlock, NominalRun
 from flea_diag.core.calibration.heat_identification import NominalSignals
 from flea_diag.core.calibration.relation_fit import Regression, regression
 from flea_diag.core.calibration.robust_regression import fitted_by_fold, robust_fit
-from flea_diag.core.calibration.smoothed_columns import Smoothed, smooth
+from flea_diag.core.calibration.smoothed_columns import Array, Flags, Numbers, Smoothed, smooth
 from flea_diag.core.residuals.channel_units import COMMAND, CURRENT, LOAD, VOLTAGE
-from flea_diag.core.residuals.measured_graph import channel_of, rate_symbol
+from flea_diag.core.residuals.measured_graph import rate_symbol
 from flea_diag.core.residuals.parameters import ActuatorParameters
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.settling import Ways, scans_of, scans_since_change, ways
-from flea_diag.core.symbolic.expression import evaluate, symbols
+from flea_diag.core.symbolic.expression import symbols
 from flea_diag.errors import CalibrationError
 
-Array = npt.NDArray[np.float64]
 RelationsOf = Callable[[bool], RelationSet]
 
 MINIMUM_MOVING_S = 5.0  # assumption: size of a sample
@@ -107,9 +105,9 @@ def identify(
     result.missing(["reference_temperature_degc"], "where the resistance holds; a convention")
     _encoder(data, drawn, result)
     relations = relations_of(result.parameters.encoder_m_per_rad != 0.0)
-    signals = _signals(data, relations, result.parameters)
+    signals = data.signals(relations, result.parameters)
     moving_m_s = result.parameters.moving_m_s
-    speed_m_s = _speed(data, result)
+    speed_m_s = data.speed(result.parameters)
     moving = np.abs(speed_m_s) > moving_m_s
     moved_s = float(moving.sum()) * period_s
     if moved_s < MINIMUM_MOVING_S:
@@ -123,7 +121,7 @@ def identify(
     _electrical(fit)
     _drive(fit)
     _position(data, relations, result)
-    nominal = NominalSignals(_signals(data, relations, result.parameters), data.run)
+    nominal = NominalSignals(data.signals(relations, result.parameters), data.run)
     heat_identification.identify(runs, period_s, relations, nominal, result)
     return result
 
@@ -138,7 +136,7 @@ class _Fit:
     result: Identified
 
     def regression(
-        self, name: str, regressand: str, unknown: Sequence[str], use: npt.NDArray[np.bool_]
+        self, name: str, regressand: str, unknown: Sequence[str], use: Flags
     ) -> Regression | None:
         """Regression of one relation on the rows that it can be formed in; None if in none.
 
@@ -159,32 +157,40 @@ class _Fit:
             made = regression(relation, known, regressand, self.signals, use)
         return made
 
+    def take(self, made: Regression, use: Flags, start: Array | None = None) -> tuple[Array, Array]:
+        """Solve a regression and store what it finds, with and without each recording.
 
-def _numbered(names: Sequence[str]) -> npt.NDArray[np.int64]:
+        Returns the solution of its columns, and the weights of its rows.
+        """
+        x, covariance, weight = robust_fit(made.columns, made.target, self.data.run[use], start)
+        self.result.found(*made.solved(x, covariance))
+        self.leave_out(made, weight, use)
+        return x, weight
+
+    def leave_out(self, made: Regression, weight: Array, use: Flags) -> None:
+        """Store what a fit finds without each recording; nothing where there is but one fold."""
+        data, result = self.data, self.result
+        folds = int(data.fold.max()) + 1
+        if folds < 2:
+            return
+        fold = data.fold[data.run[use]]
+        fits = fitted_by_fold(made.columns, made.target, weight, fold, folds, data.kernel)
+        no_error = np.zeros((len(made.names),) * 2)
+        values = [_possible(made.solved(x, no_error)[0]) for x in fits.without]
+        for recording, number in enumerate(data.fold.tolist()):
+            result.without[recording].update(values[number])
+        result.folds = result.folds or [{} for _ in range(folds)]
+        for own, x, covariance in zip(result.folds, fits.alone, fits.covariance, strict=True):
+            if np.isfinite(covariance).all():
+                found, errors = made.solved(x, covariance)
+                sigmas = np.sqrt(np.diag(errors)).tolist()
+                own.update({n: (found[n], sigma) for n, sigma in zip(found, sigmas, strict=True)})
+
+
+def _numbered(names: Sequence[str]) -> Numbers:
     """Names as numbers, in the order of their first appearance."""
     order = {name: number for number, name in enumerate(dict.fromkeys(names))}
     return np.array([order[name] for name in names], dtype=np.int64)
-
-
-def _leave_out(
-    data: Smoothed, made: Regression, weight: Array, use: npt.NDArray[np.bool_], result: Identified
-) -> None:
-    """Store what the fit finds without each recording; nothing where there is but one fold."""
-    folds = int(data.fold.max()) + 1
-    if folds < 2:
-        return
-    fold = data.fold[data.run[use]]
-    fits = fitted_by_fold(made.columns, made.target, weight, fold, folds, data.kernel)
-    no_error = np.zeros((len(made.names),) * 2)
-    values = [_possible(made.solved(x, no_error)[0]) for x in fits.without]
-    for recording, number in enumerate(data.fold.tolist()):
-        result.without[recording].update(values[number])
-    result.folds = result.folds or [{} for _ in range(folds)]
-    for own, x, covariance in zip(result.folds, fits.alone, fits.covariance, strict=True):
-        if np.isfinite(covariance).all():
-            found, errors = made.solved(x, covariance)
-            sigmas = np.sqrt(np.diag(errors)).tolist()
-            own.update({n: (found[n], sigma) for n, sigma in zip(found, sigmas, strict=True)})
 
 
 def _possible(values: dict[str, float]) -> dict[str, float]:
@@ -192,40 +198,10 @@ def _possible(values: dict[str, float]) -> dict[str, float]:
     return values | {name: max(values[name], 0.0) for name in NOT_NEGATIVE if name in values}
 
 
-def _signals(
-    data: Smoothed, relations: RelationSet, parameters: ActuatorParameters
-) -> dict[str, Array]:
-    """Columns of the signals of the relations, shapes with the parameters as assumed."""
-    found: dict[str, Array] = {}
-    for name in relations.signals:
-        channel, order = channel_of(name)
-        if name in relations.predicted:
-            # On nominal recordings the reading is the prediction; without one it is the reference.
-            warm = data.column(relations.predicted[name])
-            found[name] = np.where(np.isnan(warm), relations.reference[name], warm)
-        elif name not in relations.shapes:
-            found[name] = data.of_order(order, channel)
-    for name, shape in relations.shapes.items():
-        found[name] = np.asarray(evaluate(shape, {**asdict(parameters), **found}))
-    return found
-
-
-def _speed(data: Smoothed, result: Identified) -> Array:
-    lead = result.parameters.encoder_m_per_rad
-    if lead:
-        return np.asarray(lead * data.column(data.rows.encoder))
-    return data.of_order(1, data.rows.position)
-
-
-def _have(data: Smoothed, *channels: str) -> npt.NDArray[np.bool_]:
-    finite = np.isfinite([data.column(channel) for channel in channels])
-    return np.asarray(finite.all(axis=0), dtype=np.bool_)
-
-
 def _encoder(data: Smoothed, relations: RelationSet, result: Identified) -> None:
     rows = data.rows
-    use = _have(data, rows.encoder, rows.position)
-    signals = _signals(data, relations, result.parameters) if use.any() else {}
+    use = data.with_values(rows.encoder, rows.position)
+    signals = data.signals(relations, result.parameters) if use.any() else {}
     fit = _Fit(data, relations, signals, result)
     name = "encoder_m_per_rad"
     relation, slope = next(iter(rows.of_one_speed), ""), rate_symbol(rows.position)
@@ -233,9 +209,7 @@ def _encoder(data: Smoothed, relations: RelationSet, result: Identified) -> None
     if made is None:
         result.missing([name], "no motor_speed channel")
         return
-    x, covariance, weight = robust_fit(made.columns, made.target, data.run[use])
-    result.found(*made.solved(x, covariance))
-    _leave_out(data, made, weight, use, result)
+    fit.take(made, use)
 
 
 MASS = "reflected_mass_kg"
@@ -254,9 +228,7 @@ DRIVES = {
 """What turns a current into a force or into power, and why it is not identified."""
 
 
-def _settled(
-    data: Smoothed, way: Ways, period_s: float, kernel_length: int
-) -> npt.NDArray[np.bool_]:
+def _settled(data: Smoothed, way: Ways, period_s: float, kernel_length: int) -> Flags:
     """Rows in which the balance with the friction has settled after a change of the motion."""
     own = [row.settles_s for row in data.rows.parities if row.relation == data.rows.friction]
     scans = scans_of(max(own, default=0.0), period_s, kernel_length)
@@ -265,7 +237,7 @@ def _settled(
     return np.asarray(since > scans)
 
 
-def _friction(fit: _Fit, moving: npt.NDArray[np.bool_], settled: npt.NDArray[np.bool_]) -> None:
+def _friction(fit: _Fit, moving: Flags, settled: Flags) -> None:
     """The balance that holds the friction: of forces, or of power."""
     names = (*NOT_NEGATIVE, *DRIVES)
     rows, relation = fit.data.rows, fit.data.rows.friction
@@ -280,11 +252,11 @@ def _friction(fit: _Fit, moving: npt.NDArray[np.bool_], settled: npt.NDArray[np.
         if name not in values and name not in fit.result.not_identified:
             fit.result.missing([name], reason)
     fit.result.found(_possible(values), covariance)
-    _leave_out(fit.data, made, weight, use, fit.result)
+    fit.leave_out(made, weight, use)
 
 
 def _not_negative(
-    fit: _Fit, relation: str, names: list[str], use: npt.NDArray[np.bool_]
+    fit: _Fit, relation: str, names: list[str], use: Flags
 ) -> tuple[Regression, Array, dict[str, float], Array] | None:
     """Fit in which no friction is negative beyond its error; one that is counts as 0.
 
@@ -331,14 +303,12 @@ def _electrical(fit: _Fit) -> None:
     start = np.array([guess.get(name, 0.0) for name in made.names])
     if names[2] in made.names:
         start[made.names.index(names[2])] = np.median(made.target - made.columns @ start)
-    x, covariance, weight = robust_fit(made.columns, made.target, fit.data.run[use], start)
+    x, weight = fit.take(made, use, start)
     residual = made.target - made.columns @ x
     scale = 1.4826 * float(np.median(np.abs(residual[weight > 0])))
     # No healthy unit deviates by a third of the drive's output range.
     supply_v = float(np.quantile(np.abs(fit.signals[VOLTAGE][use]), 0.99))
     result.voltage_limit_v = max(8.0 * scale, supply_v / 3.0)
-    result.found(*made.solved(x, covariance))
-    _leave_out(fit.data, made, weight, use, result)
 
 
 def _drive(fit: _Fit) -> None:
@@ -349,16 +319,14 @@ def _drive(fit: _Fit) -> None:
     if made is None:
         fit.result.missing(names, "no commanded_voltage channel")
         return
-    x, covariance, weight = robust_fit(made.columns, made.target, fit.data.run[use])
-    fit.result.found(*made.solved(x, covariance))
-    _leave_out(fit.data, made, weight, use, fit.result)
+    fit.take(made, use)
 
 
 def _position(data: Smoothed, relations: RelationSet, result: Identified) -> None:
     name = "position_offset_m"
     held = [row for row in relations.relations if name in symbols(row.expression)]
     one, other = held[0].signals if held else ("", "")
-    use = _have(data, one, other)
+    use = data.with_values(one, other)
     if not use.any():
         result.missing([name], "no second position channel")
         return

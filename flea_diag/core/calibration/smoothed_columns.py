@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import NominalRun
+from flea_diag.core.residuals.measured_graph import channel_of
+from flea_diag.core.residuals.parameters import ActuatorParameters
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualSet
 from flea_diag.core.smoothing import hann_kernels
+from flea_diag.core.symbolic.expression import evaluate
 from flea_diag.errors import CalibrationError
 
 Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -27,10 +33,10 @@ class Smoothed:
     value: Array
     first: Array
     second: Array
-    run: npt.NDArray[np.int64]
+    run: Numbers
     kernel: int
     """Scans that one smoothed value rests on."""
-    fold: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    fold: Numbers = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     """Of each recording, the number of the group that is left out together with it."""
 
     def column(self, channel: str) -> Array:
@@ -42,6 +48,34 @@ class Smoothed:
         column = self.rows.channel(channel)
         table = (self.value, self.first, self.second)[order]
         return table[:, column] if column >= 0 else np.full(len(table), np.nan)
+
+    def with_values(self, *channels: str) -> Flags:
+        """Rows in which all of these channels have a value."""
+        finite = np.isfinite([self.column(channel) for channel in channels])
+        return np.asarray(finite.all(axis=0), dtype=np.bool_)
+
+    def speed(self, parameters: ActuatorParameters) -> Array:
+        """Speed of the load, from the encoder where its lead is known."""
+        lead = parameters.encoder_m_per_rad
+        if lead:
+            return np.asarray(lead * self.column(self.rows.encoder))
+        return self.of_order(1, self.rows.position)
+
+    def signals(self, relations: RelationSet, parameters: ActuatorParameters) -> dict[str, Array]:
+        """Columns of the signals of the relations, shapes with the parameters as assumed."""
+        found: dict[str, Array] = {}
+        for name in relations.signals:
+            channel, order = channel_of(name)
+            if name in relations.predicted:
+                # On nominal recordings the reading is the prediction; without one it is the
+                # reference.
+                warm = self.column(relations.predicted[name])
+                found[name] = np.where(np.isnan(warm), relations.reference[name], warm)
+            elif name not in relations.shapes:
+                found[name] = self.of_order(order, channel)
+        for name, shape in relations.shapes.items():
+            found[name] = np.asarray(evaluate(shape, {**asdict(parameters), **found}))
+        return found
 
 
 def smooth(
