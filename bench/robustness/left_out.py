@@ -29,8 +29,9 @@ from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.conditions.envelope_watch import EnvelopeWatch
 from flea_diag.core.residuals.residual_bank import ResidualBank
-from flea_diag.tools.calibrate.calibrate import calibrate, write_calibration
+from flea_diag.tools.calibrate.calibrate import write_calibration
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording, read_nominal
+from flea_diag.tools.calibrate.procedure import calibrate
 
 PARTS = ("recordings", "families")
 

@@ -25,8 +25,9 @@ from summary import Figure, bench_parser, write_summary
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.description import compiled_relations
 from flea_diag.configuration.stand import load_stand
-from flea_diag.tools.calibrate.calibrate import calibrate, write_calibration
+from flea_diag.tools.calibrate.calibrate import write_calibration
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording, read_nominal
+from flea_diag.tools.calibrate.procedure import calibrate
 from flea_diag.tools.evaluate.case_run import diagnose
 from flea_diag.tools.main import main as main_of
 from flea_diag.wire.bags.bag import BagReader

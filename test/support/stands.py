@@ -16,8 +16,8 @@ from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
-from flea_diag.tools.calibrate.calibrate import calibrate
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
+from flea_diag.tools.calibrate.procedure import calibrate
 from flea_diag.wire.records import AmbiguityGroup, ChannelInfo, ChannelTable, Record, Scan
 from support.models import linear_ema as ema
 

@@ -18,8 +18,9 @@ from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
-from flea_diag.tools.calibrate import calibrate as tool
+from flea_diag.tools.calibrate.calibrate import write_calibration
 from flea_diag.tools.calibrate.nominal_recording import read_nominal
+from flea_diag.tools.calibrate.procedure import calibrate
 from flea_diag.tools.evaluate.case_run import in_blocks
 from flea_diag.tools.recordings.flea_data import read_flea_data
 from flea_diag.tools.recordings.flea_run import FleaRun
@@ -96,9 +97,7 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     bags = [Path(import_run(file, folder / "bags").bag) for file in LEARNED]
     recordings, refused = read_nominal(bags, compiled_relations("actuator.yaml").residuals)
     assert not refused
-    tool.write_calibration(
-        folder / "calibration.yaml", tool.calibrate(recordings, "actuator.yaml", 0.1)
-    )
+    write_calibration(folder / "calibration.yaml", calibrate(recordings, "actuator.yaml", 0.1))
     return folder / "calibration.yaml"
 
 

@@ -167,32 +167,6 @@ def _rows(channels: Sequence[str], values: Any, known: ResidualSet) -> Any:
     return rows
 
 
-def check_signs(recordings: Sequence[NominalRecording], known: ResidualSet) -> None:
-    """Refuse recordings whose signs the balance of power contradicts, all of them together.
-
-    Raises
-    ------
-    CalibrationError
-        Names the channel, the coefficient, its limit and the remedy.
-    """
-    import numpy as np
-
-    from flea_diag.core.calibration.sign_check import sign_contradiction
-
-    if not recordings:
-        return
-    present = [name for name in known.channels if name in recordings[0].channels]
-    rows = [r.run.rows[:, [known.index[name] for name in present]] for r in recordings]
-    gap = np.full((1, len(present)), np.nan)
-    values = np.concatenate([part for each in rows for part in (each, gap)])
-    units = {name: known.units[name] for name in present}
-    words = sign_contradiction(units, values, recordings[0].period_s)
-    if words:
-        raise CalibrationError(
-            f"{len(recordings)} recordings: {words} where they are imported, and import them again"
-        )
-
-
 def _check_units(bag: Path, table: ChannelTable, known: ResidualSet) -> None:
     """Refuse a channel in another unit; unlike for a diagnosis, one without a unit, too."""
     from flea_diag.core.residuals.channel_units import unit_refusal
@@ -201,35 +175,3 @@ def _check_units(bag: Path, table: ChannelTable, known: ResidualSet) -> None:
         words = unit_refusal(row.name, row.unit or "no unit", known.units)
         if words:
             raise CalibrationError(f"{bag}: {words}")
-
-
-def check_alike(first: NominalRecording, other: NominalRecording) -> None:
-    """Check that two recordings are of one stand.
-
-    Raises
-    ------
-    CalibrationError
-        Names the difference.
-    """
-    if other.stand != first.stand:
-        raise CalibrationError(
-            f"{other.run.name}: recorded on stand {shown(other.stand)}, {first.run.name} on "
-            f"{shown(first.stand)}: calibrate each stand separately"
-        )
-    if abs(other.period_s - first.period_s) > 0.01 * first.period_s:
-        raise CalibrationError(
-            f"{other.run.name}: scans every {other.period_s} s, {first.run.name} every "
-            f"{first.period_s} s: calibrate from recordings of one stand"
-        )
-    if other.sampling != first.sampling:
-        raise CalibrationError(
-            f"{other.run.name}: motor_voltage sampled as {shown(other.sampling)}, "
-            f"{first.run.name} as "
-            f"{shown(first.sampling)}: calibrate from recordings of one stand"
-        )
-    if other.channels != first.channels:
-        odd = sorted(set(first.channels) ^ set(other.channels))
-        raise CalibrationError(
-            f"{other.run.name}: channel {odd[0]} is missing here or in {first.run.name}: "
-            "calibrate from recordings of one stand"
-        )

@@ -143,8 +143,10 @@ class RecordingSet:
     def _calibrate(self, fold: str, half: Sequence[RecordedRun]) -> None:
         from flea_diag.configuration.description import compiled_relations
         from flea_diag.configuration.stand import load_stand
-        from flea_diag.tools.calibrate import calibrate as tool
+        from flea_diag.core.calibration.promise import FALSE_ALARMS_PER_HOUR
+        from flea_diag.tools.calibrate.calibrate import write_calibration
         from flea_diag.tools.calibrate.nominal_recording import read_nominal
+        from flea_diag.tools.calibrate.procedure import calibrate
 
         if self._file_of(fold).is_file():
             return
@@ -156,8 +158,8 @@ class RecordingSet:
         described = load_stand(self._campaign.stand_path()).actuator
         known = compiled_relations(described).residuals
         recordings, _ = read_nominal([run.bag for run in half], known)
-        made = tool.calibrate(recordings, described, tool.FALSE_ALARMS_PER_HOUR)
-        tool.write_calibration(self._file_of(fold), made)
+        made = calibrate(recordings, described, FALSE_ALARMS_PER_HOUR)
+        write_calibration(self._file_of(fold), made)
 
 
 def _by_name(run: RecordedRun) -> str:

@@ -15,8 +15,8 @@ from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.calibration import Calibration, NominalRun
 from flea_diag.core.calibration.run_spread import HEATING, tolerance_of
 from flea_diag.errors import CalibrationError
-from flea_diag.tools.calibrate.calibrate import calibrate
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
+from flea_diag.tools.calibrate.procedure import calibrate
 
 FALLING = 2000.0
 """By how much the drag falls per m/s, N s/m: what a viscous friction below 0 would be."""

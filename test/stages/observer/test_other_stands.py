@@ -15,8 +15,8 @@ from flea_diag.core.calibration.calibration_reader import from_mapping
 from flea_diag.core.likelihood.effect_set import effect_set
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
-from flea_diag.tools.calibrate.calibrate import calibrate
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
+from flea_diag.tools.calibrate.procedure import calibrate
 from flea_diag.wire.records import DataQuality, Detection, Quality, Record, Residual, Scan
 
 RUNS = 6

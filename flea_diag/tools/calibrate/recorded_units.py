@@ -1,0 +1,44 @@
+"""The units that recordings are of: what is left out together, and by what healthy units differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flea_diag.core.calibration.identification import Identified
+from flea_diag.core.calibration.run_spread import (
+    LEAST_UNITS,
+    are_one,
+    joined,
+    measured_spread,
+    recorded_spread,
+    tolerance_of,
+)
+from flea_diag.core.residuals.parameters import UnitSpread, UnitTolerance
+from flea_diag.core.residuals.relation_set import RelationSet
+from flea_diag.tools.calibrate.nominal_recording import NominalRecording
+
+
+def folds_of(recordings: Sequence[NominalRecording]) -> tuple[str, ...]:
+    """What each recording is left out with: its unit where there are enough, else itself."""
+    if _known_units(recordings):
+        return tuple(recording.serial for recording in recordings)
+    return tuple(recording.run.name for recording in recordings)
+
+
+def units_of(
+    recordings: Sequence[NominalRecording], found: Identified, relations: RelationSet
+) -> tuple[UnitSpread, UnitTolerance, tuple[str, ...]]:
+    """Measured spread, tolerance of healthy units, and serial numbers that are of one unit."""
+    stated = tolerance_of(found.parameters, relations)
+    units = measured_spread(found.folds if _known_units(recordings) else (), stated)
+    serials = sorted({recording.serial for recording in recordings} - {""})
+    alike = tuple(serials) if are_one(units, stated) else ()
+    if alike or len(serials) == 1:
+        units = recorded_spread(found.sigmas, len(recordings))
+    return units, joined(stated, units), alike
+
+
+def _known_units(recordings: Sequence[NominalRecording]) -> bool:
+    """Whether all units are known by their serial numbers, and enough of them."""
+    units = {recording.serial for recording in recordings}
+    return "" not in units and len(units) >= LEAST_UNITS
