@@ -158,7 +158,7 @@ class Daq:
         if not self._consumers.ready():
             return False
         wanted = self._parameters.wait_for_subscribers
-        if self._bus.matched(Scan) >= wanted:
+        if self._bus.publishers.matched(Scan) >= wanted:
             return True
         if time.monotonic() < self._given_up_at:
             return False

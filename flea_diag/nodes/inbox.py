@@ -153,7 +153,7 @@ class Inbox:
     def _one(self, record_type: type, data: bytes) -> None:
         stream = self._bus.streams.get(record_type)
         if stream is not None and self._bus.working:
-            with self._bus.counted(stream):
+            with stream.counted():
                 self._take(decode(record_type, data))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from flea_diag.wire.bus.endpoint import Subscription
+from flea_diag.wire.bus import Subscription
 from flea_diag.wire.records import ChannelQuality, DataQuality, Quality
 
 ROW = "malformed"

@@ -167,7 +167,7 @@ class Peer:
         from rclpy.duration import Duration
 
         return bool(
-            self.bus._publishers[record_type].wait_for_all_acked(Duration(seconds=int(LIMIT_S)))
+            self.bus.publishers[record_type].wait_for_all_acked(Duration(seconds=int(LIMIT_S)))
         )
 
     def change_state(self, node: str, transition: str) -> bool:

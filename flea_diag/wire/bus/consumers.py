@@ -90,7 +90,7 @@ class Consumers:
         now_s = time.monotonic()
         self._told_first_s = self._told_first_s or now_s
         waited_s = now_s - self._told_first_s
-        return self._bus.acknowledged(record_type) or waited_s > ACKNOWLEDGED_S
+        return self._bus.publishers.acknowledged(record_type) or waited_s > ACKNOWLEDGED_S
 
     def done(self) -> bool:
         """After the last record: whether the verdict on it has come, or will not come any more."""
@@ -105,9 +105,9 @@ class Consumers:
         missing = self._states.not_active()
         if missing or not self._streams:
             return missing
-        heard = set().union(*(self._bus.listeners(kind) for kind in self._streams))
+        heard = set().union(*(self._bus.publishers.listeners(kind) for kind in self._streams))
         unheard = dict.fromkeys(self._names - heard, "not connected")
-        if all(self._bus.connected(kind) for kind in self._streams):
+        if all(self._bus.publishers.connected(kind) for kind in self._streams):
             return unheard
         return unheard or dict.fromkeys(self._names, "connecting")
 

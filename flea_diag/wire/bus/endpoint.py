@@ -1,4 +1,4 @@
-"""Publishers and subscriptions of one node, in terms of records.
+"""The bus of one node: records out and in, timers, services, and how it ends.
 
 Messages are passed to rclpy as the bytes of the codec: ``publish(bytes)`` and raw subscriptions
 cost one memcpy, whereas a message object costs up to 1 ms.
@@ -7,21 +7,21 @@ cost one memcpy, whereas a message object costs up to 1 ms.
 from __future__ import annotations
 
 import time
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Callable, Iterable
 from typing import Any, Generic, TypeVar
 
-from flea_diag.errors import FleaError, InputError, WireError
+from flea_diag.errors import FleaError
+from flea_diag.wire.bus import qos
 from flea_diag.wire.bus.declared import Declared
 from flea_diag.wire.bus.foreign_topic import subscribe_foreign
 from flea_diag.wire.bus.life_cycle import ACTIVE, INACTIVE, UNCONFIGURED
-from flea_diag.wire.bus.lost_messages import LostMessages, numbered
 from flea_diag.wire.bus.node_log import NodeLog
 from flea_diag.wire.bus.node_states import NodeStates
+from flea_diag.wire.bus.publishers import Publishers
 from flea_diag.wire.bus.remote_parameter import RemoteParameter
 from flea_diag.wire.bus.remote_service import RemoteService
+from flea_diag.wire.bus.subscription import Subscription
 from flea_diag.wire.messages import codec
 from flea_diag.wire.records import Health, Record
 from flea_diag.wire.topics import TOPIC_OF, Topic
@@ -36,23 +36,6 @@ SILENT = (UNCONFIGURED, INACTIVE)
 READER_DEPTH = 100
 """Queue length of a reader of a latched topic. The writer keeps one sample for late joiners, but
 changes may arrive in a burst, of which a reader with one slot would lose all but the last."""
-
-
-@dataclass
-class Subscription:
-    """Counters of one subscription: messages received, and messages skipped by reason.
-
-    ``kinds`` counts the malformed ones by the kind of their error, ``malformed_ns`` is the time of
-    the first.
-    """
-
-    topic: Topic
-    received: int = 0
-    malformed: int = 0
-    malformed_ns: int = 0
-    kinds: Counter[str] = field(default_factory=Counter)
-    refused: int = 0
-    lost: int = 0
 
 
 class Bus(NodeLog, Generic[P]):
@@ -73,7 +56,7 @@ class Bus(NodeLog, Generic[P]):
         self._executor = executor
         self._declared = declared
         self._finished = finished
-        self._publishers: dict[type, Any] = {}
+        self.publishers = Publishers(node, self.topic_name)
         self._subscriptions: dict[type, Any] = {}
         self._clock: Any = None
         self._hooks: defaultdict[str, list[Callable[[], None]]] = defaultdict(list)
@@ -118,7 +101,7 @@ class Bus(NodeLog, Generic[P]):
         self._hooks.clear()
         self._declared.on_check.clear()
         self._declared.on_change.clear()
-        self._publishers = {kind: p for kind, p in self._publishers.items() if kind is Health}
+        self.publishers.forget_but(Health)
         self._clock = None
         self._subscriptions.clear()
         self.streams.clear()
@@ -185,8 +168,7 @@ class Bus(NodeLog, Generic[P]):
     def advertise(self, *record_types: type) -> None:
         """Create publishers now, so that subscribers find them before the first record."""
         for record_type in record_types:
-            if record_type not in self._publishers:
-                self._publishers[record_type] = self._create_publisher(record_type)
+            self.publishers.advertise(record_type)
 
     def publish(self, record: Record) -> None:
         """Publish a record on its topic."""
@@ -194,10 +176,10 @@ class Bus(NodeLog, Generic[P]):
 
     def publish_raw(self, record_type: type, data: bytes) -> None:
         """Publish bytes written by the codec; nothing but health while the node is inactive."""
-        if record_type not in self._publishers:
-            self.advertise(record_type)
+        if record_type not in self.publishers:
+            self.publishers.advertise(record_type)
         if self.state not in SILENT or record_type is Health:
-            self._publishers[record_type].publish(data)
+            self.publishers[record_type].publish(data)
 
     def publish_clock(self, stamp_ns: int) -> None:
         """Publish /clock, for nodes that use simulated time."""
@@ -208,15 +190,6 @@ class Bus(NodeLog, Generic[P]):
         message = Clock()
         message.clock.sec, message.clock.nanosec = divmod(stamp_ns, 1_000_000_000)
         self._clock.publish(message)
-
-    def _create_publisher(self, record_type: type) -> Any:
-        topic = TOPIC_OF[record_type]
-        return self._node.create_publisher(
-            codec.message_class(record_type),
-            self.topic_name(topic),
-            _qos(topic, topic.depth),
-            qos_overriding_options=_overriding(),
-        )
 
     # -- subscribing
 
@@ -238,33 +211,13 @@ class Bus(NodeLog, Generic[P]):
         topic = TOPIC_OF[record_type]
         if depth is None:
             depth = READER_DEPTH if topic.latched else topic.depth
-        stream = self.streams.setdefault(record_type, Subscription(topic))
-
-        missing = LostMessages(lambda: int(made.get_publisher_count()))
-
-        def received(data: bytes, number: int | None) -> None:
-            # A hundred times a second: every further call is paid for with cold caches.
-            try:
-                lost = missing.before(number)
-                if self.state != ACTIVE:
-                    return
-                if lost:
-                    self._lost(stream, lost)
-                stream.received += 1
-                take(data)
-            except (WireError, InputError) as error:
-                self._skipped(stream, error)
-            except Exception as error:
-                if self.on_failure is None:
-                    raise
-                self.on_failure(error)
-
+        stream = self.streams.setdefault(record_type, Subscription(topic, self))
         made = self._node.create_subscription(
             codec.message_class(record_type),
             self.topic_name(topic),
-            numbered(received),
-            _qos(topic, depth),
-            qos_overriding_options=_overriding(),
+            stream.receiver(take, lambda: int(made.get_publisher_count())),
+            qos.of_topic(topic, depth),
+            qos_overriding_options=qos.overriding(),
             raw=True,
         )
         self._subscriptions[record_type] = made
@@ -275,30 +228,6 @@ class Bus(NodeLog, Generic[P]):
         known = self._subscriptions.pop(record_type, None)
         if known is not None:
             self._node.destroy_subscription(known)
-
-    @contextmanager
-    def counted(self, stream: Subscription) -> Iterator[None]:
-        """Count and pass over a message that is malformed, or whose record is refused."""
-        try:
-            yield
-        except (WireError, InputError) as error:
-            self._skipped(stream, error)
-
-    def _skipped(self, stream: Subscription, error: WireError | InputError) -> None:
-        if isinstance(error, WireError):
-            stream.malformed += 1
-            stream.kinds[error.kind] += 1
-            stream.malformed_ns = stream.malformed_ns or self.now_ns()
-            self.warn(f"{stream.topic.name}: message skipped: {error}")
-        else:
-            stream.refused += 1
-            self.warn(f"{stream.topic.name}: record skipped: {error}")
-
-    def _lost(self, stream: Subscription, lost: int) -> None:
-        stream.lost += lost
-        self.warn(
-            f"{stream.topic.name}: {stream.lost} messages lost: subscriber or network too slow"
-        )
 
     def subscribe_foreign(self, topic: str, message: str, take: Callable[[Any], None]) -> None:
         """Call ``take`` with each message of a topic of any installed type, while active."""
@@ -361,44 +290,12 @@ class Bus(NodeLog, Generic[P]):
         """Number of subscriptions to the topic of a record type, in any process."""
         return int(self._node.count_subscribers(TOPIC_OF[record_type].name))
 
-    def listeners(self, record_type: type) -> set[str]:
-        """Names of the nodes of this namespace that have subscribed to the record's topic."""
-        found = self._node.get_subscriptions_info_by_topic(self.full_name(record_type))
-        here = self._node.get_namespace()
-        return {str(info.node_name) for info in found if info.node_namespace == here}
-
-    def connected(self, record_type: type) -> bool:
-        """Whether every subscription found in the graph is connected to this node's publisher.
-
-        Not counted are those that ask for more than is offered: they never will be.
-        """
-        from rclpy.qos import QoSCompatibility, qos_check_compatible
-
-        matched = self.matched(record_type)
-        offered = self._publishers[record_type].qos_profile
-        found = self._node.get_subscriptions_info_by_topic(self.full_name(record_type))
-        possible = sum(
-            qos_check_compatible(offered, info.qos_profile)[0] != QoSCompatibility.ERROR
-            for info in found
-        )
-        return bool(matched >= possible)
-
-    def acknowledged(self, record_type: type) -> bool:
-        """Whether every connected reader has what was published; each of them knows this writer.
-
-        A writer may find a reader before the reader finds the writer, and what is published in
-        between is lost.
-        """
-        from rclpy.duration import Duration
-
-        return bool(self._publishers[record_type].wait_for_all_acked(Duration(nanoseconds=0)))
-
     def wait_for_subscribers(
         self, *record_types: type, count: int = 1, timeout_s: float = 10.0
     ) -> bool:
         """Spin until each topic has ``count`` subscribers; False on timeout."""
         return self.wait_until(
-            lambda: all(self.matched(record_type) >= count for record_type in record_types),
+            lambda: all(self.publishers.matched(kind) >= count for kind in record_types),
             timeout_s,
         )
 
@@ -410,25 +307,3 @@ class Bus(NodeLog, Generic[P]):
                 return False
             self._executor.spin_once(timeout_sec=POLL_S)
         return True
-
-    def matched(self, record_type: type) -> int:
-        """Number of subscriptions connected to this node's publisher."""
-        self.advertise(record_type)
-        return int(self._publishers[record_type].get_subscription_count())
-
-
-def _qos(topic: Topic, depth: int) -> Any:
-    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE,
-    )
-
-
-def _overriding() -> Any:
-    from rclpy.qos_overriding_options import QoSOverridingOptions
-
-    return QoSOverridingOptions.with_default_policies()

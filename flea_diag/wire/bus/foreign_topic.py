@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from flea_diag.wire.bus import qos
 from flea_diag.wire.bus.remote_service import interface
 
 DEPTH = 100
@@ -25,24 +26,15 @@ def check_interface(message: str) -> None:
 def subscribe_foreign(ros_node: Any, topic: str, message: str, take: Callable[[Any], None]) -> None:
     """Call ``take`` with each message.
 
-    Best effort, as for sensor data: that is compatible with every publisher.
-
     Raises
     ------
     ConfigurationError
         The type is not installed.
     """
-    from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
-    from rclpy.qos_overriding_options import QoSOverridingOptions
-
     ros_node.create_subscription(
         interface(message),
         topic,
         take,
-        QoSProfile(
-            history=HistoryPolicy.KEEP_LAST,
-            depth=DEPTH,
-            reliability=ReliabilityPolicy.BEST_EFFORT,
-        ),
-        qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        qos.of_sensor_data(DEPTH),
+        qos_overriding_options=qos.overriding(),
     )

@@ -143,7 +143,7 @@ def test_cleanup_drops_the_stage_and_configure_builds_one_of_the_present_paramet
         assert peer.change_state("toy", "deactivate")
         assert peer.change_state("toy", "cleanup")
         peer.until(lambda: peer.bus.subscribers(Scan) == 0, LIMIT_S)
-        peer.until(lambda: not peer.bus.matched(Scan), LIMIT_S)
+        peer.until(lambda: not peer.bus.publishers.matched(Scan), LIMIT_S)
         parameter = Parameter("fault", value="spall").to_parameter_msg()
         request = SetParameters.Request(parameters=[parameter])
         assert peer.call(SetParameters, "/toy/set_parameters", request).results[0].successful
@@ -212,8 +212,8 @@ def test_a_listener_that_asks_for_more_than_is_offered_does_not_hold_up_a_source
         other.node.create_subscription(JointState, "sensors/slow", print, latched)
         other.bus.subscribe(Scan, other.records.append)
         source.until(lambda: source.bus.subscribers(Scan) == 2, LIMIT_S)
-        source.until(lambda: source.bus.connected(Scan), LIMIT_S)
-        assert source.bus.matched(Scan) == 1
+        source.until(lambda: source.bus.publishers.connected(Scan), LIMIT_S)
+        assert source.bus.publishers.matched(Scan) == 1
 
 
 def test_the_services_answer_while_the_node_compiles(domain: int) -> None:
