@@ -1,12 +1,22 @@
-"""Basis signals: what the effects of faults, and the differences between units, are sums of."""
+"""Basis signals: what the effects of faults, and the differences between units, are sums of.
+
+An effect is a row of factors on the signals, a design a column of them for each unknown.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+
+import numpy as np
+import numpy.typing as npt
 
 from flea_diag.core.frozen import Frozen
+from flea_diag.core.likelihood.fault_models import FaultModel, Term
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,3 +44,33 @@ class Basis(Frozen):
     def column(self) -> dict[str, int]:
         """Place of each signal."""
         return {name: place for place, name in enumerate(self.names)}
+
+
+def effect_of(model: FaultModel, residual: str, sizes: Sequence[float], basis: Basis) -> Array:
+    """What a fault of these sizes adds to one residual, as a factor on each basis signal."""
+    factors = np.zeros(len(basis.names))
+    for term in model.terms:
+        if term.residual == residual:
+            factors[basis.column[term.regressor]] += term.gain * sizes[term.index]
+    return factors
+
+
+@lru_cache(maxsize=1024)
+def designs_of(
+    terms: tuple[Term, ...], residuals: tuple[str, ...], count: int, basis: Basis
+) -> Array:
+    """Designs of all residuals, shape (residuals, signals, parameters); not to be changed."""
+    return np.stack([_design(terms, name, count, basis) for name in residuals])
+
+
+def _design(terms: tuple[Term, ...], residual: str, count: int, basis: Basis) -> Array:
+    """How sizes and unit parameters enter one residual, shape (signals, parameters)."""
+    design = np.zeros((len(basis.names), count + len(basis.differences)))
+    for term in terms:
+        if term.residual == residual:
+            design[basis.column[term.regressor], term.index] += term.gain
+    for own in basis.unit_terms:
+        if own.residual == residual:
+            place = count + basis.differences.index(own.difference)
+            design[basis.column[own.regressor], place] += own.gain
+    return design

@@ -18,18 +18,16 @@ help any further.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from flea_diag.core.likelihood.basis import Basis
-from flea_diag.core.likelihood.bounded_systems import BoundedSystems
-from flea_diag.core.likelihood.fault_models import FaultModel, Term
-from flea_diag.core.likelihood.fit import Fit, Solution
-from flea_diag.core.likelihood.model_stack import ModelStack
-from flea_diag.core.residuals.unit_difference import Unit
+from flea_diag.core.likelihood.basis import Basis, effect_of
+from flea_diag.core.likelihood.estimation import fitted
+from flea_diag.core.likelihood.evidence_sums import EvidenceSums
+from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.fit import Fit
 
 Array = npt.NDArray[np.float64]
 
@@ -47,14 +45,9 @@ class NormalEquations:
         self.residuals, self.basis = tuple(residuals), basis
         self._least_block = max(block_scans, FOLD)
         count, width = len(self.residuals), len(basis.names)
-        self._gram = np.zeros((count, width, width))
-        self._cross = np.zeros((count, width))
-        self._square = np.zeros(count)
-        self.samples = np.zeros(count)
-        self._spacing = np.ones(count)
-        self._means = np.zeros((count, 1 + width, 1 + width))
-        self.blocks = np.zeros(count)
-        """Blocks of each residual, ``block_scans`` or ``FOLD`` long, at least half with values."""
+        self.sums = EvidenceSums.none(self.residuals, basis)
+        """Without the samples that still wait for ``FOLD``. Blocks are ``block_scans`` or ``FOLD``
+        long, and count for a residual that has at least half of their values."""
         self._block, self._block_samples = np.zeros((count, 1 + width)), np.zeros(count)
         self._block_scans = 0
         self._values, self._phi = np.empty((FOLD, count)), np.empty((FOLD, width))
@@ -81,6 +74,7 @@ class NormalEquations:
         if not self._waiting:
             return
         values, phi = self._values[: self._waiting], np.nan_to_num(self._phi[: self._waiting])
+        sums = self.sums
         shared: dict[bytes, tuple[Array, Array, Array]] = {}
         for index, known in enumerate(np.isfinite(values).T):
             if not known.any():
@@ -92,10 +86,10 @@ class NormalEquations:
                 shared[key] = own, own.T @ own, own.sum(axis=0)
             signals, gram, total = shared[key]
             y = values[known, index]
-            self._gram[index] += gram
-            self._cross[index] += y @ signals
-            self._square[index] += y @ y
-            self.samples[index] += len(y)
+            sums.gram[index] += gram
+            sums.cross[index] += y @ signals
+            sums.square[index] += y @ y
+            sums.samples[index] += len(y)
             self._block[index, 0] += y.sum()
             self._block[index, 1:] += total
             self._block_samples[index] += len(y)
@@ -108,32 +102,35 @@ class NormalEquations:
         """Add the products of the means of this block."""
         enough = 2 * self._block_samples >= self._block_scans
         mean = self._block[enough] / self._block_samples[enough, None]
-        self._means[enough] += mean[:, :, None] * mean[:, None, :]
-        self.blocks[enough] += 1.0
+        self.sums.means[enough] += mean[:, :, None] * mean[:, None, :]
+        self.sums.blocks[enough] += 1.0
         self._block[:], self._block_samples[:], self._block_scans = 0.0, 0.0, 0
 
     def fade(self, share: float) -> None:
         """Scale all sums by ``share``."""
         self._fold()
-        every = (self._gram, self._cross, self._square, self.samples, self._means, self.blocks)
-        for sums in every:
-            sums *= share
+        self.sums.scale(share)
 
     def take(self, other: NormalEquations, times: float) -> None:
         """Add other evidence, each of its samples counted ``times``."""
         other._fold()
-        self._gram += times * other._gram
-        self._cross += times * other._cross
-        self._square += times * other._square
-        self.samples += times * other.samples
-        self._means += times * other._means
-        self.blocks += times * other.blocks
+        self.sums.add(other.sums, times)
+
+    @property
+    def samples(self) -> Array:
+        """Samples of each residual, shape (residuals,)."""
+        return self.sums.samples
+
+    @property
+    def blocks(self) -> Array:
+        """Blocks of each residual, shape (residuals,)."""
+        return self.sums.blocks
 
     @property
     def shown(self) -> Array:
         """Of each residual the sum of squares of its block means, shape (residuals,)."""
         self._fold()
-        return self._means[:, 0, 0]
+        return self.sums.means[:, 0, 0]
 
     def foreseen(self, phi: Array, model: FaultModel, sizes: Sequence[float]) -> NormalEquations:
         """Expected evidence after a planned window in which ``model`` is present.
@@ -142,29 +139,29 @@ class NormalEquations:
         without a sample so far have none then either.
         """
         self._fold()
-        sum_of = NormalEquations(self.residuals, self.basis)
+        after, sums = NormalEquations(self.residuals, self.basis), self.sums
         known = np.nan_to_num(phi)
         gram = known.T @ known
         for index, name in enumerate(self.residuals):
-            here = float(self.samples[index] > 0)
-            effect = _effect(model, name, sizes, self.basis)
-            sum_of._gram[index] = self._gram[index] + here * gram
-            sum_of._cross[index] = self._cross[index] + here * (gram @ effect)
-            sum_of._square[index] = self._square[index] + here * float(effect @ gram @ effect)
-            sum_of.samples[index] = self.samples[index] + here * len(phi)
-        return sum_of
+            here = float(sums.samples[index] > 0)
+            effect = effect_of(model, name, sizes, self.basis)
+            after.sums.gram[index] = sums.gram[index] + here * gram
+            after.sums.cross[index] = sums.cross[index] + here * (gram @ effect)
+            after.sums.square[index] = sums.square[index] + here * float(effect @ gram @ effect)
+            after.sums.samples[index] = sums.samples[index] + here * len(phi)
+        return after
 
     def showing(self, model: FaultModel, sizes: Sequence[float]) -> NormalEquations:
         """The same evidence, had ``model`` been present in these sizes throughout."""
         self._fold()
-        sum_of = NormalEquations(self.residuals, self.basis)
-        sum_of.take(self, 1.0)
+        faulty, sums = NormalEquations(self.residuals, self.basis), self.sums
+        faulty.take(self, 1.0)
         for index, name in enumerate(self.residuals):
-            effect = _effect(model, name, sizes, self.basis)
-            added = self._gram[index] @ effect
-            sum_of._cross[index] += added
-            sum_of._square[index] += 2.0 * float(effect @ self._cross[index]) + effect @ added
-        return sum_of
+            effect = effect_of(model, name, sizes, self.basis)
+            added = sums.gram[index] @ effect
+            faulty.sums.cross[index] += added
+            faulty.sums.square[index] += 2.0 * float(effect @ sums.cross[index]) + effect @ added
+        return faulty
 
     def fit(
         self,
@@ -182,174 +179,5 @@ class NormalEquations:
         unit's ``baseline``, in the residuals ``baseline_residuals``, narrows that tolerance.
         """
         self._fold()
-        self._spacing = np.array([correlation[name] for name in self.residuals])
-        weight = 1.0 / (self._spacing * np.square([sigma[name] for name in self.residuals]))
-        unit = Unit.of(tolerance)
-        if baseline is not None:
-            known = weight * [name in baseline_residuals for name in self.residuals]
-            shown = baseline._stack((None,)).systems(known, Unit.unknown(len(tolerance)))
-            unit = unit.shown(shown.A[0], shown.b[0])
-        stacks = [self._stack(alike) for alike in _of_equal_size(models)]
-        systems = [stack.systems(weight, unit) for stack in stacks]
-        means = self._means.copy()  # as they are now: a fit is asked for details later
-        dispersion = self._dispersion(stacks, systems, weight)
-        if (dispersion != 1.0).any():
-            weight = weight / dispersion
-            systems = [stack.systems(weight, unit) for stack in stacks]
-        square = float(weight @ self._square)
-        nominal = self._stack((None,)).systems(weight, unit).misfit(0, square)
-        moved = {term.residual for model in models for term in model.terms}
-        counts = self.samples / self._spacing * [name in moved for name in self.residuals]
-        independent = max(float(counts.sum()), 2.0)
-        found: dict[int, Fit] = {}
-        for stack, solved in zip(stacks, systems, strict=True):
-            fits = self._fits(stack, solved, nominal, weight, unit, independent, means)
-            found |= {id(model): fit for model, fit in fits}
-        return tuple(found[id(model)] for model in models)
-
-    def _stack(self, models: Sequence[FaultModel | None]) -> ModelStack:
-        """Models of equal numbers of sizes, on the sums so far."""
-        count = 0 if models[0] is None else len(models[0].sizes)
-        terms = [() if model is None else model.terms for model in models]
-        made = [_designs(each, self.residuals, count, self.basis) for each in terms]
-        distinct = {id(design): design for design in made}
-        order = {key: place for place, key in enumerate(distinct)}
-        designs = np.stack([*distinct.values()])
-        places = [order[id(design)] for design in made]
-        return ModelStack(models, places, designs, np.matmul(self._gram, designs), self._cross)
-
-    def _dispersion(
-        self, stacks: Sequence[ModelStack], systems: Sequence[BoundedSystems], weight: Array
-    ) -> Array:
-        """Excess scatter of each residual over noise, under the model that fits it best.
-
-        Where even that leaves a misfit of phi > 1 for each independent sample, the variance of
-        this residual is scaled by phi (quasi-likelihood); other residuals are not affected.
-        """
-        least = np.full(len(self.residuals), np.inf)
-        for stack, solved in zip(stacks, systems, strict=True):
-            misfits = self._misfits(stack, solved.solutions, weight)
-            least = np.minimum(least, np.minimum.reduce(misfits, axis=0))
-        independent = np.maximum(self.samples / self._spacing, 1.0)
-        return np.maximum(1.0, np.where(np.isfinite(least), least, 0.0) / independent)
-
-    def _fits(
-        self,
-        stack: ModelStack,
-        systems: BoundedSystems,
-        nominal: float,
-        weight: Array,
-        unit: Unit,
-        independent: float,
-        means: Array,
-    ) -> Iterator[tuple[FaultModel, Fit]]:
-        """Fits of all models of a stack, in any order."""
-        square = float(weight @ self._square)
-        rough = [k for k, model in enumerate(stack.faults) if model.roughness > 0.0]
-        for k, model in enumerate(stack.faults):
-            if model.roughness == 0.0:
-                gain = 0.5 * (nominal - systems.misfit(k, square))
-                yield model, _fit(stack, systems, k, gain, independent, means)
-        if not rough:
-            return
-        weights, losses = zip(
-            *(self._roughened(stack.faults[k], systems.sizes(k), weight) for k in rough),
-            strict=True,
-        )
-        part = stack.part(rough)
-        systems = part.systems(np.stack(weights), unit)
-        for k, model in enumerate(part.faults):
-            misfit = systems.misfit(k, float(weights[k] @ self._square))
-            gain = 0.5 * (nominal - misfit) - losses[k]
-            yield model, _fit(part, systems, k, gain, independent, means)
-
-    def _roughened(
-        self, model: FaultModel, sizes: Sequence[float], weight: Array
-    ) -> tuple[Array, float]:
-        """Weights with the scatter of the fault's own effect added, and what that costs.
-
-        The variance of each residual that the fault moves grows by (roughness * effect)^2; the
-        Gaussian's normalisation then costs ln(growth) / 2 for each independent sample.
-        """
-        rough, loss = weight.copy(), 0.0
-        moved = {term.residual for term in model.terms}
-        for index, name in enumerate(self.residuals):
-            if name not in moved or not self.samples[index]:
-                continue
-            effect = _effect(model, name, sizes, self.basis)
-            if effect.any():
-                square = float(effect @ self._gram[index] @ effect) / self.samples[index]
-                # weight = 1 / (c sigma^2): growth is 1 + roughness^2 square / sigma^2.
-                growth = 1.0 + model.roughness**2 * square * weight[index] * self._spacing[index]
-                rough[index] /= growth
-                loss += 0.5 * self.samples[index] / self._spacing[index] * np.log(growth)
-        return rough, loss
-
-    def _misfits(self, stack: ModelStack, unknowns: Array, weight: Array) -> Array:
-        """Misfits at the joint optimum of each model, weighted, shape (models, residuals)."""
-        effect = stack.effects(unknowns)
-        quadratic = (effect * np.matmul(self._gram, effect[..., None])[..., 0]).sum(axis=-1)
-        crossed = (effect * self._cross).sum(axis=-1)
-        return np.asarray((self._square - 2.0 * crossed + quadratic) * weight)
-
-
-def _of_equal_size(models: Sequence[FaultModel]) -> list[tuple[FaultModel, ...]]:
-    """Models in groups of equal numbers of sizes."""
-    groups: dict[int, list[FaultModel]] = {}
-    for model in models:
-        groups.setdefault(len(model.sizes), []).append(model)
-    return [tuple(group) for group in groups.values()]
-
-
-def _fit(
-    stack: ModelStack,
-    systems: BoundedSystems,
-    k: int,
-    gain: float,
-    independent: float,
-    means: Array,
-) -> Fit:
-    sizes = systems.sizes(k)
-    nats = float(gain - _penalty(sizes, independent))
-    solution = Solution(systems, k, stack.designs[stack.places[k]], means)
-    return Fit(stack.faults[k].fault, nats, sizes, solution)
-
-
-def _effect(model: FaultModel, residual: str, sizes: Sequence[float], basis: Basis) -> Array:
-    """What a fault of these sizes adds to one residual, as a factor on each basis signal."""
-    effect = np.zeros(len(basis.names))
-    for term in model.terms:
-        if term.residual == residual:
-            effect[basis.column[term.regressor]] += term.gain * sizes[term.index]
-    return effect
-
-
-@lru_cache(maxsize=1024)
-def _designs(
-    terms: tuple[Term, ...], residuals: tuple[str, ...], count: int, basis: Basis
-) -> Array:
-    """Designs of all residuals, shape (residuals, signals, parameters); not to be changed."""
-    return np.stack([_design(terms, name, count, basis) for name in residuals])
-
-
-def _design(terms: tuple[Term, ...], residual: str, count: int, basis: Basis) -> Array:
-    """How sizes and unit parameters enter one residual, shape (signals, parameters)."""
-    design = np.zeros((len(basis.names), count + len(basis.differences)))
-    for term in terms:
-        if term.residual == residual:
-            design[basis.column[term.regressor], term.index] += term.gain
-    for own in basis.unit_terms:
-        if own.residual == residual:
-            place = count + basis.differences.index(own.difference)
-            design[basis.column[own.regressor], place] += own.gain
-    return design
-
-
-def _penalty(sizes: Sequence[float], independent: float) -> float:
-    """BIC: half a logarithm of the sample count for each size that is not 0.
-
-    A size at a bound counts as fitted: otherwise the largest spall would be the simpler
-    explanation of a weak jam, and the weakest jam that of lost lubrication.
-    """
-    fitted = sum(map(bool, sizes))
-    return 0.5 * fitted * float(np.log(independent))
+        known = None if baseline is None else baseline.sums
+        return fitted(self.sums, models, sigma, correlation, tolerance, known, baseline_residuals)

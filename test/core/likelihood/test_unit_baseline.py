@@ -60,7 +60,7 @@ def test_the_last_seconds_are_left_out_and_an_interruption_drops_them():
     ]
     found = stretch(marked)
     before = found.evidence.samples.copy()
-    square = found.evidence._square[1] / found.evidence.samples[1]
+    square = found.evidence.sums.square[1] / found.evidence.samples[1]
     assert square == pytest.approx(0.15**2, rel=0.3)
     found.interrupt()
     for values, regressors in scans(3, PIECE_SCANS * LEFT_OUT):
@@ -119,5 +119,5 @@ def test_blocks_show_the_same_as_single_scans(block):
         part = slice(start, start + block)
         found.add(values[part], regressors[part])
     single = stretch(seen).evidence
-    assert np.array_equal(found.evidence._gram, single._gram)
-    assert np.array_equal(found.evidence._cross, single._cross)
+    assert np.array_equal(found.evidence.sums.gram, single.sums.gram)
+    assert np.array_equal(found.evidence.sums.cross, single.sums.cross)

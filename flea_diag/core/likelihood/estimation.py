@@ -1,0 +1,175 @@
+"""Estimation: what sizes each fault model has in an episode, and how likely it is with them.
+
+From sums alone (``evidence_sums``), all models side by side. Scatter that no model explains lowers
+the weight of its residual, scatter of a fault's own effect that of what it moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.likelihood.basis import effect_of
+from flea_diag.core.likelihood.bounded_systems import BoundedSystems
+from flea_diag.core.likelihood.evidence_sums import EvidenceSums
+from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.fit import Fit, Solution
+from flea_diag.core.likelihood.model_stack import ModelStack
+from flea_diag.core.residuals.unit_difference import Unit
+
+Array = npt.NDArray[np.float64]
+
+
+def fitted(
+    sums: EvidenceSums,
+    models: Sequence[FaultModel],
+    sigma: Mapping[str, float],
+    correlation: Mapping[str, float],
+    tolerance: Sequence[float],
+    baseline: EvidenceSums | None,
+    baseline_residuals: Collection[str],
+) -> tuple[Fit, ...]:
+    """Fits of all ``models``, in their order; parameters as of ``NormalEquations.fit``."""
+    spacing = np.array([correlation[name] for name in sums.residuals])
+    weight = 1.0 / (spacing * np.square([sigma[name] for name in sums.residuals]))
+    unit = Unit.of(tolerance)
+    if baseline is not None:
+        known = weight * [name in baseline_residuals for name in sums.residuals]
+        shown = baseline.stack((None,)).systems(known, Unit.unknown(len(tolerance)))
+        unit = unit.shown(shown.A[0], shown.b[0])
+    stacks = [sums.stack(alike) for alike in _of_equal_size(models)]
+    systems = [stack.systems(weight, unit) for stack in stacks]
+    dispersion = _dispersion(sums, spacing, stacks, systems, weight)
+    if (dispersion != 1.0).any():
+        weight = weight / dispersion
+        systems = [stack.systems(weight, unit) for stack in stacks]
+    moved = {term.residual for model in models for term in model.terms}
+    counts = sums.samples / spacing * [name in moved for name in sums.residuals]
+    independent = max(float(counts.sum()), 2.0)
+    square = float(weight @ sums.square)
+    nominal = sums.stack((None,)).systems(weight, unit).misfit(0, square)
+    means = sums.means.copy()  # as they are now: a fit is asked for details later
+    fitting = _Fitting(sums, spacing, weight, unit, nominal, independent, means)
+    found: dict[int, Fit] = {}
+    for stack, solved in zip(stacks, systems, strict=True):
+        found |= {id(model): fit for model, fit in fitting.fits(stack, solved)}
+    return tuple(found[id(model)] for model in models)
+
+
+def _of_equal_size(models: Sequence[FaultModel]) -> list[tuple[FaultModel, ...]]:
+    """Models in groups of equal numbers of sizes."""
+    groups: dict[int, list[FaultModel]] = {}
+    for model in models:
+        groups.setdefault(len(model.sizes), []).append(model)
+    return [tuple(group) for group in groups.values()]
+
+
+def _dispersion(
+    sums: EvidenceSums,
+    spacing: Array,
+    stacks: Sequence[ModelStack],
+    systems: Sequence[BoundedSystems],
+    weight: Array,
+) -> Array:
+    """Excess scatter of each residual over noise, under the model that fits it best.
+
+    Where even that leaves a misfit of phi > 1 for each independent sample, the variance of
+    this residual is scaled by phi (quasi-likelihood); other residuals are not affected.
+    """
+    least = np.full(len(sums.residuals), np.inf)
+    for stack, solved in zip(stacks, systems, strict=True):
+        misfits = sums.misfits(stack, solved.solutions, weight)
+        least = np.minimum(least, np.minimum.reduce(misfits, axis=0))
+    independent = np.maximum(sums.samples / spacing, 1.0)
+    return np.maximum(1.0, np.where(np.isfinite(least), least, 0.0) / independent)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitting:
+    """What the fits of all models share.
+
+    Attributes
+    ----------
+    sums
+        Evidence.
+    spacing
+        Samples of each residual to one independent sample.
+    weight
+        Of a squared residual.
+    unit
+        What is known of the unit.
+    nominal
+        Misfit without a fault.
+    independent
+        Independent samples of all residuals that any of the faults moves.
+    means
+        Products of block means, as they are now.
+    """
+
+    sums: EvidenceSums
+    spacing: Array
+    weight: Array
+    unit: Unit
+    nominal: float
+    independent: float
+    means: Array
+
+    def fits(self, stack: ModelStack, systems: BoundedSystems) -> Iterator[tuple[FaultModel, Fit]]:
+        """Fits of all models of a stack, in any order."""
+        square = float(self.weight @ self.sums.square)
+        rough = [k for k, model in enumerate(stack.faults) if model.roughness > 0.0]
+        for k, model in enumerate(stack.faults):
+            if model.roughness == 0.0:
+                gain = 0.5 * (self.nominal - systems.misfit(k, square))
+                yield model, self._fit(stack, systems, k, gain)
+        if not rough:
+            return
+        weights, losses = zip(
+            *(self._roughened(stack.faults[k], systems.sizes(k)) for k in rough), strict=True
+        )
+        part = stack.part(rough)
+        systems = part.systems(np.stack(weights), self.unit)
+        for k, model in enumerate(part.faults):
+            misfit = systems.misfit(k, float(weights[k] @ self.sums.square))
+            gain = 0.5 * (self.nominal - misfit) - losses[k]
+            yield model, self._fit(part, systems, k, gain)
+
+    def _roughened(self, model: FaultModel, sizes: Sequence[float]) -> tuple[Array, float]:
+        """Weights with the scatter of the fault's own effect added, and what that costs.
+
+        The variance of each residual that the fault moves grows by (roughness * effect)^2; the
+        Gaussian's normalisation then costs ln(growth) / 2 for each independent sample.
+        """
+        sums, weight, spacing = self.sums, self.weight, self.spacing
+        rough, loss = weight.copy(), 0.0
+        moved = {term.residual for term in model.terms}
+        for index, name in enumerate(sums.residuals):
+            if name not in moved or not sums.samples[index]:
+                continue
+            effect = effect_of(model, name, sizes, sums.basis)
+            if effect.any():
+                square = float(effect @ sums.gram[index] @ effect) / sums.samples[index]
+                # weight = 1 / (c sigma^2): growth is 1 + roughness^2 square / sigma^2.
+                growth = 1.0 + model.roughness**2 * square * weight[index] * spacing[index]
+                rough[index] /= growth
+                loss += 0.5 * sums.samples[index] / spacing[index] * np.log(growth)
+        return rough, loss
+
+    def _fit(self, stack: ModelStack, systems: BoundedSystems, k: int, gain: float) -> Fit:
+        sizes = systems.sizes(k)
+        nats = float(gain - _penalty(sizes, self.independent))
+        solution = Solution(systems, k, stack.designs[stack.places[k]], self.means)
+        return Fit(stack.faults[k].fault, nats, sizes, solution)
+
+
+def _penalty(sizes: Sequence[float], independent: float) -> float:
+    """BIC: half a logarithm of the sample count for each size that is not 0.
+
+    A size at a bound counts as fitted: otherwise the largest spall would be the simpler
+    explanation of a weak jam, and the weakest jam that of lost lubrication.
+    """
+    fitted = sum(map(bool, sizes))
+    return 0.5 * fitted * float(np.log(independent))

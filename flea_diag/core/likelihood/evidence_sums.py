@@ -1,0 +1,94 @@
+"""Sums over the samples of an episode: all that a fit needs of it, however long it was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.likelihood.basis import Basis, designs_of
+from flea_diag.core.likelihood.fault_models import FaultModel
+from flea_diag.core.likelihood.model_stack import ModelStack
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class EvidenceSums:
+    """Sums of every residual over its samples, which are added in place.
+
+    Attributes
+    ----------
+    residuals, basis
+        What is summed.
+    gram
+        Products of the basis signals, shape (residuals, signals, signals).
+    cross
+        Products of residual and signals, shape (residuals, signals).
+    square
+        Squares, shape (residuals,).
+    samples
+        Number of samples.
+    means
+        Products of the means of blocks, shape (residuals, 1 + signals, 1 + signals).
+    blocks
+        Number of blocks.
+    """
+
+    residuals: tuple[str, ...]
+    basis: Basis
+    gram: Array
+    cross: Array
+    square: Array
+    samples: Array
+    means: Array
+    blocks: Array
+
+    @staticmethod
+    def none(residuals: tuple[str, ...], basis: Basis) -> EvidenceSums:
+        """Sums over no sample."""
+        count, width = len(residuals), len(basis.names)
+        return EvidenceSums(
+            residuals,
+            basis,
+            np.zeros((count, width, width)),
+            np.zeros((count, width)),
+            np.zeros(count),
+            np.zeros(count),
+            np.zeros((count, 1 + width, 1 + width)),
+            np.zeros(count),
+        )
+
+    @property
+    def _all(self) -> tuple[Array, ...]:
+        return self.gram, self.cross, self.square, self.samples, self.means, self.blocks
+
+    def scale(self, share: float) -> None:
+        """Scale all sums."""
+        for sums in self._all:
+            sums *= share
+
+    def add(self, other: EvidenceSums, times: float) -> None:
+        """Add others, each of their samples counted ``times``."""
+        for sums, added in zip(self._all, other._all, strict=True):
+            sums += times * added
+
+    def stack(self, models: Sequence[FaultModel | None]) -> ModelStack:
+        """Models of equal numbers of sizes, on the sums so far."""
+        count = 0 if models[0] is None else len(models[0].sizes)
+        terms = [() if model is None else model.terms for model in models]
+        made = [designs_of(each, self.residuals, count, self.basis) for each in terms]
+        distinct = {id(design): design for design in made}
+        order = {key: place for place, key in enumerate(distinct)}
+        designs = np.stack([*distinct.values()])
+        places = [order[id(design)] for design in made]
+        return ModelStack(models, places, designs, np.matmul(self.gram, designs), self.cross)
+
+    def misfits(self, stack: ModelStack, unknowns: Array, weight: Array) -> Array:
+        """Misfits at the joint optimum of each model, weighted, shape (models, residuals)."""
+        effect = stack.effects(unknowns)
+        quadratic = (effect * np.matmul(self.gram, effect[..., None])[..., 0]).sum(axis=-1)
+        crossed = (effect * self.cross).sum(axis=-1)
+        return np.asarray((self.square - 2.0 * crossed + quadratic) * weight)
