@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from flea_diag.wire.bus import Program, run
 
 if TYPE_CHECKING:
-    from flea_diag.nodes.inbox import Turns
+    from flea_diag.nodes.stage.inbox import Turns
 
 
 def program(shared: Turns | None = None) -> Program:
@@ -18,7 +18,8 @@ def program(shared: Turns | None = None) -> Program:
     ``shared`` are the turns of a process with several stands.
     """
     from flea_diag.configuration.component import DIAGNOSER
-    from flea_diag.nodes.adapter import JUDGEMENTS, SOURCES, StagePorts, stage_program
+    from flea_diag.nodes.stage.ports import JUDGEMENTS, SOURCES, StagePorts
+    from flea_diag.nodes.stage.program import stage_program
     from flea_diag.wire import records as r
 
     return stage_program(

@@ -11,7 +11,8 @@ from flea_diag.wire.bus import Program, run
 def program() -> Program:
     """Description of this node; its slow imports come after the signal handlers are installed."""
     from flea_diag.configuration.component import EXTRACTOR
-    from flea_diag.nodes.adapter import StagePorts, stage_program
+    from flea_diag.nodes.stage.ports import StagePorts
+    from flea_diag.nodes.stage.program import stage_program
     from flea_diag.wire import records as r
 
     return stage_program(

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from flea_diag.nodes import health
-from flea_diag.nodes.adapter import WATCH_S
 from flea_diag.nodes.health import SILENT_AFTER_S, HealthReport
+from flea_diag.nodes.stage.adapter import WATCH_S
 
 
 class Clock:

@@ -194,8 +194,9 @@ ARROWS = {
         "bus": ("messages",),
     },
     "flea_diag.nodes": {
-        "": (),
-        "fleet": (),
+        "": ("stage",),
+        "stage": (),
+        "fleet": ("stage",),
         "operator": (),
         "recording": (),
         "run": ("operator",),
@@ -515,7 +516,7 @@ PLANTED = {
     "the formats open a file": ("flea_diag/formats.py", "x = open('f')"),
     "configuration knows a node": (
         "flea_diag/configuration/a.py",
-        "import flea_diag.nodes.adapter",
+        "import flea_diag.nodes.stage.adapter",
     ),
 }
 

@@ -32,9 +32,9 @@ class Fleet:
         """Compile and load what the stands share."""
         from flea_diag import __version__
         from flea_diag.configuration.component import DIAGNOSER
-        from flea_diag.nodes.compile_progress import CompileProgress
         from flea_diag.nodes.fleet.fleet_parameters import values_of
         from flea_diag.nodes.fleet.stand_list import stand_entries
+        from flea_diag.nodes.stage.compile_progress import CompileProgress
 
         entries = stand_entries(parameters.stands)
         bus.info(f"flea_diag {__version__}, {len(entries)} stands; warming up")
@@ -52,7 +52,7 @@ class Fleet:
         from flea_diag.errors import ConfigurationError
         from flea_diag.nodes.fleet.fleet_stand import FleetStand
         from flea_diag.nodes.fleet.stand_list import stand_entries
-        from flea_diag.nodes.inbox import Turns
+        from flea_diag.nodes.stage.inbox import Turns
 
         turns = Turns(bus, parameters.batch_ms)
         stands: list[FleetStand] = []
@@ -95,8 +95,8 @@ def report(bus: Bus[Any], stands: Sequence[Any]) -> Any:
 
 def program() -> Program:
     """Description of this node; its slow imports come after the signal handlers are installed."""
-    from flea_diag.nodes.adapter import JUDGEMENTS, SOURCES
     from flea_diag.nodes.fleet.fleet_parameters import FleetParameters
+    from flea_diag.nodes.stage.ports import JUDGEMENTS, SOURCES
     from flea_diag.wire import records as r
 
     fleet = Fleet()

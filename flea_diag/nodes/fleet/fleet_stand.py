@@ -11,7 +11,7 @@ from flea_diag.errors import FleaError
 from flea_diag.nodes import diagnoser
 from flea_diag.nodes.fleet.fleet_parameters import values_of
 from flea_diag.nodes.fleet.stand_list import StandEntry
-from flea_diag.nodes.inbox import Turns
+from flea_diag.nodes.stage.inbox import Turns
 from flea_diag.wire.bus import Bus
 from flea_diag.wire.bus.life_cycle import ACTIVATE, CONFIGURE, DEACTIVATE, INACTIVE
 from flea_diag.wire.bus.node_beside import NodeBeside

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from flea_diag.errors import ConfigurationError
-from flea_diag.nodes.adapter import StagePorts, stage_program
+from flea_diag.nodes.stage.ports import StagePorts
+from flea_diag.nodes.stage.program import stage_program
 from flea_diag.stages import Stage
 from flea_diag.wire.bus import run
 from flea_diag.wire.parameters import parameter

@@ -6,9 +6,10 @@ from support.decisions import BAGS
 from support.live import Peer
 
 from flea_diag.configuration.component import DIAGNOSER
-from flea_diag.nodes.adapter import Adapter, StagePorts
-from flea_diag.nodes.inbox import Turns
-from flea_diag.nodes.verdict_memory import NONE, VerdictMemory
+from flea_diag.nodes.stage.adapter import Adapter
+from flea_diag.nodes.stage.inbox import Turns
+from flea_diag.nodes.stage.ports import StagePorts
+from flea_diag.nodes.stage.verdict_memory import NONE, VerdictMemory
 from flea_diag.stages.digest import digest
 from flea_diag.stages.pipeline import Pipeline
 from flea_diag.wire.bags.bag import BagReader

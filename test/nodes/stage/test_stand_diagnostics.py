@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from support.verdicts import LAST, NOMINAL, START
 
-from flea_diag.nodes.stand_diagnostics import mirrored
+from flea_diag.nodes.stage.stand_diagnostics import mirrored
 from flea_diag.wire.records import ChannelQuality, DataQuality, Level, Quality
 
 

@@ -12,8 +12,8 @@ import pytest
 from support import stands
 from support.models import linear_ema as ema
 
+from flea_diag.nodes.stage.verdict_memory import LARGEST_BYTES, NONE, VerdictMemory
 from flea_diag.nodes.state_folder import state_folder
-from flea_diag.nodes.verdict_memory import LARGEST_BYTES, NONE, VerdictMemory
 from flea_diag.wire.records import AmbiguityGroup, Outcome
 
 

@@ -1,0 +1,119 @@
+"""What a stage says, as published: numbered, repeated, mirrored on /diagnostics and logged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from flea_diag.nodes.health import HealthReport
+from flea_diag.nodes.stage.malformed import with_malformed
+from flea_diag.nodes.stage.record_log import RecordLog
+from flea_diag.nodes.stage.stand_diagnostics import MIRRORED, mirrored
+from flea_diag.nodes.stage.verdict import NumberedVerdict
+from flea_diag.wire.bus import Bus
+from flea_diag.wire.records import (
+    AmbiguityGroup,
+    DataQuality,
+    Record,
+    Residual,
+    VibrationLevel,
+)
+
+NUMBERS: tuple[type, ...] = (Residual, VibrationLevel)
+"""Records of each scan or block: published, and neither logged nor repeated."""
+
+
+class StageOutput:
+    """Publishes the records of a stage on the bus of its node.
+
+    Parameters
+    ----------
+    bus
+        Bus of the node.
+    health
+        Says whether the source is silent.
+    keep
+        Takes each verdict before it is published.
+    """
+
+    def __init__(
+        self, bus: Bus[Any], health: HealthReport, keep: Callable[[AmbiguityGroup], None]
+    ) -> None:
+        self._bus, self._health, self._keep = bus, health, keep
+        self._verdict = NumberedVerdict()
+        self._log = RecordLog(bus)
+        self._mirrored: dict[type, Record] = {}
+        self._quality: DataQuality | None = None
+        """Data quality as the stage last said it."""
+        self._malformed_said = 0
+
+    def publish(self, records: tuple[Record, ...]) -> None:
+        """Publish what the stage has just said."""
+        for record in records:
+            if isinstance(record, NUMBERS):
+                self._bus.publish(record)
+                continue
+            if isinstance(record, AmbiguityGroup):
+                record = self._verdict.changed(record, self._health.silent)
+                self._keep(record)
+                self._publish_verdict(record)
+            elif isinstance(record, DataQuality):
+                self._quality = record
+                record = self._publish_quality(record)
+            else:
+                self._bus.publish(record)
+            self._log.add(record)
+            self._mirror(record)
+
+    def repeat(self) -> None:
+        """Publish again how things stand, and what could not be read since."""
+        if self._quality is not None and self._malformed > self._malformed_said:
+            self._mirror(self._publish_quality(self._quality))
+        again = self._verdict.again()
+        if again is not None:
+            self._publish_verdict(again)
+        for record in self._mirrored.values():
+            self._bus.publish(mirrored(record, self._bus.name, self._bus.now_ns()))
+
+    def note_silence(self) -> None:
+        """Mark the verdict stale when the source has stopped, and sound when it goes on."""
+        changed = self._verdict.source_silent(self._health.silent)
+        if changed is not None:
+            self._publish_verdict(changed)
+            if changed.stale:
+                self._bus.caution("the source has stopped: the last verdict is repeated as stale")
+            self._mirror(changed)
+
+    def pause(self) -> None:
+        """Mark the verdict stale: nothing is judged until the node is activated again."""
+        changed = self._verdict.source_silent(True)
+        if changed is not None:
+            self._bus.publish(changed)
+            self._mirror(changed)
+
+    def forget(self) -> None:
+        """Forget what was said of the run so far."""
+        self._verdict.forget()
+        self._quality = None
+        self._mirrored.clear()
+
+    def _publish_quality(self, quality: DataQuality) -> DataQuality:
+        """Publish data quality with what this node could not read, and return that."""
+        whole = with_malformed(quality, self._bus.streams.values())
+        self._malformed_said = self._malformed
+        self._bus.publish(whole)
+        return whole
+
+    @property
+    def _malformed(self) -> int:
+        return sum(stream.malformed for stream in self._bus.streams.values())
+
+    def _publish_verdict(self, group: AmbiguityGroup) -> None:
+        for record in self._verdict.messages(group, self._bus.stand):
+            self._bus.publish(record)
+
+    def _mirror(self, record: Record) -> None:
+        """Publish a changed state on /diagnostics; it is repeated every second."""
+        if isinstance(record, MIRRORED):
+            self._mirrored[type(record)] = record
+            self._bus.publish(mirrored(record, self._bus.name, self._bus.now_ns()))
