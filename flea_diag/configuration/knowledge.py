@@ -79,6 +79,14 @@ def relations(stand: Stand, calibration: Calibration) -> RelationSet:
                 f"{stand.actuator}: the calibration holds limits of {shown(name)}, which is no "
                 "residual of this description; repeat 'flea calibrate'"
             )
+    terms = known.reading_terms(calibration.parameters)
+    read = {(term.residual, term.channel) for term in terms}
+    for shift in calibration.shifts:
+        if shift.along and (shift.name, shift.along) not in read:
+            raise ConfigurationError(
+                f"{stand.actuator}: the calibration holds limits of {shown(shift.name)} along "
+                f"{shown(shift.along)}, which it does not read; repeat 'flea calibrate'"
+            )
     _require_sensors(stand, calibration, known)
     return known
 

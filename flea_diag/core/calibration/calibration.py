@@ -129,6 +129,11 @@ class Calibration(Frozen):
         return ScanCounts(self.counted_period_s, self.smoothing_s)
 
     @property
+    def mean_shifts(self) -> tuple[MeanShiftLimit, ...]:
+        """Limits of shifts of means, without those of coefficients."""
+        return tuple(limit for limit in self.shifts if not limit.along)
+
+    @property
     def promise(self) -> FalseAlarmPromise:
         """Stated rate of false alarms, and what the recordings support."""
         hours = self.nominal_s / 3600.0
@@ -143,6 +148,7 @@ class Calibration(Frozen):
         """Plain mapping of numbers, strings and lists, as in a YAML file."""
         plain = {name: _plain(getattr(self, name)) for name in (f.name for f in fields(self))}
         plain["observer_noise"] = self.observer_noise.to_mapping()
+        plain["shifts"] = [limit.to_mapping() for limit in self.shifts]
         for name in LATER_PARAMETERS:
             if not plain["parameters"][name]:
                 plain["parameters"].pop(name)  # so that a calibration without it keeps its digest

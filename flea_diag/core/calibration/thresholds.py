@@ -29,7 +29,7 @@ from flea_diag.core.calibration.window_fit import WindowFit, WindowStatistic, ot
 from flea_diag.core.detection.mean_shift import SHIFT_WINDOWS_S, MeanShift, MeanShiftLimit
 from flea_diag.core.detection.window_limit import SPEED_REGIONS_M_S, ResidualLimit, WindowLimit
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS, UnitTolerance
-from flea_diag.core.residuals.residual_rows import ResidualRow, ResidualSet
+from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualRow, ResidualSet
 from flea_diag.core.residuals.thermal import CORRECTION_S
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.sensor_limits import SENSOR_SHARE
@@ -89,7 +89,8 @@ class LimitFit:
     def shift_limits(self) -> tuple[MeanShiftLimit, ...]:
         """Limits of the mean shift within a recording, for residuals with unit variability."""
         return tuple(
-            MeanShiftLimit(fit.name, fit.window, fit.sigma[0], fit.k) for fit in self.shifts
+            MeanShiftLimit(fit.name, fit.window, fit.sigma[0], fit.k, fit.along)
+            for fit in self.shifts
         )
 
 
@@ -108,6 +109,7 @@ class _Tests:
     rate_per_hour: float
     period_s: float
     spread: Mapping[str, tuple[float, ...]]
+    terms: Sequence[ReadingTerm]
 
     @property
     def rows(self) -> ResidualSet:
@@ -148,6 +150,7 @@ def fit_limits(
     folds: Sequence[str] = (),
     spread: Mapping[str, tuple[float, ...]] = MappingProxyType({}),
     judged: Sequence[Trace] = (),
+    terms: Sequence[ReadingTerm] = (),
 ) -> LimitFit:
     """Fit every test to nominal recordings.
 
@@ -162,12 +165,14 @@ def fit_limits(
     judged
         The recordings again, each by parameters fitted without it. What parameters may be off by
         is in the spread of units, so the scatter is that of the whole fit.
+    terms
+        Readings whose coefficients are tested besides.
     """
     if not traces:
         return LimitFit((), (), {}, {}, np.empty(0), (), false_alarms_per_hour)
     others = others_of(folds or tuple(map(str, range(len(traces)))))
     given = _Tests(
-        traces, judged or traces, others, tolerance, false_alarms_per_hour, period_s, spread
+        traces, judged or traces, others, tolerance, false_alarms_per_hour, period_s, spread, terms
     )
     tests, scatter = _z_tests(given)
     shifts = _shift_tests(given)
@@ -181,11 +186,12 @@ def _widened(fits: tuple[WindowFit, ...], given: _Tests) -> tuple[WindowFit, ...
     hours = sum(len(entry.values) for entry in given.traces) * given.period_s / 3600.0
     share = (1.0 - SENSOR_SHARE) * given.rate_per_hour * hours / max(len(given.traces), 1)
     widening = {}
-    for name in dict.fromkeys(fit.name for fit in fits):
-        scores, _ = _scores([fit for fit in fits if fit.name == name], given.others)
+    for test in dict.fromkeys((fit.name, fit.along) for fit in fits):
+        same = [fit for fit in fits if (fit.name, fit.along) == test]
+        scores, _ = _scores(same, given.others)
         level = return_level(scores[np.isfinite(scores)], share)
-        widening[name] = max(1.0, float(np.nan_to_num(level)))
-    return tuple(replace(fit, widening=widening[fit.name]) for fit in fits)
+        widening[test] = max(1.0, float(np.nan_to_num(level)))
+    return tuple(replace(fit, widening=widening[fit.name, fit.along]) for fit in fits)
 
 
 def not_nominal(
@@ -197,6 +203,7 @@ def not_nominal(
     spread: Mapping[str, tuple[float, ...]],
     fitted: LimitFit,
     judged: Sequence[Trace] = (),
+    terms: Sequence[ReadingTerm] = (),
 ) -> dict[str, str]:
     """Recordings that limits learned from the others show not to be nominal, with the reason.
 
@@ -217,6 +224,7 @@ def not_nominal(
             [folds[k] for k in left],
             spread=spread,
             judged=[judged[k] for k in left] if judged else (),
+            terms=terms,
         )
     return found
 
@@ -229,7 +237,7 @@ def _scores(fits: Sequence[WindowFit], others: Flags) -> tuple[Array, tuple[str,
     filled = np.where(np.isfinite(table), table, -np.inf)
     largest = filled.max(axis=0)
     worst = (fits[k] for k in filled.argmax(axis=0).tolist())
-    words = tuple(f"{fit.name}, mean of {fit.window}" for fit in worst)
+    words = tuple(fit.words for fit in worst)
     return np.where(np.isfinite(largest), largest, np.nan), words
 
 
@@ -258,25 +266,26 @@ def _z_tests(given: _Tests) -> tuple[tuple[WindowFit, ...], dict[str, float]]:
 
 
 def _shift_tests(given: _Tests) -> tuple[WindowFit, ...]:
-    """Tests of the mean shift within a recording; they share ``SHIFT_SHARE`` of the rate."""
-    rate = (
-        SHIFT_SHARE
-        * given.rate_per_hour
-        / (max(len(given.rows.spreading), 1) * len(SHIFT_WINDOWS_S))
-    )
+    """Tests of the shift within a recording; they share ``SHIFT_SHARE`` of the rate."""
+    rows, terms = given.rows, given.terms
+    tests: list[tuple[int, ReadingTerm | None]] = [(column, None) for column in rows.spreading]
+    tests += [(rows.place[term.residual], term) for term in terms]
+    rate = SHIFT_SHARE * given.rate_per_hour / (max(len(tests), 1) * len(SHIFT_WINDOWS_S))
     samples = sum(len(entry.values) for entry in given.traces)
     found = []
-    for column in given.rows.spreading:
-        row = given.rows.rows[column]
+    for column, term in tests:
+        row = rows.rows[column]
         shifts, own = (
-            [_shifts(row, column, entry, given) for entry in part]
+            [_shifts(row, column, term, entry, given) for entry in part]
             for part in (given.traces, given.judged)
         )
         for index, window in enumerate(map(given.counts.of, SHIFT_WINDOWS_S)):
             k = given.student(rate, window, samples)
             every, judged = ([_known(each[:, index]) for each in part] for part in (shifts, own))
-            found.append(window_fit(row.name, window, every, 1, k, given.others, False, judged))
-    return tuple(fit for fit in found if fit is not None)
+            fit = window_fit(row.name, window, every, 1, k, given.others, False, judged)
+            if fit is not None:
+                found.append(replace(fit, along=term.channel if term else ""))
+    return tuple(found)
 
 
 def _known(shifts: Array) -> WindowStatistic:
@@ -286,14 +295,17 @@ def _known(shifts: Array) -> WindowStatistic:
     return WindowStatistic(known[:, 0], region, np.square(known[:, 1:]).sum(axis=1))
 
 
-def _shifts(row: ResidualRow, column: int, entry: Trace, given: _Tests) -> Array:
+def _shifts(
+    row: ResidualRow, column: int, term: ReadingTerm | None, entry: Trace, given: _Tests
+) -> Array:
     """Shifts of a residual and of what units differ by, (scans, windows, 1 + unit parameters)."""
     gated = row.gate == "moving"
     use = entry.moving[:, None] | (not gated)
     spread = _spread_of(entry, column) * given.differing
     values = np.concatenate((entry.values[:, [column]], spread), axis=1)
     level = MeanShift([gated], values.shape[1], counts=given.counts)
-    return level.step(values[:, None], use)[:, 0]
+    along = entry.signals[:, [term.signal]] - term.zero if term else None
+    return level.step(values[:, None], use, along)[:, 0]
 
 
 def _spread_of(entry: Trace, column: int) -> Array:

@@ -53,6 +53,14 @@ class WindowFit:
     tested: Array
     widening: float = 1.0
     """Factor of the limit, from the tail of the scores."""
+    along: str = ""
+    """Reading whose coefficient is tested; empty: it is a mean."""
+
+    @property
+    def words(self) -> str:
+        """What is tested."""
+        what = f"coefficient on {self.along}" if self.along else "mean"
+        return f"{self.name}, {what} of {self.window}"
 
     @property
     def k(self) -> float:

@@ -35,15 +35,17 @@ class TestResults:
     the mean, 0 where there is none. ``table``, shape (3, n, residuals), holds the three.
     ``shift``: mean minus the earlier level of this run, in the unit of the residual; NaN for a
     test against the calibration. ``void``: whether a condition keeps residuals from being tested,
-    which is no quiet.
+    which is no quiet. ``along``: column -> reading whose coefficient has shifted, after the last
+    scan.
     """
 
-    __slots__ = ("k", "shift", "table", "void", "window", "z")
+    __slots__ = ("along", "k", "shift", "table", "void", "window", "z")
 
     def __init__(self, residuals: int, scans: int = 1) -> None:
         table = np.empty((4, scans, residuals))
         table.fill(np.nan)
         self.table, self.void = table[:3], False
+        self.along: dict[int, str] = {}
         self.z, self.k, self.window, self.shift = table
         self.window.fill(0.0)
 

@@ -10,6 +10,15 @@ fraction of what the calibration must allow any unit:
 A step or a drift of a sensor shows, wherever the level of its relation was; what was there
 from the start does not, and is left to the tests against the calibration (``detection``). From
 a detection on, the earlier level is frozen.
+
+A reading that is scaled moves a residual in proportion to itself, which averages out where it
+changes its sign. So a level may also be the coefficient b of the residual r on such a reading y.
+Its shift is held against the same limit in the unit of the residual, by the root mean square of
+the reading where it is smaller; a mean is the coefficient on y = 1:
+
+    b = sum(y r) / sum(y^2),   d = (b(last w) - b(before)) sqrt(2 / (1 / S(last w) + 1 / S(before)))
+
+with S the mean of y^2.
 """
 
 from __future__ import annotations
@@ -40,16 +49,23 @@ _ROOM = 1000  # scans between two moves of the store
 
 @dataclass(frozen=True, slots=True)
 class MeanShiftLimit(Frozen):
-    """Sigma of the mean shift of one residual over ``window`` scans, and its limit in sigmas."""
+    """Sigma of the mean shift of one residual over ``window`` scans, and its limit in sigmas.
+
+    ``along`` names the reading whose coefficient shifts; empty: the mean does.
+    """
 
     name: str
     window: Annotated[int, within(1, 10**6)]
     sigma: Positive
     k: Positive
+    along: str = ""
 
     def to_mapping(self) -> dict[str, Any]:
-        """Plain mapping of numbers and strings."""
-        return asdict(self)
+        """Plain mapping of numbers and strings; a mean is as in files that know nothing else."""
+        plain = asdict(self)
+        if not self.along:
+            plain.pop("along")
+        return plain
 
 
 class MeanShift:
@@ -69,11 +85,13 @@ class MeanShift:
         self.windows = np.array([counts.of(time_s) for time_s in SHIFT_WINDOWS_S])
         self._reference = counts.of(REFERENCE_S)
         self._kept = self._reference + int(self.windows.max()) + 1
-        shape = (len(gated), len(self.windows), columns)
+        shape = (len(gated), len(self.windows))
         self._least = np.where(gated, counts.of(LEAST_S), counts.of(LEAST_ALWAYS_S))
-        self._store = np.zeros((len(gated), self._kept + _ROOM, columns))
+        # Beside each column the square of the reading that they are taken along.
+        self._store = np.zeros((len(gated), self._kept + _ROOM, columns + 1))
         self._ends = np.ones(len(gated), dtype=np.int64)  # the sum of nothing
-        self._last, self._frozen = np.full(shape, np.nan), np.full(shape, np.nan)
+        self._last = np.full((*shape, columns), np.nan)
+        self._frozen = np.full((*shape, columns + 1), np.nan)
         self._is_frozen = np.zeros(len(gated), dtype=bool)
 
     def clear(self) -> None:
@@ -92,13 +110,17 @@ class MeanShift:
             self._frozen[each] = self._earlier(each, end - 1 - self.windows)
         self._is_frozen[:] = True
 
-    def step(self, values: Array, use: Flags) -> Array:
+    def step(self, values: Array, use: Flags, along: Array | None = None) -> Array:
         """Shifts after each of n scans, shape (n, residuals, windows, columns).
 
         ``values`` has shape (n, residuals, columns). ``use``, shape (n, residuals), says which of
-        them count; after the others the last shift stands, NaN before the first.
+        them count; after the others the last shift stands, NaN before the first. ``along``, shape
+        (n, residuals), is what coefficients are of, None: they are means.
         Where a value is missing its channel was not to be trusted: a new level begins after it.
         """
+        along = np.ones(values.shape[:2]) if along is None else along
+        square = np.square(along)[..., None]
+        values = np.concatenate((values * along[..., None], square), axis=2)
         self.room(len(values))
         shifts = np.empty((len(values), *self._last.shape))
         for each in range(len(self._ends)):
@@ -150,10 +172,10 @@ class MeanShift:
         sums, begins = self._store[each], last - self.windows
         means = (sums[last] - sums[np.maximum(begins, 0)]) / self.windows[:, None]
         if not self._is_frozen[each]:
-            return np.asarray(means - self._earlier(each, begins))
-        means -= self._frozen[each]
-        means[begins < 0] = np.nan
-        return np.asarray(means)
+            return _apart(means, self._earlier(each, begins))
+        shifts = _apart(means, self._frozen[each])
+        shifts[begins < 0] = np.nan
+        return shifts
 
     def _earlier(self, each: int, begins: Counts) -> Array:
         """Mean of what lies before windows that begin there, NaN where that is too little."""
@@ -161,3 +183,11 @@ class MeanShift:
         enough = np.where(samples >= self._least[each], samples, np.nan)[..., None]
         before = sums[np.maximum(begins, 0)] - sums[np.maximum(begins - self._reference, 0)]
         return np.asarray(before / enough)
+
+
+def _apart(means: Array, earlier: Array) -> Array:
+    """Coefficients less the earlier ones, by the smaller reading; its mean square comes last."""
+    square, before = means[..., -1:], earlier[..., -1:]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        apart = means[..., :-1] / square - earlier[..., :-1] / before
+        return np.asarray(apart * np.sqrt(2.0 / (1.0 / square + 1.0 / before)))

@@ -17,47 +17,61 @@ def mean_shift_loops(
     frozen: Array, is_frozen: bool, last: Array,
 ) -> None:  # fmt: skip
     """``mean_shift.MeanShift`` for one residual in one scan, whose sum is put at ``end``."""
+    squares = len(row) - 1
     for c in range(len(row)):
         sums[end, c] = sums[end - 1, c] + row[c]
     for w, window in enumerate(windows):
         begin = end - window
         near, far, samples = max(begin, 0), max(begin - reference, 0), min(begin, reference)
         known = begin >= 0 if is_frozen else samples >= least
-        for c in range(len(row)):
-            earlier = math.nan
-            if is_frozen:
-                earlier = frozen[w, c]
-            elif known:
-                earlier = (sums[near, c] - sums[far, c]) / samples
-            mean = (sums[end, c] - sums[near, c]) / window
-            last[w, c] = mean - earlier if known else math.nan
+        square = (sums[end, squares] - sums[near, squares]) / window
+        before = math.nan
+        if is_frozen:
+            before = frozen[w, squares]
+        elif known:
+            before = (sums[near, squares] - sums[far, squares]) / samples
+        known = known and square > 0.0 and before > 0.0
+        size = math.sqrt(2.0 / (1.0 / square + 1.0 / before)) if known else math.nan
+        for c in range(squares):
+            last[w, c] = math.nan
+            if known:
+                if is_frozen:
+                    earlier = frozen[w, c]
+                else:
+                    earlier = (sums[near, c] - sums[far, c]) / samples
+                mean = (sums[end, c] - sums[near, c]) / window
+                last[w, c] = (mean / square - earlier / before) * size
 
 
 def mean_shift_test_loops(
-    rows: tuple[Array, Array, Flags], tests: tuple[Counts, Counts, Flags],
+    rows: tuple[Array, Array, Flags, Array], tests: tuple[Counts, Counts, Flags, Counts, Array],
     unit: tuple[Array, Array],
     memory: tuple[Array, Counts, Array, Array, Flags, Counts, Counts, int],
     limits: tuple[Array, Array], z: Array, shifts: Array,
 ) -> bool:  # fmt: skip
     """Scan after scan; returns whether any shift is beyond its limit.
 
-    ``tests`` are the columns of values, places of spreads, and which count in motion alone;
+    ``tests`` are the columns of values, places of spreads, which count in motion alone, and the
+    signal, -1 for none, with its zero, that a coefficient is on;
     ``unit`` the change and the tolerance of its parameters; ``limits`` variance and k.
     """
-    values, spread, moving = rows
-    columns, places, gated = tests
+    values, spread, moving, signals = rows
+    columns, places, gated, read, zero = tests
     change, tolerance = unit
     store, ends, last, frozen, is_frozen, least, windows, reference = memory
     variance, k = limits
-    row, beyond = np.empty(1 + len(change)), False
+    row, beyond = np.empty(2 + len(change)), False
     for i in range(len(values)):
         for t in range(len(columns)):
-            learned = 0.0
+            learned, along = 0.0, 1.0
+            if read[t] >= 0:
+                along = signals[i, read[t]] - zero[t]
             for u in range(len(change)):
                 moved = spread[i, places[t], u]
                 learned += moved * change[u]
-                row[1 + u] = moved * tolerance[u]
-            row[0] = values[i, columns[t]] - learned
+                row[1 + u] = moved * tolerance[u] * along
+            row[0] = (values[i, columns[t]] - learned) * along
+            row[1 + len(change)] = along * along
             if math.isnan(row[0]):
                 store[t, 0], last[t] = 0.0, math.nan
                 ends[t], is_frozen[t] = 1, False

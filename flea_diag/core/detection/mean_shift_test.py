@@ -5,6 +5,10 @@ A current that reads b too much moves the electrical relation by -R b and the me
 K b, so the load cell is a witness: where the two deviate in opposite directions, their common
 distance from zero is held against the limit that the shift alone would have, and both deviate.
 A witness adds no more than the voltage says itself: a drag alone is none.
+
+Where the coefficient of a residual on a reading shifts, the residual changes its sign with that
+reading. It deviates with the sign of the shift of its mean, which is one that it has shown, and
+keeps it in the episode that it opens.
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ from flea_diag.core import backend as backends
 from flea_diag.core.detection.detection import TestResults
 from flea_diag.core.detection.mean_shift import MeanShift, MeanShiftLimit
 from flea_diag.core.detection.mean_shift_loops import MEAN_SHIFT_LOOPS
-from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualRows, ResidualSet
 from flea_diag.core.running_mean import summed_in_order
 from flea_diag.core.scan_counts import ScanCounts
 
@@ -33,7 +37,7 @@ class MeanShiftTest:
     """Runs every test that the calibration has a limit for.
 
     They are of residuals in which units differ: the run's own level is a better reference than the
-    calibration.
+    calibration. ``terms``: the readings that a limit may be along.
     """
 
     def __init__(
@@ -44,6 +48,7 @@ class MeanShiftTest:
         backend: str = "auto",
         *,
         counts: ScanCounts,
+        terms: Sequence[ReadingTerm] = (),
     ) -> None:
         self._electrical, self._mechanical = map(known.column, (known.circuit, known.friction))
         # Not used for a drag that may come with a change of unit.
@@ -56,16 +61,25 @@ class MeanShiftTest:
         self._fired: list[int] = []
         self._openers: list[int] = []
         """Columns whose shift has just exceeded its limit, and those that opened the episode."""
-        names = list(dict.fromkeys(limit.name for limit in limits))
+        # Those of means first: a coefficient takes its sign from them.
+        tests = list(dict.fromkeys((limit.name, limit.along) for limit in limits))
+        tests.sort(key=lambda test: bool(test[1]))
+        names = [name for name, _ in tests]
         self._columns = np.array(known.columns(names), dtype=int)
         self._places = np.array([known.spreading.index(j) for j in self._columns], dtype=int)
         self._gated = np.array([known.named[n].gate == "moving" for n in names], dtype=bool)
+        self._along = tuple(along for _, along in tests)
+        given = {(term.residual, term.channel): term for term in terms}
+        read = [given.get(test) for test in tests]
+        self._read = np.array([term.signal if term else -1 for term in read], dtype=int)
+        self._zero = np.array([term.zero if term else 0.0 for term in read])
         self._level = MeanShift(self._gated.tolist(), 1 + len(tolerance), counts=counts)
         windows = self._windows = tuple(self._level.windows.tolist())
         # A NaN limit is never exceeded.
         self._variance, self._k = np.full((2, len(names), len(windows)), np.nan)
+        self._signs = np.ones((len(names), len(windows)))
         for limit in limits:
-            at = names.index(limit.name), windows.index(limit.window)
+            at = tests.index((limit.name, limit.along)), windows.index(limit.window)
             self._variance[at], self._k[at] = limit.sigma**2, limit.k
 
     def adopt(self, change: Sequence[float]) -> None:
@@ -96,21 +110,33 @@ class MeanShiftTest:
         for test, column in enumerate(self._columns.tolist()):
             if self._open and column in circuit and circuit.isdisjoint(self._openers):
                 continue
-            here = z[:, test]
+            here, shift, along = z[:, test], shifts[:, test], self._along[test]
+            if along:
+                here, shift = self._signed(test, z, here, shift)
             if alone is not None and column in self._need_voltage:
-                here = np.where(alone[:, None], self._witnessed(here, column, results), here)
-            counts = self._judge(here, column, self._k[test], results, shifts[:, test])
+                heard = self._witnessed(here, -1 if along else column, results)
+                here = np.where(alone[:, None], heard, here)
+            counts = self._judge(here, column, self._k[test], results, shift)
             if counts[-1]:
                 self._fired.append(column)
-            if alone is not None and column == self._electrical:
+                results.along[column] = along
+            if alone is not None and column == self._electrical and not along:
                 self._call_witness(counts & alone, results)
+
+    def _signed(self, test: int, z: Array, here: Array, shift: Array) -> tuple[Array, Array]:
+        """The shift of a coefficient with the sign that the mean of its residual has shifted by."""
+        mean = self._columns.tolist().index(self._columns[test])
+        signs = self._signs[test] if self._open else np.where(z[:, mean] < 0.0, -1.0, 1.0)
+        if not self._open:
+            self._signs[test] = signs[-1]
+        return np.abs(here) * signs, np.abs(shift) * signs
 
     def _follow(self, rows: ResidualRows) -> tuple[Array, Array, bool]:
         """``_z`` in one compiled loop."""
         z, shifts = np.empty((2, len(rows), *self._k.shape))
         beyond = backends.exact(*MEAN_SHIFT_LOOPS)(
-            (rows.values, rows.spread, rows.moving),
-            (self._columns, self._places, self._gated),
+            (rows.values, rows.spread, rows.moving, rows.signals),
+            (self._columns, self._places, self._gated, self._read, self._zero),
             (self._change, self._tolerance),
             self._level.room(len(rows)),
             (self._variance, self._k),
@@ -130,7 +156,8 @@ class MeanShiftTest:
         learned = summed_in_order(spread * self._change)
         values[:, :, 0] = rows.values.take(self._columns, axis=1) - learned
         values[:, :, 1:] = spread * self._tolerance
-        every = self._level.step(values, rows.moving[:, None] | ~self._gated)
+        along = np.where(self._read < 0, 1.0, rows.signals.take(self._read, axis=1) - self._zero)
+        every = self._level.step(values, rows.moving[:, None] | ~self._gated, along)
         variance = self._variance + summed_in_order(np.square(every[..., 1:]))
         z = every[..., 0] / np.sqrt(variance)
         return z, every[..., 0], bool((np.abs(z) > self._k).any())

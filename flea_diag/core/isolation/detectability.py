@@ -58,7 +58,7 @@ def smallest_detectable_offsets(calibration: Calibration) -> dict[str, float]:
     found: dict[str, float] = {}
     for limit in calibration.limits:
         found[limit.name] = min(row.k * min(row.sigma) for row in limit.windows)
-    for shift in calibration.shifts:
+    for shift in calibration.mean_shifts:
         found[shift.name] = min(found.get(shift.name, shift.k * shift.sigma), shift.k * shift.sigma)
     return found
 

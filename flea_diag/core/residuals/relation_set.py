@@ -12,7 +12,7 @@ stands under a push has a direction, too.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from types import FunctionType
 from typing import Any
@@ -24,13 +24,14 @@ from flea_diag.core.bond_graph.tolerance import Tolerance
 from flea_diag.core.frozen import Frozen
 from flea_diag.core.residuals.parameters import LATER_TOLERANCES
 from flea_diag.core.residuals.prediction import Prediction
-from flea_diag.core.residuals.residual_rows import ResidualSet
+from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualSet
 from flea_diag.core.residuals.stop import Stop
 from flea_diag.core.symbolic.expression import (
     ZERO,
     Expression,
     Function,
     derivative,
+    evaluate,
     symbols,
 )
 from flea_diag.core.symbolic.generated import compiled, function_source
@@ -149,6 +150,18 @@ class RelationSet(Frozen):
             row.name
             for row in self.relations
             if any(self._apart(row, unit) != ZERO for unit in self.units)
+        )
+
+    def reading_terms(self, parameters: Any) -> tuple[ReadingTerm, ...]:
+        """Readings that enter, as they are, a residual in which healthy units differ."""
+        known = asdict(parameters)
+        zeros = {name: evaluate(offset, known) for name, offset in self.offsets.items()}
+        return tuple(
+            ReadingTerm(row.name, name, self.signals.index(name), float(zeros.get(name, 0.0)))
+            for row in self.residuals.parities
+            if row.differs and not row.normalised and row.relation in self.named
+            for name in self.named[row.relation].signals
+            if name in self.residuals.units
         )
 
     def _apart(self, row: CompiledRelation, unit: str) -> Expression:

@@ -74,6 +74,16 @@ class Parity(Frozen):
         return ResidualRow(self.name, self.unit, self.needs, gate, isolates=self.isolates)
 
 
+@dataclass(frozen=True, slots=True)
+class ReadingTerm(Frozen):
+    """A channel that a residual reads as it is: its column among the signals, and its zero."""
+
+    residual: str
+    channel: str
+    signal: int
+    zero: float
+
+
 @dataclass(frozen=True, eq=False)
 class ResidualSet(Frozen):
     """All residuals of one stand, in their order, and the channels that they read.

@@ -132,7 +132,7 @@ def own_sigma(calibration: Calibration, residuals: tuple[str, ...]) -> dict[str,
     The scatter over all recordings includes the variation between units.
     """
     found = {}
-    for shift in calibration.shifts:  # of one relation, the longest window comes last
+    for shift in calibration.mean_shifts:  # of one relation, the longest window comes last
         limit = calibration.limit(shift.name)
         if shift.name in residuals and limit is not None:
             independent = shift.window / limit.correlation_samples

@@ -141,7 +141,12 @@ class DetectionEpisode:
                 self._rows[first].name,
                 float(z[first]),
                 float(k[first]),
-                _test(int(results.window[0, first]), float(shift[first]), self._rows[first].unit),
+                _test(
+                    int(results.window[0, first]),
+                    float(shift[first]),
+                    self._rows[first].unit,
+                    results.along.get(first, ""),
+                ),
             )
         )
         # An innovation has no symbol: symbols follow once a relation deviates.
@@ -171,9 +176,9 @@ class DetectionEpisode:
         return closed
 
 
-def _test(window: int, shift: float, unit: str) -> str:
+def _test(window: int, shift: float, unit: str, along: str) -> str:
     """Description of the test that opens an episode."""
-    mean = f"mean of {window} samples"
+    mean = f"coefficient on {along} of {window} samples" if along else f"mean of {window} samples"
     if math.isnan(shift):
         return mean
     side = "above" if shift > 0.0 else "below"

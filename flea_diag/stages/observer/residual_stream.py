@@ -96,7 +96,7 @@ class ResidualStream:
         )
         self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s, start_ns)
         self._regressors = RegressorTable(effects, c.parameters)
-        self._tests = ResidualTests(known, c, estimate.runs, backend)
+        self._tests = ResidualTests(relations, c, estimate.runs, backend)
         self.offsets: tuple[UnitOffset, ...] = ()
         """Learned offsets of this unit; empty until the warm-up is over."""
         self._unit: tuple[ChannelQuality, ...] = ()

@@ -10,6 +10,7 @@ from flea_diag.core.conditions.envelope_watch import OperatingPlace
 from flea_diag.core.detection.detection import Detector, TestResults
 from flea_diag.core.detection.mean_shift_test import MeanShiftTest
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
+from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 from flea_diag.stages.observer.warm_up import Offsets
 
@@ -24,9 +25,10 @@ class ResidualTests:
     """
 
     def __init__(
-        self, known: ResidualSet, calibration: Calibration, estimates: bool, backend: str
+        self, relations: RelationSet, calibration: Calibration, estimates: bool, backend: str
     ) -> None:
-        c, self._known = calibration, known
+        c, known = calibration, relations.residuals
+        self._known = known
         self._sensors, self._circuit = known.sensor_columns, known.column(known.circuit)
         self._innovations = known.columns(known.innovations)
         limits = [limit for limit in c.limits if estimates or limit.name not in known.innovations]
@@ -34,7 +36,10 @@ class ResidualTests:
         self._tolerance = c.tolerance
         apart, counts = c.tolerances(), c.counts
         self._z_tests = Detector(known, limits, apart, thermal, backend, counts=counts)
-        self._mean_shift = MeanShiftTest(known, c.shifts, apart, backend, counts=counts)
+        terms = relations.reading_terms(c.parameters)
+        self._mean_shift = MeanShiftTest(
+            known, c.shifts, apart, backend, counts=counts, terms=terms
+        )
         self._discrepancy = _discrepancies(known, c)
         self._disabled: list[int] = []
 
@@ -103,7 +108,7 @@ def _discrepancies(known: ResidualSet, calibration: Calibration) -> Array:
     What a relation neglects at one place and not at another is a shift for a run that goes there.
     """
     found = np.ones(len(known.rows))
-    for shift in calibration.shifts:
+    for shift in calibration.mean_shifts:
         limit, column = calibration.limit(shift.name), known.column(shift.name)
         if limit is not None:
             between = max(max(window.sigma) for window in limit.windows)

@@ -109,8 +109,9 @@ def _learn(
         [envelope_fit.widened(trace, envelope.travel if envelope else None) for trace in part]
         for part in (traces, judged)
     )
+    terms = relations.reading_terms(found.parameters)
     limits = thresholds.fit_limits(
-        tested, false_alarms_per_hour, period_s, tolerance, folds, innovations.spread, judged
+        tested, false_alarms_per_hour, period_s, tolerance, folds, innovations.spread, judged, terms
     )
     calibration = replace(
         _calibration(name, recordings, found, traces, innovations, limits, tolerance),
@@ -119,7 +120,7 @@ def _learn(
     )
     spread = innovations.spread
     odd = thresholds.not_nominal(
-        tested, false_alarms_per_hour, period_s, tolerance, folds, spread, limits, judged
+        tested, false_alarms_per_hour, period_s, tolerance, folds, spread, limits, judged, terms
     )
     odd |= dead_sensors(runs, calibration, relations)
     return CalibrationResult(calibration, tuple(traces), relations, odd, alike)

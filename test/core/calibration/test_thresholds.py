@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -11,6 +13,8 @@ from flea_diag.configuration.description import compiled_relations
 from flea_diag.core.calibration.extreme_value import return_level
 from flea_diag.core.calibration.nominal_trace import Trace
 from flea_diag.core.calibration.thresholds import fit_limits, not_nominal
+from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
+from flea_diag.core.residuals.residual_rows import ReadingTerm
 
 FLEA = compiled_relations("actuator.yaml").residuals
 
@@ -120,6 +124,28 @@ def test_a_recording_that_the_others_contradict_is_found_and_named():
     healthy = traces(white(12, 6000), ALIKE)
     fitted = fit_limits(healthy, 0.1, 0.01, FLEA_TOLERANCE)
     assert not_nominal(healthy, 0.1, 0.01, FLEA_TOLERANCE, folds, {}, fitted) == {}
+
+
+def test_coefficients_have_limits_only_where_readings_are_named():
+    draw = np.random.default_rng(8)
+    given = []
+    for trace in traces(white(6, 3000), "parity_mechanical"):
+        signals = draw.standard_normal((3000, 2)) + 4.0
+        spread = np.zeros((3000, len(FLEA.spreading), len(UNIT_PARAMETERS)))
+        given.append(replace(trace, signals=signals, spread=spread))
+    term = ReadingTerm("parity_mechanical", "motor_current", 1, 4.0)
+    plain = fit_limits(given, 0.1, 0.01, FLEA_TOLERANCE).shift_limits()
+    assert {limit.along for limit in plain} == {""}
+    found = fit_limits(given, 0.1, 0.01, FLEA_TOLERANCE, terms=[term]).shift_limits()
+    assert found[: len(plain)] == tuple(
+        replace(limit, k=new.k) for limit, new in zip(plain, found, strict=False)
+    )
+    own = [limit for limit in found if limit.along]
+    assert [(limit.name, limit.along, limit.window) for limit in own] == [
+        ("parity_mechanical", "motor_current", window) for window in (200, 400)
+    ]
+    # White noise on a reading of size 1: as a mean, but for what the earlier level adds.
+    assert own[1].sigma == pytest.approx(1.0 / np.sqrt(400.0), rel=0.4)
 
 
 def test_regions_with_few_recordings_borrow_from_all():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from flea_diag.core.detection import detection
 from flea_diag.core.detection.mean_shift import MeanShiftLimit
 from flea_diag.core.detection.mean_shift_test import MeanShiftTest
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
-from flea_diag.core.residuals.residual_rows import ResidualRows
+from flea_diag.core.residuals.residual_rows import ReadingTerm, ResidualRows
 
 FLEA = compiled_relations("actuator.yaml").residuals
 
@@ -23,6 +24,8 @@ MECHANICAL = FLEA.place["parity_mechanical"]
 PLACE = FLEA.spreading.index(ELECTRICAL)
 LIMIT = MeanShiftLimit("parity_electrical", 200, 0.2, 5.0)
 VOLTAGE = UNIT_PARAMETERS.index("voltage_offset_v")
+CURRENT = ReadingTerm("parity_mechanical", "motor_current", 1, 0.5)
+ALONG = MeanShiftLimit("parity_mechanical", 200, 1.0, 5.0, "motor_current")
 
 
 def rows(volts: np.ndarray, spread: np.ndarray | None = None) -> ResidualRows:
@@ -137,6 +140,45 @@ def test_in_an_episode_that_something_else_opened_a_shift_says_nothing(alone):
     assert set(np.flatnonzero(found.deviating()[-1])) == {MECHANICAL}
 
 
+def alternating(count: int, share: float, mean: float = 0.0) -> ResidualRows:
+    """Forces in proportion to a current that changes its sign twice a second."""
+    made = rows(np.zeros(count))
+    made.moving[:] = True
+    current = 2.0 * np.sin(np.arange(count) * (2.0 * np.pi / 50.0))
+    made.signals[:, CURRENT.signal] = current + CURRENT.zero
+    made.values[:, MECHANICAL] = share * 100.0 * current + mean
+    return made
+
+
+@pytest.mark.parametrize("mean", [3.0, -3.0])
+def test_a_scaled_current_shows_in_the_coefficient_with_the_sign_of_the_mean(mean):
+    means = MeanShiftLimit("parity_mechanical", 200, 1.0, 50.0)
+    test = MeanShiftTest(FLEA, [ALONG, means], [0.0] * UNITS, counts=FLEA_COUNTS, terms=[CURRENT])
+    assert not step(test, alternating(1000, 0.0)).deviating().any()
+    found = step(test, alternating(200, 0.1, mean))
+    assert set(np.flatnonzero(found.deviating()[-1])) == {MECHANICAL}
+    assert found.z[-1, MECHANICAL] == pytest.approx(np.sign(mean) * 20.0 / np.sqrt(2.0))
+    assert np.sign(found.shift[-1, MECHANICAL]) == np.sign(mean)
+    assert found.along == {MECHANICAL: "motor_current"}
+    test.turn(opened=True)
+    later = step(test, alternating(3000, 0.1, -mean))
+    assert later.deviating()[-1, MECHANICAL]
+    assert np.sign(later.z[-1, MECHANICAL]) == np.sign(mean)
+
+
+def test_the_coefficient_on_a_voltage_alone_says_nothing():
+    volts = ReadingTerm("parity_electrical", "motor_voltage", 0, 0.0)
+    limit = MeanShiftLimit("parity_electrical", 200, 0.1, 5.0, "motor_voltage")
+    for alone in (True, False):
+        test = MeanShiftTest(FLEA, [limit], [0.0] * UNITS, counts=FLEA_COUNTS, terms=[volts])
+        made = rows(np.zeros(1000))
+        made.signals[:, 0] = np.tile([9.0, -9.0], 500)
+        made.values[800:, ELECTRICAL] = 0.2 * made.signals[800:, 0]
+        assert step(test, made, alone, force=-9.0).deviating()[-1, ELECTRICAL] is np.bool_(
+            not alone
+        )
+
+
 @pytest.mark.parametrize("block", [1, 113, 6000])
 def test_compiled_gives_the_bits_of_numpy(block):
     """Every shift, over rests, missing values, offsets learned, and an episode."""
@@ -145,19 +187,21 @@ def test_compiled_gives_the_bits_of_numpy(block):
     made = ResidualRows(
         draw.standard_normal((6000, len(FLEA.rows))),
         draw.standard_normal((6000, len(FLEA.spreading), UNITS)),
-        np.zeros((6000, 2)),
+        draw.standard_normal((6000, 2)),
         np.zeros((6000, 2)),
         draw.random(6000) > 0.2,
     )
+    made.signals[3100, 1] = np.nan
     made.values[[40, 41, 2500], ELECTRICAL] = np.nan
     limits = [
         MeanShiftLimit(FLEA.rows[j].name, w, 0.2, 0.5) for j in FLEA.spreading for w in (200, 400)
     ]
+    limits.append(replace(ALONG, sigma=0.2, k=0.4))
     tests = [
-        MeanShiftTest(FLEA, limits[1:], [0.1] * UNITS, backend, counts=FLEA_COUNTS)
+        MeanShiftTest(FLEA, limits[1:], [0.1] * UNITS, backend, counts=FLEA_COUNTS, terms=[CURRENT])
         for backend in ("numpy", "numba")
     ]
-    counted = False
+    counted, coefficients = False, 0
     for start in range(0, 6000, block):
         part = slice(start, start + block)
         parts = (made.values, made.spread, made.signals, made.motion, made.moving)
@@ -174,7 +218,10 @@ def test_compiled_gives_the_bits_of_numpy(block):
         assert one.table.tobytes() == other.table.tobytes()
         assert one.shift.tobytes() == other.shift.tobytes()
         counted |= bool(np.isfinite(one.shift).any())
+        assert one.along == other.along
+        coefficients += len(one.along)
     assert counted
+    assert coefficients or block > 1
 
 
 @pytest.mark.parametrize("opener", [MECHANICAL, ELECTRICAL])

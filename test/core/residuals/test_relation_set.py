@@ -303,6 +303,27 @@ def test_a_calibration_with_limits_of_what_the_description_lacks_is_refused():
         relations(load_stand(), replace(calibration, limits=named))
 
 
+def test_readings_enter_the_residuals_in_which_units_differ_with_their_zeros():
+    stand = load_stand()
+    calibration = learned(stand)
+    terms = relations(stand, calibration).reading_terms(calibration.parameters)
+    found = {(term.residual, term.channel): term.zero for term in terms}
+    p = calibration.parameters
+    assert found["parity_mechanical", "motor_current"] == p.current_offset_a
+    assert found["parity_mechanical", "load_force"] == 0.0
+    assert found["parity_electrical", "motor_voltage"] == p.voltage_offset_v
+    assert not [residual for residual, _ in found if residual.endswith("_dn")]
+
+
+def test_a_coefficient_on_what_the_residual_does_not_read_is_refused():
+    calibration = learned(load_stand())
+    shift = replace(calibration.shifts[0], name="parity_mechanical", along="motor_voltage")
+    made = replace(calibration, shifts=(*calibration.shifts, shift))
+    assert made.mean_shifts == calibration.shifts
+    with pytest.raises(ConfigurationError, match="along 'motor_voltage', which it does not read"):
+        relations(load_stand(), made)
+
+
 def test_noise_and_limits_of_a_channel_that_nobody_knows_are_refused():
     calibration = learned(load_stand())
     noise = ObserverNoise.of(calibration.observer_noise.to_mapping() | {"motor_curent_a": 0.1})
