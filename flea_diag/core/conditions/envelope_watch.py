@@ -45,21 +45,26 @@ class OperatingPlace:
     """Where n scans lie.
 
     ``beyond``: leverage of each residual beyond the reach; ``travel``: its factor at an end of the
-    travel. Both of shape (n, residuals), None where no scan has any.
+    travel. Both of shape (n, residuals), None where no scan has any. ``loads``, shape (n, loads),
+    are those of ``leverage.PLACE``; None where no envelope knows any.
     """
 
     beyond: Array | None = None
     travel: Array | None = None
+    loads: Array | None = None
 
-    def factor(self, discrepancy: float | Array = 1.0) -> Array | None:
-        """How many times each residual scatters as in the middle of what was seen.
-
-        ``discrepancy``, shape (residuals,), is what the leverage counts.
-        """
+    def factor(self) -> Array | None:
+        """How many times each residual scatters as in the middle of what was seen."""
         if self.beyond is None:
             return self.travel
-        factor: Array = np.sqrt(1.0 + self.beyond * discrepancy)
+        factor: Array = np.sqrt(1.0 + self.beyond)
         return factor if self.travel is None else np.maximum(factor, self.travel)
+
+    def leverage(self) -> Array | None:
+        """``beyond`` of residuals that are divided by ``travel``."""
+        if self.beyond is None or self.travel is None:
+            return self.beyond
+        return self.beyond / np.square(self.travel)
 
 
 ANYWHERE = OperatingPlace()
@@ -106,6 +111,8 @@ class EnvelopeWatch:
         self._far = np.array([*far, *(ABSTAIN for _ in stores)])
         self._least = np.minimum(self._reach, self._far)
         self._starts = np.array(self._basis.starts)
+        start = self._basis.starts[list(self._basis.names).index(PLACE)] + 1
+        self._loads = slice(start, start + len(known.load_metric))
         self._supply = SupplyMean(relations, parameters, period_s)
         self._most = np.array([known.supplies.get(name, np.inf) for name in stores])
         self._known = table = relations.residuals
@@ -141,12 +148,13 @@ class EnvelopeWatch:
         position = rows[:, self._position] if self._position >= 0 else np.zeros(count)
         beyond, travel = None, self._at(position)
         psi = self._basis.rows(residuals.signals, position)
+        loads = np.ascontiguousarray(psi[:, self._loads])
         supplied = self._supply.step(residuals.signals)
         h = leverages(psi, self._root, self._starts)
         h = np.concatenate((h, np.square(supplied / self._most)), axis=1)
         # A reading that is missing says nothing of where it is: NaN is beyond nothing.
         within = not np.count_nonzero(h > self._least)
-        self.place = ANYWHERE
+        self.place = OperatingPlace(loads=loads)
         if within and travel is None and not (self.outside or any(self._beyond)):
             return count
         if not within:
@@ -158,7 +166,7 @@ class EnvelopeWatch:
                 beyond[:, columns] = over[:, k, None]
             for k, columns in enumerate(self._warmed, start=relations):
                 beyond[:, columns] = np.maximum(beyond[:, columns], over[:, k, None])
-        self.place = OperatingPlace(beyond, travel)
+        self.place = OperatingPlace(beyond, travel, loads)
         far = h > self._far
         if not (np.count_nonzero(far) or self.outside or any(self._beyond)):
             return count

@@ -72,19 +72,22 @@ class MeanShift:
     """Shifts of residuals side by side, constant memory; scans singly or in blocks, the same bits.
 
     ``columns`` of each shift together: the residual, and what its level may follow in a healthy
-    unit. ``gated`` is, for each residual, whether samples in motion alone are to be used.
+    unit. Of the last ``added`` the two means are added, as variances are. ``gated`` is, for each
+    residual, whether samples in motion alone are to be used.
     """
 
     def __init__(
         self,
         gated: Sequence[bool] = (True,),
         columns: int = 1,
+        added: int = 0,
         *,
         counts: ScanCounts,
     ) -> None:
         self.windows = np.array([counts.of(time_s) for time_s in SHIFT_WINDOWS_S])
         self._reference = counts.of(REFERENCE_S)
         self._kept = self._reference + int(self.windows.max()) + 1
+        self.columns = columns
         shape = (len(gated), len(self.windows))
         self._least = np.where(gated, counts.of(LEAST_S), counts.of(LEAST_ALWAYS_S))
         # Beside each column the square of the reading that they are taken along.
@@ -93,6 +96,7 @@ class MeanShift:
         self._last = np.full((*shape, columns), np.nan)
         self._frozen = np.full((*shape, columns + 1), np.nan)
         self._is_frozen = np.zeros(len(gated), dtype=bool)
+        self._sign = np.where(np.arange(columns) < columns - added, 1.0, -1.0)
 
     def clear(self) -> None:
         """Forget everything."""
@@ -172,8 +176,8 @@ class MeanShift:
         sums, begins = self._store[each], last - self.windows
         means = (sums[last] - sums[np.maximum(begins, 0)]) / self.windows[:, None]
         if not self._is_frozen[each]:
-            return _apart(means, self._earlier(each, begins))
-        shifts = _apart(means, self._frozen[each])
+            return _apart(means, self._earlier(each, begins), self._sign)
+        shifts = _apart(means, self._frozen[each], self._sign)
         shifts[begins < 0] = np.nan
         return shifts
 
@@ -185,9 +189,13 @@ class MeanShift:
         return np.asarray(before / enough)
 
 
-def _apart(means: Array, earlier: Array) -> Array:
-    """Coefficients less the earlier ones, by the smaller reading; its mean square comes last."""
+def _apart(means: Array, earlier: Array, sign: Array) -> Array:
+    """Coefficients less the earlier ones, by the smaller reading; its mean square comes last.
+
+    Where the sign is -1, both together, as they are.
+    """
     square, before = means[..., -1:], earlier[..., -1:]
     with np.errstate(invalid="ignore", divide="ignore"):
-        apart = means[..., :-1] / square - earlier[..., :-1] / before
-        return np.asarray(apart * np.sqrt(2.0 / (1.0 / square + 1.0 / before)))
+        apart = means[..., :-1] / square - sign * (earlier[..., :-1] / before)
+        size = np.sqrt(2.0 / (1.0 / square + 1.0 / before))
+        return np.asarray(apart * np.where(sign > 0.0, size, 1.0))

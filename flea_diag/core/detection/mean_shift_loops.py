@@ -16,7 +16,10 @@ def mean_shift_loops(
     row: Array, sums: Array, end: int, least: int, windows: Counts, reference: int,
     frozen: Array, is_frozen: bool, last: Array,
 ) -> None:  # fmt: skip
-    """``mean_shift.MeanShift`` for one residual in one scan, whose sum is put at ``end``."""
+    """``mean_shift.MeanShift`` for one residual in one scan, whose sum is put at ``end``.
+
+    Of the last column but one, before that of squares, the means are added.
+    """
     squares = len(row) - 1
     for c in range(len(row)):
         sums[end, c] = sums[end - 1, c] + row[c]
@@ -40,27 +43,33 @@ def mean_shift_loops(
                 else:
                     earlier = (sums[near, c] - sums[far, c]) / samples
                 mean = (sums[end, c] - sums[near, c]) / window
-                last[w, c] = (mean / square - earlier / before) * size
+                if c < squares - 1:
+                    last[w, c] = (mean / square - earlier / before) * size
+                else:
+                    last[w, c] = mean / square + earlier / before
 
 
 def mean_shift_test_loops(
     rows: tuple[Array, Array, Flags, Array], tests: tuple[Counts, Counts, Flags, Counts, Array],
-    unit: tuple[Array, Array],
+    unit: tuple[Array, Array], place: tuple[Array, Array, Array],
     memory: tuple[Array, Counts, Array, Array, Flags, Counts, Counts, int],
-    limits: tuple[Array, Array], z: Array, shifts: Array,
+    limits: tuple[Array, Array, Array], z: Array, shifts: Array,
 ) -> bool:  # fmt: skip
     """Scan after scan; returns whether any shift is beyond its limit.
 
     ``tests`` are the columns of values, places of spreads, which count in motion alone, and the
     signal, -1 for none, with its zero, that a coefficient is on;
-    ``unit`` the change and the tolerance of its parameters; ``limits`` variance and k.
+    ``unit`` the change and the tolerance of its parameters; ``place`` the loads, their metric, and
+    the leverage of each test beyond the reach; ``limits`` variance, that between recordings, and k.
     """
     values, spread, moving, signals = rows
     columns, places, gated, read, zero = tests
     change, tolerance = unit
     store, ends, last, frozen, is_frozen, least, windows, reference = memory
-    variance, k = limits
-    row, beyond = np.empty(2 + len(change)), False
+    variance, between, k = limits
+    loads, metric, leverage = place
+    units, most = 1 + len(change), 1 + len(change) + len(metric)
+    row, beyond = np.empty(most + 2), False
     for i in range(len(values)):
         for t in range(len(columns)):
             learned, along = 0.0, 1.0
@@ -71,7 +80,13 @@ def mean_shift_test_loops(
                 learned += moved * change[u]
                 row[1 + u] = moved * tolerance[u] * along
             row[0] = (values[i, columns[t]] - learned) * along
-            row[1 + len(change)] = along * along
+            for u in range(len(metric)):
+                row[units + u] = 0.0
+                for v in range(len(metric) * (read[t] < 0)):
+                    known = 0.0 if math.isnan(loads[i, v]) else loads[i, v]
+                    row[units + u] += known * metric[v, u]
+            row[most] = leverage[i, t] * along * along
+            row[most + 1] = along * along
             if math.isnan(row[0]):
                 store[t, 0], last[t] = 0.0, math.nan
                 ends[t], is_frozen[t] = 1, False
@@ -82,11 +97,14 @@ def mean_shift_test_loops(
                 )  # fmt: skip
                 ends[t] += 1
             for w in range(len(windows)):
-                unit_variance = 0.0
-                for u in range(len(change)):
-                    unit_variance += last[t, w, 1 + u] * last[t, w, 1 + u]
+                unit_variance, apart = 0.0, last[t, w, most]
+                for u in range(1, units):
+                    unit_variance += last[t, w, u] * last[t, w, u]
+                for u in range(units, most):
+                    apart += last[t, w, u] * last[t, w, u]
                 shifts[i, t, w] = last[t, w, 0]
-                z[i, t, w] = last[t, w, 0] / math.sqrt(variance[t, w] + unit_variance)
+                healthy = variance[t, w] + between[t] * apart + unit_variance
+                z[i, t, w] = last[t, w, 0] / math.sqrt(healthy)
                 beyond |= abs(z[i, t, w]) > k[t, w]
     return beyond
 

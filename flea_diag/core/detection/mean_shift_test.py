@@ -13,7 +13,8 @@ keeps it in the episode that it opens.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +50,8 @@ class MeanShiftTest:
         *,
         counts: ScanCounts,
         terms: Sequence[ReadingTerm] = (),
+        between: Mapping[str, float] = MappingProxyType({}),
+        metric: Array | None = None,
     ) -> None:
         self._electrical, self._mechanical = map(known.column, (known.circuit, known.friction))
         # Not used for a drag that may come with a change of unit.
@@ -73,7 +76,10 @@ class MeanShiftTest:
         read = [given.get(test) for test in tests]
         self._read = np.array([term.signal if term else -1 for term in read], dtype=int)
         self._zero = np.array([term.zero if term else 0.0 for term in read])
-        self._level = MeanShift(self._gated.tolist(), 1 + len(tolerance), counts=counts)
+        self._metric = np.empty((0, 0)) if metric is None else metric
+        self._units = 1 + len(tolerance)
+        width = self._units + len(self._metric) + 1
+        self._level = MeanShift(self._gated.tolist(), width, 1, counts=counts)
         windows = self._windows = tuple(self._level.windows.tolist())
         # A NaN limit is never exceeded.
         self._variance, self._k = np.full((2, len(names), len(windows)), np.nan)
@@ -81,6 +87,8 @@ class MeanShiftTest:
         for limit in limits:
             at = tests.index((limit.name, limit.along)), windows.index(limit.window)
             self._variance[at], self._k[at] = limit.sigma**2, limit.k
+        apart = [between.get(name, 0.0) for name in names]
+        self._between = np.fmax(np.nanmax(self._variance, axis=1), apart)
 
     def adopt(self, change: Sequence[float]) -> None:
         """Set the change of the unit's parameters; levels are corrected for it."""
@@ -91,20 +99,30 @@ class MeanShiftTest:
         self._open, self._openers = opened, self._fired if opened else []
         self._level.freeze() if opened else self._level.clear()
 
-    def step(self, rows: ResidualRows, results: TestResults, alone: Flags | None) -> None:
+    def step(
+        self,
+        rows: ResidualRows,
+        results: TestResults,
+        alone: Flags | None,
+        leverage: Array | None = None,
+        loads: Array | None = None,
+    ) -> None:
         """Where a shift is beyond its limit and no other test of its residual is, it counts.
 
         In an episode that no shift has opened it says nothing: the fault may have come with
         another unit, whose level is another. Nor does the circuit's where a shift of the forces
         alone opened it: that drag, too, may be another unit's, with its winding. A voltage that
         stands ``alone``, shape (n,), None: nowhere, needs a witness to open one, and says nothing
-        in one that anything else has opened.
+        in one that anything else has opened. ``leverage``, shape (n, residuals), is that beyond the
+        reach, and ``loads`` has shape (n, loads), NaN where one is not read; None: nowhere.
         """
         self._fired = []
         if self._open and not self._openers:
             return
         circuit = self._circuit
-        z, shifts, beyond = (self._follow if self._compiled else self._z)(rows)
+        z, shifts, beyond = (self._follow if self._compiled else self._z)(
+            rows, *self._place(len(rows), leverage, loads)
+        )
         if not beyond and alone is None:
             return
         for test, column in enumerate(self._columns.tolist()):
@@ -131,34 +149,57 @@ class MeanShiftTest:
             self._signs[test] = signs[-1]
         return np.abs(here) * signs, np.abs(shift) * signs
 
-    def _follow(self, rows: ResidualRows) -> tuple[Array, Array, bool]:
+    def _place(
+        self, count: int, leverage: Array | None, loads: Array | None
+    ) -> tuple[Array, Array]:
+        """Loads, shape (n, loads), and the leverage of each test, shape (n, tests)."""
+        if loads is None:
+            loads = np.zeros((count, len(self._metric)))
+        if leverage is None:
+            return loads, np.zeros((count, len(self._columns)))
+        return loads, leverage.take(self._columns, axis=1)
+
+    def _follow(
+        self, rows: ResidualRows, loads: Array, leverage: Array
+    ) -> tuple[Array, Array, bool]:
         """``_z`` in one compiled loop."""
         z, shifts = np.empty((2, len(rows), *self._k.shape))
         beyond = backends.exact(*MEAN_SHIFT_LOOPS)(
             (rows.values, rows.spread, rows.moving, rows.signals),
             (self._columns, self._places, self._gated, self._read, self._zero),
             (self._change, self._tolerance),
+            (loads, self._metric, leverage),
             self._level.room(len(rows)),
-            (self._variance, self._k),
+            (self._variance, self._between, self._k),
             z,
             shifts,
         )
         return z, shifts, beyond
 
-    def _z(self, rows: ResidualRows) -> tuple[Array, Array, bool]:
+    def _z(self, rows: ResidualRows, loads: Array, leverage: Array) -> tuple[Array, Array, bool]:
         """Every shift, in sigmas of itself and of what units differ by, and as it is.
 
         Both of shape (n, residuals, windows); then whether any is beyond its limit.
         """
         # The residuals as if nothing had been learned of the unit, and what units differ by.
         spread = rows.spread.take(self._places, axis=1)
-        values = np.empty((*spread.shape[:2], 1 + len(self._tolerance)))
+        values = np.empty((*spread.shape[:2], self._level.columns))
         learned = summed_in_order(spread * self._change)
         values[:, :, 0] = rows.values.take(self._columns, axis=1) - learned
-        values[:, :, 1:] = spread * self._tolerance
+        values[:, :, 1 : self._units] = spread * self._tolerance
         along = np.where(self._read < 0, 1.0, rows.signals.take(self._read, axis=1) - self._zero)
+        # A coefficient shifts with its reading under a constant load, too: its sigma holds that.
+        known = np.where(np.isnan(loads), 0.0, loads)
+        for place, weights in enumerate(self._metric.T, start=self._units):
+            apart = summed_in_order(known * weights)[:, None]
+            values[:, :, place] = np.where(self._read < 0, apart, 0.0)
+        values[:, :, -1] = leverage * along
         every = self._level.step(values, rows.moving[:, None] | ~self._gated, along)
-        variance = self._variance + summed_in_order(np.square(every[..., 1:]))
+        unit = summed_in_order(np.square(every[..., 1 : self._units]))
+        apart = every[..., -1]
+        for load in range(len(self._metric)):
+            apart = apart + np.square(every[..., self._units + load])
+        variance = self._variance + self._between[:, None] * apart + unit
         z = every[..., 0] / np.sqrt(variance)
         return z, every[..., 0], bool((np.abs(z) > self._k).any())
 

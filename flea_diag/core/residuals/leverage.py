@@ -81,6 +81,21 @@ class CalibrationEnvelope(Frozen):
     supplies: Mapping[str, Positive] = field(default_factory=dict)
     """Largest ``SupplyMean`` of each predicted store, unit per second; empty in an older file."""
 
+    @property
+    def load_metric(self) -> Array:
+        """Root of the leverage of a change of load, shape (loads, loads): |load root|^2.
+
+        It is that of (1, loads), which psi = (1, loads, x, x loads) of ``PLACE`` holds. Empty where
+        no recording shows any.
+        """
+        place = next((row for row in self.relations if row.relation == PLACE), None)
+        if place is None:
+            return np.empty((0, 0))
+        root, count = np.array(place.root), len(place.root) // 2
+        moments = np.linalg.inv(root @ root.T)[:count, :count] / len(root)
+        scatter = moments[1:, 1:] - np.outer(moments[0, 1:], moments[0, 1:]) / moments[0, 0]
+        return np.asarray(np.linalg.cholesky(np.linalg.inv(scatter) / count), dtype=np.float64)
+
 
 class LeverageBasis:
     """psi of every relation with a known response, and of ``PLACE``, from the signals."""

@@ -11,7 +11,7 @@ from flea_diag.core.detection.detection import Detector, TestResults
 from flea_diag.core.detection.mean_shift_test import MeanShiftTest
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.relation_set import RelationSet
-from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
+from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.stages.observer.warm_up import Offsets
 
 Array = npt.NDArray[np.float64]
@@ -36,11 +36,11 @@ class ResidualTests:
         self._tolerance = c.tolerance
         apart, counts = c.tolerances(), c.counts
         self._z_tests = Detector(known, limits, apart, thermal, backend, counts=counts)
-        terms = relations.reading_terms(c.parameters)
         self._mean_shift = MeanShiftTest(
-            known, c.shifts, apart, backend, counts=counts, terms=terms
-        )
-        self._discrepancy = _discrepancies(known, c)
+            known, c.shifts, apart, backend, counts=counts,
+            terms=relations.reading_terms(c.parameters), between=_between(c),
+            metric=c.envelope.load_metric if c.envelope else None,
+        )  # fmt: skip
         self._disabled: list[int] = []
 
     def step(
@@ -64,8 +64,8 @@ class ResidualTests:
         # what alternates with the motion (direction-normalised) still is one.
         if alone is not None and self._circuit >= 0:
             results.z[alone, self._circuit] = np.nan
-        near = self._scaled(residuals, place.factor(self._discrepancy))
-        self._mean_shift.step(near, results, alone)
+        near = self._scaled(residuals, place.travel)
+        self._mean_shift.step(near, results, alone, place.leverage(), place.loads)
         return results
 
     def _scaled(self, rows: ResidualRows, factor: Array | None) -> ResidualRows:
@@ -102,15 +102,10 @@ class ResidualTests:
         self._z_tests.forget(self._innovations)
 
 
-def _discrepancies(known: ResidualSet, calibration: Calibration) -> Array:
-    """Variance of a residual between recordings over that of its shift within one, at least 1.
+def _between(calibration: Calibration) -> dict[str, float]:
+    """Variance of a residual between recordings.
 
     What a relation neglects at one place and not at another is a shift for a run that goes there.
     """
-    found = np.ones(len(known.rows))
-    for shift in calibration.mean_shifts:
-        limit, column = calibration.limit(shift.name), known.column(shift.name)
-        if limit is not None:
-            between = max(max(window.sigma) for window in limit.windows)
-            found[column] = max(found[column], (between / shift.sigma) ** 2)
-    return found
+    limits = (calibration.limit(shift.name) for shift in calibration.mean_shifts)
+    return {row.name: max(max(w.sigma) for w in row.windows) ** 2 for row in limits if row}

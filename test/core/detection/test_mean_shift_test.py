@@ -72,6 +72,52 @@ def test_what_a_healthy_unit_may_differ_by_widens_the_limit():
     assert not results.deviating().any()
 
 
+@pytest.mark.parametrize("backend", ["numpy", "numba"])
+@pytest.mark.parametrize(
+    ("volts", "leverage", "loads", "seen"),
+    [
+        # 1.5 V in sigmas of 0.2 V, limit 5, where recordings differ by 0.8 V.
+        (1.5, (0.0, 0.0), (0.0, 0.0), 1.5 / 0.2),
+        # Another load, the same load elsewhere, and a shift that another load does not explain.
+        (1.5, (0.0, 0.0), (-0.6, 0.2), None),
+        (1.5, (0.0, 0.0), (0.9, 0.9), 1.5 / 0.2),
+        (8.0, (0.0, 0.0), (-0.6, 0.2), 8.0 / math.hypot(0.2, 0.8 * 0.8)),
+        # Beyond the calibration, now or before.
+        (1.5, (0.0, 3.0), (0.0, 0.0), None),
+        (1.5, (3.0, 0.0), (0.0, 0.0), None),
+        (9.0, (2.0, 1.0), (0.0, 0.0), 9.0 / math.sqrt(0.2**2 + 3.0 * 0.8**2)),
+    ],
+)
+def test_levels_at_two_places_differ_by_what_recordings_do(volts, leverage, loads, seen, backend):
+    if backend == "numba":
+        pytest.importorskip("numba")
+    between = {"parity_electrical": 0.8**2}
+    test = MeanShiftTest(
+        FLEA,
+        [LIMIT],
+        [0.0] * UNITS,
+        backend,
+        counts=FLEA_COUNTS,
+        between=between,
+        metric=np.array([[0.01]]),
+    )
+    found = detection.TestResults(len(FLEA.rows), 1000)
+    beyond = np.repeat(leverage, [800, 200])[:, None] * np.ones(len(FLEA.rows))
+    load = 100.0 * np.repeat(loads, [800, 200])[:, None]
+    test.step(rows(np.repeat([3.0, 3.0 + volts], [800, 200])), found, None, beyond, load)
+    assert bool(found.deviating()[-1].any()) is (seen is not None)
+    if seen is not None:
+        assert found.z[-1, ELECTRICAL] == pytest.approx(seen)
+
+
+def test_an_offset_of_the_unit_is_no_shift_once_the_run_leaves_the_calibration():
+    test = MeanShiftTest(FLEA, [LIMIT], [0.0] * UNITS, counts=FLEA_COUNTS)
+    found = detection.TestResults(len(FLEA.rows), 1100)
+    leverage = np.repeat([0.0, 8.0], [800, 300])[:, None] * np.ones(len(FLEA.rows))
+    test.step(rows(np.full(1100, 30.0)), found, None, leverage)
+    assert not found.deviating().any()
+
+
 def test_an_offset_that_is_learned_is_no_shift():
     spread = np.zeros((600, UNITS))
     spread[:, VOLTAGE] = -1.0
@@ -197,10 +243,14 @@ def test_compiled_gives_the_bits_of_numpy(block):
         MeanShiftLimit(FLEA.rows[j].name, w, 0.2, 0.5) for j in FLEA.spreading for w in (200, 400)
     ]
     limits.append(replace(ALONG, sigma=0.2, k=0.4))
+    metric = np.array([[0.2, 0.0], [-0.1, 0.7]])
+    known = {"counts": FLEA_COUNTS, "terms": [CURRENT], "metric": metric}
     tests = [
-        MeanShiftTest(FLEA, limits[1:], [0.1] * UNITS, backend, counts=FLEA_COUNTS, terms=[CURRENT])
+        MeanShiftTest(FLEA, limits[1:], [0.1] * UNITS, backend, **known)
         for backend in ("numpy", "numba")
     ]
+    leverage, loads = draw.random((6000, len(FLEA.rows))), draw.standard_normal((6000, 2))
+    loads[50, 1] = np.nan
     counted, coefficients = False, 0
     for start in range(0, 6000, block):
         part = slice(start, start + block)
@@ -213,7 +263,8 @@ def test_compiled_gives_the_bits_of_numpy(block):
                 test.turn(opened=True)
             if start >= 5000 > start - block:
                 test.turn(opened=False)
-            test.step(piece, result, np.zeros(len(piece), dtype=bool))
+            alone = np.zeros(len(piece), dtype=bool)
+            test.step(piece, result, alone, leverage[part], loads[part])
         one, other = results
         assert one.table.tobytes() == other.table.tobytes()
         assert one.shift.tobytes() == other.shift.tobytes()

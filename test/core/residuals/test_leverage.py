@@ -9,7 +9,14 @@ from support.models import linear_ema as ema
 from support.observed import FLEA_COUNTS
 
 from flea_diag.configuration.description import compiled_relations
-from flea_diag.core.residuals.leverage import LeverageBasis, leverage_root, leverages
+from flea_diag.core.residuals.leverage import (
+    PLACE,
+    CalibrationEnvelope,
+    LeverageBasis,
+    LeverageFit,
+    leverage_root,
+    leverages,
+)
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_bank import ResidualBank
 
@@ -36,6 +43,25 @@ def test_a_direction_that_never_varied_is_far_away_once_it_does() -> None:
     both = np.concatenate((psi, np.zeros((100, 1))), axis=1)
     root = leverage_root(both)
     assert leverages(np.array([[1.0, 0.0, 1.0]]), root, (0,))[0, 0] > 100.0
+
+
+@pytest.mark.parametrize("loads", [1, 2])
+def test_loads_have_their_leverage_without_the_position(loads: int) -> None:
+    draw = np.random.default_rng(4)
+    force = draw.standard_normal((400, loads)) @ draw.standard_normal((loads, loads)) * 300.0 + 50.0
+    x = draw.uniform(0.01, 0.09, (400, 1))
+    both = np.concatenate((np.ones((400, 1)), force), axis=1)
+    psi = np.concatenate((both, x * both), axis=1)
+    fit = LeverageFit(PLACE, tuple(map(tuple, leverage_root(psi).tolist())), 1.0, 1.0)
+    metric = CalibrationEnvelope("x", (fit,)).load_metric
+    found = np.square((force - force.mean(axis=0)) @ metric).sum(axis=1)
+    # The intercept has 1 / (1 + loads) of it everywhere.
+    alone = leverages(both, leverage_root(both), (0,))[:, 0] - 1.0 / (1 + loads)
+    assert found == pytest.approx(alone, rel=1e-6)
+
+
+def test_without_a_place_there_is_no_metric_of_loads() -> None:
+    assert CalibrationEnvelope("x", ()).load_metric.shape == (0, 0)
 
 
 def test_the_response_of_a_relation_is_none_of_its_regressors() -> None:
