@@ -17,6 +17,7 @@ from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.faults.fault_signature import UNAFFECTED, FaultSignature, compatible
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
+from flea_diag.core.isolation.missing_jump import Jump, missing_jump
 from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.signatures.signature import SignatureTable
 
@@ -251,6 +252,17 @@ class Isolation:
                     )
                 )
         self.normalise()
+
+    def require_jumps(self, stamp_ns: int, jumps: Mapping[str, Jump]) -> None:
+        """Drop all that are left, if each is an error that begins with a jump, and none was seen.
+
+        What fits best and cannot be is no evidence for what fits worse: a group is not narrowed.
+        """
+        missing = [(h, missing_jump(h.fault, h.fit, jumps)) for h in self.alive()]
+        if all(words for _, words in missing):
+            for hypothesis, words in missing:
+                source = hypothesis.fault.channel
+                hypothesis.add(ConsistencyCheck(stamp_ns, source, "0", "", False, words))
 
     def update(self, stamp_ns: int, feature: str, symbol: str, left: Mapping[str, float]) -> None:
         """Apply a feature value: ``left`` are the remaining faults, with probabilities."""

@@ -76,6 +76,11 @@ class EffectSet(Frozen):
         """Faults that move a relation."""
         return frozenset(model.fault for model in self.models if model.effects)
 
+    @cached_property
+    def readings(self) -> tuple[str, ...]:
+        """Basis signals that are the reading of a sensor which may be biased."""
+        return tuple(name for name in self.names if f"{name}_bias" in self.faults)
+
     @property
     def residuals(self) -> ResidualSet:
         """The residuals of the stand."""

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.isolation.missing_jump import JumpMemory
 from flea_diag.stages.isolator.fault_episode import CONCLUSIVE_S, FaultEpisode
 from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.stages.isolator.quantitative_isolation import QuantitativeIsolation
@@ -26,8 +27,10 @@ class EpisodeEvaluation:
         quantitative: QuantitativeIsolation,
         parameters: IsolatorParameters,
         stand: StandStatus,
+        jumps: JumpMemory,
     ) -> None:
         self._quantitative = quantitative
+        self._jumps = jumps
         self._p = parameters
         self._stand = stand
 
@@ -45,6 +48,9 @@ class EpisodeEvaluation:
         followed_ns = stamp_ns - max(episode.shared.detected_ns, self._stand.first_ns)
         if followed_ns / 1e9 >= self._p.settle_s or episode.evidence.moves(self._p.settle_motion_s):
             episode.settled = True
+        if episode.settled and not self._stand.is_early(episode.shared.detected_ns):
+            jumps = self._jumps.largest(episode.shared.detected_ns)
+            episode.isolation.require_jumps(stamp_ns, jumps)
         if episode.symbols and (episode.settled or episode.evidence.lasts(CONCLUSIVE_S)):
             episode.isolation.require(
                 stamp_ns, episode.magnitudes(), episode.evidence.moved_channels(), episode.settled

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from flea_diag.core.causal_graph.operating_point import QUADRANTS, Quadrant
+from flea_diag.core.isolation.missing_jump import JumpMemory
 from flea_diag.stages.isolator.episode_lifecycle import Change, EpisodeLifecycle
 from flea_diag.stages.isolator.feature_requests import FeatureRequests
 from flea_diag.stages.isolator.motion_history import MotionHistory
@@ -87,8 +88,17 @@ class IsolatorStage:
             FeatureRequests(knowledge, parameters, merge),
             VerdictRecord(knowledge, parameters, quantitative.models, quantitative.names),
         )
+        effects, counts = knowledge.effects, knowledge.calibration.counts
+        jumps = JumpMemory(effects.names, effects.readings, counts)
         scans = ScanIsolation(
-            parameters, quantitative, stand, motion, self._vibration, self._episodes, self._output
+            parameters,
+            quantitative,
+            stand,
+            motion,
+            self._vibration,
+            self._episodes,
+            self._output,
+            jumps,
         )
         self._take: dict[type, Callable[[Any], Records]] = {
             Residual: scans.step,

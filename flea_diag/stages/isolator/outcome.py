@@ -21,8 +21,6 @@ from flea_diag.wire.records import DRIVER_DEAD, STARVING, STREAM, Outcome
 Decision = tuple[Outcome, str]
 """An outcome and its words."""
 
-EARLY_NS = 8_000_000_000
-"""A deviation this soon after the start of the stream counts as present since the start."""
 DIVERGED = (
     "state observer diverged and no residual isolates a cause: the calibration does not fit this "
     "actuator, calibrate on its own recordings"
@@ -65,7 +63,7 @@ class OutcomeRules:
                 return Outcome.MODEL_MISMATCH, f"{stand.beyond}: {REMEDY}"
             return self._quiet(stamp_ns, stand)
         outcome, words = self._of_episode(stamp_ns, stand, episode)
-        early = episode.shared.detected_ns - max(stand.start_ns, stand.unit_ns) <= EARLY_NS
+        early = stand.is_early(episode.shared.detected_ns)
         if outcome is Outcome.UNEXPLAINED and early:
             return (
                 Outcome.MODEL_MISMATCH,

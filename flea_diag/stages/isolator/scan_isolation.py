@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flea_diag.core.isolation.missing_jump import JumpMemory
 from flea_diag.stages.isolator.episode_evaluation import EpisodeEvaluation, evaluation_ends
 from flea_diag.stages.isolator.episode_lifecycle import EpisodeLifecycle
 from flea_diag.stages.isolator.fault_episode import FaultEpisode
@@ -29,10 +30,12 @@ class ScanIsolation:
         vibration: VibrationWatch,
         episodes: EpisodeLifecycle,
         output: IsolatorOutput,
+        jumps: JumpMemory,
     ) -> None:
         self._rest_ns = parameters.rest_s * 1e9
         self._quantitative = quantitative
-        self._evaluation = EpisodeEvaluation(quantitative, parameters, stand)
+        self._jumps = jumps
+        self._evaluation = EpisodeEvaluation(quantitative, parameters, stand, jumps)
         self._stand = stand
         self._motion = motion
         self._vibration = vibration
@@ -44,6 +47,7 @@ class ScanIsolation:
         moving = record.regressors[-1] > 0.5
         self._stand.step(record.stamp_ns, moving, bool(record.health and record.health[-1]))
         self._motion.step(record.stamp_ns, record.regressors, moving)
+        self._jumps.add((record.stamp_ns,), (record.regressors,))
         raised = self._listen(record.stamp_ns)
         episode = self._episodes.current
         if episode is None:
@@ -61,6 +65,7 @@ class ScanIsolation:
         episode = self._episodes.current
         out: list[Record] = []
         if episode is None:
+            self._jumps.add(block.stamps_ns, block.regressors)
             self._quantitative.learn(block)
             for row in turns:
                 out.extend(self._output.say(int(block.stamps_ns[row])))
@@ -69,11 +74,17 @@ class ScanIsolation:
             pass  # the outcome of an episode does not depend on it
         start = 0
         for end in evaluation_ends(episode, block.stamps_ns):
-            episode.evidence.add(block.part(slice(start, end)))
+            self._take(episode, block.part(slice(start, end)))
             out.extend(self._evaluate(int(block.stamps_ns[end - 1]), episode))
             start = end
-        episode.evidence.add(block.part(slice(start, None)))
+        self._take(episode, block.part(slice(start, None)))
         return tuple(out)
+
+    def _take(self, episode: FaultEpisode, block: ResidualBlock) -> None:
+        """Add scans, possibly none, to what is known of an episode."""
+        if len(block):
+            self._jumps.add(block.stamps_ns, block.regressors)
+        episode.evidence.add(block)
 
     def _evaluate(self, stamp_ns: int, episode: FaultEpisode) -> Records:
         """Evaluate the episode if due; otherwise look for a window for the next feature."""

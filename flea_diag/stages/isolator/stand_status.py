@@ -40,6 +40,8 @@ LOST_NS = 3_000_000_000
 """A state observer that has diverged for this long has a model that does not fit."""
 GAP_NS = 1_000_000_000
 """After a gap this long an earlier divergence is not counted on."""
+EARLY_NS = 8_000_000_000
+"""A deviation this soon after the start of the stream counts as present since the start."""
 SEEN_MOVING_S = 0.5
 """Time in motion before motor and screw are observable."""
 
@@ -88,6 +90,10 @@ class StandStatus:
     def start_ns(self) -> int:
         """First scan of the run: the observer's, where this isolator has come later."""
         return self.began_ns if self.came_late else self.first_ns
+
+    def is_early(self, detected_ns: int) -> bool:
+        """Whether what is detected then was there from the start of the run, or of this unit."""
+        return detected_ns - max(self.start_ns, self.unit_ns) <= EARLY_NS
 
     @property
     def came_late(self) -> bool:

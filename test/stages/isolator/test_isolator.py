@@ -167,6 +167,18 @@ def test_a_sensor_fault_is_found_with_its_size(channel, error, fault, size, sigm
     assert member.size_unit
 
 
+def test_a_load_that_no_sensor_feels_is_no_bias_of_the_load_cell():
+    def load(t: float) -> float:
+        return 60.0 + 40.0 * math.sin(1.3 * t) + (150.0 if t >= 10.0 else 0.0)
+
+    columns = ema.noisy(ema.run(seconds=20.0, load=load), 60)
+    columns["load_force"][1000:] -= 150.0
+    last = stands.of(AmbiguityGroup, diagnose(stands.scans(columns)))[-1]
+    assert (last.outcome, last.members) == (Outcome.UNEXPLAINED, ())
+    (bias,) = (row for row in last.dropped if row.fault == "load_force_bias")
+    assert "has jumped by" in bias.reason
+
+
 def test_without_a_voltage_current_and_load_cell_are_one_by_design():
     scans = [
         replace(scan, values=tuple(math.nan if name == "motor_voltage" else value

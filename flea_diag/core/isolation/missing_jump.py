@@ -1,0 +1,132 @@
+"""Errors of a reading that begin at once, held against how far that reading has jumped.
+
+A bias of a sensor and a force that no sensor feels are one and the same in the balance of forces.
+At the onset they are not: a bias is a jump of that very reading, and any other disturbance moves
+the others. A hypothesis whose jump is missing since long before the detection is contradicted. It
+stays where the reading jumps as far in healthy motion: nothing need be known of its noise.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flea_diag.core.faults.fault import Fault
+from flea_diag.core.likelihood.fit import Fit
+from flea_diag.core.scan_counts import ScanCounts
+
+Array = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
+Row = Sequence[float]
+
+PIECE_S = 1.0
+"""Length of a piece of which the largest jumps are kept."""
+PIECES = 60
+"""How many are kept: an error came up within a minute, even if the actuator has rested since."""
+WATCHED_S = 4.0
+"""Time in motion before the detection that must be known, as long as the longest window of a test:
+what began before that would have been detected."""
+SEEN_SHARE = 0.5
+"""A reading that has jumped by less than this share of an error has not taken it on: what noise
+takes from a jump, and what a fitted size is off by, is less. An assumption."""
+SIGMAS = 2.0
+"""Standard errors by which a fitted size may be too large."""
+LOST_PERIODS = 2.5
+"""Time between two scans, in periods, in which a jump may have gone unseen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """The largest jump of a reading, in its unit and as a share of the reading after it.
+
+    NaN where a reading is missing.
+    """
+
+    size: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class JumpPiece:
+    """Largest jumps and shares of some scans, shape (2, readings), last stamp, scans in motion."""
+
+    largest: Array
+    until_ns: int
+    moving: int
+
+
+class JumpMemory:
+    """Keeps the largest jumps of the last minute; constant memory.
+
+    ``names``: signals, then the jumps of ``readings`` and, last, whether it moves.
+    """
+
+    def __init__(self, names: Sequence[str], readings: Sequence[str], counts: ScanCounts) -> None:
+        self._readings = tuple(readings)
+        self._places = [names.index(name) for name in readings]
+        self._jumps = slice(len(names), len(names) + len(readings))
+        self._lost_ns = LOST_PERIODS * counts.period_s * 1e9
+        self._watched = counts.of(WATCHED_S)
+        self._rows = np.empty((counts.of(PIECE_S), len(names) + len(readings) + 2))
+        self._stamps_ns = np.zeros(1 + len(self._rows), dtype=np.int64)
+        self._pieces: deque[JumpPiece] = deque(maxlen=PIECES)
+        self._count = 0
+
+    def add(self, stamps_ns: Sequence[int] | Stamps, rows: Sequence[Row] | Array) -> None:
+        """Take the regressors of n >= 1 scans; those without jumps, of older bags, say nothing."""
+        if len(rows[0]) != self._rows.shape[1]:
+            return
+        if not self._stamps_ns[0]:
+            self._stamps_ns[0] = stamps_ns[0]
+        start = 0
+        while start < len(rows):
+            end = min(start + len(self._rows) - self._count, len(rows))
+            here = slice(self._count, self._count + end - start)
+            self._rows[here], self._stamps_ns[1:][here] = rows[start:end], stamps_ns[start:end]
+            start, self._count = end, here.stop
+            if self._count == len(self._rows):
+                self._pieces.append(self._piece())
+                self._stamps_ns[0], self._count = self._stamps_ns[-1], 0
+
+    def _piece(self) -> JumpPiece:
+        """What the scans show that wait."""
+        rows, stamps_ns = self._rows[: self._count], self._stamps_ns[: self._count + 1]
+        jumps, readings = rows[:, self._jumps], rows[:, self._places]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = np.abs(jumps / (readings + jumps))
+        # One that is not known makes the largest of them unknown.
+        largest = np.maximum.reduce(np.stack((np.abs(jumps), shares)), axis=1)
+        if (np.diff(stamps_ns) > self._lost_ns).any():
+            largest[:] = np.nan
+        return JumpPiece(largest, int(stamps_ns[-1]), int((rows[:, -1] > 0.5).sum()))
+
+    def largest(self, detected_ns: int) -> Mapping[str, Jump]:
+        """Of each reading the largest jump; none if too little is known before the detection."""
+        pieces = [*self._pieces, self._piece()] if self._count else list(self._pieces)
+        before, near = 0, len(pieces)
+        while near and before < self._watched:
+            near -= 1
+            before += pieces[near].moving if pieces[near].until_ns <= detected_ns else 0
+        if before < self._watched:
+            return {}
+        sizes = np.maximum.reduce([piece.largest[0] for piece in pieces])
+        shares = np.maximum.reduce([piece.largest[1] for piece in pieces[near:]])
+        rows = zip(self._readings, sizes.tolist(), shares.tolist(), strict=True)
+        return {name: Jump(size, share) for name, size, share in rows}
+
+
+def missing_jump(fault: Fault, fit: Fit | None, jumps: Mapping[str, Jump]) -> str:
+    """Why a fault with this fit must have begun with a larger jump; empty: it need not."""
+    jump = jumps.get(fault.channel)
+    if jump is None or fit is None or fault.incipient or fault.mode not in ("bias", "scaling"):
+        return ""
+    size = abs(fit.sizes[0])
+    least = SEEN_SHARE * (size - SIGMAS * fit.sigmas[0])
+    seen = jump.size if fault.mode == "bias" else jump.share
+    if not seen < least:  # nor is one that is not known
+        return ""
+    return f"the reading has jumped by {seen:.3g} at most, not by {size:.3g}"
