@@ -30,8 +30,11 @@ NOISE_WINDOWS = (100, 400)  # assumption: a burst, and a lasting rise
 UNIT_LOG = 0.3
 """Logarithm of the factor by which a healthy sensor of another unit may be noisier."""
 STEP_GUARD = math.exp(UNIT_LOG)
-"""Ratio of the limit of steps to the largest step in nominal recordings: where none is of the
-motion it is of the noise, and a healthy sensor that is noisier steps by more."""
+"""Ratio of the limit of steps to the largest step to expect of the noise: where none is of the
+motion it is of that, and a healthy sensor that is noisier steps by more."""
+FEW = 0.01
+"""Share of the scans whose steps are larger than the one that tells the scatter of all: few enough
+to be of the tail, and many enough to be none of the motion's."""
 SLOW_SHARE = 0.5
 """Where healthy motion seems to step by more of the way of a scan, starts and stops take no longer
 than a scan: a step of the sensor shows beyond what a scan may go, and no sooner."""
@@ -168,7 +171,7 @@ def _limit(
     way = max(float(np.quantile(step, REACH_QUANTILE)) for step in steps)
     sudden = 0.0
     if channel in sensors.positions:
-        sudden = max(float(np.nanmax(np.abs(position_steps(c)), initial=0.0)) for c in columns)
+        sudden = _largest_step(columns, _quantile(rate_per_s * period_s))
     return SensorLimit(
         channel,
         quietest,
@@ -179,6 +182,20 @@ def _limit(
         _step_limit(sudden, way),
         _quantile(rate_per_s * period_s * NOISE_WINDOWS[0]),
     )
+
+
+def _largest_step(columns: Sequence[Array], rare: float) -> float:
+    """The largest step to expect: of the recordings, or of their noise at the stated rate.
+
+    ``rare``: what a standard normal variable exceeds so seldom. Steps of noise are estimated as the
+    smallest of three that agree, and have no heavier a tail.
+    """
+    steps = np.concatenate([np.abs(position_steps(column)) for column in columns])
+    steps = steps[np.isfinite(steps)]
+    if not len(steps):
+        return 0.0
+    scatter = float(np.quantile(steps, 1.0 - FEW)) / _quantile(FEW)
+    return max(float(steps.max()), rare * scatter)
 
 
 def _step_limit(sudden: float, way: float) -> float:

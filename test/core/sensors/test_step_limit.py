@@ -43,6 +43,17 @@ def test_a_step_is_no_shorter_than_healthy_motion_may_look(
     assert limit.step == pytest.approx(of_way * way + of_sudden * sudden)
 
 
+def test_a_largest_step_that_happens_to_be_small_is_not_the_limit_of_noise() -> None:
+    rng = np.random.default_rng(3)
+    period_s, noise_m = 0.005, 2.0e-5
+    short = [strokes(period_s, 0.0) + rng.normal(0.0, noise_m, 12_000) for _ in range(2)]
+    (limit,) = sensor_limits([{"actuator_position": c} for c in short], SENSORS, 0.1, period_s)
+    largest = max(float(np.abs(position_steps(c)).max()) for c in short)
+    noisier = np.abs(position_steps(rng.normal(0.0, STEP_GUARD * noise_m, 3 * 720_000)))
+    assert (noisier > STEP_GUARD * largest).sum() > 200
+    assert (noisier > limit.step).sum() < 20
+
+
 @pytest.mark.parametrize("period_s", [0.01, 0.005, 0.02])
 def test_a_jump_is_accepted_after_a_tenth_of_a_second_at_any_rate(period_s: float) -> None:
     limit = SensorLimit("motor_current", 0.0, 1.0, 1.0, 0, 0.5, 0.0, 5.0)
