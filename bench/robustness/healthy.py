@@ -26,15 +26,15 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from robustness.promise import outside_s
 from summary import Figure, bench_parser, write_summary
 
 from flea_diag.configuration.component import make_pipeline
 from flea_diag.configuration.stand import Stand, load_stand
 from flea_diag.core.residuals.channel_units import COMMAND, VOLTAGE
 from flea_diag.errors import ConfigurationError
-from flea_diag.tools.evaluate.case_run import Diagnosis, diagnose
-from flea_diag.wire.records import TAKEN_BACK, AmbiguityGroup, DataQuality, Detection, Scan
-from flea_diag.wire.vocabulary import OUTSIDE_CALIBRATION
+from flea_diag.tools.evaluate.case_run import diagnose
+from flea_diag.wire.records import TAKEN_BACK, AmbiguityGroup, Detection, Scan
 from flea_sim_driver.machine.library import find_machine
 from flea_sim_driver.machine.machine import Machine
 from flea_sim_driver.scenario.scenario_file import scenario_from_mapping
@@ -207,20 +207,8 @@ def diagnosed(stand: Stand, records: list[Any]) -> tuple[tuple[str, ...], int, f
         for g in last.values()
     ]
     back = sum(TAKEN_BACK in detection.test for detection in detections)
-    return tuple(words), back, _outside(done), groups[-1].outcome.name
-
-
-def _outside(done: Diagnosis) -> float:
-    """Share of the run in which something was outside the calibration."""
-    told = [record for record in done.kept if isinstance(record, DataQuality)]
-    ends = done.start_ns + round(DURATION_S * 1e9)
-    edges = [*(record.stamp_ns for record in told), ends]
-    outside_ns = sum(
-        after - record.stamp_ns
-        for record, after in zip(told, edges[1:], strict=True)
-        if any(row.channel == OUTSIDE_CALIBRATION for row in record.channels)
-    )
-    return outside_ns / (ends - done.start_ns)
+    share = outside_s(done, DURATION_S) / DURATION_S
+    return tuple(words), back, share, groups[-1].outcome.name
 
 
 def wider(name: str, folder: Path) -> str:

@@ -28,10 +28,11 @@ from flea_diag.configuration.stand import load_stand
 from flea_diag.tools.calibrate.calibrate import write_calibration
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording, read_nominal
 from flea_diag.tools.calibrate.procedure import calibrate
-from flea_diag.tools.evaluate.case_run import diagnose
+from flea_diag.tools.evaluate.case_run import Diagnosis, diagnose
 from flea_diag.tools.main import main as main_of
 from flea_diag.wire.bags.bag import BagReader
-from flea_diag.wire.records import AmbiguityGroup, ChannelTable, Scan
+from flea_diag.wire.records import AmbiguityGroup, ChannelTable, DataQuality, Scan
+from flea_diag.wire.vocabulary import OUTSIDE_CALIBRATION
 
 SIZES = (3, 6, 12, 24)
 STATED_PER_HOUR = 0.1
@@ -45,13 +46,35 @@ def imported(folder: Path, kind: str = "Nominal") -> list[Path]:
     return sorted(folder.iterdir())
 
 
-def diagnosed(bag: Path, calibration: Path) -> list[AmbiguityGroup]:
-    """The last group of each episode in a recording."""
+def diagnosis(bag: Path, calibration: Path) -> Diagnosis:
+    """What the stages say of a recording with this calibration."""
     stand = load_stand(calibration=str(calibration))
     records = (record for _, record in BagReader(bag).records((ChannelTable, Scan)))
-    kept = diagnose(records, make_pipeline(stand)).kept
-    groups = (record for record in kept if isinstance(record, AmbiguityGroup))
+    return diagnose(records, make_pipeline(stand))
+
+
+def episodes(done: Diagnosis) -> list[AmbiguityGroup]:
+    """The last group of each episode."""
+    groups = (record for record in done.kept if isinstance(record, AmbiguityGroup))
     return list({group.episode: group for group in groups if group.episode}.values())
+
+
+def diagnosed(bag: Path, calibration: Path) -> list[AmbiguityGroup]:
+    """The last group of each episode in a recording."""
+    return episodes(diagnosis(bag, calibration))
+
+
+def outside_s(done: Diagnosis, duration_s: float) -> float:
+    """Time of a run in which something was not tested for lying outside the calibration."""
+    told = [record for record in done.kept if isinstance(record, DataQuality)]
+    ends = done.start_ns + round(duration_s * 1e9)
+    edges = [*(record.stamp_ns for record in told), ends]
+    outside_ns = sum(
+        after - record.stamp_ns
+        for record, after in zip(told, edges[1:], strict=True)
+        if any(row.channel == OUTSIDE_CALIBRATION for row in record.channels)
+    )
+    return outside_ns / 1e9
 
 
 def of_size(

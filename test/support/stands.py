@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -20,25 +20,30 @@ from flea_diag.tools.calibrate.nominal_recording import NominalRecording
 from flea_diag.tools.calibrate.procedure import calibrate
 from flea_diag.wire.records import AmbiguityGroup, ChannelInfo, ChannelTable, Record, Scan
 from support.models import linear_ema as ema
+from support.shared import shared_calibration
 
 PERIOD_NS = 10_000_000
 START_NS = 1_000_000_000_000
 STAND = load_stand(features="feature_table_paper.yaml")
 
 
-@lru_cache(maxsize=2)
+@cache
 def calibration(channels: tuple[str, ...] = ema.STAND) -> Calibration:
     """Learned from the healthy runs, for a stand with these channels."""
-    recordings = [
-        NominalRecording(
-            NominalRun(f"run{n}", ema.rows(columns, channels)), "s", channels, "mean", 0.01
-        )
-        for n, columns in enumerate(ema.nominal_runs())
-    ]
-    return calibrate(recordings, "actuator.yaml", 0.1)
+
+    def made() -> Calibration:
+        recordings = [
+            NominalRecording(
+                NominalRun(f"run{n}", ema.rows(columns, channels)), "s", channels, "mean", 0.01
+            )
+            for n, columns in enumerate(ema.nominal_runs())
+        ]
+        return calibrate(recordings, "actuator.yaml", 0.1)
+
+    return shared_calibration(f"linear_ema {channels}", made)
 
 
-@lru_cache(maxsize=2)
+@cache
 def relations(channels: tuple[str, ...] = ema.STAND) -> RelationSet:
     """What runs on a stand with these channels."""
     return of_stand.relations(STAND, calibration(channels))
