@@ -122,8 +122,7 @@ class EnvelopeWatch:
         self._columns = [table.of_relation(name) for name in self._basis.names]
         alone = {*chain(range(len(table.rows))[table.sensor_columns], *self._columns)}
         self._others = [j for j in range(len(table.rows)) if j not in alone]
-        self._columns += [[table.column(store)] for store in stores]
-        self._warmed = [_warmed_by(store, relations) for store in stores]
+        self._columns += [_warmed_by(store, relations) for store in stores]
         self._travel = known.travel
         if self._travel is not None:
             self._factors = self._travel.table([row.name for row in table.rows])
@@ -162,9 +161,7 @@ class EnvelopeWatch:
             beyond = np.zeros((count, len(self._known.rows)))
             relations = len(self._basis.names)
             beyond[:, self._others] = over[:, :relations].max(axis=1)[:, None]
-            for k, columns in enumerate(self._columns[:relations]):
-                beyond[:, columns] = over[:, k, None]
-            for k, columns in enumerate(self._warmed, start=relations):
+            for k, columns in enumerate(self._columns):
                 beyond[:, columns] = np.maximum(beyond[:, columns], over[:, k, None])
         self.place = OperatingPlace(beyond, travel, loads)
         far = h > self._far

@@ -88,15 +88,15 @@ def test_a_load_far_beyond_silences_what_rests_on_it_and_nothing_else() -> None:
     names = list(LeverageBasis(stands.relations()).names)
     ends = max(k for k, place in enumerate(outside) if any(n < len(names) for n in place))
     assert 800 + 3 * KERNEL - 31 <= ends <= 800 + 3 * KERNEL + 31
-    for name in ("parity_mechanical", "parity_electrical"):
-        silent = np.array([names.index(name) in place for place in outside[100:]])
+    # The heat lasts longer than the load, and the resistance of the winding rests on it.
+    stores = [row.name for row in stands.relations().predictions]
+    hot = len(names) + stores.index("motor_temperature")
+    for name, rests_on in (("parity_mechanical", ()), ("parity_electrical", (hot,))):
+        rests_on = {names.index(name), *rests_on}
+        silent = np.array([bool(rests_on & {*place}) for place in outside[100:]])
         gone = np.isnan(of(residuals, slice(100, None), name, f"{name}_dn"))
         assert (gone == silent[:, None]).all()
         assert silent.any()
-    # The heat lasts longer than the load.
-    hot = len(names) + [row.name for row in stands.relations().predictions].index(
-        "motor_temperature"
-    )
     assert outside[-1] == (hot,)
     assert np.isnan(of(residuals, slice(1100, None), "motor_temperature")).all()
 
@@ -196,7 +196,8 @@ def test_the_verdict_names_the_range_and_is_not_observable_meanwhile() -> None:
     # The heat of the load lasts longer than the load.
     last = [r.reason for r in stands.of(DataQuality, said)[-1].channels]
     assert last[-1].startswith("motor_temperature is supplied with 0.0")
-    assert last[-1].endswith(" was calibrated: motor_temperature not tested")
+    gone = "motor_temperature, parity_electrical, parity_electrical_dn"
+    assert last[-1].endswith(f" was calibrated: {gone} not tested")
     assert groups[-1].outcome is Outcome.NOT_OBSERVABLE
 
 
