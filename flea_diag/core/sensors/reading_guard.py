@@ -1,9 +1,9 @@
 """Jumps and held readings of one channel; affected readings are withheld.
 
 A reading that jumps by more than the sensor's nominal reach is withheld until it has stayed at
-the new level for ``HOLD_S``; one that goes on in that direction, as far in each scan, moves. A
-reading that repeats more often than chance allows is withheld while it repeats. A drop-out thus
-reaches no derivative and no mean.
+the new level for ``HOLD_S``; one that goes on in that direction, faster than any nominal one,
+moves. A reading that repeats more often than chance allows is withheld while it repeats. A drop-out
+thus reaches no derivative and no mean.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections import deque
 
 from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.core.sensors.position_step import SPAN
-from flea_diag.core.sensors.sensor_limits import DROPOUT_S, SensorLimit
+from flea_diag.core.sensors.sensor_limits import DROPOUT_S, REACH_GUARD, SensorLimit
 
 HOLD_S = 0.1
 """Time after which a reading that jumped is accepted as the new level."""
@@ -99,7 +99,8 @@ class ReadingGuard:
     def _leap(self, scan: int, change: float) -> float:
         """Track a reading that jumped; its step once it has stayed at the new level, else 0."""
         leaps, leapt = abs(change) > self._limit.reach, 0.0
-        goes_on, self._went = leaps and change * self._went > 0.0, change if leaps else 0.0
+        goes_on = change * self._went > 0.0 and REACH_GUARD * abs(change) > self._limit.reach
+        self._went = change if leaps or goes_on else 0.0
         self._calm = max(self._calm - 1, 0)
         if goes_on:
             self._away, self._speed = 0, change

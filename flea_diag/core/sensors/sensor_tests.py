@@ -29,8 +29,8 @@ Flags = npt.NDArray[np.bool_]
 TWICE = 1.5
 """Limit of the number of drop-outs: the second one exceeds it."""
 RUSH = 4
-"""Scans in a row in which all positions go farther than in any healthy scan, one way: the actuator
-has run away. Noise hardly goes one way four times. An assumption."""
+"""Scans in a row in which all positions that are not held go farther than in any healthy scan, one
+way: the actuator has run away. Noise hardly goes one way four times. An assumption."""
 
 
 @dataclass(slots=True)
@@ -94,6 +94,8 @@ class SensorTests:
         self._scan = 0
         self._rushed, self._rushing = -NOISE_WINDOWS[0], False
         """Last scan in which the actuator ran away, and whether that is still of effect."""
+        self.away: Flags | None = None
+        """In which of the last rows it was; None: in none."""
         self.stuck = dict.fromkeys(self._names, 0)
         """Number of readings of each channel held longer than chance allows."""
         self._places = {
@@ -156,7 +158,7 @@ class SensorTests:
         near = recent[-(count + 2 * SPAN - 1) :]
         anywhere = look(rows, self._columns, bounds, stepping, near, inside, z, odd)
         leaps = self._rushing or (anywhere and odd[:, self._stepping].any())
-        void = self._rushes(near, inside) if leaps else None
+        self.away = void = self._rushes(near, inside) if leaps else None
         self._recent = recent[count:]
         z[:, self._places["noise"]] = self._noise.step(inside)
         if anywhere or self._watched:
@@ -175,8 +177,10 @@ class SensorTests:
         count = len(inside) - 3
         ways = np.diff(recent[-(count + 3 + RUSH) :, self._stepping], axis=0)
         far = np.where(np.abs(ways) > self._reach[self._stepping], np.sign(ways), 0.0)
-        run = sum(far[k : k + count + 3] for k in range(RUSH))
-        rush = (np.abs(run) == RUSH).all(axis=1) & (len(self._stepping) > 0)
+        ends = [slice(k, k + count + 3) for k in range(RUSH)]
+        runs = np.abs(sum(far[end] for end in ends)) == RUSH
+        held = np.all([ways[end] == 0.0 for end in ends], axis=0)
+        rush = (runs | held).all(axis=1) & runs.any(axis=1)
         at = self._scan - 3 + np.arange(count + 3)
         last = np.maximum.accumulate(np.where(rush, at, self._rushed))
         void = at - last < NOISE_WINDOWS[0]

@@ -48,10 +48,11 @@ def test_noise_that_jumps_both_ways_holds_nothing() -> None:
     assert drop_outs([60.0, 60.1, 60.2, 1.0, 2.0, 0.5, 1.5, 60.1, 60.0, 60.3]) == 0
 
 
-def test_a_reading_that_goes_on_leaping_one_way_moves() -> None:
+@pytest.mark.parametrize("share", [1.0, 0.6])
+def test_a_reading_that_goes_on_one_way_faster_than_any_nominal_one_moves(share: float) -> None:
     guard = ReadingGuard(LIMIT, 0.01)
     guard.wake(60.0, 60.1)
-    runs_away = [85.0 + 25.0 * k for k in range(20)]
+    runs_away = [85.0 + share * 25.0 * k for k in range(20)]
     taken = [
         guard.take(k, v, False) for k, v in enumerate(runs_away + [560.0 + k for k in range(20)])
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -417,3 +418,18 @@ def test_when_the_actuator_runs_away_no_sensor_is_blamed_until_a_window_after_it
             beyond = (np.abs(z) > k).any(axis=0)
         assert beyond[NAMES.index("motor_current_noise")] == blamed
         assert not beyond[NAMES.index("actuator_position")]
+
+
+def test_it_runs_away_though_another_position_is_held(limits):
+    position = next(limit for limit in limits if limit.channel == "actuator_position")
+    limits = (*limits, replace(position, channel="load_position"))
+    names = (*CHANNELS, "load_position")
+    ways = np.zeros((2, 20, 2))
+    ways[:, 10:, 0] = np.linspace(0.0, 18.0 * position.reach, 10)
+    ways[0, :, 1] = 1e-5 * np.arange(20)  # it moves as ever
+    for way, runs in zip(ways, (False, True), strict=True):
+        tests = SensorTests(limits, names, FLEA, "numpy", period_s=0.01, counts=FLEA_COUNTS)
+        rows = np.zeros((20, len(names)))
+        rows[:, [1, -1]] = way
+        tests.step(rows)
+        assert (tests.away is not None and tests.away.any()) == runs
