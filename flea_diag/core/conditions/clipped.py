@@ -1,9 +1,10 @@
-"""Readings at a limit of their range while a part is at an end of its travel.
+"""Readings at a limit of their range while a part is at an end of its travel, or has run away.
 
 A stop stretches what lies between two positions and loads what pushes against it: a position
-stands at the end of its scale while the other goes on, a load cell reads what it can. Such a
-reading says that there is at least so much, so no relation holds with it. Away from the ends it is
-the sensor that is at fault.
+stands at the end of its scale while the other goes on, a load cell reads what it can. A motor that
+nothing holds turns faster than ever, and its back-EMF is more than a voltmeter reads. Such a
+reading says that there is at least so much, so no relation holds with it. Elsewhere it is the
+sensor that is at fault.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 
 class ClippedReadings:
@@ -31,23 +33,25 @@ class ClippedReadings:
         self.use({})
         self._left = np.zeros(len(rows.channels), dtype=np.int64)
         self._lingers = False
-        self._void: npt.NDArray[np.bool_] | None = None
+        self._void: Flags | None = None
 
     def use(self, ranges: Mapping[str, tuple[float, float]]) -> None:
         """Take the ranges of channels; one without a range is never clipped."""
         bounds = [ranges.get(name, (-np.inf, np.inf)) for name in self._channels]
         self._low, self._high = np.array(bounds).T
 
-    def step(self, rows: Array, at_end: bool) -> None:
-        """Take n scans, shape (n, channels); ``at_end``: the part came to an end of its travel."""
+    def step(self, rows: Array, beyond: bool | Flags) -> None:
+        """Take n scans, shape (n, channels).
+
+        ``beyond``: whether the part came to an end of its travel, or has run away, in all or (n,).
+        """
         self._void = None
-        if not (at_end or self._lingers):
+        there = np.broadcast_to(beyond, len(rows))
+        if not (there.any() or self._lingers):
             return
-        clipped = (rows <= self._low) | (rows >= self._high)
-        if not at_end or not clipped.any():
-            if not self._lingers:
-                return
-            clipped = clipped & at_end
+        clipped = ((rows <= self._low) | (rows >= self._high)) & there[:, None]
+        if not (clipped.any() or self._lingers):
+            return
         void = np.empty_like(clipped)
         for scan, now in enumerate(clipped):
             self._left = np.where(now, self._scans, np.maximum(self._left - 1, 0))

@@ -80,7 +80,7 @@ CONDITIONS: tuple[Condition, ...] = (
     ),
     Condition(
         "clipped_reading",
-        "at an end that it moved to, a reading is at a limit of its range: there may be more",
+        "at an end that it moved to, or as it runs away, a reading is at a limit of its range",
         "core.conditions.clipped",
         _of_relations,
         LONGEST_S,

@@ -116,14 +116,19 @@ class ConditionWatch:
         rows: Array,
         residuals: ResidualRows,
         voltage_usable: Flags,
+        away: Flags | None = None,
     ) -> int:
-        """Take n scans; the first that changes the state, or n."""
+        """Take n scans; the first that changes the state, or n.
+
+        ``away``, shape (n,): where the actuator has run away; None: nowhere.
+        """
         if self._commanded >= 0:
             at_end = at_limit(rows[:, self._commanded], *self._range)
             self._void_drive = self._saturated.step(at_end)
         turn = self._travel.step(p, rows, residuals, voltage_usable)
         contact, said = self._travel.contact, self._since_ns
-        self._clipped.step(rows, contact not in (Contact.FREE, Contact.OVERDUE))
+        at_stop = contact not in (Contact.FREE, Contact.OVERDUE)
+        self._clipped.step(rows, at_stop if away is None or at_stop else away)
         self.begins = None
         if turn < len(rows):
             begins = contact is Contact.HELD and said == NEVER_NS

@@ -188,7 +188,8 @@ class ResidualStream:
             self._tests.forget(self._voltage.columns)
         turn = len(rows)
         if read:
-            turn = self.conditions.step(self._p, stamps_ns, rows, residuals, voltage.usable)
+            usable, away = voltage.usable, self._sensors.away
+            turn = self.conditions.step(self._p, stamps_ns, rows, residuals, usable, away)
         if self.envelope is not None:
             turn = min(turn, self._place(self.envelope, stamps_ns, rows, residuals))
         # The filter predicts through missing scans by itself.

@@ -16,6 +16,7 @@ from flea_diag.wire.records import ChannelTable
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 
 class SensorValidation:
@@ -33,6 +34,8 @@ class SensorValidation:
         )
         self._held = HeldReadings(c.sensors, known.channels, known.sensors, c.period_s)
         self._period_ns = round(calibration.period_s * 1e9)
+        self._places: npt.NDArray[np.int64] | None = None
+        """Of the last scans among those tested, where some were missing."""
         self.k = self._tests.k.copy()
         self.k[self._held.places] = self._held.k
         """Limit of each test, NaN where the calibration has none."""
@@ -52,11 +55,18 @@ class SensorValidation:
         """Number of held readings of each channel."""
         return self._tests.stuck
 
+    @property
+    def away(self) -> Flags | None:
+        """In which of the last scans the actuator had run away; None: in none."""
+        away = self._tests.away
+        return away if away is None or self._places is None else away[self._places]
+
     def step(self, before_ns: int, stamps_ns: Stamps, rows: Array) -> tuple[Array, Array]:
         """Usable readings, shape (n, channels), and test statistics, shape (n, sensor tests).
 
         ``before_ns`` is the stamp of the scan before these.
         """
+        self._places = None
         if len(rows) == 1 and int(stamps_ns[0]) - before_ns < 1.5 * self._period_ns:
             return self._tested(rows)
         apart = (stamps_ns - np.append(before_ns, stamps_ns[:-1])) / self._period_ns
@@ -66,6 +76,7 @@ class SensorValidation:
         whole = np.full((int(places[-1]) + 1, rows.shape[1]), np.nan)
         whole[places] = rows
         usable, z = self._tested(whole)
+        self._places = places
         return usable[places], z[places]
 
     def _tested(self, rows: Array) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ KNOWN = compiled_relations("actuator.yaml").residuals
 LASTS = 5
 
 
-def left(at_end: bool, blocks: tuple[int, ...]) -> list[set[str]]:
+def left(at_end: bool | np.ndarray, blocks: tuple[int, ...]) -> list[set[str]]:
     """Residuals void in each of 20 scans, of which the fourth has a load position of 0.1 m."""
     clipped = ClippedReadings(KNOWN, LASTS)
     clipped.use({"load_position": (0.0, 0.1), "motor_speed": (-800.0, 800.0)})
@@ -22,7 +22,8 @@ def left(at_end: bool, blocks: tuple[int, ...]) -> list[set[str]]:
     for count in blocks:
         shape = count, len(KNOWN.rows)
         rows = ResidualRows(np.zeros(shape), *(np.zeros((count, 1)) for _ in range(4)))
-        clipped.step(readings[start : start + count], at_end)
+        there = np.broadcast_to(at_end, 20)[start : start + count]
+        clipped.step(readings[start : start + count], there)
         clipped.leave_out(rows)
         start += count
         found += [{KNOWN.rows[j].name for j in np.flatnonzero(np.isnan(v))} for v in rows.values]
@@ -44,3 +45,9 @@ def test_blocks_void_what_single_scans_do() -> None:
 
 def test_away_from_the_ends_it_is_the_sensor_that_is_at_fault() -> None:
     assert not any(left(False, (20,)))
+
+
+def test_in_a_runaway_it_is_not() -> None:
+    away = np.arange(20) == 3
+    assert left(away, (20,)) == left(True, (20,)) == left(away, (4, 2, 14))
+    assert not any(left(~away, (20,)))
