@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core import backend as backends
-from flea_diag.core.detection.symbols import Test
+from flea_diag.core.detection.symbols import MIXED, Test
 from flea_diag.core.detection.window_limit import ResidualLimit
 from flea_diag.core.detection.z_test import ZTests
 from flea_diag.core.residuals.residual_rows import ResidualRows, ResidualSet
@@ -36,10 +36,11 @@ class TestResults:
     ``shift``: mean minus the earlier level of this run, in the unit of the residual; NaN for a
     test against the calibration. ``void``: whether a condition keeps residuals from being tested,
     which is no quiet. ``along``: column -> reading whose coefficient has shifted, after the last
-    scan.
+    scan. ``way``, shape (2, n): direction of motion and for how many scans in motion it has lasted,
+    both 0 at a standstill against a push; it matters to the columns ``directed``.
     """
 
-    __slots__ = ("along", "k", "shift", "table", "void", "window", "z")
+    __slots__ = ("along", "directed", "k", "shift", "table", "void", "way", "window", "z")
 
     def __init__(self, residuals: int, scans: int = 1) -> None:
         table = np.empty((4, scans, residuals))
@@ -48,6 +49,15 @@ class TestResults:
         self.along: dict[int, str] = {}
         self.z, self.k, self.window, self.shift = table
         self.window.fill(0.0)
+        self.way, self.directed = np.zeros((2, scans)), frozenset[int]()
+
+    def direction(self, index: int) -> Array:
+        """Direction of motion in the window of a residual after each scan; see ``Test``."""
+        way, lasted = self.way
+        if index not in self.directed:
+            return np.zeros_like(way)
+        whole = (way != 0.0) & (lasted >= self.window[:, index])
+        return np.where(whole, way, MIXED)
 
     def deviating(self) -> npt.NDArray[np.bool_]:
         """Which residuals exceed their limits; an untested one does not."""
@@ -57,7 +67,7 @@ class TestResults:
     def test(self, index: int) -> tuple[float, Test]:
         """Statistic after the first scan, and the test that it belongs to."""
         z, k, window = self.table[:, 0, index].tolist()
-        return z, (window, k)
+        return z, (window, k, float(self.direction(index)[0]))
 
     def symbol(self, index: int) -> str:
         """+, - or 0, after the last scan."""

@@ -5,12 +5,15 @@ episode, and it stays. The slope is decided ``SLOPE_S`` later, or as soon after 
 test is the one nearest to its limit again: a Z-test of the mean then against the mean at the
 crossing (variance 2 sigma^2 of the windowed mean), 0 where they do not differ. Sigmas of
 different tests are different units: a mean over 4 s counts many more of them than one over
-0.5 s, and would rise or fall where nothing does. (Narasimhan et al. 2010, 3.1: an ordered set of
-two symbols 0, +, -.)
+0.5 s, and would rise or fall where nothing does. Nor is the balance that holds the friction held
+against itself from another direction of motion, or from a standstill against a push, where the
+friction may be anything up to the dry friction (``one_way``). (Narasimhan et al. 2010, 3.1: an
+ordered set of two symbols 0, +, -.)
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from flea_diag.core.frozen import Frozen
@@ -20,8 +23,11 @@ SLOPE_S = 2.0  # after the paper
 SLOPE_LIMIT = 3.0 * 2.0**0.5
 """Limit of the change in sigmas of one mean: three sigmas of a difference of two."""
 
-Test = tuple[float, float]
-"""Key of a test of one residual: samples of the window, and limit in standard deviations."""
+Test = tuple[float, float, float]
+"""Key of a test of one residual: samples of the window, limit in standard deviations, and the
+direction of motion, 0 where the residual does not depend on it."""
+MIXED = math.nan
+"""In place of the direction where the window holds several, or a standstill against a push."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +50,7 @@ def later(state: SymbolState, z: float, test: Test, stamp_ns: int) -> SymbolStat
     """The same residual at a later scan: its slope once enough time has passed."""
     if state.slope != UNKNOWN or stamp_ns - state.since_ns < SLOPE_S * 1e9:
         return state
-    if z != z or test != state.test:
+    if z != z or test != state.test or math.isnan(test[2]):
         return state
     change = z - state.z
     slope = "0" if abs(change) <= SLOPE_LIMIT else "+" if change > 0 else "-"

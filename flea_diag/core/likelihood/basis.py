@@ -5,7 +5,7 @@ An effect is a row of factors on the signals, a design a column of them for each
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -53,6 +53,18 @@ def effect_of(model: FaultModel, residual: str, sizes: Sequence[float], basis: B
         if term.residual == residual:
             factors[basis.column[term.regressor]] += term.gain * sizes[term.index]
     return factors
+
+
+def signals_of(
+    models: Iterable[FaultModel], residuals: Sequence[str], basis: Basis
+) -> npt.NDArray[np.bool_]:
+    """Which signals any of these faults acts by in each residual, shape (residuals, signals)."""
+    acting = np.zeros((len(residuals), len(basis.names)), dtype=bool)
+    for model in models:
+        for term in model.terms:
+            if term.residual in residuals:
+                acting[residuals.index(term.residual), basis.column[term.regressor]] = True
+    return acting
 
 
 @lru_cache(maxsize=1024)

@@ -102,10 +102,14 @@ class EffectSet(Frozen):
 
         Signals of the relations, expected temperatures, shapes, and what this stand lacks.
         """
-        followed = motion_signals(self.residuals)
-        lacking = [name for name in followed if name not in self.relations.signals]
         temperatures = [expected(name).name for name in self.temperatures]
-        return (*self.relations.signals, *temperatures, *self.shapes, *lacking)
+        return (*self.relations.signals, *temperatures, *self.shapes, *self.lacking)
+
+    @cached_property
+    def lacking(self) -> tuple[str, ...]:
+        """Signals that the isolator follows and this stand does not read."""
+        followed = motion_signals(self.residuals)
+        return tuple(name for name in followed if name not in self.relations.signals)
 
     @cached_property
     def functions(self) -> Mapping[str, FunctionType]:

@@ -1,4 +1,8 @@
-"""Evidence of an episode from slow channels: residuals and motion since the detection."""
+"""Evidence of an episode from slow channels: residuals and motion since the detection.
+
+At a standstill against a push the friction holds anything up to the dry friction, and goes on doing
+so: few scans of such a standstill count in the balance that holds it.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,10 @@ from flea_diag.core.scan_counts import ScanCounts
 from flea_diag.wire.blocks import ResidualBlock
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
+STANDING_S = 1.0
+"""Time at a standstill against a push that counts as one scan. An assumption."""
 MOVED_S = 0.5
 """Time in motion since the detection after which a channel counts as alive."""
 
@@ -29,6 +36,7 @@ class EpisodeEvidence:
     Parameters
     ----------
     residuals : those that quantitative isolation uses
+    acting : which signals faults act by in each of them, shape (residuals, signals)
     detected_ns : stamp of the detection
     onset_ns : time after it in which scans are left out (smoothing transient)
     parameters : of the actuator, by which it is in motion
@@ -40,6 +48,7 @@ class EpisodeEvidence:
         self,
         residuals: Sequence[str],
         basis: Basis,
+        acting: Flags,
         detected_ns: int,
         onset_ns: int,
         parameters: ActuatorParameters,
@@ -52,7 +61,9 @@ class EpisodeEvidence:
         self._speeds = {position: rate_symbol(position), speed: speed}
         """Channels of motion, and the signals that are their speeds."""
         self.equations = NormalEquations(residuals, basis, counts.of(BLOCK_S))
-        self._basis = basis
+        self._basis, self._acting = basis, acting.T
+        self._held = np.array([name == known.friction for name in residuals])
+        self._stood, self._apart = 0, counts.of(STANDING_S)
         self._per_unit = np.array([1.0, parameters.encoder_m_per_rad])
         self._moving_m_s = parameters.moving_m_s
         self.scans = self.moving = 0
@@ -75,18 +86,29 @@ class EpisodeEvidence:
         places = self._basis.column
         regressors = block.regressors[late, : len(places)]
         regressors[:, places["elapsed_s"]] = (block.stamps_ns[late] - self._detected_ns) / 1e9
-        self.equations.add(values, regressors)
         speeds = regressors[:, [places[name] for name in self._speeds.values()]] * self._per_unit
         directions = regressors[np.isfinite(values[:, 0]), places[DIRECTION]]
-        self._count(moving, speeds, directions)
+        moved = np.abs(speeds) > self._moving_m_s
+        stands = moving & ~moved.any(axis=1)
+        self._thin(values, stands)
+        # Where a signal is missing, no fault that acts by it can be held against the residual.
+        values[np.isnan(regressors) @ self._acting] = np.nan
+        self.equations.add(values, regressors)
+        self._count(moving, moved, directions)
 
-    def _count(self, moving: npt.NDArray[np.bool_], speeds: Array, directions: Array) -> None:
+    def _thin(self, values: Array, stands: Flags) -> None:
+        """Keep one scan of the balance with the friction for so long a standstill."""
+        number = self._stood + np.cumsum(stands)
+        values[np.outer(stands & (number % self._apart != 0), self._held)] = np.nan
+        self._stood = int(number[-1])
+
+    def _count(self, moving: Flags, moved: Flags, directions: Array) -> None:
         """Count scans in motion, in each direction, and by each channel of motion."""
         self.scans += len(moving)
         self.moving += int(moving.sum())
         self._out += int((directions > 0.0).sum())
         self._back += int((directions < 0.0).sum())
-        self._moved += (np.abs(speeds) > self._moving_m_s).sum(axis=0)
+        self._moved += moved.sum(axis=0)
 
     def lasts(self, time_s: float) -> bool:
         """Whether there are as many scans of evidence as in this time."""
@@ -95,6 +117,11 @@ class EpisodeEvidence:
     def moves(self, time_s: float) -> bool:
         """Whether as many were in motion."""
         return self.moving >= self._counts.of(time_s)
+
+    @property
+    def mostly_stands(self) -> bool:
+        """Whether it stood against a push in most of them: then little can be weighed."""
+        return 2 * self._stood > self.moving
 
     def goes_both_ways(self, time_s: float) -> bool:
         """Whether as many were in motion in each direction."""

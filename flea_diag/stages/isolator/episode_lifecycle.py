@@ -143,6 +143,7 @@ class EpisodeLifecycle:
             EpisodeEvidence(
                 self._quantitative.names,
                 self._quantitative.basis,
+                self._quantitative.acting,
                 shared.detected_ns,
                 self._onset_ns,
                 self._k.calibration.parameters,

@@ -107,7 +107,7 @@ class OutcomeRules:
         deviating = {self._residuals.relation(name) for name, _, _ in episode.symbols}
         if not deviating or not deviating <= self._quantified:
             return False
-        if any(h.fit is None for h in alive):
+        if any(h.fit is None for h in alive) or episode.evidence.mostly_stands:
             return False
         return max(h.log_likelihood for h in alive) < self._explain_nats
 

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flea_diag.core.calibration.calibration import Calibration
+from flea_diag.core.likelihood.basis import signals_of
 from flea_diag.core.likelihood.effect_set import EffectSet
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.likelihood.fit import Fit
@@ -30,6 +31,9 @@ class QuantitativeIsolation:
         Signals that the models are made of.
     models
         Models of the faults that move one of them; other faults have no likelihood here.
+    acting
+        Which signals they act by in each residual, shape (residuals, signals), without those that
+        this stand does not read.
     """
 
     def __init__(self, calibration: Calibration, effects: EffectSet) -> None:
@@ -48,6 +52,8 @@ class QuantitativeIsolation:
         self.names = tuple(name for name in residuals.weighed if name in self._sigma)
         self.basis = effects.basis_of(fitted)
         self.models = self._of_stand(effects.bound(fitted))
+        self.acting = signals_of(self.models, self.names, self.basis)
+        self.acting[:, [self.basis.column[name] for name in effects.lacking]] = False
         self._of_vibration = self._of_stand(effects.bound(fitted, is_vibration_only=True))
         self._baseline = UnitBaseline(self.names, self.basis, self._counts)
         self._waiting: list[Residual] = []

@@ -82,8 +82,9 @@ class DetectionEpisode:
         for j, state in self._symbols.items():
             if state.slope == UNKNOWN:
                 due = stamps_ns - state.since_ns >= SLOPE_S * 1e9
-                window, k = state.test
+                window, k, way = state.test
                 same = (results.window[:, j] == window) & (results.k[:, j] == k)
+                same &= results.direction(j) == way
                 event |= due & same & ~np.isnan(results.z[:, j])
         quiet_ns = self._quiet_ns(stamps_ns, results)
         event |= (quiet_ns >= self._wait_ns) & (self._wait_ns > 0)

@@ -9,6 +9,7 @@ from flea_diag.core.calibration.calibration import Calibration
 from flea_diag.core.conditions.envelope_watch import OperatingPlace
 from flea_diag.core.detection.detection import Detector, TestResults
 from flea_diag.core.detection.mean_shift_test import MeanShiftTest
+from flea_diag.core.detection.one_way import OneWay
 from flea_diag.core.residuals.parameters import UNIT_PARAMETERS
 from flea_diag.core.residuals.relation_set import RelationSet
 from flea_diag.core.residuals.residual_rows import ResidualRows
@@ -42,6 +43,8 @@ class ResidualTests:
             metric=c.envelope.load_metric if c.envelope else None,
         )  # fmt: skip
         self._disabled: list[int] = []
+        self._directed = frozenset(known.of_relations((known.friction,)))
+        self._one_way = OneWay(c.parameters.moving_m_s)
 
     def step(
         self,
@@ -59,6 +62,7 @@ class ResidualTests:
         if self._disabled:
             residuals.values[:, self._disabled] = np.nan
         results = self._z_tests.step(self._scaled(residuals, place.factor()))
+        results.way, results.directed = self._one_way.step(residuals), self._directed
         results.z[:, self._sensors], results.k[:, self._sensors] = sensors
         # The zero of a voltage that nothing corroborates is data quality, not a symptom;
         # what alternates with the motion (direction-normalised) still is one.

@@ -7,7 +7,7 @@ import pytest
 from flea_diag.core.detection.symbols import SymbolState, crossed, later
 
 S = 1_000_000_000
-HALF, FOUR = (50.0, 5.0), (400.0, 4.8)
+HALF, FOUR = (50.0, 5.0, 0.0), (400.0, 4.8, 0.0)
 """Tests of one residual: windows of half a second and of four seconds, each with its limit."""
 
 
@@ -46,3 +46,10 @@ def test_sigmas_of_another_test_say_nothing_of_the_slope():
     state = later(crossed(3.0 / 0.5, HALF, 0), 3.0 / 0.15, FOUR, 2 * S)
     assert state.slope == "?"
     assert later(state, 3.0 / 0.5, HALF, 3 * S).slope == "0"
+
+
+@pytest.mark.parametrize("now", [1.0, math.nan])
+def test_nor_does_a_mean_of_another_direction_of_motion(now):
+    out, other = (50.0, 5.0, -1.0), (50.0, 5.0, now)
+    assert later(crossed(13.0, out, 0), 6.0, other, 2 * S).slope == "?"
+    assert later(crossed(13.0, other, 0), 6.0, other, 2 * S).slope == ("?" if now != now else "-")
