@@ -19,21 +19,20 @@ class OneWay:
 
     def __init__(self, moving_m_s: float) -> None:
         self._moving_m_s = moving_m_s
-        self._way = self._lasted = 0.0
+        self._way, self._lasted = 0, 0
 
     def step(self, rows: ResidualRows) -> Array:
         """Direction after each of n scans, and scans in motion since it began, shape (2, n).
 
         Both are 0 where it stands against a push, and go on at rest as they were.
         """
-        moves, speed = rows.moving, rows.speed_m_s
-        stands = np.abs(speed) <= self._moving_m_s
-        way = np.where(stands, 0.0, np.copysign(1.0, rows.motion[:, 1]))
-        ways = np.append(self._way, way[moves])
-        number = np.arange(len(ways), dtype=float)
-        begins = np.append(True, np.diff(ways) != 0.0)
-        since = np.where(begins, number, -np.inf)
-        since[0] = 1.0 - self._lasted
-        lasted = np.where(ways != 0.0, number - np.maximum.accumulate(since) + 1.0, 0.0)
-        self._way, self._lasted = float(ways[-1]), float(lasted[-1])
-        return np.stack((ways, lasted)).take(np.cumsum(moves), axis=1)
+        ways, lasted = [], []
+        motion = zip(rows.moving.tolist(), rows.motion.tolist(), strict=True)
+        for moves, (speed, way) in motion:
+            if moves:
+                now = 0 if abs(speed) <= self._moving_m_s else 1 if way > 0.0 else -1
+                self._lasted = self._lasted + 1 if now == self._way else 1
+                self._way = now
+            ways.append(self._way)
+            lasted.append(self._lasted if self._way else 0)
+        return np.array((ways, lasted), dtype=float)

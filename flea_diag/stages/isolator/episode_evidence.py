@@ -89,7 +89,8 @@ class EpisodeEvidence:
         speeds = regressors[:, [places[name] for name in self._speeds.values()]] * self._per_unit
         directions = regressors[np.isfinite(values[:, 0]), places[DIRECTION]]
         moved = np.abs(speeds) > self._moving_m_s
-        stands = moving & ~moved.any(axis=1)
+        # By either of two readings: which way its friction acts is known where both move.
+        stands = moving & (np.abs(speeds) <= self._moving_m_s).any(axis=1)
         self._thin(values, stands)
         # Where a signal is missing, no fault that acts by it can be held against the residual.
         values[np.isnan(regressors) @ self._acting] = np.nan

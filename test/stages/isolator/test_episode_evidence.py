@@ -20,14 +20,14 @@ SIGNALS = ("one", "elapsed_s", "direction", "motor_speed", "d_actuator_position"
 SCANS, S = 600, 1_000_000_000
 
 
-def evidence(speed: float, cut: int, lost: slice = slice(0)) -> EpisodeEvidence:
-    """Of six seconds at this speed, the last ones of them in motion or against a push."""
+def evidence(speed: float, rate: float, cut: int, lost: slice = slice(0)) -> EpisodeEvidence:
+    """Of six seconds in motion, or against a push, by encoder (rad/s) and position (mm/s)."""
     acting = np.array([[True, False, False, False, False], [True, False, False, True, False]])
     parameters: Any = SimpleNamespace(encoder_m_per_rad=1e-3, moving_m_s=1e-3)
     counts = ScanCounts(0.01)
     basis = Basis(SIGNALS, (), ())
     made = EpisodeEvidence(NAMES, basis, acting, 0, 0, parameters, KNOWN, counts)
-    regressors = np.tile((1.0, 0.0, 1.0, speed, 1e-3 * speed, 1.0), (SCANS, 1))
+    regressors = np.tile((1.0, 0.0, 1.0, speed, 1e-3 * rate, 1.0), (SCANS, 1))
     regressors[lost, 3] = np.nan
     stamps, nothing = np.arange(1, SCANS + 1) * S // 100, np.empty((SCANS, 0))
     values = np.ones((SCANS, 2))
@@ -41,15 +41,15 @@ def evidence(speed: float, cut: int, lost: slice = slice(0)) -> EpisodeEvidence:
 
 @pytest.mark.parametrize("cut", [1, 250])
 def test_of_a_standstill_against_a_push_one_scan_a_second_counts_for_the_friction(cut) -> None:
-    for speed, counted, stands in ((0.0, 6.0, True), (90.0, 600.0, False)):
-        found = evidence(speed, cut)
+    for speed, rate, counted in ((0.0, 0.0, 6.0), (90.0, 90.0, 600.0), (11.0, 0.0, 6.0)):
+        found = evidence(speed, rate, cut)
         found.equations.fade(1.0)
         assert found.equations.samples.tolist() == [counted, 600.0]
-        assert found.mostly_stands is stands
+        assert found.mostly_stands is (rate == 0.0)
         assert found.moves(6.0)
 
 
 def test_without_a_signal_that_a_fault_acts_by_a_residual_says_nothing() -> None:
-    found = evidence(90.0, 1, slice(100, 300))
+    found = evidence(90.0, 90.0, 1, slice(100, 300))
     found.equations.fade(1.0)
     assert found.equations.samples.tolist() == [600.0, 400.0]
