@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import fcntl
+import hashlib
+import os
+from collections.abc import Callable, Iterable
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from flea_diag.configuration import knowledge as of_stand
+from flea_diag.configuration.calibrations import load_calibration
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.calibration.calibration import Calibration, NominalRun
 from flea_diag.core.residuals.channel_units import UNITS
@@ -16,15 +21,30 @@ from flea_diag.stages.isolator.isolator import IsolatorParameters, IsolatorStage
 from flea_diag.stages.observer.observer import ObserverStage
 from flea_diag.stages.observer.observer_parameters import ObserverParameters
 from flea_diag.stages.pipeline import Pipeline
+from flea_diag.tools.calibrate.calibrate import write_calibration
 from flea_diag.tools.calibrate.nominal_recording import NominalRecording
 from flea_diag.tools.calibrate.procedure import calibrate
 from flea_diag.wire.records import AmbiguityGroup, ChannelInfo, ChannelTable, Record, Scan
 from support.models import linear_ema as ema
-from support.shared import shared_calibration
 
 PERIOD_NS = 10_000_000
 START_NS = 1_000_000_000_000
 STAND = load_stand(features="feature_table_paper.yaml")
+
+
+def shared_calibration(name: str, make: Callable[[], Calibration]) -> Calibration:
+    """The calibration of this name, made once a run of the tests: ten seconds of a processor.
+
+    What one worker has made, the others read.
+    """
+    folder = Path(os.environ["FLEA_CACHE_DIR"]).parent / "calibrations"
+    folder.mkdir(exist_ok=True)
+    target = folder / f"{hashlib.sha256(name.encode()).hexdigest()}.yaml"
+    with target.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not target.exists():
+            write_calibration(target, make())
+        return load_calibration(target)
 
 
 @cache
