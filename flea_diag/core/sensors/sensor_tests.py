@@ -58,6 +58,9 @@ class SensorTests:
     counts : those that the limits hold for
     """
 
+    away: Flags | None = None
+    """In which of the last rows the actuator had run away; None: in none."""
+
     def __init__(
         self,
         limits: Sequence[SensorLimit],
@@ -94,8 +97,6 @@ class SensorTests:
         self._scan = 0
         self._rushed, self._rushing = -NOISE_WINDOWS[0], False
         """Last scan in which the actuator ran away, and whether that is still of effect."""
-        self.away: Flags | None = None
-        """In which of the last rows it was; None: in none."""
         self.stuck = dict.fromkeys(self._names, 0)
         """Number of readings of each channel held longer than chance allows."""
         self._places = {
