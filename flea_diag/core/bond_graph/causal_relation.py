@@ -50,7 +50,9 @@ def effort_of(graph: BondGraph, bond: Bond) -> str:
 
 def _own_state(graph: BondGraph, bond: Bond, kind: str) -> str:
     element = graph.elements[bond.head]
-    return element.state if element.kind == kind and element.law != "stiffness" else ""
+    law = graph.law(element)
+    displaced = law is not None and law.effort is not None
+    return element.state if element.kind == kind and not displaced else ""
 
 
 def solve(graph: BondGraph) -> tuple[Causality, tuple[Relation, ...]]:
@@ -135,10 +137,13 @@ def _capacity(graph: BondGraph, element: Element, ends: Mapping[str, str]) -> li
     p = _parameters(element)
     if "capacity" in p:
         return [Relation(effort.name, flow / p["capacity"], element.name, temporal=True)]
+    law = graph.law(element)
+    assert law is not None
+    assert law.effort is not None
     displacement = Variable(element.state or f"q_{element.name}")
     return [
         Relation(displacement.name, flow, element.name, temporal=True),
-        Relation(effort.name, p["stiffness"] * displacement, element.name),
+        Relation(effort.name, law.effort(displacement, p), element.name),
     ]
 
 

@@ -53,9 +53,9 @@ class Role:
 class Law:
     """How the parameters of an element relate its effort and flow.
 
-    ``effort`` gives the effort of an R for a flow, ``flow`` the reverse (None if the law cannot
-    be inverted, so that the element needs the flow as input); ``forward`` is the coefficient of
-    an I, C, TF or GY, ``backward`` that of its second port. A ``modulated`` law also depends on
+    ``effort`` gives the effort of an R for a flow, or of a C for a displacement, ``flow`` the
+    reverse (None if the law cannot be inverted, so that the element needs the flow as input). A
+    ``modulated`` law also depends on
     the common variable of another junction, which its formulas take as ``p["by"]``.
     """
 
@@ -74,6 +74,11 @@ def _stribeck(flow: Expression, p: Values) -> Expression:
     decay = apply("exp", -((flow / p["stribeck_flow"]) ** 2))
     level = p["coulomb"] + (p["breakaway"] - p["coulomb"]) * decay
     return level * _smooth_sign(flow, p) + p["viscous"] * flow
+
+
+def _contact(effort: Expression, p: Values) -> Expression:
+    """Half the play, on the side that an effort presses against."""
+    return p["play"] / 2 * apply("tanh", effort / p["smooth_effort"])
 
 
 def _warm_resistance(p: Values) -> Expression:
@@ -134,7 +139,23 @@ LAWS: dict[str, Law] = {
         effort=_stribeck,
     ),
     "inertia": Law("I", {"inertia": Role(lambda d: per(times(d.effort, SECOND), d.flow))}),
-    "stiffness": Law("C", {"stiffness": Role(lambda d: per(d.effort, times(d.flow, SECOND)))}),
+    "stiffness": Law(
+        "C",
+        {"stiffness": Role(lambda d: per(d.effort, times(d.flow, SECOND)))},
+        effort=lambda q, p: p["stiffness"] * q,
+        flow=lambda e, p: e / p["stiffness"],
+    ),
+    # The effort is exact in the play to first order: that of a healthy part.
+    "stretch_and_play": Law(
+        "C",
+        {
+            "compliance": Role(lambda d: per(times(d.flow, SECOND), d.effort)),
+            "play": Role(lambda d: times(d.flow, SECOND), ">= 0"),
+            "smooth_effort": Role(lambda d: d.effort),
+        },
+        effort=lambda q, p: (q - _contact(q / p["compliance"], p)) / p["compliance"],
+        flow=lambda e, p: p["compliance"] * e + _contact(e, p),
+    ),
     "capacity": Law("C", {"capacity": Role(lambda d: per(times(d.flow, SECOND), d.effort))}),
     "transformer": Law("TF", {"ratio": Role(lambda d: per(d.effort, d.effort_2), "!= 0")}),
     "converter": Law("TF", {"ratio": Role(lambda d: per(d.effort, d.effort_2), "!= 0")}),

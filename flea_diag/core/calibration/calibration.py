@@ -39,7 +39,7 @@ Array = npt.NDArray[np.float64]
 PERIOD_S = (1e-4, 1.0)
 """Times between scans that a calibration may have."""
 
-LATER_PARAMETERS = ("supply_voltage_v",)
+LATER_PARAMETERS = ("supply_voltage_v", "coupling_compliance_m_per_n", "coupling_play_m")
 """Parameters that only some actuators have; 0 where a file lacks them."""
 SINCE_OUT_OF_SAMPLE = ("out_of_sample", "left_out", "envelope", "coverage", "units")
 """Entries that older files lack; without them a calibration is the same as such a file."""

@@ -150,7 +150,7 @@ def _of_limit(limit: ResidualLimit, counts: ScanCounts) -> Iterator[str]:
         if len(row) != len(SPEED_REGIONS_M_S) + 1:
             yield f"{name} needs {len(SPEED_REGIONS_M_S) + 1} speed regions, has {len(row)}"
     every = len(UNIT_PARAMETERS)
-    if len(limit.spread) not in (0, every - len(LATER_TOLERANCES), every):
+    if len(limit.spread) not in (0, *range(every - len(LATER_TOLERANCES), every + 1)):
         yield f"spread has {len(limit.spread)} numbers, not {every}"
 
 

@@ -51,6 +51,14 @@ class Identified:
     folds: list[dict[str, tuple[float, float]]] = field(default_factory=list)
     """Of each unit, or recording, its own parameters and their standard errors."""
 
+    zeros: list[dict[str, float]] = field(default_factory=list)
+    """Of each recording the zeros of its unit, of those that a stated tolerance allows for."""
+
+    def of_unit(self, recording: int) -> Identified:
+        """The same with the zeros of the unit: in the scatter they would be counted twice."""
+        values = self.zeros[recording] if self.zeros else {}
+        return replace(self, parameters=replace(self.parameters, **values))
+
     def judging(self, recording: int) -> Identified:
         """The same with the parameters that a recording is judged by."""
         values = self.without[recording] if self.without else {}
@@ -120,7 +128,7 @@ def identify(
     _friction(fit, moving, steady)
     _electrical(fit)
     _drive(fit)
-    _position(data, relations, result)
+    _position(fit)
     nominal = NominalSignals(data.signals(relations, result.parameters), data.run)
     heat_identification.identify(runs, period_s, relations, nominal, result)
     return result
@@ -322,9 +330,27 @@ def _drive(fit: _Fit) -> None:
     fit.take(made, use)
 
 
-def _position(data: Smoothed, relations: RelationSet, result: Identified) -> None:
-    name = "position_offset_m"
-    held = [row for row in relations.relations if name in symbols(row.expression)]
+PLAY = "coupling_play_m"
+
+
+def _position(fit: _Fit) -> None:
+    """Two positions of one part; what lies between them stretches under the load."""
+    data, result, name = fit.data, fit.result, "position_offset_m"
+    held = [row for row in fit.relations.relations if name in symbols(row.expression)]
+    result.missing([PLAY], "no more than what units differ by; the description's")
+    stretch = "coupling_compliance_m_per_n"
+    if held and stretch in symbols(held[0].expression):
+        use = np.ones(len(data.run), dtype=bool)
+        made = fit.regression(held[0].name, data.rows.position, [name, stretch], use)
+        if made is not None:
+            x, _ = fit.take(made, use)
+            left, of = made.target - made.columns @ x, data.fold[data.run[use]]
+            offset = result.parameters.position_offset_m
+            if name in fit.relations.tolerances:
+                own = [float(np.median(left[of == k])) if k in of else 0.0 for k in data.fold]
+                result.zeros = [{name: offset + more} for more in own]
+        return
+    result.missing([stretch], "no load between two positions")
     one, other = held[0].signals if held else ("", "")
     use = data.with_values(one, other)
     if not use.any():

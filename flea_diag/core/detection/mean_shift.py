@@ -38,12 +38,16 @@ from flea_diag.fields.values import Positive, within
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
+Memory = tuple[Array, Counts, Array, Array, Flags, Counts, int, Counts, Counts, int]
 
 SHIFT_WINDOWS_S = (2.0, 4.0)
 REFERENCE_S, LEAST_S = 20.0, 3.0
 """Longest and shortest mean that is the earlier level."""
 LEAST_ALWAYS_S = 6.0
 """Shortest for a residual that is also tested at rest: strokes and rests alternate in its level."""
+GAP_S = 0.5
+"""Longest gap that a level outlasts: a reading that leaps is withheld for some scans, and missing
+for a smoothing kernel after them. Parts that a gap sets free leap, too."""
 _ROOM = 1000  # scans between two moves of the store
 
 
@@ -89,6 +93,7 @@ class MeanShift:
         self._kept = self._reference + int(self.windows.max()) + 1
         self.columns = columns
         shape = (len(gated), len(self.windows))
+        self._gaps, self._longest = np.zeros(len(gated), dtype=np.int64), counts.of(GAP_S)
         self._least = np.where(gated, counts.of(LEAST_S), counts.of(LEAST_ALWAYS_S))
         # Beside each column the square of the reading that they are taken along.
         self._store = np.zeros((len(gated), self._kept + _ROOM, columns + 1))
@@ -120,7 +125,8 @@ class MeanShift:
         ``values`` has shape (n, residuals, columns). ``use``, shape (n, residuals), says which of
         them count; after the others the last shift stands, NaN before the first. ``along``, shape
         (n, residuals), is what coefficients are of, None: they are means.
-        Where a value is missing its channel was not to be trusted: a new level begins after it.
+        Where values are missing for longer than ``GAP_S`` their channel was not to be trusted: a
+        new level begins after them.
         """
         along = np.ones(values.shape[:2]) if along is None else along
         square = np.square(along)[..., None]
@@ -129,22 +135,31 @@ class MeanShift:
         shifts = np.empty((len(values), *self._last.shape))
         for each in range(len(self._ends)):
             missing = np.isnan(values[:, each, 0])
-            edges = [0, *(np.flatnonzero(missing[1:] != missing[:-1]) + 1).tolist(), len(values)]
+            lost, counts = self._lost(each, missing), use[:, each] & ~missing
+            edges = [0, *(np.flatnonzero(lost[1:] != lost[:-1]) + 1).tolist(), len(values)]
             for start, end in pairwise(edges):
                 part = slice(start, end)
-                if missing[start]:
+                if lost[start]:
                     self._begin(each)
                     shifts[part, each] = np.nan
                 else:
-                    shifts[part, each] = self._follow(each, values[part, each], use[part, each])
+                    shifts[part, each] = self._follow(each, values[part, each], counts[part])
         return shifts
 
-    def room(self, count: int) -> tuple[Array, Counts, Array, Array, Flags, Counts, Counts, int]:
+    def _lost(self, each: int, missing: Flags) -> Flags:
+        """Where the values of one residual have been missing for too long."""
+        scans = np.arange(len(missing))
+        last = np.maximum.accumulate(np.where(missing, -1 - self._gaps[each], scans))
+        self._gaps[each] = scans[-1] - last[-1]
+        return np.asarray(scans - last > self._longest)
+
+    def room(self, count: int) -> Memory:
         """State updated by ``mean_shift_test_loops``, with room for a block of scans.
 
         Sums up to each scan that is still looked back at, where they end, the last shifts, the
-        earlier levels that are frozen, and whether they are; then how few samples make a
-        level, the windows, and how many samples it reaches back.
+        earlier levels that are frozen, and whether they are; for how long values have been missing,
+        and may be; then how few samples make a level, the windows, and how many samples it
+        reaches back.
         """
         most = self._store.shape[1]
         if max(self._ends, default=0) + count > most:
@@ -155,7 +170,8 @@ class MeanShift:
                 kept = store[each, max(end - self._kept, 0) : end].copy()
                 self._store[each, : len(kept)], self._ends[each] = kept, len(kept)
         memory = self._store, self._ends, self._last, self._frozen
-        return *memory, self._is_frozen, self._least, self.windows, self._reference
+        gaps = self._gaps, self._longest
+        return *memory, self._is_frozen, *gaps, self._least, self.windows, self._reference
 
     def _follow(self, each: int, values: Array, use: Flags) -> Array:
         """Scans of one residual that have a value."""

@@ -52,7 +52,7 @@ def mean_shift_loops(
 def mean_shift_test_loops(
     rows: tuple[Array, Array, Flags, Array], tests: tuple[Counts, Counts, Flags, Counts, Array],
     unit: tuple[Array, Array], place: tuple[Array, Array, Array],
-    memory: tuple[Array, Counts, Array, Array, Flags, Counts, Counts, int],
+    memory: tuple[Array, Counts, Array, Array, Flags, Counts, int, Counts, Counts, int],
     limits: tuple[Array, Array, Array], z: Array, shifts: Array,
 ) -> bool:  # fmt: skip
     """Scan after scan; returns whether any shift is beyond its limit.
@@ -65,7 +65,7 @@ def mean_shift_test_loops(
     values, spread, moving, signals = rows
     columns, places, gated, read, zero = tests
     change, tolerance = unit
-    store, ends, last, frozen, is_frozen, least, windows, reference = memory
+    store, ends, last, frozen, is_frozen, gaps, longest, least, windows, reference = memory
     variance, between, k = limits
     loads, metric, leverage = place
     units, most = 1 + len(change), 1 + len(change) + len(metric)
@@ -87,9 +87,13 @@ def mean_shift_test_loops(
                     row[units + u] += known * metric[v, u]
             row[most] = leverage[i, t] * along * along
             row[most + 1] = along * along
-            if math.isnan(row[0]):
+            missing = math.isnan(row[0])
+            gaps[t] = gaps[t] + 1 if missing else 0
+            if gaps[t] > longest:
                 store[t, 0], last[t] = 0.0, math.nan
                 ends[t], is_frozen[t] = 1, False
+            elif missing:
+                pass
             elif moving[i] or not gated[t]:
                 mean_shift_loops(
                     row, store[t], ends[t], least[t], windows, reference,

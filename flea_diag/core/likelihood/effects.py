@@ -159,7 +159,7 @@ class EffectRules:
         found: list[FaultEffect] = []
         for row in self._set.relations:
             read = [s for s in row.signals if channel_of(s)[0] == channel]
-            if row.kind == "difference" and read:
+            if channel in row.pair:
                 found += self._effects(row, self._without(row.expression, read), index)
             elif channel in read:
                 bare = self._without(row.expression, [channel])
@@ -189,13 +189,13 @@ class EffectRules:
     def _moving(self, row: CompiledRelation) -> set[str]:
         """Signals of a relation that vary with the motion: shapes, what they are of, rates."""
         shapes = self._set.shapes
-        flows = {name for shape in shapes.values() for name in symbols(shape)}
+        flows = {n for s in row.signals if s in shapes for n in symbols(shapes[s])}
         return {s for s in row.signals if s in shapes or s in flows or channel_of(s)[1]}
 
     def _truth(self, channel: str) -> Expression | None:
         """What another reading says that this one should be; None if none does."""
         for row in self._set.relations:
-            if row.kind == "difference" and channel in row.signals:
+            if channel in row.pair and channel in row.signals:
                 share = derivative(row.expression, channel)
                 if not set(symbols(share)) & set(self._set.signals):
                     return solved_for(channel, row.expression)

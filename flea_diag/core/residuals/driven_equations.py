@@ -10,7 +10,8 @@ section 4.1), in base parameters. For the FLEA at its nut:
     x'  = v
 
 Terms with a shape, such as the smooth sign, are friction; all else is linear, and its coefficients
-are numbers as long as parameters and winding temperature are.
+are numbers as long as parameters and winding temperature are. Readings are taken as of one rigid
+part: what lies between two of them, and follows the load, is left out.
 """
 
 from __future__ import annotations
@@ -205,11 +206,12 @@ def driven_equations(known: RelationSet, rows: ResidualSet) -> DrivenEquations:
         )
     speeds = {name: e for name, e in found.items() if set(symbols(e)) & {by.speed, acceleration}}
     drawn = {name: substitute(shape, speeds) for name, shape in shapes.items()}
+    rigid = {by.load: ZERO, **dict.fromkeys(shapes, ZERO)}
     rubbing: list[Expression] = []
     pushing: list[Expression] = []
     for term in terms_of(divided(found[acceleration])):
         (rubbing if set(symbols(term)) & set(shapes) else pushing).append(term)
-    readings = {name: found[name] for name in by.readings if name in found}
+    readings = {name: substitute(found[name], rigid) for name in by.readings if name in found}
     readings |= {name: Variable(name) for name in (by.voltage, by.position)}
     moving = {name: e for name, e in speeds.items() if name != by.current}
     supplies = {
@@ -222,7 +224,7 @@ def driven_equations(known: RelationSet, rows: ResidualSet) -> DrivenEquations:
         readings,
         total(pushing),
         total(rubbing),
-        drawn,
+        {name: shape for name, shape in drawn.items() if by.load not in symbols(shape)},
         found.get(by.command, ZERO),
         supplies,
         next((name for name in known.predicted if name in known.signals), ""),

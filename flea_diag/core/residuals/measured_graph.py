@@ -140,10 +140,20 @@ class MeasuredGraph:
     def _compliance(
         self, element: Element, near: Element, p: Mapping[str, Expression]
     ) -> Expression:
+        law = self.graph.law(element)
         for sensor in self.actuator.sensors.values():
-            if sensor.at == near.name and sensor.integrates and "stiffness" in p:
-                return p["stiffness"] * Variable(sensor.channel)
+            if sensor.at == near.name and sensor.integrates and law and law.effort:
+                return law.effort(Variable(sensor.channel), p)
         raise self._open(near, f"the effort of {element.kind} {shown(element.name)}")
+
+    def displacement(self, store: Element) -> Expression:
+        """Displacement of a C by the effort that the other elements at its junction leave it."""
+        (bond,) = self.graph.at(store.name)
+        law, near = self.graph.law(store), self.graph.elements[bond.tail]
+        if law is None or law.flow is None or near.kind != "1":
+            raise self._open(near, f"the displacement of {store.kind} {shown(store.name)}")
+        p = {role: Variable(name) for role, name in store.parameters.items()}
+        return law.flow(self.balance(near, bond), p)
 
     def _two_port_effort(
         self, bond: Bond, element: Element, p: Mapping[str, Expression]

@@ -48,6 +48,8 @@ class ActuatorParameters(Frozen):
     position_offset_m: float = 0.0
     encoder_m_per_rad: float = 0.0
     supply_voltage_v: float = 0.0
+    coupling_compliance_m_per_n: NotNegative = 0.0
+    coupling_play_m: NotNegative = 0.0
 
     @property
     def moving_m_s(self) -> float:
@@ -81,15 +83,16 @@ class UnitTolerance(Frozen):
     force_constant_n_per_a: NotNegative = 0.0
     drive_gain: NotNegative = 0.0
     drive_offset_v: NotNegative = 0.0
+    position_offset_m: NotNegative = 0.0
 
 
 UNIT_PARAMETERS = tuple(
     entry.name for entry in fields(UnitTolerance) if entry.name != "thermal_rate_k_per_s"
 )
 """Parameters in which healthy units of one design differ."""
-ZEROS = ("voltage_offset_v", "current_offset_a", "drive_offset_v")
+ZEROS = ("voltage_offset_v", "current_offset_a", "drive_offset_v", "position_offset_m")
 """Those of them that differ from day to day: no mark of a unit."""
-LATER_TOLERANCES = ("force_constant_n_per_a", "drive_gain", "drive_offset_v")
+LATER_TOLERANCES = ("force_constant_n_per_a", "drive_gain", "drive_offset_v", "position_offset_m")
 """The last of them, which older calibrations lack and only some descriptions state."""
 
 

@@ -144,10 +144,34 @@ def junction_balance(actuator: Actuator, junction: str) -> Expression:
 
 
 def _difference(actuator: Actuator, spec: ResidualSpec) -> Expression:
-    """Two readings of one quantity, the reference up to a gain, and an offset between them."""
+    """Two readings of one quantity, the reference up to a gain, and what lies between them."""
     one, other = _common_terms(actuator, spec.channel, spec.reference)
     gap = one - (Variable(spec.gain) * other if spec.gain else other)
+    if spec.across:
+        gap = gap - _between(actuator, spec)
     return gap - Variable(spec.offset) if spec.offset else gap
+
+
+def _between(actuator: Actuator, spec: ResidualSpec) -> Expression:
+    """Displacement of the store that lies between the junction of the channel and the other.
+
+    Its junction hangs on the 0-junction that the one of the channel leads to.
+    """
+    graph, place = actuator.graph, actuator.sensors[spec.channel].at
+    (held,) = graph.at(spec.across)
+    for bond in graph.at(held.tail):
+        fork = bond.other(held.tail)
+        led = next((b for b in graph.at(fork) if b.other(fork) == place), None)
+        if graph.elements[fork].kind == "0" and led is not None:
+            along = (led.head == fork) == (bond.tail == fork)
+            stretch = MeasuredGraph(actuator, spec.without).displacement(
+                graph.elements[spec.across]
+            )
+            return stretch if along else -stretch
+    raise ModelError(
+        f"{actuator.name}: residual {spec.name}: no 0-junction joins {place}, where {spec.channel} "
+        f"is, with {spec.across}; name a store beside it under across"
+    )
 
 
 def _common_terms(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 from flea_diag.core.bond_graph.actuator_model import Actuator, ResidualSpec
@@ -52,10 +53,12 @@ def relation_set(
     dry: Expression = ZERO
     base = _Base.of(actuator, held)
     for spec, relation in _closed(actuator, names, unread):
-        shaped = rewritten(base.form(relation.expression), lambda node: _shape(node, shapes))
+        named = partial(_shape, shapes=shapes, moves=spec.kind != "difference")
+        shaped = rewritten(base.form(relation.expression), named)
         varying = {*relation.arguments, *actuator.predicted, *shapes.values()}
         read = tuple(symbol for symbol in symbols(shaped) if symbol in varying)
-        rows.append(CompiledRelation(spec.name, spec.unit, shaped, read, spec.kind))
+        pair = (spec.channel, spec.reference) if spec.kind == "difference" else ()
+        rows.append(CompiledRelation(spec.name, spec.unit, shaped, read, spec.kind, pair))
         if DIRECTION in read and push == ZERO and spec.kind == "junction":
             bare = parity_relation(actuator, _without_friction(actuator, spec))
             push, dry = base.form(bare.expression), -derivative(shaped, DIRECTION)
@@ -172,11 +175,14 @@ class _Base:
         return divided(substitute(divided(rewritten_in(expression, self.known)), self.fixed))
 
 
-def _shape(node: Expression, shapes: dict[Function, str]) -> Expression:
-    """A function that generated code cannot call, by its name among the shapes."""
+def _shape(node: Expression, shapes: dict[Function, str], moves: bool = True) -> Expression:
+    """A function that generated code cannot call, by its name among the shapes.
+
+    The first smooth sign in a balance is that of the motion.
+    """
     if not isinstance(node, Function) or node.name in SCOPE:
         return node
     if node not in shapes:
-        first = node.name == "tanh" and DIRECTION not in shapes.values()
+        first = moves and node.name == "tanh" and DIRECTION not in shapes.values()
         shapes[node] = DIRECTION if first else f"shape_{len(shapes)}"
     return Variable(shapes[node])

@@ -51,6 +51,8 @@ class CompiledRelation:
     """Names that vary from scan to scan."""
     kind: str = "junction"
     """As in the description: ``junction`` is a balance, ``difference`` two readings of one."""
+    pair: tuple[str, ...] = ()
+    """The two readings of a difference."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ import pytest
 from support.observed import FLEA_COUNTS
 
 from flea_diag.core.detection.mean_shift import (
+    GAP_S,
     LEAST_ALWAYS_S,
     LEAST_S,
     REFERENCE_S,
@@ -92,7 +93,7 @@ def test_a_constant_offset_of_the_unit_is_no_shift_and_a_step_is_one():
 def test_blocks_give_the_same_bits_with_rests_and_holes(block):
     draw = np.random.default_rng(4)
     values, use = draw.standard_normal(3500), draw.random(3500) > 0.2
-    values[[40, 41, 900]] = np.nan
+    values[[40, 41, *range(900, 960)]] = np.nan
     assert np.array_equal(shifts(values, use), shifts(values, use, block), equal_nan=True)
 
 
@@ -104,11 +105,15 @@ def test_at_rest_the_last_shift_stands():
     assert (found[700:] == found[699]).all()
 
 
-def test_after_a_missing_value_a_new_level_begins():
-    values = np.concatenate((np.zeros(700), [np.nan], np.full(700, 9.0)))
-    found = shifts(values)
-    assert np.isnan(found[700 : 701 + LEAST + WINDOW - 1]).all()
+@pytest.mark.parametrize("block", [1, 33, 1500])
+def test_after_a_long_gap_a_new_level_begins_and_a_short_one_is_outlasted(block):
+    gap = FLEA_COUNTS.of(GAP_S)
+    values = np.concatenate((np.zeros(700), np.full(gap + 1, np.nan), np.full(700, 9.0)))
+    found = shifts(values, block=block)
+    assert np.isnan(found[700 + gap : 701 + gap + LEAST + WINDOW - 1]).all()
     assert np.nanmax(np.abs(found)) < 1e-12
+    found = shifts(np.delete(values, 700), block=block)
+    assert found[700 + gap + WINDOW - 1] == pytest.approx(9.0)
 
 
 def test_a_frozen_level_does_not_follow_the_fault():

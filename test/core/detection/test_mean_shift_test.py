@@ -238,7 +238,7 @@ def test_compiled_gives_the_bits_of_numpy(block):
         draw.random(6000) > 0.2,
     )
     made.signals[3100, 1] = np.nan
-    made.values[[40, 41, 2500], ELECTRICAL] = np.nan
+    made.values[[40, 41, *range(2500, 2560)], ELECTRICAL] = np.nan
     limits = [
         MeanShiftLimit(FLEA.rows[j].name, w, 0.2, 0.5) for j in FLEA.spreading for w in (200, 400)
     ]
