@@ -51,14 +51,6 @@ class Identified:
     folds: list[dict[str, tuple[float, float]]] = field(default_factory=list)
     """Of each unit, or recording, its own parameters and their standard errors."""
 
-    zeros: list[dict[str, float]] = field(default_factory=list)
-    """Of each recording the zeros of its unit, of those that a stated tolerance allows for."""
-
-    def of_unit(self, recording: int) -> Identified:
-        """The same with the zeros of the unit: in the scatter they would be counted twice."""
-        values = self.zeros[recording] if self.zeros else {}
-        return replace(self, parameters=replace(self.parameters, **values))
-
     def judging(self, recording: int) -> Identified:
         """The same with the parameters that a recording is judged by."""
         values = self.without[recording] if self.without else {}
@@ -343,12 +335,7 @@ def _position(fit: _Fit) -> None:
         use = np.ones(len(data.run), dtype=bool)
         made = fit.regression(held[0].name, data.rows.position, [name, stretch], use)
         if made is not None:
-            x, _ = fit.take(made, use)
-            left, of = made.target - made.columns @ x, data.fold[data.run[use]]
-            offset = result.parameters.position_offset_m
-            if name in fit.relations.tolerances:
-                own = [float(np.median(left[of == k])) if k in of else 0.0 for k in data.fold]
-                result.zeros = [{name: offset + more} for more in own]
+            fit.take(made, use)
         return
     result.missing([stretch], "no load between two positions")
     one, other = held[0].signals if held else ("", "")

@@ -134,7 +134,7 @@ def _traces(
     sharing: Sharing,
 ) -> tuple[list[Trace], list[Trace]]:
     """Residuals of each recording, with the parameters of all and with those it is judged by."""
-    by = map(found.of_unit, range(len(runs))), map(found.judging, range(len(runs)))
+    by = [found] * len(runs), map(found.judging, range(len(runs)))
     items = [(run, each) for part in by for run, each in zip(runs, part, strict=True)]
     traced = [
         replace(trace, rows=relations.residuals)

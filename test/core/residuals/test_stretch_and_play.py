@@ -12,7 +12,6 @@ from flea_diag.configuration.calibrations import learned
 from flea_diag.configuration.knowledge import knowledge
 from flea_diag.configuration.stand import load_stand
 from flea_diag.core.bond_graph.actuator import Actuator
-from flea_diag.core.calibration.identification import Identified
 from flea_diag.core.likelihood.effects import EffectRules
 from flea_diag.core.residuals.parity import parity_relation
 from flea_diag.core.symbolic.expression import Constant, evaluate
@@ -90,9 +89,3 @@ def test_recordings_fix_the_compliance_and_leave_the_play() -> None:
     assert sigma < 0.1 * compliance
     assert abs(compliance - 1.0 / 2.2e7) < 3.0 * sigma
     assert "coupling_play_m" in calibration.not_identified
-
-
-def test_a_unit_is_judged_about_its_own_zero() -> None:
-    found = Identified(learned(STAND).parameters, zeros=[{"position_offset_m": 4e-5}])
-    assert found.of_unit(0).parameters.position_offset_m == 4e-5
-    assert found.parameters == learned(STAND).parameters
