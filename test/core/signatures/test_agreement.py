@@ -21,6 +21,7 @@ from flea_diag.core.symbolic.expression import evaluate
 
 STEP = 1e-4
 QUIET = 1e-12
+MILLIMETRE = 1e-3
 ADDED = ("bias", "drift")
 
 
@@ -82,7 +83,8 @@ def signs(
     """How each relation that runs moves, as a sign."""
     healthy = values_of(known, model.graph.values(), point)
     change = values_of(known, *moved(model, point, group)) - healthy
-    scale = np.abs(healthy) + 1.0
+    least = np.array([MILLIMETRE if row.unit == "m" else 1.0 for row in known.relations])
+    scale = np.abs(healthy) + least
     return [
         0 if abs(c) < QUIET * s else int(np.sign(c)) for c, s in zip(change, scale, strict=True)
     ]

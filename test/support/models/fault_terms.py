@@ -14,7 +14,7 @@ BASIS = EFFECTS.basis_of(flea_parameters())
 RESIDUALS = (MECHANICAL, ELECTRICAL)
 SIGMA = {MECHANICAL: 12.0, ELECTRICAL: 0.6}
 SPACING = {MECHANICAL: 4.0, ELECTRICAL: 2.0}
-TOLERANCE = (10.0, 125.0, 15.0, 0.3, 4.0, 0.5, 0.15, *[1e-6] * 3, 0.03, 0.03, 0.03)
+TOLERANCE = (10.0, 125.0, 15.0, 0.3, 4.0, 0.5, 0.15, *[1e-6] * 4, 0.03, 0.03, 0.03)
 INFINITE = float("inf")
 DRAG = FaultModel(
     "drag",
