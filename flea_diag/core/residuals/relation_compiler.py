@@ -53,8 +53,8 @@ def relation_set(
     dry: Expression = ZERO
     base = _Base.of(actuator, held)
     for spec, relation in _closed(actuator, names, unread):
-        named = partial(_shape, shapes=shapes, moves=spec.kind != "difference")
-        shaped = rewritten(base.form(relation.expression), named)
+        shape_of = partial(_shape, shapes=shapes, moves=spec.kind != "difference")
+        shaped = rewritten(base.form(relation.expression), shape_of)
         varying = {*relation.arguments, *actuator.predicted, *shapes.values()}
         read = tuple(symbol for symbol in symbols(shaped) if symbol in varying)
         pair = (spec.channel, spec.reference) if spec.kind == "difference" else ()
