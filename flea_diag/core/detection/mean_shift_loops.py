@@ -87,14 +87,11 @@ def mean_shift_test_loops(
                     row[units + u] += known * metric[v, u]
             row[most] = leverage[i, t] * along * along
             row[most + 1] = along * along
-            missing = math.isnan(row[0])
-            gaps[t] = gaps[t] + 1 if missing else 0
+            gaps[t] = gaps[t] + 1 if math.isnan(row[0]) else 0
             if gaps[t] > longest:
                 store[t, 0], last[t] = 0.0, math.nan
                 ends[t], is_frozen[t] = 1, False
-            elif missing:
-                pass
-            elif moving[i] or not gated[t]:
+            elif gaps[t] == 0 and (moving[i] or not gated[t]):
                 mean_shift_loops(
                     row, store[t], ends[t], least[t], windows, reference,
                     frozen[t], is_frozen[t], last[t],
