@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -67,12 +68,39 @@ def signals_of(
     return acting
 
 
-@lru_cache(maxsize=1024)
+class Designs(NamedTuple):
+    """How sizes and unit parameters enter the residuals, of several models; not to be changed.
+
+    Attributes
+    ----------
+    places
+        Index of the design of each model: many models differ in their bounds alone.
+    every
+        The distinct ones, shape (d, residuals, signals, unknowns).
+    entered
+        Residuals that any of them enters: in all others every factor is 0.
+    own
+        ``every`` in these residuals.
+    """
+
+    places: tuple[int, ...]
+    every: Array
+    entered: npt.NDArray[np.int64]
+    own: Array
+
+
+@lru_cache(maxsize=256)
 def designs_of(
-    terms: tuple[Term, ...], residuals: tuple[str, ...], count: int, basis: Basis
-) -> Array:
-    """Designs of all residuals, shape (residuals, signals, parameters); not to be changed."""
-    return np.stack([_design(terms, name, count, basis) for name in residuals])
+    models: tuple[FaultModel | None, ...], residuals: tuple[str, ...], basis: Basis
+) -> Designs:
+    """Designs of models of equal numbers of sizes; None is the model without a fault."""
+    count = 0 if models[0] is None else len(models[0].sizes)
+    distinct: dict[tuple[Term, ...], int] = {}
+    terms = [() if model is None else model.terms for model in models]
+    places = tuple(distinct.setdefault(each, len(distinct)) for each in terms)
+    every = np.array([[_design(t, name, count, basis) for name in residuals] for t in distinct])
+    entered = np.flatnonzero(every.any(axis=(0, 2, 3)))
+    return Designs(places, every, entered, every[:, entered])
 
 
 def _design(terms: tuple[Term, ...], residual: str, count: int, basis: Basis) -> Array:

@@ -53,10 +53,10 @@ def fitted(
     nominal = sums.stack((None,)).systems(weight, unit).misfit(0, square)
     means = sums.means.copy()  # as they are now: a fit is asked for details later
     fitting = _Fitting(sums, spacing, weight, unit, nominal, independent, means)
-    found: dict[int, Fit] = {}
+    found: dict[FaultModel, Fit] = {}
     for stack, solved in zip(stacks, systems, strict=True):
-        found |= {id(model): fit for model, fit in fitting.fits(stack, solved)}
-    return tuple(found[id(model)] for model in models)
+        found |= fitting.fits(stack, solved)
+    return tuple(found[model] for model in models)
 
 
 def _of_equal_size(models: Sequence[FaultModel]) -> list[tuple[FaultModel, ...]]:
@@ -161,7 +161,7 @@ class _Fitting:
     def _fit(self, stack: ModelStack, systems: BoundedSystems, k: int, gain: float) -> Fit:
         sizes = systems.sizes(k)
         nats = float(gain - _penalty(sizes, self.independent))
-        solution = Solution(systems, k, stack.designs[stack.places[k]], self.means)
+        solution = Solution(systems, k, stack.design(k), self.means)
         return Fit(stack.faults[k].fault, nats, sizes, solution)
 
 

@@ -77,14 +77,9 @@ class EvidenceSums:
 
     def stack(self, models: Sequence[FaultModel | None]) -> ModelStack:
         """Models of equal numbers of sizes, on the sums so far."""
-        count = 0 if models[0] is None else len(models[0].sizes)
-        terms = [() if model is None else model.terms for model in models]
-        made = [designs_of(each, self.residuals, count, self.basis) for each in terms]
-        distinct = {id(design): design for design in made}
-        order = {key: place for place, key in enumerate(distinct)}
-        designs = np.stack([*distinct.values()])
-        places = [order[id(design)] for design in made]
-        return ModelStack(models, places, designs, np.matmul(self.gram, designs), self.cross)
+        designs = designs_of(tuple(models), self.residuals, self.basis)
+        moments = np.matmul(self.gram[designs.entered], designs.own)
+        return ModelStack(models, designs, moments, self.cross[designs.entered, :, None])
 
     def misfits(self, stack: ModelStack, unknowns: Array, weight: Array) -> Array:
         """Misfits at the joint optimum of each model, weighted, shape (models, residuals)."""

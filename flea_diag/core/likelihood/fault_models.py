@@ -40,9 +40,9 @@ class Size:
     high: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class FaultModel:
-    """Additive model of one fault in the parity relations.
+    """Additive model of one fault in the parity relations; equal to itself alone.
 
     ``roughness`` is the scatter of the fault's own effect, as a share of it: friction of a rubbing
     screw varies along the stroke, a sensor's scale factor does not.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from flea_diag.core.likelihood.basis import Designs
 from flea_diag.core.likelihood.bounded_systems import BoundedSystems
 from flea_diag.core.likelihood.fault_models import FaultModel
 from flea_diag.core.residuals.unit_difference import Unit
@@ -23,19 +24,16 @@ class ModelStack:
     ----------
     models
         With equal numbers of sizes; None is the model without a fault.
-    places
-        Index of the design of each model: many models differ in their bounds alone.
     designs
-        How sizes and unit parameters enter each residual, shape (d, residuals, signals, unknowns).
+        How sizes and unit parameters enter each residual.
     moments
-        Gram matrix of each residual by its design, the same shape.
+        Gram matrix of each residual that the designs enter by its design, shape of ``designs.own``.
     cross
-        Products of residuals and signals, shape (residuals, signals).
+        Products of these residuals and the signals, shape (entered, signals, 1).
     """
 
     models: Sequence[FaultModel | None]
-    places: list[int]
-    designs: Array
+    designs: Designs
     moments: Array
     cross: Array
 
@@ -46,21 +44,29 @@ class ModelStack:
 
     def part(self, which: Sequence[int]) -> ModelStack:
         """Some of the models, each with a design of its own."""
-        models, rows = [self.models[k] for k in which], [self.places[k] for k in which]
-        own = list(range(len(rows)))
-        return ModelStack(models, own, self.designs[rows], self.moments[rows], self.cross)
+        places, every, entered, own = self.designs
+        rows = [places[k] for k in which]
+        designs = Designs(tuple(range(len(rows))), every[rows], entered, own[rows])
+        models = [self.models[k] for k in which]
+        return ModelStack(models, designs, self.moments[rows], self.cross)
 
     def systems(self, weight: Array, unit: Unit) -> BoundedSystems:
         """Normal equations with these weights of the residuals, for all or for each design."""
-        weighed = self.designs.transpose(0, 1, 3, 2) * weight[..., None, None]
-        A = np.matmul(weighed, self.moments).sum(axis=1)
-        b = np.matmul(weighed, self.cross[:, :, None])[..., 0].sum(axis=1)
-        systems = BoundedSystems(self.models, self.places, A, b)
-        A[:, systems.count :, systems.count :] += unit.information
-        b[:, systems.count :] += unit.vector
+        places, _, entered, own = self.designs
+        weighed = own.transpose(0, 1, 3, 2) * weight[..., entered, None, None]
+        A = np.add.reduce(np.matmul(weighed, self.moments), axis=1)
+        b = np.add.reduce(np.matmul(weighed, self.cross)[..., 0], axis=1)
+        systems = BoundedSystems(self.models, places, A, b)
+        own_sizes = systems.count
+        A[:, own_sizes:, own_sizes:] += unit.information
+        b[:, own_sizes:] += unit.vector
         return systems
+
+    def design(self, k: int) -> Array:
+        """How sizes and unit parameters enter each residual in one model."""
+        return np.asarray(self.designs.every[self.designs.places[k]])
 
     def effects(self, unknowns: Array) -> Array:
         """What these unknowns, shape (m, unknowns), add to each residual, as factors of signals."""
-        designs = self.designs[self.places]
+        designs = self.designs.every[list(self.designs.places)]
         return np.asarray(np.matmul(designs, unknowns[:, None, :, None])[..., 0])
