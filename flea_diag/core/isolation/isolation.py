@@ -17,7 +17,7 @@ from flea_diag.core.causal_graph.operating_point import Quadrant
 from flea_diag.core.faults.fault import Fault
 from flea_diag.core.faults.fault_signature import UNAFFECTED, FaultSignature, compatible
 from flea_diag.core.faults.sensor_symptoms import SensorSymptoms
-from flea_diag.core.isolation.missing_jump import Jump, missing_jump
+from flea_diag.core.isolation.missing_jump import Jump, begins_with_jump, missing_jump
 from flea_diag.core.likelihood.fit import Fit
 from flea_diag.core.signatures.signature import SignatureTable
 
@@ -252,6 +252,12 @@ class Isolation:
                     )
                 )
         self.normalise()
+
+    @property
+    def begins_with_jump(self) -> bool:
+        """Whether all that are left are errors of a reading that begin with a jump of it."""
+        left = [h for h in self.hypotheses.values() if not h.why_dropped]
+        return bool(left) and all(begins_with_jump(h.fault) for h in left)
 
     def require_jumps(self, stamp_ns: int, jumps: Mapping[str, Jump]) -> None:
         """Drop all that are left, if each is an error that begins with a jump, and none was seen.

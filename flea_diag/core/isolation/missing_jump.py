@@ -119,10 +119,15 @@ class JumpMemory:
         return {name: Jump(size, share) for name, size, share in rows}
 
 
+def begins_with_jump(fault: Fault) -> bool:
+    """Whether a fault is an error of a reading that is there at once."""
+    return fault.mode in ("bias", "scaling") and not fault.incipient
+
+
 def missing_jump(fault: Fault, fit: Fit | None, jumps: Mapping[str, Jump]) -> str:
     """Why a fault with this fit must have begun with a larger jump; empty: it need not."""
     jump = jumps.get(fault.channel)
-    if jump is None or fit is None or fault.incipient or fault.mode not in ("bias", "scaling"):
+    if jump is None or fit is None or not begins_with_jump(fault):
         return ""
     size = abs(fit.sizes[0])
     least = SEEN_SHARE * (size - SIGMAS * fit.sigmas[0])

@@ -48,13 +48,18 @@ class EpisodeEvaluation:
         followed_ns = stamp_ns - max(episode.shared.detected_ns, self._stand.first_ns)
         if followed_ns / 1e9 >= self._p.settle_s or episode.evidence.moves(self._p.settle_motion_s):
             episode.settled = True
-        if episode.settled and not self._stand.is_early(episode.shared.detected_ns):
-            jumps = self._jumps.largest(episode.shared.detected_ns)
-            episode.isolation.require_jumps(stamp_ns, jumps)
+        if episode.settled and episode.isolation.begins_with_jump:
+            self._require_jumps(stamp_ns, episode)
         if episode.symbols and (episode.settled or episode.evidence.lasts(CONCLUSIVE_S)):
             episode.isolation.require(
                 stamp_ns, episode.magnitudes(), episode.evidence.moved_channels(), episode.settled
             )
+
+    def _require_jumps(self, stamp_ns: int, episode: FaultEpisode) -> None:
+        """Drop errors whose jump is missing, unless they may be older than this run."""
+        if not self._stand.is_early(episode.shared.detected_ns):
+            jumps = self._jumps.largest(episode.shared.detected_ns)
+            episode.isolation.require_jumps(stamp_ns, jumps)
 
     def _apply_likelihoods(self, stamp_ns: int, episode: FaultEpisode) -> None:
         fits = self._quantitative.fits(episode)
