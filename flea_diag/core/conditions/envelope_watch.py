@@ -129,8 +129,7 @@ class EnvelopeWatch:
         self._speeds = NAMED["faster_than_recorded"].columns(relations)
         compared = [row for row in relations.relations if row.name in table.of_one_speed]
         read = [s for row in compared for s in row.signals if s in known.ranges]
-        self._read = [relations.signals.index(name) for name in read]
-        self._low, self._high = np.array([known.ranges[s] for s in read]).reshape(-1, 2).T
+        self._read = [(relations.signals.index(name), *known.ranges[name]) for name in read]
         self._faster = Lingering(kernel)
         self._beyond = [0] * len(self._columns)
         self._within = [self._back] * len(self._columns)
@@ -149,8 +148,9 @@ class EnvelopeWatch:
         psi = self._basis.rows(residuals.signals, position)
         loads = np.ascontiguousarray(psi[:, self._loads])
         supplied = self._supply.step(residuals.signals)
-        h = leverages(psi, self._root, self._starts)
-        h = np.concatenate((h, np.square(supplied / self._most)), axis=1)
+        h = np.empty((count, len(self._least)))
+        h[:, : len(self._starts)] = leverages(psi, self._root, self._starts)
+        h[:, len(self._starts) :] = np.square(supplied / self._most)
         # A reading that is missing says nothing of where it is: NaN is beyond nothing.
         within = not np.count_nonzero(h > self._least)
         self.place = OperatingPlace(loads=loads)
@@ -173,6 +173,9 @@ class EnvelopeWatch:
         """Factor of each residual at the ends of the travel; None where no scan is at one."""
         if self._travel is None:
             return None
+        low, high = self._travel.edges
+        if len(position) == 1 and not (position.item(0) < low or position.item(0) > high):
+            return None  # the same without arrays
         places = stretches(position, self._travel.edges)
         return self._factors[places] if (places != 1).any() else None
 
@@ -231,9 +234,10 @@ class EnvelopeWatch:
         for k in self.outside:
             residuals.values[:, self._columns[k]] = np.nan
         if self._read:
-            speeds = residuals.signals.take(self._read, axis=1)
-            beyond = (speeds < self._low) | (speeds > self._high)
-            void = self._faster.step(list(map(all, beyond.tolist())))
+            # Plain numbers: one scan costs less than one call of numpy.
+            read = ((residuals.signals[:, k].tolist(), *ends) for k, *ends in self._read)
+            beyond = ([x < low or x > high for x in values] for values, low, high in read)
+            void = self._faster.step(list(map(all, zip(*beyond, strict=True))))
             if void is not None:
                 residuals.leave_out(void, self._speeds)
         if self.outside and self.outside[0] < len(self._basis.names):

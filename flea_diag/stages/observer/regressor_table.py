@@ -17,14 +17,18 @@ from flea_diag.core.symbolic.expression import FUNCTIONS
 Array = npt.NDArray[np.float64]
 
 MOTION_NAMES = ("speed_m_s", "moving")
-"""Columns behind those of the basis: speed at the nut, and 1 where it moves or is stalled."""
+"""The last columns: speed at the nut, and 1 where it moves or is stalled."""
 
 
 class RegressorTable:
     """Basis signals of one unit, whose parameters change once its offsets are learned."""
 
     def __init__(self, effects: EffectSet, parameters: ActuatorParameters) -> None:
-        self.names = (*effects.names, *MOTION_NAMES)
+        jumps = tuple(f"jump_{name}" for name in effects.readings)
+        self.names = (*effects.names, *jumps, *MOTION_NAMES)
+        self.jumps = slice(len(effects.names), len(effects.names) + len(jumps))
+        """Columns that are left to be filled: how far each reading has just gone."""
+        self._left = (math.nan,) * len(jumps)
         self._p = parameters
         self._columns, self._arguments = (effects.functions[k] for k in ("columns", "shapes"))
         self._shapes = [FUNCTIONS[shape.name] for shape in effects.shapes.values()]
@@ -39,13 +43,13 @@ class RegressorTable:
         self._p = parameters
 
     def rows(self, rows: Array, residuals: ResidualRows) -> Array:
-        """Columns of ``names``, shape (n, names)."""
+        """Columns of ``names``, shape (n, names), but for ``jumps``."""
         # What each temperature should read; the reading itself shares the residual's noise.
         told = rows.take(self._read, axis=1) - residuals.values.take(self._apart, axis=1)
         if len(rows) == 1:
             x = residuals.signals[0].tolist() + told[0].tolist()
             speed, way = residuals.motion[0].tolist()
-            found = (*self._basis(x, way), speed, float(residuals.moving[0]))
+            found = (*self._basis(x, way), *self._left, speed, float(residuals.moving[0]))
             return np.array((found,))
         x = [*residuals.signals.T, *told.T]
         table = np.empty((len(rows), len(self.names)))

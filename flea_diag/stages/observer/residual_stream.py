@@ -20,7 +20,7 @@ from flea_diag.core.residuals.residual_rows import ResidualRows
 from flea_diag.core.sensors.reading_jump import ReadingJumps
 from flea_diag.stages.observer.condition_watch import ConditionWatch
 from flea_diag.stages.observer.lost_scans import LostScans
-from flea_diag.stages.observer.regressor_table import MOTION_NAMES, RegressorTable
+from flea_diag.stages.observer.regressor_table import RegressorTable
 from flea_diag.stages.observer.residual_tests import ResidualTests
 from flea_diag.stages.observer.sensor_validation import SensorValidation
 from flea_diag.stages.observer.speed_trust import SpeedTrust
@@ -98,9 +98,6 @@ class ResidualStream:
         self._warm_up: WarmUp | None = WarmUp(known, c, warm_up_s, start_ns)
         self._regressors = RegressorTable(effects, c.parameters)
         self._jumps = ReadingJumps([known.index[name] for name in effects.readings], c.counts)
-        jumps = [f"jump_{name}" for name in effects.readings]
-        self.regressor_names = (*effects.names, *jumps, *MOTION_NAMES)
-        """Names of the columns of ``StreamOutput.regressors``."""
         self._tests = ResidualTests(relations, c, estimate.runs, backend)
         self.offsets: tuple[UnitOffset, ...] = ()
         """Learned offsets of this unit; empty until the warm-up is over."""
@@ -140,6 +137,11 @@ class ResidualStream:
             self._tests.disable_thermal()
 
     @property
+    def regressor_names(self) -> tuple[str, ...]:
+        """Names of the columns of ``StreamOutput.regressors``."""
+        return self._regressors.names
+
+    @property
     def stuck(self) -> Mapping[str, int]:
         """Number of held readings of each channel."""
         return self._sensors.stuck
@@ -163,8 +165,7 @@ class ResidualStream:
         self._lost.remember(rows)
         self._voltage.withhold(given, rows)
         output = self._follow(stamps_ns, rows, sensors, frozen)
-        basis, motion = np.split(output.regressors, [-len(MOTION_NAMES)], axis=1)
-        output.regressors = np.concatenate((basis, self._jumps.step(given), motion), axis=1)
+        output.regressors[:, self._regressors.jumps] = self._jumps.step(given)
         return output
 
     def _fill(self, before_ns: int, count: int, row: Array, frozen: bool) -> None:

@@ -29,7 +29,7 @@ from flea_diag.core.smoothing import hann_kernels
 from flea_diag.core.symbolic.expression import derivative, evaluate
 from flea_diag.stages.isolator.parameters import IsolatorParameters
 from flea_diag.stages.isolator.quantitative_isolation import own_sigma
-from flea_diag.stages.observer.regressor_table import MOTION_NAMES, RegressorTable
+from flea_diag.stages.observer.regressor_table import RegressorTable
 from flea_diag.tools.stand_check.motion_signals import MotionSignals, balanced, extended
 from flea_diag.tools.stand_check.recorded_motion import RecordedMotion
 
@@ -126,7 +126,7 @@ class FaultSizes:
         )
         residuals = bank.step(rows, frozen=False)
         table = RegressorTable(effects, self.parameters).rows(rows, residuals)
-        regressors = table[:, : -len(MOTION_NAMES)]
+        regressors = table[:, : len(effects.names)]
         elapsed_s = np.mod((motion.stamps_ns - motion.stamps_ns[0]) * 1e-9, EPISODE_S)
         regressors[:, effects.names.index(str(ELAPSED))] = elapsed_s
         formed = np.isfinite(residuals.values[:, known.columns(known.weighed)])
